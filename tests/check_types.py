@@ -11,17 +11,17 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 BASELINE = {
-    "cli": 4,
-    "fem": 33,
-    "integrate": 46,
-    "mechanism": 27,
-    "multibody": 55,
+    "cli": 3,
+    "fem": 31,
+    "integrate": 40,
+    "mechanism": 26,
+    "multibody": 52,
     "peers": 23,
-    "plots": 44,
+    "plots": 39,
     "report": 6,
-    "response": 53,
-    "scene": 86,
-    "solve": 34,
+    "response": 43,
+    "scene": 79,
+    "solve": 33,
     "study": 85,
     "support": 5,
 }

@@ -177,7 +177,7 @@ def reference_lines(found: Trade) -> str:
     reference = found.reference
     lines = [f"Against {reference.name}; refining it changed sensors by {_percent(max(reference.refinement.values()))}"]
     if reference.coupling:
-        sensor = max(reference.coupling, key=reference.coupling.get)
+        sensor = max(reference.coupling, key=reference.coupling.__getitem__)
         lines.append(f"Preset coupled differs from it by up to {_percent(reference.coupling[sensor])}, in {sensor}")
     if reference.note:
         lines.append(f"{_UNKNOWN}: {reference.note}")

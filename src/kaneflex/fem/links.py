@@ -234,7 +234,7 @@ def _spread_terms(
             continue
         along, across, K_g = spread_sums(scene, name, nodes, parameters)
         x, y = load.direction
-        parts = {(name,): (x, y)}
+        parts: dict[Monomial, tuple[float, float]] = {(name,): (x, y)}
         if load.axes == "global":
             parts = {(name, f"{link}.c"): (x, y), (name, f"{link}.s"): (y, -x)}
         for factors, (x, y) in parts.items():

@@ -34,7 +34,7 @@ class Method:
     state_vectors: int
     stepper: str | None
     coefficients: Callable[[AffineSystem, np.ndarray, float, float], object] | None
-    still: Callable[[object], object] | None
+    still: Callable[[np.ndarray], np.ndarray] | None
     lanes: bool = False
     stages: int = 0
 

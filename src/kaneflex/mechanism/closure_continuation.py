@@ -255,4 +255,4 @@ class _Follower:
         strain = {
             name: stress[end - count : end].max() for name, count, end in zip(self.joints, counts, ends, strict=True)
         }
-        return max(self.mechanism.loop_joints, key=strain.get)
+        return max(self.mechanism.loop_joints, key=strain.__getitem__)

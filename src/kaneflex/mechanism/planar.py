@@ -80,7 +80,7 @@ def dot(a: Vector | np.ndarray, b: Vector | np.ndarray) -> Number:
     return a[0] * b[0] + a[1] * b[1]
 
 
-def cross(a: Vector, b: Vector) -> Number:
+def cross(a: Vector | np.ndarray, b: Vector | np.ndarray) -> Number:
     """(S a) . b: the component of b a quarter turn ahead of a."""
     return a[0] * b[1] - a[1] * b[0]
 

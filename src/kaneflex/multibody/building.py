@@ -197,11 +197,11 @@ def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> Elast
     zero = Affine.zero(size, size)
     rigid = model.motion.at(model.reference_time)
     damping = np.diag(np.diag(_at(reduced.C_s, rigid).toarray())) if model.options.damping else np.zeros((size, size))
-    constant = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
+    absent = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
     squares = np.where(omega > 0.0, omega**2, _at(keep_terms(reduced, model.options)["K"], rigid).diagonal())
-    constant |= {"M": np.eye(size), "C_s": damping, "K_s": np.diag(squares)}
-    frozen = {key: value if isinstance(value, Affine) else Affine.constant(value) for key, value in constant.items()}
-    return ElasticEquations(reduced.coordinates, F=reduced.F, **frozen)
+    modal = {"M": np.eye(size), "C_s": damping, "K_s": np.diag(squares)}
+    constant = {key: Affine.constant(matrix) for key, matrix in modal.items()}
+    return ElasticEquations(reduced.coordinates, F=reduced.F, **constant, **absent)
 
 
 def _at(affine: Affine, rigid: RigidMotion) -> csr_array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -111,13 +112,13 @@ def draw_outline(
             line.set(markevery=_MARKED, **(_STILL_MARK if ghost else _MARK | {"markeredgecolor": colour}))
     if not ghost and not links_only and outline.pins:
         places = MM * np.array([place[k] for place in outline.pins.values()])
-        style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
+        style: dict[str, Any] = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
         pins = axes.plot(*places.T, linestyle="none", zorder=4.0, **style)[0]
     return Artists(lines, boxes, pins)
 
 
 def _line(axes: Axes, points: np.ndarray, colour, width: float, zorder: float) -> Line2D:
-    style = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": zorder}
+    style: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": zorder}
     return axes.plot(*(MM * points).T, color=colour, linewidth=width, **style)[0]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -42,7 +43,7 @@ class Labels:
         self._labels: list[_Label] = []
         self._lines = list(lines)
 
-    def add(self, text: str, at: np.ndarray, colour: str, **font: object) -> None:
+    def add(self, text: str, at: np.ndarray, colour: str, **font: Any) -> None:
         """A label of the point ``at`` (data coordinates)."""
         artist = self.axes.text(0.0, 0.0, text, color=colour, ha="center", va="center", zorder=6, **font)
         self._labels.append(_Label(artist, np.asarray(at, dtype=float)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -79,7 +80,7 @@ def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: 
     axes.set_position((_LEFT / total[0], _BELOW / total[1], width / total[0], height / total[1]))
     figure.suptitle(title, x=0.15 / total[0], ha="left")
     top = (_BELOW + height) / total[1]
-    style = {"color": SENSOR, "fontsize": 7.5, "va": "top", "linespacing": 1.35}
+    style: dict[str, Any] = {"color": SENSOR, "fontsize": 7.5, "va": "top", "linespacing": 1.35}
     figure.text((_LEFT + width + 0.2) / total[0], top, listed, **style)
 
 
@@ -323,7 +324,7 @@ def _mark_nodes(axes: Axes, scene: Scene, placement: Placement, name: str) -> No
     x_0, y_0, angle = placement.poses[name]
     nodes = mesh(scene, name, scene.bodies[name].beam.elements)[1:-1]
     points = MM * (np.array([x_0, y_0]) + np.outer(nodes, [math.cos(angle), math.sin(angle)]))
-    style = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": ELASTIC}
+    style: dict[str, Any] = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": ELASTIC}
     axes.plot(*points.T, linestyle="none", zorder=3.3, **style)
 
 

@@ -42,8 +42,8 @@ def dimensions(path: typing.Sequence[str]) -> tuple[Dimension, ...]:
     kind: object = Scene
     for key in path[:-1]:
         kind = _entry(kind, key)
-    fields = kind.model_fields.items() if _is_table(kind) else ()
-    field = next((field for name, field in fields if path[-1] == (field.alias or name)), None)
+    fields = kind.model_fields if _is_table(kind) else {}
+    field = next((field for name, field in fields.items() if path[-1] == (field.alias or name)), None)
     if field is None:
         return ()
     options = [field.annotation, *typing.get_args(field.annotation)]
@@ -67,5 +67,5 @@ def _plain(kind: object) -> object:
     return kind
 
 
-def _is_table(kind: object) -> bool:
+def _is_table(kind: object) -> typing.TypeGuard[type[BaseModel]]:
     return isinstance(kind, type) and issubclass(kind, BaseModel)

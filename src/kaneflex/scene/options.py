@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from kaneflex.scene import Scene
 from kaneflex.scene.contact_check import refuse_contacts
@@ -110,7 +111,7 @@ _ALL = dict.fromkeys(
 )
 _ELASTIC_TERMS = ("spin", "gyroscopic", "euler", "geometric", "damping")
 _RIGID = {"rotary": True, "gravity": True}  # the groups that the rigid mechanism knows, too
-_PRESETS: dict[str, dict[str, object]] = {
+_PRESETS: dict[str, dict[str, Any]] = {
     "rigid": dict.fromkeys(_ALL, False) | _RIGID | {"dynamics": "rigid", "foreshortening": False},
     # Without any damping: C_s L' would act like a force that no structure knows.
     "quasistatic": _ALL | {"gyroscopic": False, "damping": False, "dynamics": "quasistatic", "foreshortening": True},
@@ -146,7 +147,7 @@ def resolve_options(scene: Scene) -> Options:
         Where settings contradict each other; it names both.
     """
     solve = scene.solve
-    chosen = {"weld_pins": False, "free_drives": False, "elements": None} | _PRESETS[solve.preset]
+    chosen: dict[str, Any] = {"weld_pins": False, "free_drives": False, "elements": None} | _PRESETS[solve.preset]
     dynamics = str(chosen["dynamics"])
     for name, on in solve.terms.items():
         chosen[name] = on and name not in UNUSED_TERMS[dynamics]

@@ -214,7 +214,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     lines = [(line, row) for line, row in enumerate(text.split("\n"), 1) if row.strip() and row[0] != "#"]
     if not lines:
         raise Fault(f"{path.name} is empty", "Give a header line and rows of numbers", below="table")
-    rows = []
+    rows: list[tuple[int, list[str]]] = []
     reader = csv.reader([row for _, row in lines])
     try:
         for cells in reader:

@@ -52,7 +52,7 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
         return
     needs = f"the run needs {_gib(instants + matrices)}, and this machine has {_gib(there)}"
     if matrices > instants:
-        largest = max(links, key=links.get)
+        largest = max(links, key=links.__getitem__)
         cure = "Take fewer elements" + (", keep some modes of them, or start from zero" if not coupled else "")
         raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // dofs, needs, cure)
     raise SceneError("solve.steps", options.steps, needs, f"Ask for {there // (2 * row):,} at most")

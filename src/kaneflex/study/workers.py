@@ -82,7 +82,8 @@ def in_chunks(plan: Plan, todo: Sequence[int], start: Callable[[Plan], Pool]) ->
 
 
 def _through(plan: Plan, todo: Sequence[int], pool: Pool) -> Generator[Record, None, None]:
-    queue, waiting = Queue(todo), {}
+    queue = Queue(todo)
+    waiting: dict[Hashable, Sequence[int]] = {}
     while queue or waiting:
         while queue.ready(len(waiting), 2 * pool.workers):
             chunk = queue.take(pool.workers)
