@@ -279,6 +279,7 @@ def with_symbols(entries: tuple[tuple[str, str, str], ...], found: Mapping[str, 
     return tuple((name, found[name], unit, meaning) for name, unit, meaning in entries)
 
 
+@cache
 def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False, with_frame: bool = True) -> Element:
     """The planar beam element: inertia by Kane's method, elastic, geometric and viscous terms.
 
@@ -288,7 +289,8 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
 
     rotary: with the rotary inertia of the sections (Rayleigh). shear: sections don't stay normal to the axis
     (Timoshenko). varying: the section grows linearly over the element, and need not be that of the link before
-    it. What is False leaves no parameter; of an element with everything, Euler-Bernoulli is rho_I = phi_s = 0.
+    it. What is False leaves no parameter; of an element with everything, Euler-Bernoulli is rho_I = phi_s = 0. With
+    nothing it is the uniform element of paper (49)-(55), without rotary inertia. Each takes about one second, once.
     with_frame: with the terms of the frame's own rows, which a module has no use for.
     """
     section = beam_section(rotary, varying)
@@ -311,8 +313,3 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
 
 def _in_parameters(term: Term) -> Term:
     return replace(term, matrix=without_beta(term.matrix))
-
-
-def euler_bernoulli() -> Element:
-    """The uniform element of paper (49)-(55), without rotary inertia; takes about one second."""
-    return beam_element()

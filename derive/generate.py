@@ -51,7 +51,7 @@ class Equations:
 
     @property
     def element(self) -> Element | None:
-        """The element in symbols with the terms of this motion, derived now; None where nothing is elastic."""
+        """The element in symbols with the terms of this motion; None where nothing is elastic."""
         if not self.beam:
             return None
         element = beam_element(**BEAMS[self.beam], with_frame=False)

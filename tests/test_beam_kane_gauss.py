@@ -12,7 +12,7 @@ import pytest
 from sympy import Matrix, lambdify
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
-from kaneflex.derive.beam import euler_bernoulli
+from kaneflex.derive.beam import beam_element
 
 TOLERANCE = 1e-13
 GRAVITY = 9.81
@@ -71,7 +71,7 @@ def lumped_rows():
 @pytest.fixture(scope="module")
 def derived():
     """Numbers for the derived terms: matrices[target] at given scalars."""
-    element = euler_bernoulli()
+    element = beam_element()
     parameters = {symbol: DATA[name] for name, symbol, *_ in element.parameters}
     terms = element.terms + element.frame_terms
     constants = [(term, np.array(term.matrix.xreplace(parameters).tolist(), float)) for term in terms]

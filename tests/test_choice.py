@@ -147,8 +147,9 @@ def test_the_indicators_are_the_first_order_changes_of_the_answer():
 
 
 def test_where_the_reference_does_not_converge_nothing_is_chosen():
+    """The slider-crank's rod rings in tension, undamped: its peaks depend on the steps."""
     scene = read_scene("slider-crank-150")
-    with pytest.raises(SceneError, match=r"still changes .* nothing can be ranked"):
+    with pytest.raises(SceneError, match=r"still changes rod_force by .* against it. (Ask .* refine|Refine)"):
         choose(scene, 1e-4, ["mid_transverse", "rod_force"])
 
 

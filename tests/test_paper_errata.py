@@ -25,7 +25,7 @@ W_TILDE, E_TILDE = omega * S, epsilon * S  # paper (64) in the plane
 
 @pytest.fixture(scope="module")
 def element():
-    return beam.euler_bernoulli()
+    return beam.beam_element()
 
 
 def derived(element, target, *groups):

@@ -25,7 +25,6 @@ from kaneflex.scene import Scene
 from kaneflex.solve.c_model import CModel, array_in_c, c_model, shared_texts, unread
 from kaneflex.support.errors import SceneError
 
-VERSIONS = {"2": "2.0", "3": "3.0"}
 _FLAGS = ("-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
 _SYSTEMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
 _MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
