@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 39,
     "report": 6,
     "response": 43,
-    "scene": 79,
+    "scene": 74,
     "solve": 33,
     "study": 85,
     "support": 5,

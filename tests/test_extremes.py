@@ -12,7 +12,7 @@ from runs import derived_on_the_fly, model, run
 
 from kaneflex.response.undersampling import between_steps
 from kaneflex.solve.simulation import simulate
-from kaneflex.solve.validity import doubts
+from kaneflex.solve.validity import validity_warnings
 from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parents[1] / "docs" / "extremes.md"
@@ -111,7 +111,7 @@ STILL = ("bodies.piston.mass=1e6 kg", "loads.gas=none", "damping=none", "solve.s
 def test_a_link_that_stretches_is_named():
     """A piston of 1e6 kg stands still while the crank turns: the rod is stretched by the stroke, 80 mm."""
     solution = run("engine", "solve.preset=linear", *STILL)
-    (said,) = (text for text in doubts(solution, [1e3]) if "stretches" in text)
+    (said,) = (text for text in validity_warnings(solution, [1e3]) if "stretches" in text)
     assert said.startswith("rod stretches by 0.58 of its length")
 
 

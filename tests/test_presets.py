@@ -10,7 +10,7 @@ from scipy.sparse import issparse
 from kaneflex.response.deformation import deform
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.options import resolve_options
-from kaneflex.solve.validity import doubts
+from kaneflex.solve.validity import validity_warnings
 from kaneflex.support.errors import SceneError
 
 R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
@@ -228,9 +228,9 @@ def test_a_frozen_mode_without_stiffness_diverges_and_is_named():
     squares = eigh(found.K_s(0.0) + found.K_d(0.0), found.M(0.0), eigvals_only=True)
     tip = solution.series["tip_transverse"].values
     assert np.log(tip[2000] / tip[1000]) == pytest.approx(0.5 * np.sqrt(-squares[0]), rel=1e-6)
-    (said,) = (text for text in doubts(solution, [10.96]) if "frozen" in text)
+    (said,) = (text for text in validity_warnings(solution, [10.96]) if "frozen" in text)
     assert "grows by exp(35.28 t)" in said
-    assert not any("frozen" in text for text in doubts(run("engine-paper"), [1000.0]))
+    assert not any("frozen" in text for text in validity_warnings(run("engine-paper"), [1000.0]))
 
 
 # ---- linear and stiffened ---------------------------------------------------------------------------------------

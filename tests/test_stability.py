@@ -14,7 +14,7 @@ from scipy.special import mathieu_a, mathieu_b
 from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.response.frozen import buckling, freeze, lost_stiffness
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.validity import doubts
+from kaneflex.solve.validity import validity_warnings
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.study.stability.sweep import sweep
 from kaneflex.support.errors import SceneError
@@ -175,9 +175,9 @@ def test_a_speed_that_no_drive_has_is_not_varied():
 
 def test_a_run_beyond_a_buckling_load_says_so():
     """Pushed by 2 N at first, the beam buckles under 1 N; pushed by 0.9 N it says nothing."""
-    (warning,) = doubts(run("mathieu"), [])
+    (warning,) = validity_warnings(run("mathieu"), [])
     assert "exceed a buckling load at t = 0 s: 0.5 of them would do" in warning
-    assert doubts(run("mathieu", "pulse.law=-0.9 * cos(clock)"), []) == []
+    assert validity_warnings(run("mathieu", "pulse.law=-0.9 * cos(clock)"), []) == []
 
 
 @pytest.mark.parametrize(("speed", "warned"), [(3.5, False), (3.53, True)])

@@ -114,9 +114,9 @@ class Solution:
         """What to know before trusting the numbers: of the model, then of the run; of all of it for a part of it."""
         if self.whole is not None:
             return self.whole.warnings
-        from kaneflex.solve.validity import doubts
+        from kaneflex.solve.validity import validity_warnings
 
-        return (*self.model.warnings, *doubts(self, self.frequencies))
+        return (*self.model.warnings, *validity_warnings(self, self.frequencies))
 
     @cached_property
     def errors(self) -> tuple[Mapping[str, ErrorEstimate], str]:

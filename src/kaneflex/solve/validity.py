@@ -47,7 +47,7 @@ ZERO = 1e-6
 """Share of the largest reading in a unit below which a sensor's peak may be rounding."""
 
 
-def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
+def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     """Warnings about a finished run: a step too long for its lowest mode, deflections too large for the theory."""
     model, coupled = solution.model, solution.model.coupled is not None
     lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
