@@ -32,7 +32,8 @@ _DIES, _EXACT = 0.5, 1e-4
 """A modulus that needs no better look, and what another may be off by where it is one as far as one can tell."""
 _UNKNOWN = "whether disturbances grow is not known"
 
-Start, Cycle = TypeVar("Start"), TypeVar("Cycle")
+Start = TypeVar("Start")
+Cycle = TypeVar("Cycle")
 
 
 class Verdict(NamedTuple):
