@@ -257,6 +257,7 @@ def test_another_study_is_not_mixed_in_and_other_things_are_left_alone(tmp_path,
         ('points = [{"rod.length" = 1}]\n[parameters]\n"rod.length" = [1]', ("among the parameters, too",)),
         ("", ("nothing varies",)),
         ('[parameters]\n"rod.length" = {form = 1, to = 2, count = 3}', ("rod.length.form", "unknown key", "'from'")),
+        ("[bodies]\nrod = {length = 1}", ("it is a scene", "a study beside it", "table of parameters")),
         ('parameter = {"rod.length" = [1]}', ("parameter", "unknown key", "'parameters'")),
     ],
 )

@@ -160,6 +160,9 @@ def read_study(path: Path | str) -> Study:
         raise SceneError("study", path.name, f"not TOML: {error}", "Correct that line") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError("study", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file") from None
+    if "bodies" in raw and "parameters" not in raw:
+        cure = f"Write a study beside it, a file with scene = {path.name!r} and a table of parameters"
+        raise SceneError("study", path.name, "it is a scene, and a sweep needs to know what to vary of it", cure)
     return study_of(raw)
 
 
