@@ -99,7 +99,7 @@ def test_bending_shortens_as_a_cantilever(axis):
     data = read_modal_data("rod-space.npz")
     found = held_shapes(data, (0.0, 0.0, 0.0), "")
     k = data.points.index("end")
-    q = 1e-3 * found.rows[k, axis] / data.arrays["stiffness"]
+    q = 1e3 * found.rows[k, axis] / data.arrays["stiffness"]
     d = found.rows[k, axis] @ q
     for G, share in ((found.G[k], 3 / 5), (found.moments.G / data.arrays["mass"], 3 / 16)):
         x, *across = 0.5 * np.einsum("ajk,j,k->a", G, q, q)
