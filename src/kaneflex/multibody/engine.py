@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -17,7 +18,7 @@ from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.addresses import kernel_address
 from kaneflex.multibody.library import library
-from kaneflex.multibody.tables import Handed, Handle
+from kaneflex.multibody.tables import Handle
 from kaneflex.multibody.topology import Layout, build_tables
 
 _HUGE = 1e9
@@ -64,12 +65,12 @@ class Engine:
         first = self.count(where)
         return self.tables.w[first : first + count]
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Coordinates of the tree."""
         return self.count(at.COORDINATES)
 
-    @property
+    @cached_property
     def motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Views of coordinates, rates, accelerations and reactions of the cuts."""
         y, v, a = (self.numbers(part, self.size) for part in (at.Y, at.RATE, at.ACCEL))
@@ -130,29 +131,30 @@ class Engine:
         dropped.
         """
         self.openings(t)
-        plan, n, rows = self.tables.plan, self.size, self.count(at.REACTIONS)
+        n, rows = self.size, self.count(at.REACTIONS)
         joints, shapes = self._free_columns
-        # Few numbers: numpy's calls would take longer than the work.
-        G = (self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)).tolist()
+        gradient = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)
+        sizes = [1.0] * n
+        G = gradient.tolist()  # few numbers: below numpy's calls would take longer than the work
+        for row in G:
+            most = max([_RANK, *(abs(row[k]) for k in joints)])
+            row[:] = [value / most for value in row]
         cut_rows = self.count(at.JOINT_ROWS)
         resting = self._rest()
         kept: list[int] = []
         dependent: list[int] = []
         dropped: list[int] = []
-        # A shape counts as its largest share, however it was scaled: one that only turns the nodes has huge ones.
-        largest = [max(abs(row[k]) for row in G) if G else 1.0 for k in shapes]
-        for row in G:
-            most = max([_RANK, *(abs(row[k]) for k in joints)])
-            for k, share in zip(shapes, largest, strict=True):
-                row[k] /= max(share, 1e-300)
-            row[:] = [value / most for value in row]
         others = [k for k in joints if k not in spared]
         # Impacts need the cuts by themselves.
         for left, later in ((list(range(cut_rows)), list(resting)), (list(resting), [])):
             for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
                 columns = [k for k in columns if k not in dependent]
+                if left and least == _RANK:
+                    # A shape counts as its largest share, however scaled: one that only turns the nodes has huge ones.
+                    for k, largest in zip(shapes, abs(gradient[:, shapes]).max(axis=0).tolist(), strict=True):
+                        sizes[k] = max(largest, 1e-300)
                 while left and columns:
-                    size, i, j = max((abs(G[i][j]), -i, -j) for i in left for j in columns)
+                    size, i, j = max((abs(G[i][j]) / sizes[j], -i, -j) for i in left for j in columns)
                     if size < least:
                         break
                     i, j = -i, -j
@@ -165,15 +167,29 @@ class Engine:
                         share = G[other][j] / pivot[j]
                         G[other] = [a - share * b for a, b in zip(G[other], pivot, strict=True)]
             dropped += left
-        chosen = sorted(zip(kept, dependent, strict=True))
-        acts = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT].tolist()
-        for k, (row, column) in enumerate(chosen):
-            plan[self.count(at.ROW_OF) + k], plan[self.count(at.DEPENDENT) + k] = row, column
-            plan[self.count(at.CUT_OF) + k] = bisect_right(acts, row) - 1 if row < cut_rows else resting[row]
-        plan[at.KEPT], plan[at.BENDS] = len(chosen), bool(set(dependent) & set(shapes))
-        ends = self.tables.bodies[:, at.MODAL] + self.tables.bodies[:, at.SHAPES]  # of every body's own coordinates
-        plan[at.LED] = np.searchsorted(ends, min(dependent, default=n), side="right")
+        self._depend(sorted(zip(kept, dependent, strict=True)), resting)
         return np.array(dropped, int)
+
+    def _depend(self, chosen: list[tuple[int, int]], resting: Mapping[int, int]) -> None:
+        """Have the kept rows, in their order, each with its dependent coordinate in the plan."""
+        plan, kept = self.tables.plan, [row for row, _ in chosen]
+        dependent = [column for _, column in chosen]
+        cuts = [resting[row] if row in resting else bisect_right(self._cut_rows, row) - 1 for row in kept]
+        for of, numbers in ((at.ROW_OF, kept), (at.DEPENDENT, dependent), (at.CUT_OF, cuts)):
+            first = self.count(of)
+            plan[first : first + len(chosen)] = numbers
+        plan[at.KEPT], plan[at.BENDS] = len(chosen), not set(self._free_columns[1]).isdisjoint(dependent)
+        plan[at.LED] = bisect_right(self._last_columns, min(dependent, default=self.size))
+
+    @cached_property
+    def _cut_rows(self) -> list[int]:
+        """First row of every cut and hold."""
+        return self.tables.acts[: self.count(at.DRIVES), at.ROW_AT].tolist()
+
+    @cached_property
+    def _last_columns(self) -> list[int]:
+        """Where every body's own coordinates end."""
+        return (self.tables.bodies[:, at.MODAL] + self.tables.bodies[:, at.SHAPES]).tolist()
 
     def _rest(self) -> dict[int, int]:
         """Rows of the contacts that rest by Newton's law, and are held from now on, with their places in ``acts``."""
@@ -186,6 +202,11 @@ class Engine:
         contacts[rigid, at.SHUT] = rests[rigid]
         self.numbers(at.TOUCH, at.SHARED)[at.RESTED] = 0.0
         return dict(zip(acts[rests, at.ROW_AT].tolist(), (first + np.flatnonzero(rests)).tolist(), strict=True))
+
+    @cached_property
+    def turns(self) -> np.ndarray:
+        """Whether each coordinate is an angle [rad]."""
+        return np.array([unit == "rad" for _, unit in self.layout.coordinates], bool)
 
     @cached_property
     def _free_columns(self) -> tuple[list[int], list[int]]:
@@ -324,18 +345,17 @@ class Engine:
 
     def compile(self) -> None:
         """Compile what is not compiled yet, so that it is seen and timed apart from computing."""
-        self._handle  # noqa: B018 - which asks for the kernels' addresses
-        library(self._handed)
+        self._handle, self._entries  # noqa: B018 - which ask for the kernels' addresses
 
     def _call(self, function: Any, *values: Any) -> Any:
         """Call one of the library's entries with this engine's handle; arrays and handles go by their addresses."""
-        return library(self._handed)[function](self._handle.address, *(_by_address(value) for value in values))
+        return self._entries[function](self._handle.address, *map(_by_address, values))
 
     @cached_property
-    def _handed(self) -> Handed:
+    def _entries(self) -> Mapping[Any, Callable[..., Any]]:
         if len(self.holds):
-            return at.HOLD_MECHANISM
-        return at.CONTACT_MECHANISM if len(self.contacts) else at.MECHANISM
+            return library(at.HOLD_MECHANISM)
+        return library(at.CONTACT_MECHANISM if len(self.contacts) else at.MECHANISM)
 
     @cached_property
     def _handle(self) -> Handle:
@@ -355,7 +375,9 @@ def _by_address(value: Any) -> Any:
     if not isinstance(value, np.ndarray):
         return value
     assert value.flags.c_contiguous
-    return value.__array_interface__["data"][0]  # in a third of the time that .ctypes.data takes
+    if value.size and value.flags.writeable:
+        return ctypes.addressof(ctypes.c_char.from_buffer(value))  # in a third of the time that .ctypes.data takes
+    return value.ctypes.data
 
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:

@@ -94,5 +94,4 @@ def returning(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> 
     system.fold(q, v)
     system.engine.choose(t)
     which = system.engine.independent
-    turns = np.array([system.engine.layout.coordinates[k][1] == "rad" for k in which], bool)
-    return Returning(t, which, turns)
+    return Returning(t, which, system.engine.turns[which])

@@ -50,7 +50,7 @@ class FrictionRecord:
     @classmethod
     def of(cls, names: tuple[str, ...], told: np.ndarray, lost: np.ndarray, jams: np.ndarray) -> FrictionRecord:
         """From what the engine tells of each, (n_times, n_frictions, 5), what it lost, and when it first jammed."""
-        force, speed, pressed, mode, bristles = np.moveaxis(told, 2, 0)
+        force, speed, pressed, mode, bristles = told.transpose(2, 0, 1)
         return cls(names, force, speed, pressed, mode, lost, bristles, jams)
 
     def taken(self, instants: np.ndarray) -> FrictionRecord:

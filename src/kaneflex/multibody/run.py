@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,9 +19,9 @@ from kaneflex.multibody.dense_output import balance
 from kaneflex.multibody.scipy_run import by_scipy
 from kaneflex.multibody.system import BODY, CoupledSystem
 
-_PIECE, _FEW, _GROWTH, _QUICK = 100, 10, 8, 0.2
-"""Between two reports of progress, at each of which a run can be interrupted: stored instants at most, steps at first,
-by how much their number may grow at once, and about how long as many steps as are then tried may take [s]."""
+_PIECE, _GROWTH, _QUICK = 100, 8, 0.2
+"""Between two reports of progress, at each of which a run can be interrupted: stored instants at most, and as many
+steps at first; by how much their number may grow at once, and about how long as many as are then tried may take [s]."""
 
 _OF_A_DEPTH = 30.0
 """Tolerances of a run, as a share of an impact's depth, that are allowed as error in a contact's gap."""
@@ -29,6 +29,7 @@ _TINY = 1e-4
 """Of the longest step: where steps are as short as that, friction may not agree with its reactions."""
 _AGREE = 1e-7
 """Share of the mechanism's size by which joints that hold something twice may differ."""
+_NONE = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ class CoupledTrajectory:
     outcome: Outcome
     message: str
     ns_per_step: float
-    ends: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    ends: np.ndarray = field(default_factory=lambda: _NONE)
     contacts: impacts.ContactRecord | None = None
     frictions: rubbing.FrictionRecord | None = None
     standing: np.ndarray | None = None
@@ -145,12 +146,12 @@ def integrate(
 
     ``ends`` [s], with all ``times`` among them, are those of the steps to take where the error doesn't choose them.
     """
-    run = Run(system, q, v, times, method, np.zeros(0) if ends is None else ends)
+    run = Run(system, q, v, times, method, _NONE if ends is None else ends)
     started = time.perf_counter()
     outcome, message = run.go(progress, stop)
     seconds = time.perf_counter() - started
     ended = (outcome, message, 1e9 * seconds / max(1.0, run.counts[0] + run.counts[1]))
-    return replace(run.trajectory(slice(0, run.filled + 1), *ended), ends=np.concatenate([np.zeros(0), *run.ends]))
+    return run.trajectory(slice(0, run.filled + 1), *ended, np.concatenate([_NONE, *run.ends]))
 
 
 def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
@@ -171,17 +172,16 @@ class Run:
         system.compile()
         engine, size = self.engine, system.engine.size
         self.counts, self.filled, self.length, self.patient = np.zeros(5), 0, 0.0, 0.0
-        turns = [unit == "rad" for _, unit in engine.layout.coordinates]
-        self.scale = method.tolerance * np.where(turns, 1.0, method.length)
+        self.scale = method.tolerance * np.where(engine.turns, 1.0, method.length)
         engine.numbers(at.SCALE, size)[:] = self.scale
         shared = engine.numbers(at.TOUCH, at.SHARED)
         shared[:] = 0.0  # nothing is known of an earlier run
-        shared[[at.PRECISION, at.EXTENT]] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
+        shared[at.PRECISION], shared[at.EXTENT] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
         self.largest = np.zeros((2, size))
-        self.turns = np.array(turns)
         engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
         self.touching = tuple(system.mechanism.contacts)
-        engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
+        if len(engine.holds):
+            engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
         self.impacts: tuple[impacts.Impact, ...] = ()
         if self.touching:
             engine.take_impacts()
@@ -191,8 +191,7 @@ class Run:
         self.here = engine.row(float(times[0]))
         self.rows = np.zeros((len(times), len(self.here)))
         self.rows[0] = self.here
-        none = np.zeros(0)
-        self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2] if self.touching else none
+        self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2] if self.touching else _NONE
         self.longest = float(times[1] - times[0])
         self.step = first_step(engine.motion[2], self.scale, self.longest)
 
@@ -203,7 +202,7 @@ class Run:
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
         scipy = self.method.integrator == "scipy"
         # What is bounded by its largest values so far is known better after every piece.
-        most, growth = (_PIECE, 1) if scipy else (1, 2) if self.method.bounded else (_FEW, _GROWTH)
+        most, growth = (1, 2) if self.method.bounded else (_PIECE, 1 if scipy else _GROWTH)
         while self.filled + 1 < len(self.times):
             before, tried, began = self.filled, self.tried, time.perf_counter()
             rows = slice(before, before + 1 + min(most, _PIECE))
@@ -259,7 +258,7 @@ class Run:
         """What to say where joints that hold something twice no longer agree; nothing where they do."""
         engine = self.engine
         rows, first = engine.count(at.JOINT_ROWS), engine.count(at.ROW_OF)
-        if (engine.tables.plan[first : first + engine.count(at.KEPT)] < rows).sum() == rows:
+        if np.count_nonzero(engine.tables.plan[first : first + engine.count(at.KEPT)] < rows) == rows:
             return ""
         t, size = float(self.here[0]), self.system.mechanism.size
         engine.stand(self.here)
@@ -296,12 +295,14 @@ class Run:
 
     def _bound(self) -> None:
         """Take the errors allowed of speeds and accelerations from their largest values so far, by kind."""
+        if not self.method.bounded:
+            return
         engine, n = self.engine, self.engine.size
         done = self.rows[max(0, self.filled - _PIECE) : self.filled + 1]
         for k, (name, scale) in enumerate((("speeds", at.RATE_SCALE), ("reactions", at.ACCEL_SCALE))):
             if name in self.method.bounded:
                 each = abs(done[:, 1 + (1 + k) * n : 1 + (2 + k) * n]).max(axis=0)
-                for kind in (self.turns, ~self.turns):
+                for kind in (engine.turns, ~engine.turns):
                     self.largest[k, kind] = max(self.largest[k, kind].max(initial=0.0), each[kind].max(initial=0.0))
                 allowed = self.method.tolerance * self.largest[k]
                 engine.numbers(scale, n)[:] = np.where(allowed > 0.0, allowed, math.inf)
@@ -309,8 +310,9 @@ class Run:
     def _collocation(self, rows: slice, most: int) -> int:
         self._bound()
         control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient])
-        last = self.times[rows][-1]
-        given = self.given[slice(*np.searchsorted(self.given, (self.here[0], last), side="right"))]
+        given = self.given
+        if len(given):
+            given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
         ends = np.zeros(int(most) + 1)
         ended = self.engine.integrate(
             TABLES[self.method.integrator], control, self.here, given, self.times[rows], self.rows[rows], self.counts,
@@ -345,8 +347,9 @@ class Run:
         return settled
 
     def trajectory(
-        self, rows: slice, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0
-    ) -> CoupledTrajectory:
+        self, rows: slice, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
+        ends: np.ndarray = _NONE,
+    ) -> CoupledTrajectory:  # fmt: skip
         """The rows as motion of the bodies."""
         found, works = self.system.unfold(self.rows[rows]), self.engine.count(at.WORKS)
         done, count, held = self.rows[rows][:, -works:], found.gaps.shape[1], found.frictions.shape[1]
@@ -369,7 +372,7 @@ class Run:
             *balance(
                 found, done[:, 0] + lost.sum(axis=1) + rubbed.sum(axis=1), done[:, 1 : works - count - held].sum(axis=1)
             ),
-            int(self.counts[0]), int(self.counts[1]), outcome, message, ns,
+            int(self.counts[0]), int(self.counts[1]), outcome, message, ns, ends,
             contacts=contacts, frictions=frictions, standing=standing,
         )  # fmt: skip
 

@@ -102,6 +102,11 @@ class CoupledSystem:
         return np.array([k for part in ranges for k in part], int)
 
     @cached_property
+    def _place(self) -> np.ndarray:
+        """Where each coordinate of q is among those of the bodies in the order of the tree."""
+        return np.argsort(self._order)
+
+    @cached_property
     def _exerted(self) -> np.ndarray:
         """Which of the engine's reactions each of ``reactions`` is."""
         layout = self.engine.layout
@@ -120,6 +125,11 @@ class CoupledSystem:
             place |= {each: row + j for j, each in enumerate(names)}
         return np.array([place[name] for name in self.constraints], int)
 
+    @cached_property
+    def _unknown(self) -> list[int]:
+        """Which of ``reactions`` are no numbers."""
+        return [k for k, name in enumerate(self.constraints) if name in self.undetermined]
+
     def compile(self) -> None:
         """Compile all kernels, so that it is seen and timed apart from computing."""
         self.engine.compile()
@@ -135,13 +145,11 @@ class CoupledSystem:
     def unfold(self, rows: np.ndarray) -> Unfolded:
         """Motion of the bodies at rows of the engine, whose loops are closed."""
         found = self.engine.unfold(rows)
-        q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
-        for part, of in zip((q, v, a), found, strict=False):
-            part[:, self._order] = of
+        q, v, a = (part.take(self._place, axis=1) for part in found[:3])
         held, touching = 5 * len(self.engine.holds), 5 * len(self.engine.contacts)
         ends, given = found[3][:, found[3].shape[1] - held - touching :], 1 + self.engine.inputs
         exerted = found[3][:, self._exerted]
-        exerted[:, [name in self.undetermined for name in self.constraints]] = np.nan
+        exerted[:, self._unknown] = np.nan
         gaps, frictions = ends[:, :touching].reshape(len(rows), -1, 5), ends[:, touching:].reshape(len(rows), -1, 5)
         frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
         return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps, frictions)
