@@ -81,6 +81,34 @@ def test_a_cycle_whose_disturbances_grow_says_so(monkeypatch):
     assert found.outcome is Outcome.COMPLETED and found.message == "completed"
 
 
+ABSORBER = """
+schema = 1
+description = "A pendulum on a turning crank, held by a spring: nothing deforms, a joint is free"
+gravity = [0, "-9.81 m/s^2"]
+bodies = {crank = {length = "100 mm", mass = "1 kg"}, bob = {length = "80 mm", mass = "0.2 kg"}}
+joints = {main = {revolute = ["ground", "crank"]}, swing = {revolute = ["crank.end", "bob"]}}
+drives = {main = {speed = "300 rpm", cycle = "360 deg"}, swing = {free = true, angle = "10 deg"}}
+sensors = {swing = {position = "swing", component = "angle"}, speed = {velocity = "bob", component = "angle"}}
+springs.hold = {torsional_at = "swing", stiffness = "0.5 N m/rad", damping = "1.2e-3 N m s/rad"}
+solve = {preset = "coupled", start = "periodic", steps = 360, tolerance = 1e-7}
+"""
+
+
+def test_a_free_joint_repeats_too(monkeypatch, tmp_path):
+    """By Newton's method in a few cycles where 60 lead when they are waited for."""
+    path = tmp_path / "absorber.toml"
+    path.write_text(ABSORBER, encoding="utf-8")
+    found, cycles = periodic(monkeypatch, path)
+    assert found.outcome is Outcome.COMPLETED and cycles <= 5
+    waiting = kaneflex.with_settings(
+        kaneflex.read_scene(path), ["solve.start=zero", "solve.duration=12 s", "solve.steps=21600"]
+    )
+    waited = kaneflex.simulate(kaneflex.load(waiting))
+    for name, series in found.series.items():
+        expected = waited.series[name].values[-361:]
+        np.testing.assert_allclose(series.values, expected, rtol=0, atol=2e-5 * abs(expected).max())
+
+
 def test_none_where_more_than_shapes_is_free():
     """A mechanism that its motor turns has no motion of its own to be given; nor have contacts, which remember."""
     model = kaneflex.load(kaneflex.read_scene("four-bar-motor"))

@@ -24,7 +24,8 @@ from kaneflex.integrate.outcome import Outcome
 _CYCLES = 100
 """Cycles after which a motion that doesn't repeat counts as one without a periodic state."""
 REPEATS = 1e-5
-"""Change of the deformation over a cycle, against its largest value, below which it repeats."""
+"""Change of the deformation over a cycle, against its largest value, and of free joints, against how far they go, below
+which a motion repeats."""
 PIECES, _FEWEST, _MOST = 48, 24, 200
 """Pieces of a cycle in each of which the linear equations are those of its middle; at first and at most for its
 multipliers."""
@@ -119,7 +120,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
             except (ArithmeticError, np.linalg.LinAlgError):
                 start, slope = self.end(found), None
         assert found is not None
-        reason = f"the deformation still changes after {_CYCLES} cycles; damp it, or start from zero"
+        reason = f"the motion still changes after {_CYCLES} cycles; damp it, or start from zero"
         return found, Verdict(Outcome.NO_PERIODIC_STATE, f"no periodic state: {reason}", None)
 
     def multipliers(self, cycle: Cycle) -> tuple[np.ndarray, float]:

@@ -198,6 +198,8 @@ def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.
 
 
 Start = tuple[np.ndarray, np.ndarray]
+_LOOKS = 33
+"""Instants of a cycle at which it is looked how far free joints go."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,9 +222,26 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
         return cycle.outcome is Outcome.COMPLETED
 
     def repeats(self, cycle: CoupledTrajectory) -> bool:
+        """Deformations as a share of their largest, free joints as one of how far they and their speeds go; nothing to
+        less than steps resolve."""
         modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(self.system.modal, self.system.start)])
         change = abs(cycle.q[-1, modal] - cycle.q[0, modal]).max(initial=0.0)
-        return bool(change <= REPEATS * abs(cycle.q[:, modal]).max(initial=0.0))
+        deforms = change <= REPEATS * abs(cycle.q[:, modal]).max(initial=0.0)
+        return bool(deforms and self._joints_repeat(cycle))
+
+    def _joints_repeat(self, cycle: CoupledTrajectory) -> bool:
+        engine, which = self.system.engine, self.returning.which
+        joints = ~engine.shapes[which]
+        if not joints.any():
+            return True
+        rows = np.linspace(0, len(cycle.times) - 1, _LOOKS).round().astype(int)
+        looks = [self.returning.coordinates(self.system, cycle.q[row], cycle.v[row]) for row in rows]
+        (way, faster), (off, off_rate) = (
+            part.reshape(2, -1)[:, joints] for part in (np.ptp(looks, axis=0), abs(self.missed(cycle)))
+        )
+        error = self.method.tolerance * np.where(engine.turns, 1.0, self.method.length)[which[joints]]
+        allowed = np.maximum(REPEATS * way, error)
+        return bool((off <= allowed).all() and (off_rate * way <= allowed * faster).all())
 
     def missed(self, cycle: CoupledTrajectory) -> np.ndarray:
         return self.returning.missed(self.system, cycle)
