@@ -70,7 +70,7 @@ def test_the_basis_moves():
 
 @pytest.mark.parametrize("integrator", ["gauss", "radau"])
 def test_periodic_engine(monkeypatch, integrator):
-    monkeypatch.setattr(coupled, "_REPEATS", 1e-12)
+    monkeypatch.setattr(coupled, "REPEATS", 1e-12)
     scene = (*ENGINE, *FIXED, f"solve.integrator={integrator}", "solve.start=periodic")
     check(scene, ["main.speed"])
 

@@ -16,6 +16,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.multibody.run import rigid_state
 from kaneflex.multibody.spatial_coupled import CoupledKinematics, balanced
 from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
 from kaneflex.response.sensors import sensor_values
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
@@ -89,7 +90,8 @@ def _beside_in_plane(model: Model, found: Linear[Instant]) -> tuple[Motion, np.n
     for k, name in enumerate(inputs(model), start=2 * len(found.names)):
         shift[name] = np.zeros(len(away))
         shift[name][4 * k : 4 * k + 4] = away[4 * k : 4 * k + 4]
-    return replace(as_solution(model, trajectory, 0.0).motion, shift=shift), weights
+    motion = cast(CoupledMotion, as_solution(model, trajectory, 0.0).motion)
+    return replace(motion, shift=shift), weights
 
 
 def _beside_in_space(model: Model, found: Linear[State]) -> tuple[Motion, np.ndarray]:
