@@ -50,6 +50,13 @@ def test_a_planar_cycle_lifted_and_turned_is_the_same(tmp_path, count):
         assert abs(space.multipliers - multiplier).min() < 2e-5
 
 
+def test_what_nothing_damps_is_found_and_not_called_unstable(tmp_path, count):
+    plane, space = map(_found, _lifted(tmp_path, "rotating-cantilever", "solve.modes=2", "damping=none"))
+    assert space.outcome is Outcome.COMPLETED and "multiplier is 1 within" in space.message and len(count) <= 4
+    expected = plane.series["tip_transverse"].values
+    assert abs(space.series["tip_transverse"].values - expected).max() < 1e-5 * abs(expected).max()
+
+
 def test_a_cycle_whose_disturbances_grow_says_so(tmp_path):
     """In the first tongue of its pulsating force a strut would leave its motion, by the planar multiplier."""
     flat, deep = _lifted(tmp_path, "pulsating-strut", "solve.modes=1", "drives.clock.speed=2517 rpm")

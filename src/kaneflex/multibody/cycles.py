@@ -31,6 +31,8 @@ PIECES, _FEWEST, _MOST = 48, 24, 200
 multipliers."""
 _DIES, _EXACT = 0.5, 1e-4
 """A modulus that needs no better look, and what another may be off by where it is one as far as one can tell."""
+_ROUNDED = 1e-8
+"""What rounding and differences leave of a modulus at least."""
 _UNKNOWN = "whether disturbances grow is not known"
 
 Start = TypeVar("Start")
@@ -134,7 +136,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
             found = np.linalg.eigvals(self.monodromy(cycle, pieces))
             found = found[np.argsort(-abs(found), kind="stable")]
             moduli.append(float(abs(found[0])))
-            off = abs(np.diff(moduli[-3:])).max(initial=0.0) if len(moduli) > 2 else math.inf
+            off = abs(np.diff(moduli[-3:])).max(initial=_ROUNDED) if len(moduli) > 2 else math.inf
             if moduli[-1] < _DIES:
                 return found, 0.0
             told = abs(moduli[-1] - 1.0) > 4.0 * off or off < _EXACT
