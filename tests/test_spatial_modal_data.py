@@ -87,6 +87,12 @@ def test_data_fed_back_give_the_same_motion(tmp_path, how):
         assert abs(here[name].values - series.values).max() <= 2e-5 * abs(series.values).max(), name
 
 
+def test_data_fed_back_have_the_same_poles(exported):
+    beam, data = (read_scene(path) for path in (exported / "beam.toml", written(exported, DATA)))
+    there, here = (kaneflex.linearise(kaneflex.load(scene), t=0.02).poles for scene in (beam, data))
+    assert here[:6] == pytest.approx(there[:6], rel=1e-6)
+
+
 @pytest.mark.parametrize("plane", ["v", "w"])
 @pytest.mark.parametrize("held", [0.5, 1.0])
 def test_other_axes_are_those_of_the_same_motion(exported, plane, held):
