@@ -1,18 +1,34 @@
 """What sensors read as sums of products: traced once with unknowns, it gives what is measured of a run."""
 
+from itertools import islice, pairwise
+
 import numpy as np
 import pytest
 from runs import run
 
 import kaneflex
 from kaneflex.response.least_squares import normal_equations
-from kaneflex.response.polynomials import Polynomial, sensor_readings
+from kaneflex.response.polynomials import Readings, sensor_readings
 
 
-def value(polynomial: Polynomial, values: list[np.ndarray]) -> np.ndarray:
-    """At all instants; (n_times,)."""
-    products = ((np.prod([values[k] for k in product], axis=0), by) for product, by in polynomial.terms.items())
-    return sum((by * product for product, by in products), np.zeros_like(values[0]))
+def evaluated(readings: Readings, given: list[np.ndarray]) -> dict[str, np.ndarray]:
+    """By sensor at all instants, (n_times,)."""
+    values = [*given, np.ones_like(given[0])]
+    terms = list(zip(readings.constants, *readings.pairs.T, strict=True))
+    sums = iter([terms[begin:end] for begin, end in pairwise([0, *readings.ends.tolist()])])
+
+    def of(own: list[tuple[float, int, int]]) -> np.ndarray:
+        return sum((by * values[a] * values[b] for by, a, b in own), np.zeros_like(given[0]))
+
+    for own, rows, n in readings.stages:
+        for each in islice(sums, own):
+            values.append(of(each))
+        if n:
+            A = np.array([of(each) for each in islice(sums, rows * n)]).reshape(rows, n, -1).transpose(2, 0, 1)
+            b = np.array([of(each) for each in islice(sums, rows)]).T
+            values += [*(np.linalg.solve(A, b[..., None])[..., 0] if rows == n else normal_equations(A, b)).T]
+    assert len(values) == readings.count
+    return dict(zip(readings.sensors, map(of, sums), strict=True))
 
 
 # Rod forces of an elastic slider crank; three links and masses; a slot; loops that are closed by Newton's method.
@@ -43,15 +59,8 @@ def left_out(solution: kaneflex.Solution) -> set[str]:
     readings = sensor_readings(bound)
     instants = np.linspace(0, len(found.times) - 1, 23).astype(int)
     moved = [column for part in (found.z, found.v, found.a) for column in part[instants].T]
-    values = [*bound.motion.at(found.times[instants]).values.T, *moved]
-    for matrix, right in readings.systems:
-        A = np.array([[value(entry, values) for entry in row] for row in matrix]).transpose(2, 0, 1)
-        b = np.array([value(entry, values) for entry in right]).T
-        square = A.shape[1] == A.shape[2]
-        values += [*(np.linalg.solve(A, b[..., None])[..., 0] if square else normal_equations(A, b)).T]
-    for sensor, polynomial in readings.sensors.items():
+    read = evaluated(readings, [*bound.motion.at(found.times[instants]).values.T, *moved])
+    for sensor, values in read.items():
         series = solution[sensor].values
-        np.testing.assert_allclose(
-            value(polynomial, values), series[instants], rtol=0.0, atol=1e-12 * abs(series).max(), err_msg=sensor
-        )
+        np.testing.assert_allclose(values, series[instants], rtol=0.0, atol=1e-12 * abs(series).max(), err_msg=sensor)
     return {*bound.scene.sensors} - {*readings.sensors}

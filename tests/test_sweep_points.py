@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from kaneflex.report.summary import sensor_summaries
-from kaneflex.scene import read_scene
+from kaneflex.solve import variants
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate, solve
-from kaneflex.solve.solution import read_together
-from kaneflex.solve.variants import Variants
+from kaneflex.solve.simulation import simulate
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import Record, solve_points
-from kaneflex.support.errors import SceneError
 
 STUDY = """
 scene = "engine"
@@ -52,33 +49,65 @@ def test_every_point_is_that_of_a_run_by_itself(solved):
             np.testing.assert_allclose(record.statistics[name], expected, rtol=0, atol=1e-9 * size, err_msg=name)
 
 
+def assert_same_bits(records: list[Record], whole: list[Record]) -> None:
+    for record in records:
+        expected = whole[record.point]
+        assert (record.outcome, record.reason) == (expected.outcome, expected.reason)
+        assert record.statistics == expected.statistics and record.labels == expected.labels
+        for name, values in expected.series.items():
+            assert np.array_equal(record.series[name], values)
+
+
 @pytest.mark.parametrize("size", [1, 3, 8])
 def test_chunks_of_any_size_give_the_same_bits(solved, size):
     plan, whole = solved
     for first in range(0, 20, size):
-        for record in solve_points(plan, range(20)[first : first + size]):
-            expected = whole[record.point]
-            assert (record.outcome, record.reason) == (expected.outcome, expected.reason)
-            assert record.statistics == expected.statistics and record.labels == expected.labels
-            for name, values in expected.series.items():
-                assert np.array_equal(record.series[name], values)
+        assert_same_bits(list(solve_points(plan, range(20)[first : first + size])), whole)
 
 
-def test_sensors_read_in_one_pass_are_those_of_each_run_and_one_without_a_value_harms_no_other():
-    variants = Variants(read_scene("engine"))
-    runs = [solve(variants.load([f"main.speed={rpm} rpm", "solve.steps=90"])) for rpm in (2000, 3000, 5000)]
-    lost = replace(runs[1].trajectory, z=np.full_like(runs[1].trajectory.z, np.inf))
-    broken = replace(runs[1], trajectory=lost)
+SPEEDS = """
+scene = "four-bar"
+settings = ["solve.steps=90"]
+series = true
+
+[parameters]
+"main.speed" = {from = "200 rpm", to = "400 rpm", count = 22}
+"""
+
+
+def test_many_speeds_are_read_as_runs_are_and_alike_in_any_chunk(tmp_path):
+    plan = plan_of(tmp_path, SPEEDS)
+    assert plan.alike
+    records = list(solve_points(plan, [0, 11, 21]))
+    for record in records:
+        solution = simulate(load(plan.at(record.point)))
+        assert list(record.series) == list(solution.series)
+        for name, series in solution.series.items():
+            size = abs(series.values).max()
+            assert record.labels[name] == (series.unit, series.meaning)
+            np.testing.assert_allclose(record.series[name], series.values, rtol=0, atol=1e-10 * size, err_msg=name)
+    assert_same_bits(list(solve_points(plan_of(tmp_path, SPEEDS), [11])), dict(zip([0, 11, 21], records, strict=True)))
+
+
+def test_points_that_differ_by_more_than_speeds_are_not_alike(tmp_path):
+    ratios = '"damping.rayleigh.ratio" = [0.01, 0.02]\n'
+    assert not plan_of(tmp_path, SPEEDS.replace("count = 22", "count = 19")).alike
+    assert not plan_of(tmp_path, SPEEDS + ratios).alike  # which vary faster
+    assert plan_of(tmp_path, SPEEDS.replace('"main.speed"', ratios + '"main.speed"')).alike
+
+
+def test_a_point_that_leaves_double_precision_is_refused_with_its_reason(tmp_path, monkeypatch):
+    plan = plan_of(tmp_path, SPEEDS)
+    own = variants.solve
+
+    def lost(model):
+        run = own(model)
+        return replace(run, trajectory=replace(run.trajectory, z=run.trajectory.z * np.inf))
+
+    monkeypatch.setattr(variants, "solve", lost)
     with np.errstate(invalid="ignore"):
-        read_together(runs)
-        read_together(both := [replace(runs[2]), broken])
-        with pytest.raises(SceneError, match="no finite value at t = 0 s"):
-            _ = broken.series
-    for name, series in runs[2].series.items():
-        assert np.array_equal(both[0].series[name].values, series.values), name
-        alone = replace(runs[2]).series[name]
-        assert (series.unit, series.meaning) == (alone.unit, alone.meaning)
-        np.testing.assert_allclose(series.values, alone.values, rtol=0, atol=1e-14 * abs(alone.values).max())
+        record = next(solve_points(plan, [3]))
+    assert record.outcome == "refused" and "no finite value at t = 0 s" in record.reason
 
 
 def test_an_unstable_point_is_recorded_with_its_reason_and_disturbs_no_other(tmp_path):

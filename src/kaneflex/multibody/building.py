@@ -136,12 +136,12 @@ def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, lik
     A speed enters the scalars of the motion alone, unless the equations are those of one instant.
     """
     as_before = replace(options, duration=like.options.duration, steps=like.options.steps)
-    if motion.module is not like.module or as_before != like.options or _of_an_instant(scene, options):
+    if motion.module is not like.module or as_before != like.options or of_an_instant(scene, options):
         return False
     return options.dynamics != "coupled" and same_mechanism(scene, like.scene)
 
 
-def _of_an_instant(scene: Scene, options: Options) -> bool:
+def of_an_instant(scene: Scene, options: Options) -> bool:
     """Whether the equations hold modes of the reference configuration, by reduction, freezing or damping."""
     return options.reduction == "modal" or (scene.damping is not None and scene.damping.kind == "modal")
 
@@ -224,7 +224,7 @@ def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -
     )
     if "mode_angle" not in scene.solve.model_fields_set and options.mode_angle == scene.solve.mode_angle:
         said = f"{name} never stands at solve.mode_angle = {wanted}: the modes that it is for are those of {start}"
-        return 0.0, (said,) if _of_an_instant(scene, options) else ()
+        return 0.0, (said,) if of_an_instant(scene, options) else ()
     reason = f"{name} never stands there, but goes from {lowest} to {highest}"
     if drive.kind == "free" and options.dynamics == "coupled":
         reason = f"preset coupled computes where {name} goes: before, only its start at {start} is known"

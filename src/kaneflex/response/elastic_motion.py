@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,9 +17,6 @@ from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.least_squares import Solver
 from kaneflex.response.motion import Motion, Section, beside_axis
 from kaneflex.response.reactions import consistent_reactions, spring_tension
-
-_BLOCK = 16
-"""Instants that a product of matrices computes at once, or a multiple of them; what is left may round otherwise."""
 
 
 def elastic_motion(
@@ -93,33 +90,3 @@ class ElasticMotion(Motion):
     @cached_property
     def _reactions(self) -> dict[str, np.ndarray]:
         return consistent_reactions(self.model, self.rigid, self.coordinates, self._displaced.links, self.solver)
-
-
-@dataclass(frozen=True, eq=False)
-class Consecutive(ElasticMotion):
-    """Motions of models with the same equations as one, to be read in one pass: each begins after another's end.
-
-    ``places`` are where the instants of ``parts`` are among those of the whole. Each part is filled up with its last
-    instant: what products of matrices round to then does not depend on the parts beside it.
-    """
-
-    parts: Sequence[ElasticMotion]
-    places: Sequence[slice]
-
-    @classmethod
-    def of(cls, parts: Sequence[ElasticMotion]) -> Consecutive:
-        counts = [len(part.times) for part in parts]
-        rigid = (_filled_up([getattr(part.rigid, name) for part in parts], 0) for name in ("times", "values"))
-        z, v, a = (_filled_up(each, 1) for each in zip(*(part.coordinates for part in parts), strict=True))
-        ends = np.cumsum([count + -count % _BLOCK for count in counts]).tolist()
-        places = [slice(begin, begin + count) for begin, count in zip([0, *ends], counts, strict=False)]
-        return cls(parts[0].model, RigidMotion(parts[0].rigid.motion, *rigid), (z, v, a), parts, places)
-
-    def turned(self, body: str) -> np.ndarray:
-        return _filled_up([part.turned(body) for part in self.parts], 0)
-
-
-def _filled_up(parts: Sequence[np.ndarray], axis: int) -> np.ndarray:
-    """Series one after the other, each up to a whole number of blocks by its last value."""
-    filled = ((part, np.take(part, [-1] * (-part.shape[axis] % _BLOCK), axis=axis)) for part in parts)
-    return np.concatenate([each for pair in filled for each in pair], axis=axis)

@@ -1,13 +1,14 @@
-"""What sensors read as polynomials of the motion's scalars and the elastic coordinates, for who has no Python.
+"""What sensors read as sums of products of the motion's scalars and the elastic coordinates, at one instant.
 
-The readers of a motion only add and multiply what they are given, unless they turn to angles or solve equations. So
-they are given, in place of numbers at instants, one instant of unknowns, and hand back what they do with them.
+For who has no Python, and for who reads many motions (:mod:`kaneflex.response.compiled_readings`). The readers of a
+motion only add and multiply what they are given, unless they turn to angles or solve equations. So they are given, in
+place of numbers at instants, one instant of unknowns, and hand back what they do with them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from numbers import Real
 
 import numpy as np
@@ -15,31 +16,157 @@ import numpy as np
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.elastic_motion import ElasticMotion
-from kaneflex.response.sensors import sensor_values
+from kaneflex.response.sensors import reads
 
-Product = tuple[int, ...]
-"""Sorted numbers of unknowns, repeated for powers."""
+Terms = Mapping[tuple[int, int], float]
+"""A sum: places of two numbers -> what is before their product."""
+_SHORT = 2
+"""Terms of a sum that are not worth a number of their own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What sensors read of the numbers of an instant, each a sum of constant x number x number before it.
+
+    The numbers stand in this order: scalars of the motion, z, z' and z'', angles of the `turned`; one; then those of
+    each stage: its sums, and the unknowns x of its system A x = b, of which A and b are sums, too. With more rows than
+    unknowns x makes the sum of squares of A x - b least.
+
+    Attributes
+    ----------
+    sensors : tuple of str
+        In the order of the last sums.
+    turned : tuple of str
+        Bodies whose angles in the rigid motion are given, counted on from turn to turn.
+    given, count : int
+        Numbers before the one, and in all.
+    stages : ndarray (n_systems + 1, 3)
+        Of each its sums that are numbers, then the rows and the unknowns of its system, whose sums follow: A, row by
+        row, and b. The sensors are the rows of the last one, which has no unknowns.
+    ends : ndarray
+        Where the terms of each sum end.
+    pairs, constants : ndarray
+        Places of the two numbers of each term, (n_terms, 2), and what is before them.
+    """
+
+    sensors: tuple[str, ...]
+    turned: tuple[str, ...]
+    given: int
+    count: int
+    stages: np.ndarray
+    ends: np.ndarray
+    pairs: np.ndarray
+    constants: np.ndarray
+
+
+class _Tape:
+    """Numbers in the order in which they follow from each other: ``sums`` has those after the one.
+
+    None stands there for an unknown; systems are (place of the first unknown, rows, unknowns, sums).
+    """
+
+    def __init__(self, given: int) -> None:
+        self.one = given
+        self.sums: list[Terms | None] = []
+        self.systems: list[tuple[int, int, int, list[Terms]]] = []
+        self._places: dict[frozenset[tuple[tuple[int, int], float]], int] = {}
+
+    def given(self) -> np.ndarray:
+        """The numbers before the one."""
+        return np.array([Polynomial(self, {(place, self.one): 1.0}) for place in range(self.one)], dtype=object)
+
+    def place(self, terms: Terms) -> int:
+        """Of the number that is a sum."""
+        key = frozenset(terms.items())
+        if key not in self._places:
+            self.sums.append(terms)
+            self._places[key] = self.one + len(self.sums)
+        return self._places[key]
+
+    def solve(self, matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """A :data:`kaneflex.response.least_squares.Solver`."""
+        (rows, n), entries = matrix.shape[1:], (*matrix.ravel(), *right.ravel())
+        sums = [self.terms_of(value) for value in entries]
+        first = self.one + 1 + len(self.sums)
+        self.systems.append((first, rows, n, sums))
+        self.sums += [None] * n
+        return np.array([[Polynomial(self, {(first + k, self.one): 1.0}) for k in range(n)]], dtype=object)
+
+    def terms_of(self, value: Polynomial | float) -> Terms:
+        if isinstance(value, Polynomial):
+            return value.terms
+        if not isinstance(value, Real):
+            raise TypeError(f"neither number nor polynomial: {value!r}")
+        return {(self.one, self.one): float(value)} if value else {}
+
+    def _own(self, place: int) -> list[Terms]:
+        """The sum that a number is, if it is one."""
+        sums = self.sums[place - self.one - 1 : place - self.one] if place > self.one else []
+        return [terms for terms in sums if terms is not None]
+
+    def reached(self, sums: Iterable[Terms]) -> set[int]:
+        """Places of all numbers that sums are made of."""
+        left, found = list(sums), set[int]()
+        while left:
+            for place in {place for pair in left.pop() for place in pair} - found:
+                found.add(place)
+                left += self._own(place)
+        return found
+
+    def readings(self, sensors: Mapping[str, Terms], turned: tuple[str, ...]) -> Readings:
+        """All that sensors are made of, and nothing else."""
+        last = (self.one + 1 + len(self.sums), len(sensors), 0, [*sensors.values()])
+        ends = [*self.systems, last]
+        needed = self.reached(terms for *_, sums in ends for terms in sums)
+        places, begin, stages, ordered = list(range(self.one + 1)), self.one + 1, [], list[Terms]()
+        for first, rows, n, sums in ends:
+            own = [place for place in range(begin, first) if place in needed]
+            places += [*own, *range(first, first + n)]
+            begin = first + n
+            stages.append((len(own), rows, n))
+            ordered += [terms for place in own for terms in self._own(place)] + sums
+        now = {place: k for k, place in enumerate(places)}
+        pairs = np.array([(now[a], now[b]) for terms in ordered for a, b in terms], dtype=np.uint64).reshape(-1, 2)
+        return Readings(
+            (*sensors,), turned, self.one, len(places), np.array(stages),
+            np.cumsum([len(terms) for terms in ordered], dtype=np.uint64), pairs,
+            np.array([constant for terms in ordered for constant in terms.values()], dtype=float),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Polynomial:
-    """Sum of constant x product of unknowns."""
+    """Sum of constant x product of two numbers of a tape; it becomes a number of it where it is a factor."""
 
-    terms: Mapping[Product, float]
+    tape: _Tape
+    terms: Terms
 
     def __add__(self, other: Polynomial | float) -> Polynomial:
         terms = dict(self.terms)
-        for product, constant in _terms(other).items():
-            terms[product] = terms.get(product, 0.0) + constant
-        return Polynomial(terms)
+        for pair, constant in self.tape.terms_of(other).items():
+            terms[pair] = terms.get(pair, 0.0) + constant
+        return Polynomial(self.tape, {pair: constant for pair, constant in terms.items() if constant})
 
     def __mul__(self, other: Polynomial | float) -> Polynomial:
-        terms: dict[Product, float] = {}
-        for one, a in self.terms.items():
-            for another, b in _terms(other).items():
-                product = tuple(sorted(one + another))
-                terms[product] = terms.get(product, 0.0) + a * b
-        return Polynomial({product: constant for product, constant in terms.items() if constant})
+        if isinstance(other, Polynomial):
+            (a, by), (b, more), one = self._factor(), other._factor(), self.tape.one
+            pair = (b, a) if a == one or (b != one and b > a) else (a, b)
+            return Polynomial(self.tape, {pair: by * more} if by * more else {})
+        if not isinstance(other, Real):
+            raise TypeError(f"neither number nor polynomial: {other!r}")
+        by, terms = float(other), self.terms
+        if len(terms) > _SHORT:
+            terms = {(self.tape.place(terms), self.tape.one): 1.0}
+        return Polynomial(self.tape, {pair: by * constant for pair, constant in terms.items()} if by else {})
+
+    def _factor(self) -> tuple[int, float]:
+        """A number's place, and what it is to be multiplied by."""
+        if not self.terms:
+            return self.tape.one, 0.0
+        pair, constant = next(iter(self.terms.items()))
+        if len(self.terms) == 1 and pair[1] == self.tape.one:
+            return pair[0], constant
+        return self.tape.place(self.terms), 1.0
 
     def __neg__(self) -> Polynomial:
         return self * -1.0
@@ -53,7 +180,7 @@ class Polynomial:
     def __truediv__(self, other: float) -> Polynomial:
         if not isinstance(other, Real):
             raise TypeError("not a polynomial: a quotient")
-        return Polynomial({product: constant / float(other) for product, constant in self.terms.items()})
+        return self * (1.0 / float(other))
 
     def __pow__(self, power: int) -> Polynomial:
         found = self
@@ -68,57 +195,36 @@ class Polynomial:
     __rmul__ = __mul__
 
 
-def _terms(value: Polynomial | float) -> Mapping[Product, float]:
-    if isinstance(value, Polynomial):
-        return value.terms
-    if not isinstance(value, Real):
-        raise TypeError(f"neither number nor polynomial: {value!r}")
-    return {(): float(value)} if value else {}
-
-
-polynomials = np.frompyfunc(lambda value: Polynomial(_terms(value)), 1, 1)
-"""Of an array of polynomials and numbers."""
-
-
 @dataclass(frozen=True, eq=False)
-class Readings:
-    """What sensors read, of scalars of the motion, z, z' and z'', each in their order, and unknowns x after them.
+class _Traced(ElasticMotion):
+    """One instant of unknowns, among them angles of bodies where these are given."""
 
-    Attributes
-    ----------
-    sensors : mapping of str to Polynomial
-    systems : sequence of (ndarray of Polynomial (n_rows, n), ndarray of Polynomial (n_rows,))
-        A and b of A x = b for the unknowns x, those of each system after those of the ones before, on which A and b
-        may depend, too. With more rows than unknowns x makes the sum of squares of A x - b least.
+    turns: Mapping[str, np.ndarray] = field(kw_only=True)
+
+    def turned(self, body: str) -> np.ndarray:
+        return self.turns[body] if self.turns else super().turned(body)
+
+
+def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = False) -> Readings:
+    """What each sensor reads, of those that only add, multiply and solve.
+
+    Angles don't, but for those that are counted from the angles of bodies, ``turned``, and springs between points.
+
+    rigid: whether their rigid values ``NAME_rigid`` stand beside them
     """
-
-    sensors: Mapping[str, Polynomial]
-    systems: Sequence[tuple[np.ndarray, np.ndarray]]
-
-
-def sensor_readings(model: Model) -> Readings:
-    """What each sensor reads, of those that are polynomials of the motion or of joint forces.
-
-    Angles aren't, and springs between points.
-    """
-    count = len(model.motion.column) + 3 * model.reduced.size
-    unknowns = np.array([Polynomial({(k,): 1.0}) for k in range(count)], dtype=object)[:, None]
-    scalars, moved = unknowns[: len(model.motion.column)], np.split(unknowns[len(model.motion.column) :], 3)
+    sizes = (len(model.motion.column), *[model.reduced.size] * 3, len(turned))
+    tape = _Tape(sum(sizes))
+    scalars, *moved, turns = np.split(tape.given()[:, None], np.cumsum(sizes)[:-1])
     if model.modal_basis is not None:
         moved = [model.modal_basis @ part for part in moved]
-    systems: list[tuple[np.ndarray, np.ndarray]] = []
-
-    def solver(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-        first = count + sum(known.shape[1] for known, _ in systems)
-        systems.append((polynomials(matrix[0]), polynomials(right[0])))
-        return np.array([[Polynomial({(first + k,): 1.0}) for k in range(matrix.shape[2])]], dtype=object)
-
-    rigid = RigidMotion(model.motion, np.zeros(1), scalars.T)
-    motion, found = ElasticMotion(model, rigid, tuple(moved), solver=solver), {}
-    for name, sensor in model.scene.sensors.items():
+    instant = RigidMotion(model.motion, np.zeros(1), scalars.T)
+    angles, found = dict(zip(turned, turns, strict=True)), {}
+    motion = _Traced(model, instant, (moved[0], moved[1], moved[2]), solver=tape.solve, turns=angles)
+    for each in reads(motion):
+        if not (rigid or each.name in model.scene.sensors):
+            continue
         try:
-            value = sensor_values(motion, sensor)[0]
-            found[name] = Polynomial(_terms(value))
+            found[each.name] = tape.terms_of(each.values()[0])
         except (TypeError, AttributeError):  # an angle, an absolute value
             continue
-    return Readings(found, systems)
+    return tape.readings(found, tuple(turned))

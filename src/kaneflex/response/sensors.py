@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import cast
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates, rotate_back
-from kaneflex.response.elastic_motion import Consecutive, ElasticMotion
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.section_forces import joint_force
 from kaneflex.scene.quantities import Address
@@ -25,32 +25,35 @@ class Series:
     meaning: str
 
 
-def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Series]:
+@dataclass(frozen=True, eq=False)
+class Read:
+    """A series by its name, its unit (SI), what it means, and how its values (n_times,) are read."""
+
+    name: str
+    unit: str
+    meaning: str
+    values: Callable[[], np.ndarray]
+
+
+def reads(motion: Motion, only: Container[str] | None = None) -> Iterator[Read]:
     """Every sensor of the scene, and the rigid value of every force beside it as ``NAME_rigid``.
 
     only: those of these names
     """
     reader = _reader(motion)
-    measured = {}
     for name, sensor in motion.model.scene.sensors.items():
         if only is not None and name not in only:
             continue
         meaning = reader.scene.meaning_of(sensor)
-        measured[name] = Series(reader.read(sensor), sensor.unit, meaning)
+        yield Read(name, sensor.unit, meaning, partial(reader.read, sensor))
         if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces and reader.is_rigid_known(sensor):
             meaning = f"{meaning}, of the rigid mechanism"
-            measured[f"{name}_rigid"] = Series(reader.read_rigid(sensor), sensor.unit, meaning)
-    return measured
+            yield Read(f"{name}_rigid", sensor.unit, meaning, partial(reader.read_rigid, sensor))
 
 
-def measure_together(motions: Sequence[ElasticMotion]) -> list[dict[str, Series]]:
-    """:func:`measure` of motions of models with the same equations and sensors, in one pass over all of them."""
-    whole = Consecutive.of(motions)
-    found: list[dict[str, Series]] = [{} for _ in motions]
-    for name, series in measure(whole).items():
-        for each, place in zip(found, whole.places, strict=True):
-            each[name] = Series(series.values[place], series.unit, series.meaning)
-    return found
+def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Series]:
+    """Values of :func:`reads`."""
+    return {each.name: Series(each.values(), each.unit, each.meaning) for each in reads(motion, only)}
 
 
 def sensor_values(motion: Motion, sensor: Sensor) -> np.ndarray:

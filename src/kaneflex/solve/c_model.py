@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 
@@ -12,7 +12,7 @@ from kaneflex.integrate.methods import METHODS, Method
 from kaneflex.integrate.outcome import Trajectory
 from kaneflex.multibody.binding import kernels_in_c
 from kaneflex.multibody.model import Model
-from kaneflex.response.polynomials import Polynomial, Product, Readings, sensor_readings
+from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.spatial_check import refuse_in_space
@@ -140,42 +140,27 @@ def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
 
 
 def unread(readings: Readings, model: Model) -> list[str]:
-    """Sensors that the C doesn't read, which are no polynomials: angles of turned bodies, springs between points."""
+    """Sensors that the C doesn't read, which are no sums: angles of turned bodies, springs between points."""
     return [name for name in model.scene.sensors if name not in readings.sensors]
 
 
 def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], dict[str, object]]:
     """Texts of the arrays that sensors are read by with what holds them, and what is declared of them."""
-    texts, held, memory = [], [], 0
-    systems = [(*A.shape, [*A.ravel(), *b]) for A, b in readings.systems]
-    for k, (rows, unknowns, sums) in enumerate([*systems, (0, 0, [*readings.sensors.values()])]):
-        arrays, products = _sums(sums)
-        texts += [array_in_c(kind, f"{name}_read_{k}_{key}", each, "static ") for key, (kind, each) in arrays.items()]
-        held.append(f"{{{len(sums)}, {products}, {', '.join(f'{name}_read_{k}_{key}' for key in arrays)}}}")
-        memory = max(memory, rows * (unknowns + 1) + max(products, unknowns**2))
-    sizes = {"rows": [rows for rows, *_ in systems], "unknowns": [unknowns for _, unknowns, _ in systems]}
-    texts += [array_in_c("size_t", f"{name}_read_{key}", each, "static ") for key, each in sizes.items()]
-    texts.append(array_in_c("kaneflex_sums", f"{name}_read", held, "static "))
-    texts.append(array_in_c("char *const", f"{name}_sensors", map(_text, readings.sensors), "static "))
-    count, values = len(readings.sensors), len(model.motion.column) + 3 * model.reduced.size + sum(sizes["unknowns"])
-    given = ", ".join(f"{name}_{key}" for key in ("read_rows", "read_unknowns", "read", "sensors"))
-    numbers = f"    {count}, {values}, {memory}, {len(systems)}, {given}\n"
+    arrays: dict[str, tuple[str, Iterable[object]]] = {
+        "stages": ("size_t", readings.stages.ravel()),
+        "ends": ("size_t", readings.ends),
+        "pairs": ("size_t", readings.pairs.ravel()),
+        "constants": ("double", map(_number, readings.constants)),
+        "sensors": ("char *const", map(_text, readings.sensors)),
+    }
+    texts = [array_in_c(kind, f"{name}_read_{key}", values, "static ") for key, (kind, values) in arrays.items()]
+    memory = max(rows * (n + 1) + n * n for _, rows, n in readings.stages.tolist())
+    count, held = len(readings.sensors), ", ".join(f"{name}_read_{key}" for key in arrays)
+    numbers = f"    {count}, {readings.given}, {readings.count}, {memory}, {len(readings.stages) - 1},\n    {held}\n"
     missing = ", ".join(unread(readings, model))
-    said = {"left": missing and f" Not {missing}.", "sensors": count, "values": values, "memory": max(memory, 1)}
+    sizes = {"sensors": count, "values": readings.count, "memory": max(memory, 1)}
+    said = {"left": missing and f" Not {missing}.", **sizes}
     return [*texts, f"const kaneflex_readings {name}_readings = {{\n{numbers}}};\n"], said
-
-
-def _sums(sums: Sequence[Polynomial]) -> tuple[dict[str, tuple[str, Iterable[object]]], int]:
-    """Arrays of some polynomials with their kinds, each product once, and how many products there are."""
-    products: dict[Product, int] = {}
-    places = [[products.setdefault(product, len(products)) for product in each.terms] for each in sums]
-    return {
-        "product_ends": ("size_t", np.cumsum([len(product) for product in products], dtype=int)),
-        "factors": ("size_t", [factor for product in products for factor in product]),
-        "ends": ("size_t", np.cumsum([len(each) for each in places], dtype=int)),
-        "places": ("size_t", [place for each in places for place in each]),
-        "constants": ("double", [_number(constant) for each in sums for constant in each.terms.values()]),
-    }, len(products)
 
 
 def array_in_c(kind: str, name: str, values: Iterable[object], scope: str = "") -> str:

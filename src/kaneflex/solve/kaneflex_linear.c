@@ -131,26 +131,37 @@ static int least_squares(size_t rows, size_t n, double a[], double b[], double n
     return eliminate(n, matrix, x);
 }
 
-static void evaluate(const kaneflex_sums *sums, const double values[], double products[], double out[])
+/* Sums number `row` to `end` to out, which may be where later ones find their values. */
+static void evaluate(const kaneflex_readings *readings, size_t row, size_t end, const double values[], double out[])
 {
-    multiply(sums->products, sums->product_ends, sums->factors, values, products);
-    add_up(sums->count, sums->ends, sums->places, sums->constants, products, out);
+    size_t i = row ? readings->ends[row - 1] : 0;
+    for (; row < end; row++) {
+        double sum = 0.0;
+        for (; i < readings->ends[row]; i++)
+            sum += readings->constants[i] * values[readings->pairs[2 * i]] * values[readings->pairs[2 * i + 1]];
+        *out++ = sum;
+    }
 }
 
 int kaneflex_sense(const kaneflex_readings *readings, double values[], double memory[], double out[])
 {
-    double *x = values + readings->values;
-    for (size_t k = 0; k < readings->systems; k++)
-        x -= readings->unknowns[k];
-    for (size_t k = 0; k < readings->systems; k++) {
-        const size_t rows = readings->rows[k], n = readings->unknowns[k];
-        double *right = memory + rows * n, *normal = right + rows;
-        evaluate(readings->sums + k, values, normal, memory); /* the products go where A^T A will be */
-        if (least_squares(rows, n, memory, right, normal, x))
+    double *x = values + readings->given;
+    const size_t *stage = readings->stages;
+    size_t row = 0;
+    *x++ = 1.0;
+    for (size_t k = 0; k < readings->systems; k++, stage += 3) {
+        const size_t own = stage[0], rows = stage[1], n = stage[2], end = row + own + rows * (n + 1);
+        double *right = memory + rows * n;
+        evaluate(readings, row, row + own, values, x);
+        evaluate(readings, row + own, end, values, memory);
+        x += own;
+        if (least_squares(rows, n, memory, right, right + rows, x))
             return KANEFLEX_SINGULAR;
         x += n;
+        row = end;
     }
-    evaluate(readings->sums + readings->systems, values, memory, out);
+    evaluate(readings, row, row + stage[0], values, x);
+    evaluate(readings, row + stage[0], row + stage[0] + readings->count, values, out);
     return KANEFLEX_OK;
 }
 

@@ -36,28 +36,19 @@ typedef struct {
     const char *const *coordinates; /* their names */
 } kaneflex_linear;
 
-/* Sums of constant x product of values. */
-typedef struct {
-    size_t count;
-    size_t products;
-    const size_t *product_ends; /* as those of the equations */
-    const size_t *factors;      /* places among the values */
-    const size_t *ends;
-    const size_t *places;       /* products */
-    const double *constants;
-} kaneflex_sums;
-
-/* What sensors read: sums of what the motion's scalars s, then z, v and a are, and of unknowns x after them. Those of each
- * system A x = b follow those of the ones before, of which A and b may be sums, too; with more rows than unknowns x makes
- * the sum of squares of A x - b least (forces of joints). */
+/* What sensors read: sums of constant x value x value. The values are what the motion's scalars s, then z, v and a are,
+ * one, and those of each stage: its sums, and the unknowns x of its system A x = b, of which A and b are sums, too; with
+ * more rows than unknowns x makes the sum of squares of A x - b least (forces of joints). */
 typedef struct {
     size_t count;            /* sensors */
-    size_t values;           /* s, z, v, a and all x */
+    size_t given;            /* s, z, v and a */
+    size_t values;           /* these and all others */
     size_t memory;           /* doubles to work in */
     size_t systems;
-    const size_t *rows;      /* of each system */
-    const size_t *unknowns;
-    const kaneflex_sums *sums; /* A, row by row, and b of each system; then the sensors */
+    const size_t *stages;    /* of each its sums that are values, its system's rows and unknowns; last the sensors */
+    const size_t *ends;      /* where each sum ends: of a stage its values, A row by row, b */
+    const size_t *pairs;     /* places among the values, two of each term */
+    const double *constants;
     const char *const *names;
 } kaneflex_readings;
 

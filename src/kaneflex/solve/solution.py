@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, KeysView, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, KeysView, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.spatial_coupled import CoupledKinematics
-from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
+from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.motion import Motion
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.response.time_statistics import Statistics, statistics_of_all
@@ -226,9 +225,7 @@ class Solution:
         """
         from kaneflex.response.sensors import measure
 
-        return self._checked(measure(self.motion))
-
-    def _checked(self, measured: dict[str, Series]) -> dict[str, Series]:
+        measured = measure(self.motion)
         strict = self.outcome is Outcome.COMPLETED and self.model.coupled is None
         for name, series in measured.items() if strict else ():
             lost = ~np.isfinite(series.values)
@@ -240,6 +237,10 @@ class Solution:
                 )  # fmt: skip
         return measured
 
+    def keep(self, measured: dict[str, Series]) -> None:
+        """Take what someone else has read of the motion as its :attr:`series`: values that are finite everywhere."""
+        vars(self)["series"] = measured
+
     def statistics(self, name: str) -> Statistics:
         """Least, greatest, mean and root mean square of a series of :attr:`series` over the stored times.
 
@@ -249,6 +250,8 @@ class Solution:
         if not len(self.times):
             raise ValueError(f"{name} has no values: {self.message}")
         found = self._statistics[name]
+        if not self.impacts:
+            return found
         sensor = self.model.scene.sensors.get(name)
         contact = sensor and (sensor.contact_force or sensor.contact_torque)
         own = [impact for impact in self.impacts if impact.contact == contact]
@@ -305,24 +308,6 @@ class Solution:
 
             raise KeyError(f"no sensor {sensor!r}. {nearest(sensor, self.series)}.")
         return self.dataset[sensor]
-
-
-def read_together(solutions: Sequence[Solution]) -> None:
-    """Read the sensors of runs by the same equations in one pass, each of them to keep as its ``series``.
-
-    Those of planar one-way presets that came to their end. Whatever is wrong with one is left for that one to raise
-    when it is asked.
-    """
-    from kaneflex.response.sensors import measure_together
-
-    own = [each for each in solutions if each.outcome is Outcome.COMPLETED and each.model.coupled is None]
-    if not own or own[0].model.scene.is_spatial:
-        return
-    with suppress(Exception):
-        motions = cast(list[ElasticMotion], [each.motion for each in own])
-        for solution, measured in zip(own, measure_together(motions), strict=True):
-            with suppress(SceneError):
-                vars(solution)["series"] = solution._checked(measured)
 
 
 def _restored(

@@ -1,7 +1,8 @@
 """Many models of one scene, and the questions put to them.
 
-A model is a :class:`kaneflex.solve.variants.Variant`: settings over the scene. Variants are solved side by side where
-only what they show counts (`kaneflex.solve.variants`), and one by one where what they take counts, too (`runs`).
+A model is a :class:`kaneflex.solve.variants.Variant`: settings over the scene. What
+they have in common is computed once where only what they show counts (`kaneflex.solve.variants`), and each of them is
+run whole where what it takes counts, too (`runs`).
 
 Sweeps: `study` reads the file, `points` says where, `records` what is kept of a point, `store` keeps what is finished,
 `sweep` goes through them in this process, in processes of this machine or in those of a Dask cluster, `dataset` labels

@@ -97,7 +97,7 @@ class Shipment:
 
     def plan_of(self, points: Points) -> Plan:
         """The plan with these points, whose files are where they were put here."""
-        return replace(self.plan, points={
+        return self.plan.with_points({
             number: {path: self.moved.get(value, value) if names_file(path) else value for path, value in point.items()}
             for number, point in points.items()
         })  # fmt: skip

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.settings import nested, resolved
@@ -17,10 +18,17 @@ from kaneflex.study.study import Point, Study, Value, points_of, read_study, stu
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.module_cache import sources_digest
 
+if TYPE_CHECKING:
+    from kaneflex.solve.variants import Variants
+
 FILE_KEYS = ("table", "modal_data", "file")
 """Entries of a scene that name a file."""
 OWN_NAMES = ("point", "statistic", "instant", "outcome", "reason", "time")
 """Names in the dataset that are not sensors."""
+
+
+_MANY = 20
+"""Runs in the time of reading which reading is compiled, or more."""
 
 
 def names_file(path: str) -> bool:
@@ -48,6 +56,8 @@ class Plan:
         Tables and modal data that the scene or a point names, by absolute path.
     poincare : Poincare or None
         Which instants alone are kept as series.
+    alike : bool
+        Whether most points differ from the one before by drives' speeds alone.
     """
 
     scene: Scene
@@ -57,6 +67,20 @@ class Plan:
     sensitivities: tuple[str, ...] = ()
     frozen: bool = True
     poincare: Poincare | None = None
+    alike: bool = False
+
+    @cached_property
+    def variants(self) -> Variants:
+        """The models of its points."""
+        from kaneflex.solve.variants import Variants
+
+        return Variants(self.scene, self.alike)
+
+    def with_points(self, points: Mapping[int, Point]) -> Plan:
+        """The same of other points, whose models take what they can from those of these."""
+        found = replace(self, points=points)
+        vars(found)["variants"] = self.variants
+        return found
 
     def at(self, index: int) -> Scene:
         """The scene at a point. Raises SceneError for values that the scene can't have."""
@@ -107,7 +131,15 @@ def make_plan(given: Path | str | Mapping[str, Any]) -> Plan:
         study.poincare.settings(scene)  # raises SceneError
     kept_series = study.series or study.poincare is not None
     kept = (kept_series, _files(scene, points), study.sensitivities, study.basis == "frozen", study.poincare)
-    return Plan(scene, dict(enumerate(points)), *kept)
+    return Plan(scene, dict(enumerate(points)), *kept, _alike(scene, points))
+
+
+def _alike(scene: Scene, points: Sequence[Point]) -> bool:
+    """Whether on the average _MANY points follow each other that differ by drives' speeds alone."""
+    places = {path: resolved(scene.raw, path) for path in points[0]}
+    others = [path for path, keys in places.items() if keys[0] != "drives" or keys[2:] != ["speed"]]
+    changes = sum(any(one[path] != two[path] for path in others) for one, two in pairwise(points))
+    return len(points) >= _MANY * (changes + 1)
 
 
 def digest(scene: Scene, files: Mapping[str, bytes], *more: object) -> str:

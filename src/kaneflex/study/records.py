@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +13,7 @@ from kaneflex.study.plan import Plan
 from kaneflex.support.errors import UserError
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
     from kaneflex.solve.solution import Solution
-    from kaneflex.solve.variants import Variants
 
 STATISTICS = ("min", "max", "rms", "mean")
 COMPLETED, REFUSED, FAILED = "completed", "refused", "failed"
@@ -57,16 +54,12 @@ def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
 
     What a record holds does not depend on the points beside it.
     """
-    from kaneflex.solve.variants import Variants, read
-
-    variants = Variants(plan.scene)
-    models = {point: partial(_load, variants, plan, point) for point in points}
-    for point, found in read(models, partial(_record, plan)):
-        yield found if isinstance(found, Record) else _failure(point, found)
-
-
-def _load(variants: Variants, plan: Plan, point: int) -> Model:
-    return variants.load(plan.settings(point))
+    for point in points:
+        try:
+            found = _record(plan, point, plan.variants.solve(plan.settings(point)))
+        except Exception as error:  # whatever one point breaks, the others are to be computed
+            found = _failure(point, error)
+        yield found
 
 
 def solve_chunk(plan: Plan) -> tuple[list[Record], float]:

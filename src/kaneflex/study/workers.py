@@ -225,4 +225,4 @@ def _end_with_parent() -> None:
 
 
 def _solve(points: Points) -> Answer:
-    return solve_chunk(replace(_own, points=points))
+    return solve_chunk(_own.with_points(points))

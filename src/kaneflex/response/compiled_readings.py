@@ -1,0 +1,169 @@
+"""All sensors of a run in one compiled pass: what :mod:`kaneflex.response.polynomials` traces, at every instant.
+
+Tracing takes as long as reading some runs: it is for many of them whose motions alone differ, as the points of a sweep
+over speeds. What is traced are the readers of :mod:`kaneflex.response.sensors`, so nothing is written twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from kaneflex.integrate import lanes, matrices
+from kaneflex.integrate.lanes import FASTMATH, LANES, aligned, less, load, root, store, store_run
+from kaneflex.integrate.matrices import ONE, ZERO, compiled
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.response.motion import Motion
+from kaneflex.response.polynomials import Readings, sensor_readings
+from kaneflex.response.sensors import Series, measure, reads
+from kaneflex.scene.sensors import Sensor
+from kaneflex.support.fingerprint import made_of
+
+_BLOCKS = 2
+"""Registers of instants that are read at once: the sums of one need not wait for themselves."""
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledReadings:
+    """What sensors read of the motions of models with the same equations.
+
+    Attributes
+    ----------
+    sensors : mapping of str to Sensor
+        Of the scene.
+    readings : Readings
+        Of all that is traced, rigid values and angles of bodies included.
+    angles : mapping of int to str
+        Place of an angle that is read -> its body.
+    labels : mapping of str to (str, str)
+        Series, also those that are not traced -> unit and meaning.
+    unread : frozenset of str
+        Sensors that are not traced, which their reader has to read.
+    """
+
+    sensors: Mapping[str, Sensor]
+    readings: Readings
+    angles: Mapping[int, str]
+    labels: Mapping[str, tuple[str, str]]
+    unread: frozenset[str]
+
+    @classmethod
+    def of(cls, motion: Motion) -> CompiledReadings:
+        """Traced of the model of a motion in the plane."""
+        model = motion.model
+        found = sensor_readings(model, tuple(model.scene.bodies), rigid=True)
+        used = {*found.pairs.ravel().tolist()}
+        angles = dict(enumerate(found.turned, found.given - len(found.turned)))
+        angles = {place: body for place, body in angles.items() if place in used}
+        labels = {each.name: (each.unit, each.meaning) for each in reads(motion)}
+        return cls(model.scene.sensors, found, angles, labels, frozenset(model.scene.sensors) - {*found.sensors})
+
+    def measure(self, motion: Motion, moved: Rates) -> dict[str, Series] | None:
+        """As :func:`kaneflex.response.sensors.measure`, but None where a value is not finite.
+
+        moved: what was integrated, each (n_times, n)
+        """
+        found = self._values(motion, moved)
+        if not np.isfinite(found).all():
+            return None
+        values = dict(zip(self.readings.sensors, found, strict=True))
+        if self.unread:
+            values |= {name: each.values for name, each in measure(motion, self.unread).items()}
+            if not all(np.isfinite(values[name]).all() for name in self.unread):
+                return None
+        return {name: Series(values[name], *label) for name, label in self.labels.items()}
+
+    def _values(self, motion: Motion, moved: Rates) -> np.ndarray:
+        """Series (n_sensors, n_times)."""
+        own, steps, together = self.readings, len(motion.times), _BLOCKS * LANES
+        rows, column = np.zeros((-(-steps // together) * together, own.given + 1)), 0
+        for part in (motion.rigid.values, *moved):
+            rows[:steps, column : column + part.shape[1]] = part
+            column += part.shape[1]
+        for place, body in self.angles.items():
+            rows[:steps, place] = motion.turned(body)
+        rows[:, -1] = 1.0
+        rows[steps:] = rows[steps - 1]
+        found = np.empty((len(own.sensors), len(rows)))
+        entries = int((own.stages[:, 1] * (own.stages[:, 2] + 1)).max())
+        work = aligned(_BLOCKS, own.count, LANES), aligned(_BLOCKS, max(entries, 1), LANES)
+        _read(rows, own.stages, own.ends, own.pairs, own.constants, *work, found)
+        return found[:, :steps]
+
+
+@compiled
+def _solve(rows, n, entries, numbers, place):
+    """x of least |A x - b|, to `numbers` from a place on, by Householder's reflections (Golub and Van Loan 2013, 5.3).
+
+    entries: A, row by row, then b; both are changed
+    """
+    for k in range(n):
+        pivot = load(entries, k * n + k)
+        square = pivot * pivot
+        for i in range(k + 1, rows):
+            square += load(entries, i * n + k) * load(entries, i * n + k)
+        length = root(square) * (2.0 * less(pivot, 0.0 * pivot) - 1.0)  # of the sign that the pivot has not
+        store(entries, k * n + k, pivot - length)
+        scale = 1.0 / (square - pivot * length)
+        for j in range(k + 1, n + 1):
+            column, apart = (j, n) if j < n else (rows * n, 1)
+            along = 0.0 * pivot
+            for i in range(k, rows):
+                along += load(entries, i * n + k) * load(entries, column + i * apart)
+            along = along * scale
+            for i in range(k, rows):
+                changed = load(entries, column + i * apart) - along * load(entries, i * n + k)
+                store(entries, column + i * apart, changed)
+        store(entries, k * n + k, length)
+    for back in range(n):
+        k = n - 1 - back
+        known = load(entries, rows * n + k)
+        for j in range(k + 1, n):
+            known -= load(entries, k * n + j) * load(numbers, place + j)
+        store(numbers, place + k, known / load(entries, k * n + k))
+
+
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
+@made_of(lanes.__file__, matrices.__file__)
+def _read(given, stages, ends, pairs, constants, numbers, entries, found):
+    """Sensors (n_sensors, n_times) of the given numbers with one behind them, (n_times, n_given + 1).
+
+    n_times: whole blocks of _BLOCKS * LANES
+    stages, ends, pairs, constants: as `Readings` has them
+    numbers, entries: work, (_BLOCKS, count, LANES) and (_BLOCKS, most sums of a system, LANES)
+    """
+    one, other, one_entries, other_entries = numbers[0], numbers[1], entries[0], entries[1]
+    width = given.shape[1]
+    for begin in range(0, given.shape[0], _BLOCKS * LANES):
+        for k in range(width):
+            for lane in range(LANES):
+                one[k, lane], other[k, lane] = given[begin + lane, k], given[begin + LANES + lane, k]
+        place, row, term = width, ZERO, ZERO
+        for stage in range(stages.shape[0]):
+            own, rows, n = stages[stage, 0], stages[stage, 1], stages[stage, 2]
+            for k in range(own + rows * (n + 1)):
+                total = 0.0 * load(one, width - 1)
+                beside = total
+                while term < ends[row]:
+                    a, b, constant = pairs[term, 0], pairs[term, 1], constants[term]
+                    total += constant * load(one, a) * load(one, b)
+                    beside += constant * load(other, a) * load(other, b)
+                    term += ONE
+                row += ONE
+                if k < own:
+                    store(one, place + k, total)
+                    store(other, place + k, beside)
+                elif n > 0:
+                    store(one_entries, k - own, total)
+                    store(other_entries, k - own, beside)
+                else:
+                    store_run(found, (k - own, begin), total)
+                    store_run(found, (k - own, begin + LANES), beside)
+            place += own
+            if n > 0:
+                _solve(rows, n, one_entries, one, place)
+                _solve(rows, n, other_entries, other, place)
+                place += n
