@@ -11,7 +11,7 @@ from kaneflex.integrate import periodic
 from kaneflex.integrate.methods import METHODS, tableau
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import _verdict
-from kaneflex.integrate.run import Run, cycle_map, integrate
+from kaneflex.integrate.run import Run, cycle_map, integrate, periodic_near
 from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
@@ -48,6 +48,17 @@ def test_periodic_start_repeats_itself_and_equals_a_long_transient(method):
     long = integrate(Run(system, table, 0.3, CYCLE / steps, cycles * steps, method, period_steps=steps))
     last = long.z[(cycles - 1) * steps :]
     np.testing.assert_allclose(last, run.z[: steps + 1], rtol=0, atol=1e-9 * np.abs(run.z).max())
+
+
+@pytest.mark.parametrize("method", ["newmark", "gauss", "radau"])
+def test_a_periodic_state_is_found_from_one_near_it(method):
+    system, table = coupled()
+    exact = integrate(Run(system, table, 0.3, CYCLE / 200, 200, method, start="periodic", period_steps=200))
+    near = (exact.z[0] + 0.3, exact.v[0] - 0.2)
+    z, v = periodic_near(Run(system, table, 0.3, CYCLE / 200, 200, method, start=near))
+    assert np.hstack((z, v)) == pytest.approx(np.hstack((exact.z[0], exact.v[0])), abs=1e-4)
+    still = system.n * [0.0]
+    assert periodic_near(Run(system, lambda t: 0.0 * table(t), 0.3, CYCLE / 200, 200, method, (still, still))) is None
 
 
 @pytest.mark.parametrize("method", COMPILED)

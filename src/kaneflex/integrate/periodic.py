@@ -19,6 +19,8 @@ _GROWS = 1e6  # in a cycle, of which rounding becomes 1e-10
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
 _MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
 LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
+_SHARE, _MOST_CYCLES = 1e-4, 100
+"""Of what a cycle leaves of a state, that its correction may leave, and cycles that may take."""
 _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the root of the rounding error
 
 
@@ -69,6 +71,39 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(cycle.forced)) - cycle.monodromy, cycle.forced)
     return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message, cycle.segments)
+
+
+def corrected_state(
+    setup: Setup, period_steps: int, z: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """The periodic state near (z, v), by what a cycle leaves of it: (I - Phi) d = S(x) - x, S(x) after a cycle.
+
+    d is found by generalised minimal residuals (Saad and Schultz 1986), a cycle an iteration: as many as there are
+    disturbances that last a cycle. None where these are too many, or a cycle goes wrong.
+    """
+    from scipy.sparse.linalg import LinearOperator, gmres
+
+    n = setup.system.n
+
+    def after(x: np.ndarray, load: float) -> np.ndarray:
+        state, load_factor = states_of(setup, x[None, :]), np.array([load])
+        if not setup.consistent(state, load_factor):
+            raise FloatingPointError
+        advanced = advance(setup, state, load_factor, period_steps, period_steps + 1, Stored.of(state, 1), False)
+        if advanced.outcome is not Outcome.COMPLETED:
+            raise FloatingPointError
+        return vectors_of(setup, state)[0]
+
+    scales = np.repeat(setup.scales, n)
+    x = scales * np.pad(np.concatenate((z, v)), (0, len(scales) - 2 * n))
+    try:
+        left = after(x, 1.0) - x
+        change = LinearOperator((len(x), len(x)), lambda y: y - after(y, 0.0))
+        d, failed = gmres(change, left, rtol=_SHARE, restart=_MOST_CYCLES, maxiter=1)
+    except FloatingPointError:
+        return None
+    z, v, *_ = np.split((x + d) / scales, len(setup.scales))
+    return None if failed else (z, v)
 
 
 def over_a_cycle(setup: Setup, period_steps: int) -> Cycle:

@@ -12,7 +12,16 @@ from kaneflex.integrate.disturbances import FEWEST, monodromy
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.modal import constants, forces
 from kaneflex.integrate.outcome import Floquet, Outcome, Trajectory
-from kaneflex.integrate.periodic import LONGEST_STEP, Beginning, Cycle, leading, over_a_cycle, periodic_state, repeated
+from kaneflex.integrate.periodic import (
+    LONGEST_STEP,
+    Beginning,
+    Cycle,
+    corrected_state,
+    leading,
+    over_a_cycle,
+    periodic_state,
+    repeated,
+)
 from kaneflex.integrate.spectral import Orbit, periodic_orbit
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.streams import CoefficientStream, Table, one_after_the_other
@@ -158,6 +167,16 @@ def cycle_map(
     run = Run(*cycle, rho_infinity=rho_infinity)
     check_arguments(run)
     return over_a_cycle(set_up(run), steps)
+
+
+def periodic_near(run: Run) -> tuple[np.ndarray, np.ndarray] | None:
+    """Where the motion begins that repeats itself after all steps of a run from a state near that; None if not found.
+
+    For methods with fixed steps that carry z and v alone. Raises UserError as `integrate` does.
+    """
+    check_arguments(run)
+    setup = set_up(replace(run, period_steps=run.n_steps))
+    return corrected_state(setup, run.n_steps, *given_state(run))
 
 
 def _naming_the_steps(found: Beginning, run: Run) -> Beginning:

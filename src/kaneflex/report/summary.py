@@ -41,7 +41,7 @@ class Instant(PlainTable):
 
 
 class SensorError(PlainTable):
-    """What a sensor's values may be off by, estimated: the largest error over the cycle, in SI."""
+    """What a sensor's values may be off by, estimated: the largest error over the run, in SI."""
 
     total: float = Field(description="of all that is below together")
     time: float = Field(description="by the discretisation in time")

@@ -66,8 +66,10 @@ class ElasticMotion(Motion):
         local = self.rigid.frame(body).components(*(part[:2] for part in moved))
         return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
 
-    def nodes(self, link: str) -> np.ndarray:
-        return self._deformed[link].q
+    def nodes(self, link: str, rate: int = 0) -> np.ndarray:
+        """As :meth:`Motion.nodes`; rate 1: their velocities there."""
+        found = self._deformed[link]
+        return (found.q, found.q_rate)[rate]
 
     def reaction(self, name: str) -> np.ndarray:
         """Of the rigid mechanism where the equations don't balance at every instant."""

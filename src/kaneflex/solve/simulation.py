@@ -104,7 +104,8 @@ def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
 def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
     times = _instants(model)
     started = time.perf_counter()
-    z, v, a = quasistatic(model, times, periodic=model.options.cycles, progress=progress)
+    periodic = model.options.cycles and not_repeated(model) is None
+    z, v, a = quasistatic(model, times, periodic, progress)
     ns = 1e9 * (time.perf_counter() - started) / len(times)
     return _completed(times, z, v, a, ns)
 
@@ -177,7 +178,7 @@ def run_of(model: Model) -> Run:
         options.steps,
         options.integrator,
         start=start,
-        period_steps=options.steps if options.cycles else None,
+        period_steps=options.steps if options.start == "periodic" else None,
         every=storing(model),
         rho_infinity=options.rho_infinity,
         tolerance=options.tolerance,
