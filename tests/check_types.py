@@ -19,7 +19,7 @@ BASELINE = {
     "peers": 23,
     "plots": 39,
     "report": 6,
-    "response": 43,
+    "response": 42,
     "scene": 74,
     "solve": 33,
     "study": 85,
