@@ -19,8 +19,9 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import Model
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.quasistatic import mechanism_modes
+from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
-from kaneflex.solve.variants import read
+from kaneflex.solve.variants import Solver, read
 from kaneflex.study.sensitivity.parameters import Parameter
 from kaneflex.support.errors import SceneError
 
@@ -54,7 +55,7 @@ def differentiated(
     """
     model = solution.model
     _refuse_relief(model, solution.times[0])
-    solver = None
+    solver: Solver = solve
     if model.coupled is not None:
         from kaneflex.study.sensitivity.replay import Replay
 
