@@ -239,7 +239,7 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
 
     Its grid is refined until the highest quarter of the harmonics, and what the corrections left, are below that.
     """
-    instants, corrections, z, before, grid, times = FEWEST, 0, None, 1.0, None, 1.0
+    instants, corrections, z, before, grid = FEWEST, 0, None, 1.0, None
     while True:
         grid = Grid.of(system, table, t0, period, instants, grid)
         z = None if z is None else at_instants(z, instants)
@@ -249,9 +249,7 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
             break
         fewer = math.log2(max(before / found.tail, 1.0 + 1e-9))  # a resonance may keep the tail of a coarse grid up
         more = 1.0 if instants < _TELLING else max(math.log2(found.tail / tolerance) / fewer, 1.0)
-        last, times = times, 4.0 if instants == FEWEST and found.tail > _FAR * tolerance else 2.0
-        if last == 4.0 and 2.0 * math.log2(found.tail / tolerance) > fewer:  # twice as many would not be enough either
-            times = 3.0
+        times = 4.0 if instants == FEWEST and found.tail > _FAR * tolerance else 2.0
         if found.tail < _NEAR * tolerance:  # half as many more, or by a third to the next power of two
             times = 4.0 / 3.0 if instants % 3 == 0 else 1.5
         if math.log2(instants) + more > math.log2(MOST) or 2 * grid.sums.size > 3 * _MOST_NUMBERS:
