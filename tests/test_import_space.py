@@ -1,12 +1,12 @@
 """Bodies in space from another program's finite elements: against its own modes, closed forms, a beam, the plane."""
 
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import cli, refused
+from foreign_rod import AREA, ENDS, FILES, HEIGHT, I_Y, I_Z, NU, PAGE, RHO, WIDTH, E, L, arguments, printed_by
 from scipy.io import mmread
 from scipy.sparse.linalg import eigsh
 
@@ -16,29 +16,18 @@ from kaneflex.fem.spatial_foreign import spatial_foreign_data
 from kaneflex.multibody.spatial_modal_data import held_shapes
 from kaneflex.scene.modal_data import read_modal_data
 
-PAGE = (Path(__file__).parent.parent / "docs" / "finite-elements.md").read_text(encoding="utf-8")
-L, HEIGHT, WIDTH, E, RHO, NU = 0.137, 20e-3, 12e-3, 210e9, 7850.0, 0.3
-AREA, I_Z, I_Y = HEIGHT * WIDTH, WIDTH * HEIGHT**3 / 12, HEIGHT * WIDTH**3 / 12
-FILES = ("rod-mass.mtx", "rod-stiffness.mtx", "rod-nodes.txt")
-ENDS = {"start": "big-eye.txt", "end": "small-eye.txt"}
-
 
 @pytest.fixture(scope="module", autouse=True)
 def printed(tmp_path_factory, peer):
     """What the page's command for a scene in space prints, in a folder with the files that its script writes."""
     peer("skfem")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path_factory.mktemp("finite-elements"))
-        exec(re.search(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)[1], {})
-        result = cli(*command())
-        assert result.exit_code == 0, result.output
-        yield result.output
+    with printed_by(command(), tmp_path_factory.mktemp("finite-elements")) as output:
+        yield output
 
 
 def command(**changed):
     """The page's arguments, some of them changed."""
-    (line,) = re.findall(r"^kaneflex (import rod-mass.mtx .*--space.*)$", PAGE, re.MULTILINE)
-    return [changed.get(word, word) for word in shlex.split(line)]
+    return arguments(r"import rod-mass.mtx .*--space.*", **changed)
 
 
 @pytest.fixture(scope="module")
