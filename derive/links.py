@@ -81,7 +81,8 @@ def _axial_force(mechanism: Mechanism, name: str, point: str, solved: Solved) ->
                 push(tuple(sign * forces[f"{spring.name}.force_{axis}"] for axis in "xy"))
     for mass in mechanism.masses.values():
         if (mass.point.body, mass.point.name) == (name, point):
-            push(tuple(-mass.mass * component for component in rates.felt(name, mass.point, mechanism.gravity)))
+            specific_force = rates.specific_force(name, mass.point, mechanism.gravity)
+            push(tuple(-mass.mass * component for component in specific_force))
     return pose.c * force[0] + pose.s * force[1]
 
 

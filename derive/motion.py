@@ -167,11 +167,11 @@ def _still(mechanism: SymbolicMechanism) -> Motion:
         scalars += _body_scalars(name, pose, rest)
         if body.elastic:
             g_x, g_y = mechanism.gravity
-            felt = {"a_x": -c * g_x - s * g_y, "a_y": s * g_x - c * g_y}
+            specific_force = {"a_x": -c * g_x - s * g_y, "a_y": s * g_x - c * g_y}
             links[name] = tuple(
                 Scalar(
                     f"{name}.link.{key}", unit, meaning,
-                    steps.assign(sm.Symbol(f"{name}_link_{key}"), felt.get(key, sm.S.Zero)),
+                    steps.assign(sm.Symbol(f"{name}_link_{key}"), specific_force.get(key, sm.S.Zero)),
                 )
                 for key, unit, meaning in LINK_SCALARS
             )  # fmt: skip
@@ -318,7 +318,7 @@ class Rates:
                 self.to_symbols |= {speed.diff(TIME): acceleration, speed: velocity}
             self.value[name] = dict(v_x=v_x, v_y=v_y, omega=omega, a_x=a_x, a_y=a_y, epsilon=epsilon)
 
-    def felt(self, body: str, point: BodyPoint, gravity: Vector) -> Vector:
+    def specific_force(self, body: str, point: BodyPoint, gravity: Vector) -> Vector:
         """a - g of a body-fixed point, global: a_O + epsilon S R r - omega^2 R r - g."""
         value = self.value[body]
         x, y = carried_acceleration(self.poses[body].turn(point.at), value["omega"], value["epsilon"])

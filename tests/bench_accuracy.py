@@ -20,7 +20,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene import shipped_scenes, with_settings
 from kaneflex.study.differences import differences, worst
 from kaneflex.study.runs import Runs
-from kaneflex.study.trade.candidates import STIFFENED, ladder, neutral, repeated_cycle
+from kaneflex.study.trade.candidates import STIFFENED, candidates_of, neutral, repeated_cycle
 from kaneflex.study.trade.linear_prices import LinearPrices
 
 PAGE = Path(__file__).parent.parent / "docs" / "accuracy.md"
@@ -141,7 +141,7 @@ def price_rows(name):
         return
     runs, period = Runs(basis), repeated_cycle(basis)
     whole = runs.run(STIFFENED).curves
-    for variant in ladder(basis):
+    for variant in candidates_of(basis):
         kind, _, part = variant.name.partition(" without ")
         named = variant.name in ("stiffened, 1 element", "stiffened, 2 elements") or (part and kind == "stiffened")
         priced = prices.curves(variant) if named else None

@@ -19,7 +19,7 @@ from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences, worst
 from kaneflex.study.runs import Runs
-from kaneflex.study.trade.candidates import ladder, neutral, neutral_settings
+from kaneflex.study.trade.candidates import candidates_of, neutral, neutral_settings
 from kaneflex.study.trade.choice import choose
 from kaneflex.study.trade.record import Choice
 from kaneflex.study.trade.reference import find_reference
@@ -94,8 +94,8 @@ def _beside_brute_force(
     laid = len(neutral_settings(scene))
     chosen = {tolerance: Variant(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
     until = time.perf_counter() + SECONDS / 2
-    errors, unseen = {}, {}
-    for candidate in dict.fromkeys((*chosen.values(), *ladder(basis))):
+    errors, undersampled = {}, {}
+    for candidate in dict.fromkeys((*chosen.values(), *candidates_of(basis))):
         if time.perf_counter() > until and candidate not in chosen.values():
             print(f"  no time for {candidate.name}", file=sys.stderr)
             continue
@@ -104,12 +104,12 @@ def _beside_brute_force(
         except SceneError:
             continue
         errors[candidate] = differences(basis, sensors, candidate.name, curves, reference.curves, reference.period)
-        unseen[candidate] = curves.unseen
+        undersampled[candidate] = curves.undersampled
     repeats = runs.repeats(list(errors), time.perf_counter() + SECONDS / 2)
     total = {each: sorted(timing.total for timing in found)[len(found) // 2] for each, found in repeats.items()}
     rows = {}
     for tolerance, candidate in chosen.items():
-        good = [each for each in total if reference.within(errors[each], tolerance, unseen[each])]
+        good = [each for each in total if reference.within(errors[each], tolerance, undersampled[each])]
         best = min(good, key=total.__getitem__, default=candidate)
         rows[tolerance] = _row(
             case, tolerance, candidate.name, f"{100 * worst(errors[candidate]).peak_share:.2g} %", best.name,

@@ -15,7 +15,7 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences, worst
 from kaneflex.study.runs import run
-from kaneflex.study.trade.candidates import STIFFENED, ladder, neutral
+from kaneflex.study.trade.candidates import STIFFENED, candidates_of, neutral
 from kaneflex.study.trade.linear_prices import DOUBT, LinearPrices
 from kaneflex.study.trade.ranking import trade
 from kaneflex.study.trade.terms import Terms, groups, terms
@@ -78,7 +78,7 @@ def test_prices_are_what_runs_say_and_what_changes_the_loads_or_may_not_be_stabl
     """Every sensor of the quick-return mechanism to DOUBT of the largest change, at the steps of the run."""
     scene = neutral(read_scene("quick-return"))
     prices = LinearPrices.of(scene, scene.sensors)
-    by_name = {candidate.name: candidate for candidate in ladder(scene)}
+    by_name = {candidate.name: candidate for candidate in candidates_of(scene)}
     whole = run(STIFFENED.of(scene)).curves
     for name in ("stiffened without geometric", "stiffened, 1 element", "quasistatic"):
         ours, theirs = prices.curves(by_name[name]), run(by_name[name].of(scene)).curves
@@ -141,7 +141,7 @@ def test_the_picture_has_a_bar_for_each_group_and_marks_what_is_needed(engine):
 def test_the_picture_of_a_trade_names_presets_and_the_choice():
     scene = read_scene("engine")
     names = ("rigid", "quasistatic", "stiffened", "stiffened without spin")
-    ranked = [candidate for candidate in ladder(neutral(scene)) if candidate.name in names]
+    ranked = [candidate for candidate in candidates_of(neutral(scene)) if candidate.name in names]
     found = trade(scene, 0.02, 1.0, ["mid_transverse"], candidates=ranked)
     (axes,) = trade_figure(found).axes
     shown = {text.get_text() for text in axes.texts}

@@ -12,7 +12,7 @@ from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences
 from kaneflex.study.runs import Timing, cost
-from kaneflex.study.trade.candidates import ladder, neutral, neutral_settings, terms_of
+from kaneflex.study.trade.candidates import candidates_of, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.ranking import Trade, trade
 from kaneflex.study.trade.reference import _coupled_levels
 from kaneflex.support.errors import SceneError
@@ -25,7 +25,7 @@ BEARING = "main_bearing_force_x"
 
 
 def tried(scene, *names) -> list[Variant]:
-    by_name = {candidate.name: candidate for candidate in ladder(neutral(scene))}
+    by_name = {candidate.name: candidate for candidate in candidates_of(neutral(scene))}
     return [by_name[name] for name in names]
 
 
@@ -157,17 +157,17 @@ def test_costs_are_medians_and_the_first_run_is_apart():
 
 def test_the_ladder_names_each_model_once_and_leaves_out_terms_that_the_scene_has():
     scene = neutral(read_scene("engine"))
-    names = [candidate.name for candidate in ladder(scene)]
+    names = [candidate.name for candidate in candidates_of(scene)]
     assert len(set(names)) == len(names) and {"coupled, tolerance 1e-06", "coupled, tolerance 1e-04"} < set(names)
     assert terms_of(scene, "dynamic") == ("spin", "gyroscopic", "euler", "geometric", "damping")
     assert terms_of(scene, "quasistatic") == ("spin", "euler", "geometric")
-    assert {candidate.settings[0] for candidate in ladder(scene)} == {
+    assert {candidate.settings[0] for candidate in candidates_of(scene)} == {
         f"solve.preset={preset}" for preset in ("rigid", "quasistatic", "linear", "stiffened", "paper", "coupled")
     }
 
 
 def test_a_structure_that_stands_still_has_no_rigid_model():
-    names = {candidate.name for candidate in ladder(neutral(read_scene("free-frame")))}
+    names = {candidate.name for candidate in candidates_of(neutral(read_scene("free-frame")))}
     assert {"quasistatic", "stiffened"} < names and "rigid" not in names
 
 

@@ -20,7 +20,7 @@ from kaneflex.multibody.tables import (
 def resists(m, n, h):
     """Force against a hold's speed by that speed, as a step of h feels it."""
     w, k, j = m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
-    return w[k + SLOPE] + (bristles.felt(w, k, j, h) * w[k + BY_SPEED] if w[k + MODE] == BENDS else 0.0)
+    return w[k + SLOPE] + (bristles.firmness(w, k, j, h) * w[k + BY_SPEED] if w[k + MODE] == BENDS else 0.0)
 
 
 @of_holds(False)
@@ -35,7 +35,7 @@ def by_force(m, n, r, size, h, A):
     k = number_at(m, n)
     if n >= 0 or w[k + MODE] != BENDS:
         return False
-    firm = bristles.felt(w, k, m.acts[plan[DRIVES] + n, NUMBERS_AT], h)
+    firm = bristles.firmness(w, k, m.acts[plan[DRIVES] + n, NUMBERS_AT], h)
     d, row = h * (w[k + SLOPE] + firm * w[k + BY_SPEED]), plan[SCHUR] + size * r
     A[plan[WANTED] + count(m) - 1 - n] = d
     for q in range(size):

@@ -65,7 +65,7 @@ def know(w, k, j, N, v, z, h):
 
 
 @njit(**OPTIONS)
-def felt(w, k, j, h):
+def firmness(w, k, j, h):
     """Force by a bristles' rate that lasts for a step of h: how firm they are."""
     return (w[j + DAMPING_AT] + h * w[j + STIFFNESS_AT]) / (1.0 + h * w[k + DECAY])
 

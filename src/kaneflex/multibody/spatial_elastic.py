@@ -103,8 +103,8 @@ class Deforming:
         points = {name for name, load in self.mechanism.loads.items() if load.joint is None}
         for name in self.parts:
             frame = motion.frame(name)
-            felt = frame.to_body(frame.acceleration(np.zeros(3)) - gravity)
-            found += [frame.to_body(frame.omega), frame.to_body(frame.epsilon), felt]
+            specific_force = frame.to_body(frame.acceleration(np.zeros(3)) - gravity)
+            found += [frame.to_body(frame.omega), frame.to_body(frame.epsilon), specific_force]
             acting = list(wrenches_on(self.mechanism, motion, name))
             if name in self.links:
                 link, spread = self.links[name], spread_on(self.mechanism, name)
@@ -116,7 +116,7 @@ class Deforming:
                 for node in pushed_nodes(self.mechanism, link):
                     pushes = [each.force for each, own in zip(acting, at, strict=True)
                               if own == node and each.by in self.mechanism.loads]  # fmt: skip
-                    found.append(sum(pushes, np.zeros_like(felt)))
+                    found.append(sum(pushes, np.zeros_like(specific_force)))
                 for by in spread:
                     load = self.mechanism.loads[by]
                     direction = np.outer(load.direction, motion[by])
@@ -129,7 +129,7 @@ class Deforming:
             for i, j in (("xyz".index(pair[0]), "xyz".index(pair[1])) for pair in PAIRS):
                 found.append(0.5 * (arms[i, j] + arms[j, i])[None])
             given = [each for each in acting if each.by in points]
-            none = np.zeros_like(felt)
+            none = np.zeros_like(specific_force)
             found.append(sum((each.force for each in given), none))
             found.append(sum((each.moment + np.cross(each.at, each.force, axis=0) for each in given), none))
         for name in self.map.joined.springs:

@@ -41,11 +41,11 @@ _ZONE = "#FBE3D3"
 def figures(solution: Solution) -> dict[str, Figure]:
     """``records`` and ``spectra``."""
     sensors = solution.model.scene.sensors
-    felt: dict[str, str] = {name: sensor.reading for name, sensor in sensors.items() if _is_acceleration(sensor)}
-    if solution.model.options.cycles or not felt or len(solution.times) < 16:
+    readings: dict[str, str] = {name: sensor.reading for name, sensor in sensors.items() if _is_acceleration(sensor)}
+    if solution.model.options.cycles or not readings or len(solution.times) < 16:
         return {}
-    names = sorted(felt, key=lambda name: felt[name])  # accelerometers first
-    return {"records": _records(solution, felt), "spectra": _spectra(solution, names)}
+    names = sorted(readings, key=lambda name: readings[name])  # accelerometers first
+    return {"records": _records(solution, readings), "spectra": _spectra(solution, names)}
 
 
 def _is_acceleration(sensor: Sensor) -> bool:
@@ -113,11 +113,11 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.arange(len(amplitudes)) / (times[-1] - times[0]), amplitudes
 
 
-def _records(solution: Solution, felt: dict[str, str]) -> Figure:
+def _records(solution: Solution, readings: dict[str, str]) -> Figure:
     shown = view(solution)
     readings = {"accelerometer": "Accelerometers (a \u2212 g)", "kinematic": "Accelerations"}
     kinds = [
-        (title, "acceleration", "m/s^2", [name for name, reading in felt.items() if reading == wanted], False)
+        (title, "acceleration", "m/s^2", [name for name, reading in readings.items() if reading == wanted], False)
         for wanted, title in readings.items()
     ]
     kinds = [kind for kind in (*kinds, *_others(solution)) if kind[3]]

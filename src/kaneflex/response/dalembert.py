@@ -170,7 +170,7 @@ class FloatingForces(LinkForces):
         super().__init__(motion.model.scene, motion.floating)
         self.motion = motion
 
-    def felt(self, address: Address) -> np.ndarray:
+    def specific_force(self, address: Address) -> np.ndarray:
         g_x, g_y = self.scene.gravity
         return self.motion.joined(address)[2] - np.array([[g_x], [g_y], [0.0]])
 

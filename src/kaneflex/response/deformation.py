@@ -195,13 +195,13 @@ class Deformation:
                 total += rigid[key] * along
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
         u, v = self.q[3 * node : 3 * node + 2]
-        felt = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
-        felt = felt - options.spin * omega**2 * u - options.euler * epsilon * v
+        specific_force = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
+        specific_force = specific_force - options.spin * omega**2 * u - options.euler * epsilon * v
         q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
-        felt = felt + q_accel[3 * node] - self._gyroscopic * 2 * omega * q_rate[3 * node + 1]
+        specific_force = specific_force + q_accel[3 * node] - self._gyroscopic * 2 * omega * q_rate[3 * node + 1]
         for mass in scene.masses.values():
             if mass.at.body == name and self.link.node_at(scene.point(mass.at)[0]) == node:
-                total -= mass.mass * felt
+                total -= mass.mass * specific_force
         return total
 
     def _residual(self, e: int) -> np.ndarray:

@@ -42,8 +42,9 @@ class FloatingScalars(RigidMotion):
             return (np.cos if key == "c" else np.sin)(self.coupled.body(owner)[0][2])
         body, _, link = owner.rpartition(".")
         if link == "link" and key in ("a_x", "a_y"):
-            felt = self.frame(body).acceleration((0.0, 0.0)) - np.array(self.coupled.model.scene.gravity)[:, None]
-            return self.frame(body).to_body(felt)["xy".index(key[-1])]
+            gravity = np.array(self.coupled.model.scene.gravity)[:, None]
+            specific_force = self.frame(body).acceleration((0.0, 0.0)) - gravity
+            return self.frame(body).to_body(specific_force)["xy".index(key[-1])]
         size = self.coupled.load_sizes[name] if name in self.coupled.load_sizes else self.coupled.rigid[name]
         return size + self.coupled.shift.get(name, 0.0)
 

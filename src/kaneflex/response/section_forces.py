@@ -79,16 +79,16 @@ class LinkForces:
                     moment = moment + sign * self.rigid[name]
         for mass in self.scene.masses.values():
             if mass.at == address:
-                felt = self.felt(address)
-                force = force - mass.mass * felt[:2]
-                moment = moment - mass.inertia * felt[2]
+                specific_force = self.specific_force(address)
+                force = force - mass.mass * specific_force[:2]
+                moment = moment - mass.inertia * specific_force[2]
         return self.rigid.frame(link).to_body(force), moment
 
-    def felt(self, address: Address) -> np.ndarray:
+    def specific_force(self, address: Address) -> np.ndarray:
         """a - g of a point of the rigid mechanism, global, and the acceleration of its angle, (3, n_times)."""
         frame = self.rigid.frame(address.body)
-        felt = frame.acceleration(self.scene.point(address)) - np.array(self.scene.gravity)[:, None]
-        return np.vstack([felt, frame.epsilon])
+        specific_force = frame.acceleration(self.scene.point(address)) - np.array(self.scene.gravity)[:, None]
+        return np.vstack([specific_force, frame.epsilon])
 
 
 def spread_loads(scene: Scene, rigid: RigidMotion, link: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -55,12 +55,12 @@ class SpatialDeformation(Deformation):
         """Inertia load of the rigid link and what is spread on it, on an element [N/m] along x, y, z: coefficients of
         1, x, x^2 each."""
         name, x_0 = self.link.name, self.link.nodes[e]
-        felt, *turning = ([self.rigid[f"{name}.link.{kind}_{axis}"] for axis in "xyz"]
+        specific_force, *turning = ([self.rigid[f"{name}.link.{kind}_{axis}"] for axis in "xyz"]
                           for kind in ("a", "omega", "epsilon"))  # fmt: skip
         spread = self._spread(e)
         return tuple(
             self._inertia_load(e, at + growing * x_0, growing) + spread[k]
-            for k, (at, growing) in enumerate(zip(felt, _growing(*turning), strict=True))
+            for k, (at, growing) in enumerate(zip(specific_force, _growing(*turning), strict=True))
         )
 
 
@@ -80,11 +80,12 @@ def rigid_section(scene: Scene, rigid: RigidMotion, name: str, x: float) -> np.n
     body, before = scene.bodies[name], scene.bodies[name].profile.inertia(x)
     assert body.beam is not None  # only such have sections
     omega, epsilon = frame.to_body(frame.omega), frame.to_body(frame.epsilon)
-    felt = frame.to_body(frame.acceleration(np.zeros(3)) - mechanism.gravity[:, None])
+    specific_force = frame.to_body(frame.acceleration(np.zeros(3)) - mechanism.gravity[:, None])
     grows = _growing(omega, epsilon)
     e_x = np.array([1.0, 0.0, 0.0])[:, None]
-    force = before.mass * felt + before.first * grows
-    moment = np.cross(e_x, (before.first - x * before.mass) * felt + (before.second - x * before.first) * grows, axis=0)
+    force = before.mass * specific_force + before.first * grows
+    first, second = before.first - x * before.mass, before.second - x * before.first  # about the place itself
+    moment = np.cross(e_x, first * specific_force + second * grows, axis=0)
     own = np.array(body.spatial_profile.rotary_inertias(x))[:, None] * [[1.0], [body.beam.rotary], [body.beam.rotary]]
     moment += own * epsilon + np.cross(omega, own * omega, axis=0)
     for start, rise in spread_loads(scene, rigid, name):

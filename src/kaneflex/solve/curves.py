@@ -24,7 +24,7 @@ class Curves:
         How the model differs from the scene as it is written, and what to know before trusting it.
     seconds : float
         Wall time of solving; compiling and building come before it.
-    unseen : tuple of str
+    undersampled : tuple of str
         What comes and goes between two of the model's steps, in words; only where models are weighed.
     """
 
@@ -33,7 +33,7 @@ class Curves:
     missing: Mapping[str, str]
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
-    unseen: tuple[str, ...] = ()
+    undersampled: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
     return tuple(name for name in own if name != "damping" or scene.damping is not None)
 
 
-def ladder(scene: Scene) -> tuple[Variant, ...]:
+def candidates_of(scene: Scene) -> tuple[Variant, ...]:
     """Candidates for a neutral scene: the presets first, then fewer elements, modes and steps, integrators, terms."""
     return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_integrators(scene), *_without_terms(scene))))
 

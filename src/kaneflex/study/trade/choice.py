@@ -18,7 +18,7 @@ from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.plan import digest, file_places
 from kaneflex.study.runs import Runs
-from kaneflex.study.trade.candidates import elements_of, ladder, neutral, neutral_settings, terms_of
+from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.indicators import indicators
 from kaneflex.study.trade.linear_prices import LinearPrices, decided
 from kaneflex.study.trade.ranking import check_request
@@ -33,7 +33,7 @@ _FAMILIES = ("rigid", *_DYNAMICS, "coupled")
 _HOPELESS = 3.0
 """Multiple of the tolerance above which an indicator, known to first order, is taken at its word."""
 _INTEGRATING = {"none": 0.0, "spectral": 1.0, "radau": 1.7, "gauss": 1.0, "generalised-alpha": 0.65, "newmark": 0.5}
-"""Work of a step of each integrator that the ladder has."""
+"""Work of a step of each integrator that candidates have."""
 
 
 def choose(
@@ -42,9 +42,9 @@ def choose(
 ) -> Choice:  # fmt: skip
     """Find the cheapest model of a scene whose sensors stay within a tolerance of the converged ones.
 
-    Candidates are those of :func:`kaneflex.study.trade.candidates.ladder`, from the least expected work upwards, until
-    one is within the tolerance; then terms are left out one after the other, the least indicated first, as long as it
-    stays.
+    Candidates are those of :func:`kaneflex.study.trade.candidates.candidates_of`, from the least expected work upwards,
+    until one is within the tolerance; then terms are left out one after the other, the least indicated first, as long
+    as it stays.
     A preset that the indicators speak against is first tried at its finest, and given up if that fails.
 
     Parameters
@@ -120,13 +120,13 @@ class Trials:
         if not run and not decided(found, tolerance, reference.doubt):
             return False
         self.errors[candidate] = found
-        most, within = worst(found), reference.within(found, tolerance, curves.unseen)
+        most, within = worst(found), reference.within(found, tolerance, curves.undersampled)
         if within:
             self.kept.add(candidate)
         self.attempts.append(
             Attempt(
                 model=candidate.name, error=most.peak_share, worst_sensor=most.sensor,
-                within=within, priced=not run, reason="; ".join(curves.unseen),
+                within=within, priced=not run, reason="; ".join(curves.undersampled),
             )
         )  # fmt: skip
         return True
@@ -141,7 +141,7 @@ class Trials:
 def cheapest(trials: Trials, found: Mapping[str, float | None]) -> Variant:
     """The candidate of least expected work that is within the tolerance; the reference itself where none is."""
     work = {}
-    for each in (candidate for candidate in ladder(trials.runs.scene) if _preset(candidate) in _FAMILIES):
+    for each in (candidate for candidate in candidates_of(trials.runs.scene) if _preset(candidate) in _FAMILIES):
         try:
             work[each] = expected_work(trials.runs.scene, each)
         except SceneError as error:

@@ -66,7 +66,7 @@ class LinearPrices:
     sensors: tuple[str, ...]
     _meshes: dict[tuple[int, ...], Model] = field(default_factory=dict)
     _orbits: dict[tuple[Options, tuple[int, ...]], tuple[Model, Orbit] | None] = field(default_factory=dict)
-    _unseen: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    _undersampled: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene, sensors: Sequence[str]) -> LinearPrices | None:
@@ -115,10 +115,10 @@ class LinearPrices:
             z, v, a = orbit.at(options.steps).take(np.arange(options.steps + 1), axis=2, mode="wrap")
         motion = elastic_motion(model, model.motion.at(times), (z, v, a))
         read = measure(motion, None if every else self.sensors)
-        if options.steps not in self._unseen:
-            self._unseen[options.steps] = tuple(between_steps(model))
+        if options.steps not in self._undersampled:
+            self._undersampled[options.steps] = tuple(between_steps(model))
         values = {name: series.values for name, series in read.items() if name in scene.sensors}
-        return Curves(times, values, {}, model.warnings, 0.0, self._unseen[options.steps])
+        return Curves(times, values, {}, model.warnings, 0.0, self._undersampled[options.steps])
 
     def model_of(self, variant: Variant) -> Model:
         """The model of a variant that has curves."""

@@ -14,7 +14,7 @@ from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.runs import Cost, Run, Runs, cost
-from kaneflex.study.trade.candidates import elements_of, ladder, neutral, neutral_settings
+from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.errors import SceneError, nearest
 
@@ -29,7 +29,7 @@ class Ranked:
     candidate: Variant
     differences: tuple[Difference, ...]
     cost: Cost
-    unseen: tuple[str, ...] = ()
+    undersampled: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -77,7 +77,7 @@ class Trade:
 
     def good_enough(self, entry: Ranked) -> bool:
         """Whether every sensor stays within the tolerance, with the reference's own doubt on top."""
-        return self.reference.within(entry.differences, self.tolerance, entry.unseen)
+        return self.reference.within(entry.differences, self.tolerance, entry.undersampled)
 
     def settings_of(self, entry: Ranked) -> tuple[str, ...]:
         """What makes the scene this model, of the form path=value."""
@@ -122,7 +122,7 @@ def trade(
     progress : callable
         Called with the name of each stage that can take longer than a moment.
     candidates : sequence of Variant, optional
-        The models to try, by default :func:`kaneflex.study.trade.candidates.ladder`'s.
+        The models to try, by default :func:`kaneflex.study.trade.candidates.candidates_of`'s.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def trade(
     runs = Runs(basis, progress)
     reference = find_reference(runs, sensors, tolerance)
     deadline = time.perf_counter() + budget
-    candidates = ladder(basis) if candidates is None else candidates
+    candidates = candidates_of(basis) if candidates is None else candidates
     found, left_out = _first_runs(runs, candidates, time.perf_counter() + _FIRST_RUNS * budget)
     if not found:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
@@ -146,7 +146,7 @@ def trade(
             candidate,
             differences(basis, sensors, candidate.name, first.curves, reference.curves, reference.period),
             cost(first.timing, repeats[candidate]),
-            first.curves.unseen,
+            first.curves.undersampled,
         )
         for candidate, first in found.items()
     ]

@@ -67,13 +67,13 @@ class Reference:
         """How far the reference itself may be off, as a share of the sensor's peak."""
         return self.refinement.get(sensor, 0.0) + self.coupling.get(sensor, 0.0)
 
-    def within(self, found: Sequence[Difference], tolerance: float, unseen: Sequence[str] = ()) -> bool:
+    def within(self, found: Sequence[Difference], tolerance: float, undersampled: Sequence[str] = ()) -> bool:
         """Whether every error, with the doubt about the reference on top, is within a tolerance; no errors are not.
 
         A model is not that steps over what its loads do: how much of it its instants meet is luck.
         """
         close = all(each.peak_share + self.doubt(each.sensor) <= tolerance for each in found)
-        return bool(found) and close and not unseen
+        return bool(found) and close and not undersampled
 
 
 def find_reference(
@@ -177,10 +177,10 @@ def _changes(
 
 
 def _check(scene: Scene, name: str, curves: Curves, changes: Mapping[str, float], tolerance: float) -> None:
-    if curves.unseen:
+    if curves.undersampled:
         raise SceneError(
             "--tolerance", f"{100 * tolerance:.3g}%",
-            f"in the finest model ({name}) {curves.unseen[0]}; nothing can be ranked against it",
+            f"in the finest model ({name}) {curves.undersampled[0]}; nothing can be ranked against it",
             "Give the scene more solve.steps, or a load that changes more slowly",
         )  # fmt: skip
     sensor = max(changes, key=changes.__getitem__)
