@@ -93,36 +93,39 @@ class Cycles(ABC, Generic[Start, Cycle]):
         """Cycle after cycle until one repeats, each from where Newton's method has the last one's end lead to.
 
         The tangent is that of the first cycle, mended by every further one (Broyden 1965); where it is none, or leads
-        away, a cycle goes on from the end of the last one. What is found says whether disturbances of it grow; nothing
-        where the motion can't go on.
+        away, a cycle goes on from the end of the last one, and the verdict says why. What is found says whether
+        disturbances of it grow; nothing where the motion can't go on.
         """
         found: Cycle | None = None
         slope: np.ndarray | None = None
-        move, missed, tell = np.zeros(0), np.zeros(0), progress or (lambda share: None)
+        move, missed, tell, waits = np.zeros(0), np.zeros(0), progress or (lambda share: None), ""
         for count in range(_CYCLES):
             before, found = found, self.run(start)
             if not self.completed(found):
                 if before is None or slope is None:
                     return found, None
-                found, slope = before, None  # it led where nothing goes on: wait instead
+                found, slope, waits = before, None, "; Newton's method leads where no motion goes on"
             if self.repeats(found):
                 tell(1.0)
-                return found, self.judged(found)
+                verdict = self.judged(found)
+                waited = f"; found by waiting for {count} cycles{waits}" if waits else ""
+                return found, verdict._replace(message=verdict.message + waited)
             tell(count / _CYCLES)
+            if count and slope is None:
+                start = self.end(found)
+                continue
             last, missed = missed, self.missed(found)
             try:
-                if count == 0:
-                    slope = np.eye(len(missed)) - self.monodromy(found, PIECES)
-                elif slope is not None:
-                    slope -= np.outer(missed - last + slope @ move, move) / (move @ move)
                 if slope is None:
-                    raise ArithmeticError
+                    slope = np.eye(len(missed)) - self.monodromy(found, PIECES)
+                else:
+                    slope -= np.outer(missed - last + slope @ move, move) / (move @ move)
                 move = np.linalg.solve(slope, missed)
                 start = self.moved(found, move)
-            except (ArithmeticError, np.linalg.LinAlgError):
-                start, slope = self.end(found), None
+            except (ArithmeticError, np.linalg.LinAlgError) as error:
+                start, slope, waits = self.end(found), None, f"; Newton's method fails: {error}"
         assert found is not None
-        reason = f"the motion still changes after {_CYCLES} cycles; damp it, or start from zero"
+        reason = f"the motion still changes after {_CYCLES} cycles{waits}; damp it, or start from zero"
         return found, Verdict(Outcome.NO_PERIODIC_STATE, f"no periodic state: {reason}", None)
 
     def multipliers(self, cycle: Cycle) -> tuple[np.ndarray, float]:

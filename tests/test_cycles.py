@@ -1,0 +1,66 @@
+"""The search for a motion that repeats, over maps of one number: each says how its start was found."""
+
+import numpy as np
+import pytest
+
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.cycles import Cycles
+
+
+class Halving(Cycles):
+    """P(x) = 1 + x / 2, which repeats at 2; ``tangent`` stands for dP/dx, and no cycle from beyond ``goes_on`` ends."""
+
+    def __init__(self, tangent, goes_on=np.inf):
+        self.tangent, self.goes_on = tangent, goes_on
+
+    def run(self, start):
+        return start, 1.0 + start / 2.0
+
+    def completed(self, cycle):
+        return cycle[0] <= self.goes_on
+
+    def repeats(self, cycle):
+        return abs(cycle[1] - cycle[0]) < 1e-6
+
+    def missed(self, cycle):
+        return np.array([cycle[1] - cycle[0]])
+
+    def monodromy(self, cycle, pieces):
+        if isinstance(self.tangent, Exception):
+            raise self.tangent
+        return np.array([[self.tangent]])
+
+    def moved(self, cycle, x):
+        return cycle[0] + x[0]
+
+    def end(self, cycle):
+        return cycle[1]
+
+
+def test_newtons_method_needs_two_cycles_and_no_words():
+    (start, _), verdict = Halving(0.5).repeated(0.0)
+    assert start == pytest.approx(2.0, rel=0, abs=1e-12)
+    assert verdict.message == "completed"
+
+
+def test_where_the_equations_beside_it_have_no_solution_cycles_are_waited_for():
+    # 1 / 2^k < 1e-6 after 20 cycles
+    (start, _), verdict = Halving(np.linalg.LinAlgError("singular matrix")).repeated(0.0)
+    assert start == pytest.approx(2.0, rel=0, abs=2e-6) and verdict.outcome is Outcome.COMPLETED
+    assert "found by waiting for 20 cycles; Newton's method fails: singular matrix" in verdict.message
+
+
+def test_where_a_start_leads_where_nothing_goes_on_the_last_cycle_is_waited_from():
+    (start, _), verdict = Halving(0.9, goes_on=3.0).repeated(0.0)  # such a slope leads to 10
+    assert start == pytest.approx(2.0, rel=0, abs=2e-6)
+    assert "found by waiting for 21 cycles; Newton's method leads where no motion goes on" in verdict.message
+
+
+def test_a_motion_that_does_not_repeat_says_what_was_tried():
+    class Turning(Halving):
+        def run(self, start):
+            return start, start + 1.0
+
+    _, verdict = Turning(1.0).repeated(0.0)
+    assert verdict.outcome is Outcome.NO_PERIODIC_STATE
+    assert "still changes after 100 cycles; Newton's method fails: Singular matrix; damp it" in verdict.message
