@@ -115,10 +115,10 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def _records(solution: Solution, readings: dict[str, str]) -> Figure:
     shown = view(solution)
-    readings = {"accelerometer": "Accelerometers (a \u2212 g)", "kinematic": "Accelerations"}
+    titles = {"accelerometer": "Accelerometers (a \u2212 g)", "kinematic": "Accelerations"}
     kinds = [
         (title, "acceleration", "m/s^2", [name for name, reading in readings.items() if reading == wanted], False)
-        for wanted, title in readings.items()
+        for wanted, title in titles.items()
     ]
     kinds = [kind for kind in (*kinds, *_others(solution)) if kind[3]]
     figure = new_figure(8.4, 0.7 + 1.9 * len(kinds), f"Records over time{shown.note}")
