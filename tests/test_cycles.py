@@ -53,7 +53,7 @@ def test_where_the_equations_beside_it_have_no_solution_cycles_are_waited_for():
 def test_where_a_start_leads_where_nothing_goes_on_the_last_cycle_is_waited_from():
     (start, _), verdict = Halving(0.9, goes_on=3.0).repeated(0.0)  # such a slope leads to 10
     assert start == pytest.approx(2.0, rel=0, abs=2e-6)
-    assert "found by waiting for 21 cycles; Newton's method leads where no motion goes on" in verdict.message
+    assert "found by waiting for 20 cycles; Newton's method leads where no motion goes on" in verdict.message
 
 
 def test_a_motion_that_does_not_repeat_says_what_was_tried():

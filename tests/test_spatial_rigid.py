@@ -12,7 +12,8 @@ from kaneflex import load, read_scene, simulate
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.spatial_system import SpatialSystem, build_spatial_system
-from kaneflex.multibody.spatial_tables import ROWS, WHAT, build_tables
+from kaneflex.multibody.spatial_tables import ROWS, WHAT
+from kaneflex.multibody.spatial_topology import build_tables
 from kaneflex.solve.spatial_loading import find_spatial_module, spatial_start
 from kaneflex.support.errors import SceneError
 

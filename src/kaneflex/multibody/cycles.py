@@ -98,34 +98,35 @@ class Cycles(ABC, Generic[Start, Cycle]):
         """
         found: Cycle | None = None
         slope: np.ndarray | None = None
-        move, missed, tell, waits = np.zeros(0), np.zeros(0), progress or (lambda share: None), ""
+        move, missed, tell = np.zeros(0), np.zeros(0), progress or (lambda share: None)
+        failure, waited = "", 0
         for count in range(_CYCLES):
             before, found = found, self.run(start)
             if not self.completed(found):
-                if before is None or slope is None:
+                if before is None or failure:
                     return found, None
-                found, slope, waits = before, None, "; Newton's method leads where no motion goes on"
+                found, failure = before, "; Newton's method leads where no motion goes on"
             if self.repeats(found):
                 tell(1.0)
                 verdict = self.judged(found)
-                waited = f"; found by waiting for {count} cycles{waits}" if waits else ""
-                return found, verdict._replace(message=verdict.message + waited)
+                how = f"; found by waiting for {waited} cycles{failure}" if failure else ""
+                return found, verdict._replace(message=verdict.message + how)
             tell(count / _CYCLES)
-            if count and slope is None:
-                start = self.end(found)
-                continue
-            last, missed = missed, self.missed(found)
-            try:
-                if slope is None:
-                    slope = np.eye(len(missed)) - self.monodromy(found, PIECES)
-                else:
-                    slope -= np.outer(missed - last + slope @ move, move) / (move @ move)
-                move = np.linalg.solve(slope, missed)
-                start = self.moved(found, move)
-            except (ArithmeticError, np.linalg.LinAlgError) as error:
-                start, slope, waits = self.end(found), None, f"; Newton's method fails: {error}"
+            if not failure:
+                last, missed = missed, self.missed(found)
+                try:
+                    if slope is None:
+                        slope = np.eye(len(missed)) - self.monodromy(found, PIECES)
+                    else:
+                        slope -= np.outer(missed - last + slope @ move, move) / (move @ move)
+                    move = np.linalg.solve(slope, missed)
+                    start = self.moved(found, move)
+                except (ArithmeticError, np.linalg.LinAlgError) as error:
+                    failure = f"; Newton's method fails: {error}"
+            if failure:
+                start, waited = self.end(found), waited + 1
         assert found is not None
-        reason = f"the motion still changes after {_CYCLES} cycles{waits}; damp it, or start from zero"
+        reason = f"the motion still changes after {_CYCLES} cycles{failure}; damp it, or start from zero"
         return found, Verdict(Outcome.NO_PERIODIC_STATE, f"no periodic state: {reason}", None)
 
     def multipliers(self, cycle: Cycle) -> tuple[np.ndarray, float]:

@@ -22,7 +22,7 @@ class Curve(ABC):
         """The state at t [s]."""
 
     def rows(self, times: np.ndarray) -> np.ndarray:
-        """Rows of :class:`kaneflex.multibody.spatial_kinematics.Instants` at ``times`` [s], which are in their order.
+        """Rows of :class:`kaneflex.multibody.spatial_work.Instants` at ``times`` [s], which are in their order.
         """
         return np.array([self.system.row(self(t)) for t in times.tolist()])
 

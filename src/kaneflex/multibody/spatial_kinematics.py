@@ -8,9 +8,7 @@ rows of the cuts. All vectors are global unless said otherwise; a body's origin 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 
 from kaneflex.generated import spatial as laws
@@ -39,145 +37,9 @@ from kaneflex.multibody.spatial_tables import (
     STATION,
     TURN,
     WHAT,
-    Tables,
 )  # fmt: skip
+from kaneflex.multibody.spatial_work import SECTION
 from kaneflex.multibody.tables import OPTIONS, apart
-
-SECTION = 15
-"""Numbers of a section."""
-
-
-class Work(NamedTuple):
-    """What the compiled functions fill, n bodies' nodes, s speeds.
-
-    Attributes
-    ----------
-    kept : ndarray
-        One after the other, all that an instant keeps: the following ones, up to ``deforming``.
-    q, u, du : ndarray
-        Coordinates, speeds, and rates of these.
-    sizes : ndarray (n_loads,)
-    R, r : ndarray (n, 3, 3), (n, 3)
-        Axes and origins.
-    v, w, a, e : ndarray (n, 3)
-        Velocity of the origin, angular velocity, acceleration of the origin, angular acceleration.
-    wrenches : ndarray (n, 6)
-        Force and moment about its origin that a node's joint exerts on it.
-    multipliers : ndarray (n_rows,)
-        Of the cuts' rows.
-    along : ndarray (s,)
-        What is exerted along every speed beyond loads, springs and cuts.
-    rows : ndarray (n_rows, 15)
-        Of the cuts, see ``kaneflex.generated.spatial``.
-    springs, twists : ndarray (n_springs, 7), (n_twists, 4)
-        Length, tension, force, energy, dissipated power; angle, torque, energy, dissipated power.
-    bushings : ndarray (n_bushings, 9)
-        Force and moment, energy, dissipated power, angle, see :mod:`kaneflex.multibody.spatial_bushings`.
-    deforming : ndarray (4,)
-        What shapes add to the kinetic energy, the strain energy, that of the weight [J], and to dissipated power [W].
-    P : ndarray (n, 3)
-        Where the joint's point is.
-    Jv, Jw : ndarray (n, s, 3)
-        Partial velocities of the origin, partial angular velocities.
-    sections : ndarray (n_sections, 15)
-    axes : ndarray (n_axes, 3)
-    J : ndarray (n_rows, s)
-        Rates of the rows by the speeds.
-    M, h : ndarray (s, s), (s,)
-    F : ndarray (n, 6)
-        Force and moment about its origin that a node's body asks for beyond what acts on it.
-    B : ndarray (6, s)
-        Partial velocities of one body in its own axes.
-    x : ndarray (108,)
-        Vectors and matrices at hand.
-    I : ndarray ((6 + most shapes)^2,)
-        Mass matrix of one body, that of its axes, what couples shapes to it and their own.
-    turned : ndarray (27,)
-        theta, theta' of a station, then R, T row by row and T' theta' of ``kaneflex.generated.spatial_shapes.section``.
-    """
-
-    kept: np.ndarray
-    q: np.ndarray
-    u: np.ndarray
-    du: np.ndarray
-    sizes: np.ndarray
-    R: np.ndarray
-    r: np.ndarray
-    v: np.ndarray
-    w: np.ndarray
-    a: np.ndarray
-    e: np.ndarray
-    wrenches: np.ndarray
-    multipliers: np.ndarray
-    along: np.ndarray
-    rows: np.ndarray
-    springs: np.ndarray
-    twists: np.ndarray
-    bushings: np.ndarray
-    deforming: np.ndarray
-    P: np.ndarray
-    Jv: np.ndarray
-    Jw: np.ndarray
-    sections: np.ndarray
-    axes: np.ndarray
-    J: np.ndarray
-    M: np.ndarray
-    h: np.ndarray
-    F: np.ndarray
-    B: np.ndarray
-    x: np.ndarray
-    I: np.ndarray
-    turned: np.ndarray
-
-
-class Instants(NamedTuple):
-    """What is kept of instants, as :class:`Work` has it of one, each with the instants for its first axis."""
-
-    q: np.ndarray
-    u: np.ndarray
-    du: np.ndarray
-    sizes: np.ndarray
-    R: np.ndarray
-    r: np.ndarray
-    v: np.ndarray
-    w: np.ndarray
-    a: np.ndarray
-    e: np.ndarray
-    wrenches: np.ndarray
-    multipliers: np.ndarray
-    along: np.ndarray
-    rows: np.ndarray
-    springs: np.ndarray
-    twists: np.ndarray
-    bushings: np.ndarray
-    deforming: np.ndarray
-
-    @classmethod
-    def of(cls, rows: np.ndarray, work: Work) -> Instants:
-        """Views of rows that are each like the ``kept`` of a work."""
-        parts, first = list[np.ndarray](), 0
-        for name in cls._fields:
-            one = getattr(work, name)
-            parts.append(rows[:, first : first + one.size].reshape(len(rows), *one.shape))
-            first += one.size
-        return cls(*parts)
-
-
-def work_of(tables: Tables, coordinates: int, speeds: int, rows: int, loads: int) -> Work:
-    """Room for a mechanism."""
-    n, sections, axes = len(tables.nodes), len(tables.on), len(tables.axis_on)
-    kept = ((coordinates,), (speeds,), (speeds,), (loads,), (n, 3, 3), *((n, 3),) * 5, (n, 6), (rows,), (speeds,),
-            (rows, SECTION), (len(tables.springs), 7), (len(tables.twists), 4),
-            (len(tables.bushings), 9), (4,))  # fmt: skip
-    shapes = int(tables.nodes[:, COUNT].max(initial=0))
-    rest = ((n, 3), (n, speeds, 3), (n, speeds, 3), (sections, SECTION), (axes, 3), (rows, speeds), (speeds, speeds),
-            (speeds,), (n, 6), (6, speeds), (108,), ((6 + shapes) ** 2,), (27,))  # fmt: skip
-    row, first = np.zeros(sum(map(math.prod, kept))), 0
-    parts = list[np.ndarray]()
-    for shape in kept:
-        parts.append(row[first : first + math.prod(shape)].reshape(shape))
-        first += math.prod(shape)
-    return Work(row, *parts, *(np.zeros(shape) for shape in rest))
 
 
 @once

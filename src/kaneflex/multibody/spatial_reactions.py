@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.multibody.spatial_kinematics import Instants
 from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.spatial_work import Instants
 from kaneflex.support.kept import Kept
 
 COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")

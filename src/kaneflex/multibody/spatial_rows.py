@@ -1,6 +1,6 @@
 """Compiled motion of a mechanism in space: where it stands at an instant, and rows of that at many.
 
-What is found of an instant lies in :class:`kaneflex.multibody.spatial_kinematics.Work`; the first of its numbers make a
+What is found of an instant lies in :class:`kaneflex.multibody.spatial_work.Work`; the first of its numbers make a
 row.
 """
 
@@ -24,6 +24,7 @@ from kaneflex.multibody import (
     spatial_forces,
     spatial_kinematics,
     spatial_tables,
+    spatial_work,
     tables,
 )
 from kaneflex.multibody.spatial_dynamics import (
@@ -56,7 +57,7 @@ DONE, OPEN, APART, MASSLESS, INFINITE, GROWN = range(6)
 _made_of_parts = made_of(
     laws.__file__, shape_laws.__file__, dense_lu.__file__, inner.__file__, spatial_dynamics.__file__,
     spatial_bushings.__file__, spatial_forces.__file__, spatial_kinematics.__file__, spatial_tables.__file__,
-    tables.__file__,
+    spatial_work.__file__, tables.__file__,
 )  # fmt: skip
 
 

@@ -12,8 +12,8 @@ from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import SpatialFrame, cross
-from kaneflex.multibody.spatial_kinematics import Instants
 from kaneflex.multibody.spatial_system import SpatialSystem
+from kaneflex.multibody.spatial_work import Instants
 
 if TYPE_CHECKING:
     from kaneflex.multibody.spatial_motion import SpatialMotion

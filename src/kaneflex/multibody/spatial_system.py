@@ -15,7 +15,6 @@ from kaneflex.multibody.addresses import kernel_address, kernel_of_c
 from kaneflex.multibody.binding import bind_parameters
 from kaneflex.multibody.inner import compiling
 from kaneflex.multibody.spatial_dynamics import Choice
-from kaneflex.multibody.spatial_kinematics import Instants, Work, work_of
 from kaneflex.multibody.spatial_rows import (
     ADVANCE,
     APART,
@@ -42,6 +41,7 @@ from kaneflex.multibody.spatial_tables import (
     COORDINATES,
     COUNT,
     KIND,
+    RIGID,
     ROWS,
     SHAPES,
     SPEED,
@@ -51,14 +51,14 @@ from kaneflex.multibody.spatial_tables import (
     Flexible,
     Layout,
     Tables,
-    build_tables,
 )  # fmt: skip
+from kaneflex.multibody.spatial_topology import build_tables
+from kaneflex.multibody.spatial_work import Instants, Work, work_of
 from kaneflex.multibody.tables import STRUCTURE_KERNELS
 from kaneflex.scene import Scene
 
 _RANK = 1e-9
 """Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
-_RIGID: Flexible = {}
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
 _REASONS = {
     OPEN: "a loop does not close, or leaves open how it goes on",
@@ -463,7 +463,7 @@ def _rank(r: np.ndarray) -> int:
     return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of which nothing is left but rounding have none
 
 
-def build_spatial_system(scene: Scene, module: ModuleType, flexible: Flexible = _RIGID) -> SpatialSystem:
+def build_spatial_system(scene: Scene, module: ModuleType, flexible: Flexible = RIGID) -> SpatialSystem:
     """Bind a scene to its module; ``flexible``: shapes of the bodies that deform."""
     mechanism = spatial_mechanism_of(scene)
     tables, layout = build_tables(mechanism, flexible)

@@ -159,8 +159,8 @@ class _Balances:
         To the elastic motion belongs the damping alpha m d' that Rayleigh's gives to every mass.
         """
         scene, rigid, frame = self.model.scene, self.rigid, self.rigid.frame(body)
-        specific_force = frame.acceleration(scene.point(at) if isinstance(at, Address) else at)
-        total = np.vstack([specific_force - np.array(scene.gravity)[:, None], frame.epsilon])
+        acceleration = frame.acceleration(scene.point(at) if isinstance(at, Address) else at)
+        total = np.vstack([acceleration - np.array(scene.gravity)[:, None], frame.epsilon])
         if motion is not None:
             _, rate, accel = as_balanced(self.model, rigid, self.coordinates, motion)
             total += accel + self.model.rayleigh[0] * rate

@@ -56,7 +56,7 @@ class SpatialDeformation(Deformation):
         1, x, x^2 each."""
         name, x_0 = self.link.name, self.link.nodes[e]
         specific_force, *turning = ([self.rigid[f"{name}.link.{kind}_{axis}"] for axis in "xyz"]
-                          for kind in ("a", "omega", "epsilon"))  # fmt: skip
+                                    for kind in ("a", "omega", "epsilon"))  # fmt: skip
         spread = self._spread(e)
         return tuple(
             self._inertia_load(e, at + growing * x_0, growing) + spread[k]

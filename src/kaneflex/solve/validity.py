@@ -331,12 +331,12 @@ def _left_ringing(solution: Solution) -> list[str]:
 
     model, series = solution.model, solution.series
     options, length = model.options, longest(model.scene)
-    specific_force = [abs(series[name].values).max() * {"m/s^2": 1.0, "rad/s^2": length}[series[name].unit]
+    peaks = [abs(series[name].values).max() * {"m/s^2": 1.0, "rad/s^2": length}[series[name].unit]
             for name, sensor in model.scene.sensors.items() if sensor.kind == "acceleration"]  # fmt: skip
-    if not specific_force or solution.outcome is not Outcome.COMPLETED:
+    if not peaks or solution.outcome is not Outcome.COMPLETED:
         return []
     highest = 2.0 * np.pi * max((mode.frequency_hz for mode in unresolved(solution)), default=0.0)
-    rings = options.tolerance * length * highest**2 > LARGEST_PART * min(specific_force)
+    rings = options.tolerance * length * highest**2 > LARGEST_PART * min(peaks)
     if not rings or solution.seconds > LONGEST_SECOND:
         return []
     from kaneflex.solve.simulation import solve
