@@ -64,3 +64,8 @@ def test_a_motion_that_does_not_repeat_says_what_was_tried():
     _, verdict = Turning(1.0).repeated(0.0)
     assert verdict.outcome is Outcome.NO_PERIODIC_STATE
     assert "still changes after 100 cycles; Newton's method fails: Singular matrix; damp it" in verdict.message
+
+
+def test_waiting_ends_where_no_motion_goes_on():
+    cycle, verdict = Halving(np.linalg.LinAlgError("singular matrix"), goes_on=1.2).repeated(0.0)
+    assert verdict is None and cycle[0] == pytest.approx(1.5)  # after 0 and 1
