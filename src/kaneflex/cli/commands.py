@@ -230,26 +230,12 @@ def run(
 
 
 def _report(summary: Summary, folder: Path) -> None:
-    from kaneflex.report.tables import (
-        contact_table,
-        ending,
-        envelope_table,
-        friction_table,
-        run_lines,
-        sensitivity_table,
-        summary_table,
-    )
+    from kaneflex.report.tables import ending, more_tables, run_lines, summary_table
 
     if summary.sensors:
         click.echo(summary_table(summary))
-    if summary.mode_angle_spread:
-        click.echo(envelope_table(summary))
-    if summary.contacts:
-        click.echo(contact_table(summary))
-    if summary.frictions:
-        click.echo(friction_table(summary))
-    if summary.sensitivities:
-        click.echo(sensitivity_table(summary))
+    for _, table in more_tables(summary):
+        click.echo(table)
     click.echo(run_lines(summary))
     if summary.choice is not None:
         click.echo(chosen_lines(summary.choice))

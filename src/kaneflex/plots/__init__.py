@@ -150,8 +150,8 @@ def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]],
 
     of_any = (loads.figures, sensors.figures, orders.figures, energy.figures)
     if solution.model.scene.is_spatial:
-        moving = (spatial.figures, spatial.hodographs, spatial.deformed, *of_any) if _moves(solution) else ()
-        return (*moving, spatial.modes)
+        moving = (spatial.figures, spatial.hodographs, spatial.deformed, stress.figures, *of_any)
+        return (*(moving if _moves(solution) else ()), spatial.modes)
     if not _moves(solution):
         return (modes.figures,)
     kinds = (motion, paths, modes, displacements, stress, clearances, records)

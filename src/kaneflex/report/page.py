@@ -16,11 +16,9 @@ import numpy as np
 
 from kaneflex.report.presentation import modelled
 from kaneflex.report.tables import (
-    contact_table,
     ending,
-    friction_table,
+    more_tables,
     run_lines,
-    sensitivity_table,
     sensor_cells,
     unit_and_factor,
 )
@@ -80,16 +78,11 @@ def _warnings(summary: Summary) -> str:
 
 
 def _more(summary: Summary) -> Iterator[str]:
-    """What not every run has: why no error is known, contacts, friction, derivatives."""
+    """What not every run has, and why no error is known."""
     if summary.errors:
         yield f"<p>Errors of the sensors: {escape(summary.errors)}.</p>"
-    tables = (
-        (summary.contacts, "Contacts", contact_table), (summary.frictions, "Friction", friction_table),
-        (summary.sensitivities, "Sensitivities", sensitivity_table),
-    )  # fmt: skip
-    for found, title, as_table in tables:
-        if found:
-            yield f"<h2>{title}</h2><pre>{_text(as_table(summary))}</pre>"
+    for title, text in more_tables(summary):
+        yield f"<h2>{title}</h2><pre>{_text(text)}</pre>"
 
 
 def _choice(summary: Summary) -> str:

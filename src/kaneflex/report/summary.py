@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic import Field
 
+from kaneflex.response.stresses import link_stresses
 from kaneflex.solve.mode_angle_envelope import PeakSpread, mode_angle_spread
 from kaneflex.solve.solution import MOST_FREQUENCIES
 from kaneflex.solve.touching import ContactSummary, FrictionSummary, contact_summaries, friction_summaries
@@ -64,6 +65,15 @@ class SensorSummary(PlainTable):
     plus_minus: SensorError | None = Field(
         default=None, description="its estimated error; null where none is estimated"
     )
+
+
+class StressSummary(PlainTable):
+    """The largest stress of von Mises in an elastic link, over its length, the outline of its section and the run."""
+
+    largest: float = Field(description="Pa; by section forces at equal distances along the link, notches left out")
+    x_m: float = Field(description="distance from the link's start, m")
+    at: Instant = Field(description="when")
+    utilisation: float | None = Field(description="its share of the beam's yield_strength; null where none is given")
 
 
 class Timing(PlainTable):
@@ -134,6 +144,9 @@ class Summary(PlainTable):
     energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
     contacts: dict[str, ContactSummary] = Field(description="by name; empty for a scene without contacts")
     frictions: dict[str, FrictionSummary] = Field(description="by joint or contact; empty for a scene without friction")
+    stresses: dict[str, StressSummary] = Field(
+        description="by elastic link; empty where no section of one has a shape"
+    )
     unresolved_modes: list[UnresolvedMode] = Field(
         description="under preset coupled: the modes that its steps do not follow; empty for others"
     )
@@ -183,6 +196,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         energy=_energy(solution),
         contacts=contact_summaries(solution),
         frictions=friction_summaries(solution),
+        stresses=_stresses(solution) if len(times) else {},
         unresolved_modes=unresolved(solution),
         choice=choice,
         timing=Timing(
@@ -209,6 +223,27 @@ def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
     }
 
 
+def _stresses(solution: Solution) -> dict[str, StressSummary]:
+    degrees, found = drive_degrees(solution), {}
+    for name in solution.model.links:
+        stresses, beam = link_stresses(solution.motion, name), solution.model.scene.bodies[name].beam
+        if stresses is None or beam is None:
+            continue
+        station, instant = stresses.largest
+        largest = float(stresses.mises[station, instant])
+        found[name] = StressSummary(
+            largest=largest,
+            x_m=stresses.x[station],
+            at=_instant(solution.times, degrees, instant),
+            utilisation=None if beam.yield_strength is None else largest / beam.yield_strength,
+        )
+    return found
+
+
+def _instant(times: np.ndarray, degrees: np.ndarray | None, index: int) -> Instant:
+    return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
+
+
 def _sensor(
     series: Series,
     found: Statistics,
@@ -216,16 +251,13 @@ def _sensor(
     degrees: np.ndarray | None,
     error: ErrorEstimate | None = None,
 ) -> SensorSummary:
-    def instant(index: int) -> Instant:
-        return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
-
     return SensorSummary(
         unit=series.unit,
         meaning=series.meaning,
         min=found.min,
         max=found.max,
-        at_min=instant(found.at_min),
-        at_max=instant(found.at_max),
+        at_min=_instant(times, degrees, found.at_min),
+        at_max=_instant(times, degrees, found.at_max),
         rms=found.rms,
         mean=found.mean,
         plus_minus=None if error is None else SensorError(**asdict(error)),
@@ -289,8 +321,8 @@ Made by `python -m kaneflex.report.summary`; do not edit.
 
 
 _TABLES = (
-    Summary, SensorSummary, SensorError, Instant, PeakSpread, EnergyBalance, ContactSummary, FrictionSummary,
-    UnresolvedMode, Choice, Attempt, Timing, Operations, ParameterSensitivity, SensorDerivative,
+    Summary, SensorSummary, SensorError, Instant, StressSummary, PeakSpread, EnergyBalance, ContactSummary,
+    FrictionSummary, UnresolvedMode, Choice, Attempt, Timing, Operations, ParameterSensitivity, SensorDerivative,
 )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -100,6 +100,20 @@ def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
     return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(mean), number(entry.rms))
 
 
+def more_tables(summary: Summary) -> Iterator[tuple[str, str]]:
+    """Titles and tables of what not every run has."""
+    of = {
+        "Frozen at other angles": (summary.mode_angle_spread, envelope_table),
+        "Contacts": (summary.contacts, contact_table),
+        "Friction": (summary.frictions, friction_table),
+        "Stresses": (summary.stresses, stress_table),
+        "Sensitivities": (summary.sensitivities, sensitivity_table),
+    }
+    for title, (found, as_table) in of.items():
+        if found:
+            yield title, as_table(summary)
+
+
 def envelope_table(summary: Summary) -> str:
     """How the peaks of a frozen model depend on the angle at which it is frozen."""
     rows = []
@@ -129,6 +143,18 @@ def friction_table(summary: Summary) -> str:
         largest = f"{friction.largest_torque:.5g} N m" if turns else f"{friction.largest_force:.5g} N"
         rows.append((name, largest, f"{friction.lost:.4g}", f"{100 * friction.stuck:.3g}"))
     return table(("friction", "largest", "lost J", "stuck %"), rows)
+
+
+def stress_table(summary: Summary) -> str:
+    """The largest stress in every link, and where it is."""
+    when, rows = "s", []
+    for name, stress in summary.stresses.items():
+        share = "" if stress.utilisation is None else f"{100.0 * stress.utilisation:.3g}"
+        at = f"{stress.at.time_s:.5g}"
+        if stress.at.drive_deg is not None:
+            when, at = "deg", f"{stress.at.drive_deg:.1f}"
+        rows.append((name, f"{1e-6 * stress.largest:.4g}", f"{1e3 * stress.x_m:.5g}", at, share))
+    return table(("link", "largest stress MPa", "at mm", f"at {when}", "% of yield_strength"), rows)
 
 
 def run_lines(summary: Summary) -> str:

@@ -77,8 +77,7 @@ class Sectioned(Made):
         last = self.section if self.taper is None else self.taper
         shaped = partial(_shaped, self.section, made_of.nu, self.kappa)
         ends = self.section.dimensions, last.dimensions
-        return Piece(start, stop, shaped, *ends, made_of, heights=(ends[0][0], ends[1][0]))
-
+        return Piece(start, stop, shaped, *ends, made_of, shape=self.section)
 
     def spatial_piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
         """The same in space, whose sections have the numbers of both planes of bending and of torsion."""
@@ -91,7 +90,7 @@ class Sectioned(Made):
         last = self.section if self.taper is None else self.taper
         shaped = partial(_shaped_in_space, self.section, made_of.nu, self.kappa)
         ends = self.section.dimensions, last.dimensions
-        return Piece(start, stop, shaped, *ends, made_of, heights=(ends[0][0], ends[1][0]))
+        return Piece(start, stop, shaped, *ends, made_of, shape=self.section)
 
 
 _IN_SPACE = ("I_y", "I_z", "J")
@@ -144,7 +143,7 @@ class Beam(Sectioned):
     axially_rigid: bool = False
     elements: WholeNumber = 4
     shapes: Literal["craig-bampton", "sine", "clamped-free", "polynomial"] = "craig-bampton"
-    yield_strength: PositiveModulus | None = Field(default=None, description="stress that pictures hold others against")
+    yield_strength: PositiveModulus | None = Field(default=None, description="what the largest stress is held against")
 
     @model_validator(mode="after")
     def _has_material(self) -> Beam:

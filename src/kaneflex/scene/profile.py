@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from kaneflex.scene.materials import Constants
-from kaneflex.scene.sections import SpatialSectionNumbers
+from kaneflex.scene.sections import Shape, SpatialSectionNumbers
 
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for x^2 A and (x - middle) I of every tapered shape
 
@@ -44,7 +44,7 @@ class Inertia(NamedTuple):
 class Piece:
     """A stretch of a beam from `start` to `stop` [m] whose section's dimensions change linearly from end to end.
 
-    `made_of`: its material's constants; `heights` [m] of the section at its ends, None where its shape isn't known.
+    `made_of`: its material's constants; `shape`, None where it isn't known, has the dimensions `first` and `last`.
     """
 
     start: float
@@ -53,12 +53,16 @@ class Piece:
     first: tuple[float, ...]
     last: tuple[float, ...]
     made_of: Constants
-    heights: tuple[float, float] | None = None
+    shape: Shape | None = None
 
     def at(self, x: float) -> Any:
         """Numbers of the section at distance x [m] from the beam's start, SectionNumbers or SpatialSectionNumbers."""
+        return self.numbers(*self.dimensions(x))
+
+    def dimensions(self, x: float) -> tuple[float, ...]:
+        """What changes linearly from `first` to `last`, at distance x [m] from the beam's start."""
         s = (x - self.start) / (self.stop - self.start)
-        return self.numbers(*(a + (b - a) * s for a, b in zip(self.first, self.last, strict=True)))
+        return tuple(a + (b - a) * s for a, b in zip(self.first, self.last, strict=True))
 
 
 @dataclass(frozen=True)
@@ -90,13 +94,6 @@ class Stretches:
     def piece_at(self, x: float) -> Piece:
         """The piece at distance x [m] from the start; at a border the one before it."""
         return next(piece for piece in self.pieces if x <= piece.stop or piece is self.pieces[-1])
-
-    def height(self, x: float) -> float | None:
-        """Height of the section at distance x [m] from the start [m], None where its shape isn't known."""
-        piece = self.piece_at(x)
-        if piece.heights is None:
-            return None
-        return float(np.interp(x, (piece.start, piece.stop), piece.heights))
 
     def _gauss(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
         """Points [m] and weights [m] of an exact quadrature from a to b, piece by piece."""
