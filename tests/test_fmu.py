@@ -83,6 +83,18 @@ def test_model_exchange_comes_near_the_run(version, engine, series, fmpy):
     assert worst(found, series) < 1e-4  # the run's own steps err by that in accelerations
 
 
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_a_scene_in_space_is_an_fmu_too(version, fmpy, tmp_path):
+    scene = with_settings(read_scene("spatial-slider-crank-elastic"), ["solve.integrator=radau"])
+    made = fmu(scene, version)
+    (tmp_path / "space.fmu").write_bytes(made.content)
+    assert made.inputs == () and {*made.outputs} == {*scene.sensors}
+    expected = simulate(load(scene)).series
+    assert worst(simulated(fmpy, tmp_path / "space.fmu", "CoSimulation"), expected) < 1e-9
+    found = simulated(fmpy, tmp_path / "space.fmu", "ModelExchange", relative_tolerance=1e-10)
+    assert worst(found, expected) < 1e-4  # the run's own steps err by that
+
+
 @pytest.mark.parametrize(
     "name, base, changed, values",
     [

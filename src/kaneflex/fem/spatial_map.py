@@ -116,7 +116,7 @@ class Joined:
         ``joints``: those whose rows are computed, by default all; the others' are left at zero.
         """
         turned = {body: turning(motion, body) for body in (GROUND, *self.mechanism.bodies)}
-        J = np.zeros((3, len(motion.times), self.row_count, self.size))
+        J = np.zeros((3, len(motion.times), self.row_count, self.size), motion.values.dtype)
         for name, joint in self.mechanism.joints.items():
             if joints is None or name in joints:
                 for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
@@ -153,7 +153,7 @@ class Joined:
 
         def add(d_1: Rates3 | None, t_1: Rates3 | None, d_2: Rates3 | None, t_2: Rates3 | None) -> None:
             """A row by its global vectors before displacements and rotations."""
-            one, two = (np.zeros((3, len(motion.times), 6)) for _ in range(2))
+            one, two = (np.zeros((3, len(motion.times), 6), motion.values.dtype) for _ in range(2))
             for out, R, d, t in ((one, R_1, d_1, t_1), (two, R_2, d_2, t_2)):
                 if d is not None:
                     out[..., :3] = product(d[..., None, :], R)[..., 0, :]
@@ -186,7 +186,7 @@ class Joined:
 
         The direction of a spring turns with its rigid points, one that needs none has none.
         """
-        found = np.zeros((3, len(motion.times), len(self.measures) - self.size, self.size))
+        found = np.zeros((3, len(motion.times), len(self.measures) - self.size, self.size), motion.values.dtype)
         unit = np.zeros((3, len(motion.times), 3, 3))
         unit[0] = np.eye(3)
         for name in self.springs:

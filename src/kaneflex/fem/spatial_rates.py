@@ -26,7 +26,7 @@ def turning(motion: RigidMotion, body: str) -> Rates3:
 
 def turned_by(R: Rates3, vector: Sequence[float] | np.ndarray) -> Rates3:
     """A vector fixed in a body's axes, global, (3, n_times, 3)."""
-    return R @ np.asarray(vector, dtype=float)
+    return R @ np.asarray(vector)
 
 
 def place_of(motion: RigidMotion, side: Side) -> Rates3:

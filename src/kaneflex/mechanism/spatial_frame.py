@@ -83,12 +83,17 @@ def turn_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame, rela
 
     ``relative``: axes of the second body in those of the first where the joint stands at zero, (3, 3).
     """
-    axis = first.to_global(joint.axes[0])
     y, z = across(joint.axes[0])
     turned = second.to_global(relative.T @ y)
     angle = np.arctan2(_dot(turned, first.to_global(z)), _dot(turned, first.to_global(y)))
+    return angle, *turn_rates(joint, first, second)
+
+
+def turn_rates(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> tuple[np.ndarray, np.ndarray]:
+    """How fast a joint with an axis turns and how that grows [rad/s, rad/s^2], (n_times,) each."""
     # both bodies carry the axis: what it turns by is across it, and so is its share in the rate of the angle's
-    return angle, _dot(axis, second.omega - first.omega), _dot(axis, second.epsilon - first.epsilon)
+    axis = first.to_global(joint.axes[0])
+    return _dot(axis, second.omega - first.omega), _dot(axis, second.epsilon - first.epsilon)
 
 
 def slide_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> Rates:
@@ -103,7 +108,7 @@ def slide_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> 
 
 
 def _columns(vector, count: int) -> np.ndarray:
-    return np.broadcast_to(np.asarray(vector, dtype=float).reshape(3, -1), (3, count))
+    return np.broadcast_to(np.asarray(vector).reshape(3, -1), (3, count))
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

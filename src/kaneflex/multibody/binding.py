@@ -106,14 +106,20 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
         return generate(scene, progress)
 
 
-def kernels_in_c(scene: Scene, progress: Progress = lambda stage: None) -> tuple[str, dict[str, str]]:
-    """What names in C begin with, and the files of the scene's kernels there; otherwise as :func:`generate_text`."""
-    progress("importing SymPy")
-    from kaneflex.derive.c_module import generate_c, prefix_of
+def prefix_in_c(scene: Scene) -> str:
+    """What a scene's names in C begin with."""
+    from kaneflex.derive.c_module import prefix_of
 
-    name = prefix_of(scene.name)
+    return prefix_of(scene.name)
+
+
+def kernels_in_c(scene: Scene, name: str, progress: Progress = lambda stage: None) -> dict[str, str]:
+    """Files of the scene's kernels in C, whose names begin with ``name``; otherwise as :func:`generate_text`."""
+    progress("importing SymPy")
+    from kaneflex.derive.c_module import generate_c
+
     with derivable(scene):
-        return name, generate_c(scene, name, progress)
+        return generate_c(scene, name, progress)
 
 
 def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:

@@ -18,6 +18,12 @@ def normal_equations(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.linalg.solve(turned @ matrix, turned @ right[..., None])[..., 0]
 
 
+def by_reflections(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The same by A = Q R, which does not square what rounding is multiplied by: a :data:`Solver`."""
+    Q, R = np.linalg.qr(matrix)
+    return np.linalg.solve(R, Q.transpose(0, 2, 1) @ right[..., None])[..., 0]
+
+
 def least_squares(
     rows: Sequence[Row], right: np.ndarray, solver: Solver = normal_equations
 ) -> dict[int, np.ndarray]:

@@ -13,6 +13,7 @@ from numbers import Real
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.elastic_motion import ElasticMotion
@@ -205,6 +206,20 @@ class _Traced(ElasticMotion):
         return self.turns[body] if self.turns else super().turned(body)
 
 
+def _traced(
+    model: Model, scalars: np.ndarray, coordinates: Rates, tape: _Tape, turns: Mapping[str, np.ndarray]
+) -> ElasticMotion:
+    """A motion of one instant of unknowns, in the plane or in space."""
+    if not model.scene.is_spatial:
+        instant = RigidMotion(model.motion, np.zeros(1), scalars.T)
+        return _Traced(model, instant, coordinates, solver=tape.solve, turns=turns)
+    from kaneflex.multibody.spatial_motion import SpatialMotion
+    from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
+
+    here = SpatialMotion(model.motion, np.zeros(1), scalars.T)
+    return SpatialElasticMotion(model, here, coordinates, solver=tape.solve)
+
+
 def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = False) -> Readings:
     """What each sensor reads, of those that only add, multiply and solve.
 
@@ -217,9 +232,8 @@ def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = Fals
     scalars, *moved, turns = np.split(tape.given()[:, None], np.cumsum(sizes)[:-1])
     if model.modal_basis is not None:
         moved = [model.modal_basis @ part for part in moved]
-    instant = RigidMotion(model.motion, np.zeros(1), scalars.T)
     angles, found = dict(zip(turned, turns, strict=True)), {}
-    motion = _Traced(model, instant, (moved[0], moved[1], moved[2]), solver=tape.solve, turns=angles)
+    motion = _traced(model, scalars, (moved[0], moved[1], moved[2]), tape, angles)
     for each in reads(motion):
         if not (rigid or each.name in model.scene.sensors):
             continue

@@ -19,6 +19,7 @@ from kaneflex.multibody.model import keep_terms
 from kaneflex.multibody.spatial_elastic import DeformingKinematics, spring_part
 from kaneflex.response.deformation import Deformation, as_balanced, deform, follow
 from kaneflex.response.elastic_motion import ElasticMotion
+from kaneflex.response.least_squares import by_reflections
 from kaneflex.response.motion import Section
 from kaneflex.response.spatial_deformation import SpatialDeformation, rigid_section
 from kaneflex.support.spatial_contract import AXES
@@ -117,7 +118,7 @@ class SpatialElasticMotion(ElasticMotion):
         sum. Rows that others follow from exert nothing; what they would share is named when the scene is loaded.
         """
         joined, rigid = self._map.joined, self.rigid
-        residual = np.zeros((len(rigid.times), joined.size))
+        residual = np.zeros((len(rigid.times), joined.size), rigid.values.dtype)
         used = np.zeros(joined.size, dtype=bool)
         for joint in joined.mechanism.joints.values():
             for side in joint.sides:
@@ -145,10 +146,9 @@ class SpatialElasticMotion(ElasticMotion):
             residual -= np.einsum("tki,kt->ti", parting[:, first : first + 4], self._spring_force(name, geometric=True))
         J, where = joined.rows(rigid)
         rows, scale = self._map.rows, joined.measure[used]
-        Q, R = np.linalg.qr((J[0][:, rows][:, :, used] * scale).transpose(0, 2, 1))
-        found = np.zeros((len(rigid.times), J.shape[2]))
-        right = np.einsum("tij,ti->tj", Q, residual[:, used] * scale)
-        found[:, rows] = np.linalg.solve(R, right[..., None])[..., 0]
+        solve = self.solver or by_reflections
+        found = np.zeros_like(J[0][:, :, 0])
+        found[:, rows] = solve((J[0][:, rows][:, :, used] * scale).transpose(0, 2, 1), residual[:, used] * scale)
         exerted: dict[str, np.ndarray] = {}
         for name, own in where.items():
             wrench, drive = joined.exerted(rigid, name, found[:, own])
@@ -171,7 +171,7 @@ class SpatialElasticMotion(ElasticMotion):
             forces = deformed.end_forces(e)
             for node, own in ((e, forces[:6]), (e + 1, forces[6:])):
                 total[list(deformed.link.part.place[node])] += own
-        found = np.zeros((part.size, len(self.times)))
+        found = np.zeros((part.size, len(self.times)), total.dtype)
         for node, rows in part.place.items():
             found[list(rows)] = total[list(deformed.link.part.place[node])]
         return found

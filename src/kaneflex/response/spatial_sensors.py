@@ -9,7 +9,7 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
+from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_rates
 from kaneflex.multibody.spatial_motion import SpatialMotion
 from kaneflex.multibody.spatial_sections import joined_frames
 from kaneflex.response.sensors import Reader, address_of
@@ -133,14 +133,13 @@ class SpatialReader(Reader):
 
     def _joint(self, sensor: Sensor) -> Rates:
         """Angle of a joint, counted on from turn to turn [rad], or its slide [m], with its rates."""
-        name, mechanism = address_of(sensor).body, spatial_mechanism_of(self.scene)
-        joint = mechanism.joints[name]
+        name = address_of(sensor).body
+        joint = spatial_mechanism_of(self.scene).joints[name]
         joint, first, second = joined_frames(cast(SpatialMotion, self.rigid), joint)
         if sensor.component != "angle":
             rigid = slide_of(joint, first, second)
         else:
-            _, rate, accel = turn_of(joint, first, second, mechanism.relative(joint))
-            rigid = self.rigid[f"{name}.angle"], rate, accel
+            rigid = self.rigid[f"{name}.angle"], *turn_rates(joint, first, second)
         if not self.motion.model.links:
             return rigid
         freedom = "angle" if sensor.component == "angle" else "position"

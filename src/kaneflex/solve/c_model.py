@@ -10,17 +10,18 @@ import numpy as np
 
 from kaneflex.integrate.methods import METHODS, Method
 from kaneflex.integrate.outcome import Trajectory
-from kaneflex.multibody.binding import kernels_in_c
+from kaneflex.multibody.binding import kernels_in_c, prefix_in_c
 from kaneflex.multibody.model import Model
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
-from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.solve.loading import load
+from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
 _SHARED = "kaneflex_linear.h", "kaneflex_linear.c"
+_IN_SPACE = "kaneflex_series.h", "kaneflex_series.c"
 _STEPPED = ("dynamic", "frozen")
 """Ways of solving whose steps there are in C."""
 
@@ -57,23 +58,25 @@ def c_model(
 ) -> CModel:
     """A scene as a folder of C.
 
-    Of every scene the kernels and its numbers. Where the linear equations are integrated, these too, with the state
-    that the scene's own run begins at, steps of its integrator (of radau where that has none of its own), what sensors
-    read, and a program that writes the coordinates and sensors of one run as CSV.
+    Of every scene the kernels and its numbers; in space its motion by Fourier series, in their place. Where the linear
+    equations are integrated, these too, with the state that the scene's own run begins at, steps of its integrator (of
+    radau where that has none of its own), what sensors read, and a program that writes the coordinates and sensors of
+    one run as CSV.
 
     Raises
     ------
     SceneError
-        Under preset ``coupled`` and in space, which are compiled by numba alone.
+        Under preset ``coupled``, which is compiled by numba alone, and in space of what does not repeat itself.
     """
-    refuse_in_space(scene, asked, "equations are printed in C of what moves")
     if resolve_options(scene).dynamics == "coupled":
         raise SceneError(
             "solve.preset", "coupled", "its equations are compiled by numba alone, not printed in C",
             "Take another preset, like --preset stiffened",
         )  # fmt: skip
+    if scene.is_spatial:
+        check_cycle(scene, asked)
     model = load(scene, progress)
-    name, texts = kernels_in_c(scene, progress)
+    name, texts = prefix_in_c(scene), dict[str, str]()
     data = [array_in_c("double", f"{name}_p", map(_number, model.motion.parameters))]
     sources, declared, readings = [f"{name}.c", f"{name}_data.c"], "", None
     start: Start = (), ()
@@ -87,12 +90,51 @@ def c_model(
         sources += [_SHARED[1]]
         texts |= shared_texts(_SHARED)
         texts[f"{name}_run.c"] = _RUN.format(name=name, NAME=name.upper(), steps=model.options.steps)
+    if scene.is_spatial:
+        progress("harmonics of the motion")
+        texts |= _motion(harmonics_of(model, _needed(model, readings), asked), model, name)
+        sources += [_IN_SPACE[1]]
+    else:
+        texts |= kernels_in_c(scene, name, progress)
     include = f'#include "{_SHARED[0]}"\n' if readings else ""
     texts[f"{name}_data.h"] = _DATA_H.format(name=name, NAME=name.upper(), include=include, declared=declared)
     texts[f"{name}_data.c"] = f'#include "{name}_data.h"\n\n' + "\n".join(data)
     program = f"add_executable({name}_run {name}_run.c)\ntarget_link_libraries({name}_run {name})\n" if readings else ""
     texts["CMakeLists.txt"] = _CMAKE.format(name=name, sources=" ".join(sources), program=program)
     return CModel(name, model, texts, readings, start)
+
+
+def _needed(model: Model, readings: Readings | None) -> Iterable[int]:
+    """Columns of the scalars that anything in C reads; where nothing does, of all that are known."""
+    if readings is None:
+        known = np.isfinite(model.motion.table(np.zeros(1))[0])
+        return np.flatnonzero(known).tolist()
+    read = {int(place) for place in readings.pairs.ravel() if place < len(model.motion.column)}
+    return read | {model.motion.column[each] for monomial in model.monomials for each in monomial}
+
+
+def _motion(found: Harmonics, model: Model, name: str) -> dict[str, str]:
+    """Header and source of the motion in space, with the functions that read its series."""
+    from kaneflex.derive.c_module import places
+
+    NAME, scalars, module = name.upper(), list(model.motion.column), model.module
+    series = {scalars[k] for k in found.columns}
+    rows = [(scalar, f"{scalar} [{unit}]: {meaning}{'' if scalar in series else '; not computed'}")
+            for scalar, unit, meaning in module.SCALARS]  # fmt: skip
+    p = [(path, f"{path} [{unit}]") for path, unit in module.PARAMETERS]
+    arrays: dict[str, tuple[str, Iterable[object]]] = {
+        "places": ("size_t", found.columns),
+        "drifts": ("double", map(_number, found.drifts)),
+        "numbers": ("double", map(_number, found.numbers.ravel())),
+    }
+    texts = [array_in_c(kind, f"{name}_series_{key}", values, "static ") for key, (kind, values) in arrays.items()]
+    held = ", ".join(f"{name}_series_{key}" for key in arrays)
+    texts.append(f"static const kaneflex_series {name}_series = {{\n    {_number(found.period)}, {len(found.columns)}, "
+                 f"{found.count},\n    {held}\n}};\n")  # fmt: skip
+    said = {"name": name, "NAME": NAME, "harmonics": found.count, "error": f"{found.error:.0e}"}
+    tables = f"{places(f'{NAME}_P', p, f'{NAME}_PARAMETERS')}\n\n{places(f'{NAME}_S', rows, f'{NAME}_SCALARS')}"
+    head, source = _MOTION_H.format(tables=tables, **said), _MOTION_C.format(series="\n".join(texts), **said)
+    return {f"{name}.h": head, f"{name}.c": source} | shared_texts(_IN_SPACE)
 
 
 def shared_texts(names: Iterable[str]) -> dict[str, str]:
@@ -180,6 +222,38 @@ def _text(text: str) -> str:
     return f'"{text}"'
 
 
+_MOTION_H = """/* The rigid motion of a mechanism in space, by kaneflex. Do not edit.
+ *
+ * Its scalars are Fourier series of {harmonics} harmonics of the cycle, off by {error} of their peaks. Numbers p, which
+ * printed kernels of other scenes read, are in the series. */
+#ifndef {NAME}_H
+#define {NAME}_H
+
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
+{tables}
+
+/* s at time t [s]. */
+void {name}_motion(double t, const double p[], double s[]);
+
+#ifdef __cplusplus
+}}
+#endif
+
+#endif
+"""
+_MOTION_C = """#include "{name}.h"
+#include "kaneflex_series.h"
+
+{series}
+void {name}_motion(double t, const double p[], double s[])
+{{
+    (void)p;
+    kaneflex_repeat(&{name}_series, t, s);
+}}
+"""
 _DATA_H = """/* The numbers of the scene [SI]. */
 #ifndef {NAME}_DATA_H
 #define {NAME}_DATA_H

@@ -63,7 +63,7 @@ def fmu(scene: Scene, version: str = "2", progress: Callable[[str], None] = lamb
     Parameters
     ----------
     scene : Scene
-        Of a one-way preset that integrates, in the plane.
+        Of a one-way preset that integrates; in space of a motion that repeats itself.
     version : {"2", "3"}
         Of the standard.
 
@@ -109,10 +109,11 @@ def fmu(scene: Scene, version: str = "2", progress: Callable[[str], None] = lamb
 def _settable(model: Model) -> Iterator[tuple[int, Variable]]:
     """Places in p of what can be set, parameters last: what nothing has been computed from beforehand.
 
-    Motions that were integrated, or tabled, know the loads and speeds that they had; so do frozen matrices and modes.
+    Motions that were integrated, or tabled, know the loads and speeds that they had; so do frozen matrices, modes, and
+    the series of motions in space.
     """
     parameters = model.module.PARAMETERS
-    if model.module.FREE:
+    if model.module.FREE or model.scene.is_spatial:
         return
     modal = model.scene.damping is not None and model.scene.damping.modal is not None
     plain = model.options.dynamics == "dynamic" and model.modal_basis is None and not modal
