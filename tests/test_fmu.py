@@ -18,6 +18,7 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.fmu import fmu
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
 
 RPM = 2 * np.pi / 60
 
@@ -167,6 +168,15 @@ def test_without_a_compiler_the_sources_are_there(monkeypatch, engine):
     assert fmu(engine[0], "3").content == made.content
 
 
+@pytest.mark.parametrize("name", ["slider-crank-150-coupled", "spin-up-torque", "elastic-pendulum"])
+def test_what_a_refusal_advises_helps(name):
+    """Of scenes that are driven, turned by a torque, and free."""
+    scene = read_scene(name)
+    with pytest.raises(SceneError, match="like --preset stiffened"):
+        fmu(scene)
+    assert fmu(with_settings(scene, ["solve.preset=stiffened"])).outputs
+
+
 def test_frozen_matrices_and_modes_let_no_speed_be_changed():
     undamped = fmu(with_settings(read_scene("slider-crank-150"), ["solve.steps=10"]))
     assert undamped.inputs == ("drives.main.speed", "drives.main.angle")
@@ -177,9 +187,12 @@ def test_frozen_matrices_and_modes_let_no_speed_be_changed():
 
 def test_what_is_refused(tmp_path):
     for arguments, said in (
-        (["bricard", "-o", "a.fmu"], "export"),
-        (["engine", "--preset", "rigid", "-o", "a.fmu"], "nothing to integrate"),
-        (["slider-crank-150-coupled", "-o", "a.fmu"], "another preset"),
+        (["bricard", "-o", "a.fmu"], "first is left to the forces"),
+        (["engine", "--preset", "rigid", "-o", "a.fmu"], "like --preset stiffened"),
+        (["double-pendulum", "-o", "a.fmu"], "Give a body a beam"),
+        (["slider-crank-150-coupled", "-o", "a.fmu"], "another preset, like --preset stiffened"),
+        (["bouncing-bar", "-o", "a.fmu"], "contacts.stop: preset stiffened has no equations of a contact"),
+        (["robot-arm-elastic", "--preset", "coupled", "-o", "a.fmu"], "none of its drives has a cycle"),
         (["engine", "-o", "a.zip"], ".fmu"),
     ):
         refused(cli("export", *arguments[:-1], tmp_path / arguments[-1]), said)

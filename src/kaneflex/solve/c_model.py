@@ -16,6 +16,7 @@ from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.loading import load
+from kaneflex.solve.one_way import one_way_cure
 from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
@@ -71,7 +72,7 @@ def c_model(
     if resolve_options(scene).dynamics == "coupled":
         raise SceneError(
             "solve.preset", "coupled", "its equations are compiled by numba alone, not printed in C",
-            "Take another preset, like --preset stiffened",
+            one_way_cure(scene, asked, integrated=False),
         )  # fmt: skip
     if scene.is_spatial:
         check_cycle(scene, asked)

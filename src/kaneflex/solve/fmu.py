@@ -22,7 +22,9 @@ from xml.etree import ElementTree
 
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
+from kaneflex.scene.options import resolve_options
 from kaneflex.solve.c_model import CModel, array_in_c, c_model, shared_texts, unread
+from kaneflex.solve.one_way import one_way_cure
 from kaneflex.support.errors import SceneError
 
 _FLAGS = ("-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
@@ -78,12 +80,17 @@ def fmu(scene: Scene, version: str = "2", progress: Callable[[str], None] = lamb
     SceneError
         Of what :func:`kaneflex.solve.c_model.c_model` refuses, and presets that integrate nothing.
     """
+    options = resolve_options(scene)
+    if options.dynamics == "coupled" or options.integrator == "none":
+        reason = "there is nothing to integrate, so that no FMU is made of it"
+        if options.dynamics == "coupled":
+            reason = "an FMU is made of linear equations, which its are not"
+        cure = one_way_cure(scene, "export", integrated=True)
+        raise SceneError("solve.preset", scene.solve.preset, reason, cure)
     made = c_model(scene, progress, "export")
     if made.readings is None:
-        raise SceneError(
-            "solve.preset", scene.solve.preset, "there is nothing to integrate, so that no FMU is made of it",
-            "Take one that integrates what bends, like --preset stiffened",
-        )  # fmt: skip
+        reason = "nothing of them can bend, so that there is nothing to integrate"
+        raise SceneError("bodies", ", ".join(made.model.links), reason, "Give them more elements")
     name, variables = made.name, _variables(made)
     shared = (f"kaneflex_fmi{version}.c", "kaneflex_fmu.c", "kaneflex_fmu.h")
     texts = {key: text for key, text in made.texts.items() if key.endswith((".c", ".h")) and key != f"{name}_run.c"}
