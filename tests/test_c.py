@@ -98,17 +98,22 @@ def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
         assert distance(in_c, numba, np.full(1, abs(numba).max())) <= 4.0, kernel
 
 
-# The four-bar's sensors read loops closed about its foreshortened links; its rocker's angle is none that C reads.
+ROUND = {"position": "crank.start", "component": "angle"}
+"""The angle of a body that turns all round, which C doesn't read."""
+
+
+# The four-bar's sensors read loops closed about its foreshortened links, and the angle that its rocker swings by.
 @pytest.mark.parametrize(
     "name, integrator",
     [("engine", "radau"), ("engine", "gauss"), ("engine", "newmark"), ("engine", "generalised-alpha"),
      ("four-bar", "radau")],
 )  # fmt: skip
 def test_a_program_without_python_takes_the_steps_of_a_run(name, integrator, compiler, tmp_path):
-    scene = with_settings(read_scene(name), [f"solve.integrator={integrator}"])
+    scene = scene_of({"schema": 1, "like": name, "sensors": {"round": ROUND}})
+    scene = with_settings(scene, [f"solve.integrator={integrator}"])
     made = c_model(scene)
-    assert {*scene.sensors} - {*made.readings.sensors} == ({"rocker_angle"} if name == "four-bar" else set())
-    assert ("Not rocker_angle." in made.texts[f"{made.name}_data.h"]) == (name == "four-bar")
+    assert {*scene.sensors} - {*made.readings.sensors} == {"round"}
+    assert "Not round." in made.texts[f"{made.name}_data.h"]
     assert off_the_run(made, tmp_path, compiler) < 1e-9
 
 
@@ -127,6 +132,19 @@ def test_in_space_too(name, settings, compiler, tmp_path):
     scene = with_settings(read_scene(name), settings)
     made = c_model(scene)
     assert {*made.readings.sensors} == {*scene.sensors}
+    assert off_the_run(made, tmp_path, compiler) < 1e-9
+
+
+@pytest.mark.parametrize("like", ["slider-crank-150", "spatial-slider-crank-elastic"])
+@pytest.mark.parametrize("directed", [{}, {"length": "90 mm", "damping": "2 N s/m"}])
+def test_springs_between_points_are_read(like, directed, compiler, tmp_path):
+    raw = read_scene(like).raw
+    post = ["0.3 m", "0.2 m", "0.1 m"][: 3 if "spatial" in like else 2]
+    between = {"between": ["ground.post", "rod.mid"], "stiffness": "400 N/m", **directed}
+    raw = {**raw, "ground": {**raw.get("ground", {}), "post": post}, "springs": {"band": between}}
+    raw["sensors"] = {**raw["sensors"], "band": {"spring_force": "band"}}
+    made = c_model(with_settings(scene_of(raw), ["solve.integrator=radau"]))
+    assert {*made.readings.sensors} == {*raw["sensors"]}
     assert off_the_run(made, tmp_path, compiler) < 1e-9
 
 

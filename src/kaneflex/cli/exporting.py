@@ -40,7 +40,7 @@ def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
     click.echo(f"FMI {fmi}.0, {len(made.outputs)} outputs; can be set: {', '.join(made.inputs) or 'nothing'}")
     if made.unread:
         left = ", ".join(made.unread)
-        click.echo(f"Warning: left out, as angles of turned bodies and springs between points are: {left}", err=True)
+        click.echo(f"Warning: left out, as angles of bodies that turn all round are: {left}", err=True)
     if made.compiled_for is None:
         click.echo("Warning: not compiled, as there is no C compiler here: the sources are inside", err=True)
     click.echo(f"Written to {output}")

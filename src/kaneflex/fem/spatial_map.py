@@ -191,7 +191,7 @@ class Joined:
         unit[0] = np.eye(3)
         for name in self.springs:
             spring = self.mechanism.springs[name]
-            first, rows = self.first[name] - self.size, np.zeros((3, len(motion.times), 4, 3))
+            first, rows = self.first[name] - self.size, np.zeros((3, len(motion.times), 4, 3), found.dtype)
             rows[:, :, 1:] = unit
             if spring.is_directed:
                 rows[:, :, 0] = direction_of(place_of(motion, spring.sides[1]) - place_of(motion, spring.sides[0]))

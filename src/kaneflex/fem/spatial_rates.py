@@ -37,7 +37,7 @@ def place_of(motion: RigidMotion, side: Side) -> Rates3:
 
 def direction_of(d: Rates3) -> Rates3:
     """d / |d| and its rates."""
-    length = np.linalg.norm(d[0], axis=1)[:, None]
+    length = np.hypot(np.hypot(d[0, :, 0], d[0, :, 1]), d[0, :, 2])[:, None]
 
     def along(vector: np.ndarray) -> np.ndarray:
         return (e * vector).sum(axis=1)[:, None]

@@ -76,7 +76,7 @@ def wrenches_on(
                 along = point(other) - point(side)
                 pull = spring.numbers[0] * along
                 if spring.is_directed:
-                    pull = motion[f"{name}.tension"] * along / np.linalg.norm(along, axis=0)
+                    pull = motion[f"{name}.tension"] * along / np.hypot(np.hypot(along[0], along[1]), along[2])
                 yield Wrench(name, side.at, local(point(side) - frame.origin), local(pull), none)
 
 

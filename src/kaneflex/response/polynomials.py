@@ -1,12 +1,13 @@
 """What sensors read as sums of products of the motion's scalars and the elastic coordinates, at one instant.
 
 For who has no Python, and for who reads many motions (:mod:`kaneflex.response.compiled_readings`). The readers of a
-motion only add and multiply what they are given, unless they turn to angles or solve equations. So they are given, in
-place of numbers at instants, one instant of unknowns, and hand back what they do with them.
+motion add and multiply what they are given, solve equations, and take lengths and angles. So they are given, in place
+of numbers at instants, one instant of unknowns, and hand back what they do with them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
@@ -21,6 +22,8 @@ from kaneflex.response.sensors import reads
 
 Terms = Mapping[tuple[int, int], float]
 """A sum: places of two numbers -> what is before their product."""
+_SWING = 6.0
+"""Range of an angle [rad] below which a body is one that swings."""
 _SHORT = 2
 """Terms of a sum that are not worth a number of their own."""
 
@@ -31,7 +34,8 @@ class Readings:
 
     The numbers stand in this order: scalars of the motion, z, z' and z'', angles of the `turned`; one; then those of
     each stage: its sums, and the unknowns x of its system A x = b, of which A and b are sums, too. With more rows than
-    unknowns x makes the sum of squares of A x - b least.
+    unknowns x makes the sum of squares of A x - b least. Two unknowns without rows are length and angle of a plane's
+    vector, whose components are sums.
 
     Attributes
     ----------
@@ -43,7 +47,7 @@ class Readings:
         Numbers before the one, and in all.
     stages : ndarray (n_systems + 1, 3)
         Of each its sums that are numbers, then the rows and the unknowns of its system, whose sums follow: A, row by
-        row, and b. The sensors are the rows of the last one, which has no unknowns.
+        row, and b; or a vector's x and y. The sensors are the rows of the last one, which has no unknowns.
     ends : ndarray
         Where the terms of each sum end.
     pairs, constants : ndarray
@@ -63,11 +67,12 @@ class Readings:
 class _Tape:
     """Numbers in the order in which they follow from each other: ``sums`` has those after the one.
 
-    None stands there for an unknown; systems are (place of the first unknown, rows, unknowns, sums).
+    None stands there for an unknown; systems are (place of the first unknown, rows, unknowns, sums). ``polar``: whether
+    there may be lengths and angles.
     """
 
-    def __init__(self, given: int) -> None:
-        self.one = given
+    def __init__(self, given: int, polar: bool) -> None:
+        self.one, self._polar = given, polar
         self.sums: list[Terms | None] = []
         self.systems: list[tuple[int, int, int, list[Terms]]] = []
         self._places: dict[frozenset[tuple[tuple[int, int], float]], int] = {}
@@ -87,11 +92,19 @@ class _Tape:
     def solve(self, matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
         """A :data:`kaneflex.response.least_squares.Solver`."""
         (rows, n), entries = matrix.shape[1:], (*matrix.ravel(), *right.ravel())
-        sums = [self.terms_of(value) for value in entries]
-        first = self.one + 1 + len(self.sums)
+        return np.array([self._unknowns(rows, n, entries)], dtype=object)
+
+    def polar(self, x: Polynomial | float, y: Polynomial | float) -> list[Polynomial]:
+        """Length of a vector in a plane, and its angle from -pi to pi."""
+        if not self._polar:
+            raise TypeError("neither sum nor product: a length or an angle")
+        return self._unknowns(0, 2, (x, y))
+
+    def _unknowns(self, rows: int, n: int, entries: Sequence[Polynomial | float]) -> list[Polynomial]:
+        first, sums = self.one + 1 + len(self.sums), [self.terms_of(value) for value in entries]
         self.systems.append((first, rows, n, sums))
         self.sums += [None] * n
-        return np.array([[Polynomial(self, {(first + k, self.one): 1.0}) for k in range(n)]], dtype=object)
+        return [Polynomial(self, {(first + k, self.one): 1.0}) for k in range(n)]
 
     def terms_of(self, value: Polynomial | float) -> Terms:
         if isinstance(value, Polynomial):
@@ -178,10 +191,18 @@ class Polynomial:
     def __rsub__(self, other: float) -> Polynomial:
         return -self + other
 
-    def __truediv__(self, other: float) -> Polynomial:
-        if not isinstance(other, Real):
-            raise TypeError("not a polynomial: a quotient")
+    def __truediv__(self, other: Polynomial | float) -> Polynomial:
+        if isinstance(other, Polynomial):
+            return self.tape.solve(np.array([[[other]]]), np.array([[self]]))[0, 0]
         return self * (1.0 / float(other))
+
+    def hypot(self, other: Polynomial | float) -> Polynomial:
+        """What NumPy's function of that name calls."""
+        return self.tape.polar(self, other)[0]
+
+    def arctan2(self, other: Polynomial | float) -> Polynomial:
+        """What NumPy's function of that name calls."""
+        return self.tape.polar(other, self)[1]
 
     def __pow__(self, power: int) -> Polynomial:
         found = self
@@ -198,12 +219,31 @@ class Polynomial:
 
 @dataclass(frozen=True, eq=False)
 class _Traced(ElasticMotion):
-    """One instant of unknowns, among them angles of bodies where these are given."""
+    """One instant of unknowns, among them angles of bodies where these are given.
+
+    Others are those of bodies that swing, about the middle of where they go: how often one has turned all round, an
+    instant doesn't say.
+    """
 
     turns: Mapping[str, np.ndarray] = field(kw_only=True)
 
     def turned(self, body: str) -> np.ndarray:
-        return self.turns[body] if self.turns else super().turned(body)
+        if self.turns:
+            return self.turns[body]
+        middle, frame = self._middle(body), self.rigid.frame(body)
+        c, s = math.cos(middle), math.sin(middle)
+        return middle + np.arctan2(c * frame.s - s * frame.c, c * frame.c + s * frame.s)
+
+    def _middle(self, body: str) -> float:
+        """Of the angles of a body [rad]; raises TypeError where it turns all round."""
+        options, period = self.model.options, self.model.scene.period
+        times = np.linspace(0.0, max(options.duration, period or 0.0), options.steps + 1)
+        frame = self.model.motion.at(times).frame(body)
+        angle = np.unwrap(np.arctan2(frame.s, frame.c))
+        least, most = float(angle.min()), float(angle.max())
+        if not most - least < _SWING:
+            raise TypeError(f"{body} turns all round")
+        return 0.5 * (least + most)
 
 
 def _traced(
@@ -221,14 +261,15 @@ def _traced(
 
 
 def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = False) -> Readings:
-    """What each sensor reads, of those that only add, multiply and solve.
+    """What each sensor reads, but for angles of bodies that turn all round.
 
-    Angles don't, but for those that are counted from the angles of bodies, ``turned``, and springs between points.
+    Where angles of bodies are given, ``turned``, all are counted from these; no lengths are taken then, so that springs
+    between points without direction are left out.
 
     rigid: whether their rigid values ``NAME_rigid`` stand beside them
     """
     sizes = (len(model.motion.column), *[model.reduced.size] * 3, len(turned))
-    tape = _Tape(sum(sizes))
+    tape = _Tape(sum(sizes), polar=not turned)
     scalars, *moved, turns = np.split(tape.given()[:, None], np.cumsum(sizes)[:-1])
     if model.modal_basis is not None:
         moved = [model.modal_basis @ part for part in moved]
@@ -239,6 +280,6 @@ def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = Fals
             continue
         try:
             found[each.name] = tape.terms_of(each.values()[0])
-        except (TypeError, AttributeError):  # an angle, an absolute value
+        except (TypeError, AttributeError):  # an angle that is counted, an absolute value
             continue
     return tape.readings(found, tuple(turned))

@@ -61,7 +61,7 @@ class SpatialElasticMotion(ElasticMotion):
         if spring.torsional_at is None:
             force = self._spring_force(name)
             directed = self._map.joined.mechanism.springs[name].is_directed
-            return -force[0] if directed else np.linalg.norm(force[1:], axis=0)
+            return -force[0] if directed else np.hypot(np.hypot(force[1], force[2]), force[3])
         between = self._ordered(self._map.rotation(spring.torsional_at))
         turned, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, between)
         damped = spring.damping * rate[0] if self.model.options.damping else 0.0

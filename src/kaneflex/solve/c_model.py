@@ -183,7 +183,7 @@ def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
 
 
 def unread(readings: Readings, model: Model) -> list[str]:
-    """Sensors that the C doesn't read, which are no sums: angles of turned bodies, springs between points."""
+    """Sensors that the C doesn't read: angles of bodies that turn all round, as how often, no instant says."""
     return [name for name in model.scene.sensors if name not in readings.sensors]
 
 
@@ -197,7 +197,7 @@ def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], d
         "sensors": ("char *const", map(_text, readings.sensors)),
     }
     texts = [array_in_c(kind, f"{name}_read_{key}", values, "static ") for key, (kind, values) in arrays.items()]
-    memory = max(rows * (n + 1) + n * n for _, rows, n in readings.stages.tolist())
+    memory = max(rows * (n + 1) + n * n for _, rows, n in readings.stages.tolist())  # x and y fit in n * n
     count, held = len(readings.sensors), ", ".join(f"{name}_read_{key}" for key in arrays)
     numbers = f"    {count}, {readings.given}, {readings.count}, {memory}, {len(readings.stages) - 1},\n    {held}\n"
     missing = ", ".join(unread(readings, model))

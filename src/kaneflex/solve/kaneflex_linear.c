@@ -150,12 +150,15 @@ int kaneflex_sense(const kaneflex_readings *readings, double values[], double me
     size_t row = 0;
     *x++ = 1.0;
     for (size_t k = 0; k < readings->systems; k++, stage += 3) {
-        const size_t own = stage[0], rows = stage[1], n = stage[2], end = row + own + rows * (n + 1);
+        const size_t own = stage[0], rows = stage[1], n = stage[2], end = row + own + (rows ? rows * (n + 1) : 2);
         double *right = memory + rows * n;
         evaluate(readings, row, row + own, values, x);
         evaluate(readings, row + own, end, values, memory);
         x += own;
-        if (least_squares(rows, n, memory, right, right + rows, x))
+        if (!rows) {
+            x[0] = hypot(memory[0], memory[1]);
+            x[1] = atan2(memory[1], memory[0]);
+        } else if (least_squares(rows, n, memory, right, right + rows, x))
             return KANEFLEX_SINGULAR;
         x += n;
         row = end;

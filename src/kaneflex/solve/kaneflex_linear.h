@@ -38,7 +38,8 @@ typedef struct {
 
 /* What sensors read: sums of constant x value x value. The values are what the motion's scalars s, then z, v and a are,
  * one, and those of each stage: its sums, and the unknowns x of its system A x = b, of which A and b are sums, too; with
- * more rows than unknowns x makes the sum of squares of A x - b least (forces of joints). */
+ * more rows than unknowns x makes the sum of squares of A x - b least (forces of joints). Two unknowns without rows are
+ * length and angle of a vector in a plane, whose x and y are sums. */
 typedef struct {
     size_t count;            /* sensors */
     size_t given;            /* s, z, v and a */
@@ -46,7 +47,7 @@ typedef struct {
     size_t memory;           /* doubles to work in */
     size_t systems;
     const size_t *stages;    /* of each its sums that are values, its system's rows and unknowns; last the sensors */
-    const size_t *ends;      /* where each sum ends: of a stage its values, A row by row, b */
+    const size_t *ends;      /* where each sum ends: of a stage its values, A row by row, b, or x and y */
     const size_t *pairs;     /* places among the values, two of each term */
     const double *constants;
     const char *const *names;
