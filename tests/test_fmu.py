@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.fmu import fmu
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
@@ -183,6 +183,15 @@ def test_frozen_matrices_and_modes_let_no_speed_be_changed():
     assert fmu(read_scene("engine-paper")).inputs == ()
     reduced = fmu(with_settings(read_scene("engine"), ["solve.reduction=modal"]))
     assert reduced.inputs == () and replace(reduced, content=b"").outputs
+
+
+def test_no_preset_is_advised_that_a_cylinder_on_an_elastic_boom_has_no_use_for():
+    """The boom of the page on scenes: the barrel goes along with what it pushes."""
+    page = (Path(__file__).parents[1] / "docs/scene.md").read_text(encoding="utf-8")
+    text = page.partition("# boom.toml\n")[2].partition("```")[0]
+    with pytest.raises(SceneError, match=r"None takes this scene: joints\.cylinder: a guide on a body") as refusal:
+        fmu(scene_of(text))
+    assert "preset stiffened" not in str(refusal.value)
 
 
 def test_what_is_refused(tmp_path):

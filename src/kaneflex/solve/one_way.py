@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from kaneflex.fem.mobility import check_determined, elastic_coordinates
+from kaneflex.mechanism.closure_continuation import check_free
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.repeated_motion import check_cycle
@@ -20,6 +23,10 @@ def one_way_cure(scene: Scene, asked: str, integrated: bool) -> str:
         dynamics = resolve_options(other).dynamics
         if scene.is_spatial:
             check_cycle(other, asked)
+        elif dynamics != "rigid":
+            check_determined(mechanism_of(other))
+            check_free(other)
+            elastic_coordinates(other)
     except SceneError as refusal:
         if refusal.key.startswith("solve."):
             return f"Take --preset {_PRESET}, and see to {refusal.key} under it: {refusal.cure}"
