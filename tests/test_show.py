@@ -15,9 +15,10 @@ from kaneflex.fem.mobility import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import coordinate_at, drive_rates, place
+from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
 from kaneflex.plots.scheme import scheme, scheme_picture
 from kaneflex.plots.style import styled
-from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.support.errors import SceneError
 
 SCENES = tuple(name for name in shipped_scenes() if not read_scene(name).is_spatial)  # those have tests of their own
@@ -304,3 +305,17 @@ print([name for name in ("sympy", "kaneflex.derive", "kaneflex.generated.engine"
 """
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert shown.stdout.splitlines()[-1] == "[]", shown.stderr
+
+
+def test_a_barrel_is_drawn_no_longer_than_it_is():
+    """A rail that a body carries ends where the body does, as far as its rider leaves it there."""
+    page = (Path(__file__).parents[1] / "docs/scene.md").read_text(encoding="utf-8")
+    scene = scene_of(page.partition("# boom.toml\n")[2].partition("```")[0])
+    placement = place(scene)
+    fixed = rigid_scenery(scene, placement)
+    np.testing.assert_allclose(fixed.guides["cylinder"], [[0.0, 0.0], [1.5, 0.0]], atol=1e-12)
+    (bar,) = rigid_outline(scene, placement, fixed).bars["barrel"]
+    reach = np.linalg.norm(bar - scene.ground["base"], axis=1)
+    assert reach.max() == pytest.approx(1.5)
+    apart = (bar[1:] - bar[0]) @ (bar[reach.argmax()] - bar[0])
+    assert apart.min() >= -1e-12  # nothing behind its foot

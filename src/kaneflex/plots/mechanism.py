@@ -22,6 +22,8 @@ _BOX = (0.10, 0.07)
 """Half length and half width of a guided body, in sizes of the mechanism."""
 _STANDING = 0.2
 """Half length of a guide where only one configuration is known."""
+_ON_LINE = 1e-6
+"""Share of a guide's margin by which a point may miss its line."""
 _CARRIED = 0.5
 """Share of that size for a body on a guide that moves."""
 
@@ -91,7 +93,8 @@ def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
         if carrier.body != "ground":
             points = _to_body(rigid, carrier.body, points)
         margin = (_BOX[0] if len(points) > 1 else _STANDING) * size
-        guides[name] = _travel(points, np.array(direction), margin)
+        carried = [] if carrier.body == "ground" else used_points(scene, carrier.body)
+        guides[name] = _travel(points, np.array(direction), margin, carried)
     pivots = [
         scene.point(address)
         for joint in scene.joints.values()
@@ -113,11 +116,21 @@ def grounded(scene: Scene) -> dict[str, bool]:
     return {name: carrier.body == "ground" for name, (carrier, *_) in guides_of(scene).items()}
 
 
-def _travel(points: np.ndarray, direction: np.ndarray, margin: float) -> np.ndarray:
-    """Ends of the line along a direction that covers points (n_times, 2) with a margin."""
+def _travel(points: np.ndarray, direction: np.ndarray, margin: float, carried: list[Place]) -> np.ndarray:
+    """Ends of the line along a direction that covers points (n_times, 2) with a margin.
+
+    ``carried``: points of the body that carries it; of those on the line the outer ones end it, as a barrel's do.
+    """
     along = points @ direction
     across = points[0] - along[0] * direction
-    return across + np.outer([along.min() - margin, along.max() + margin], direction)
+    ends = [along.min() - margin, along.max() + margin]
+    on_line = [p @ direction for p in map(np.array, carried)
+               if np.linalg.norm(p - across - (p @ direction) * direction) < _ON_LINE * margin]  # fmt: skip
+    if on_line and min(on_line) <= along.min():
+        ends[0] = max(ends[0], min(on_line))
+    if on_line and max(on_line) >= along.max():
+        ends[1] = min(ends[1], max(on_line))
+    return across + np.outer(ends, direction)
 
 
 def outline(motion: Motion, fixed: Scenery, factor: float) -> Outline:
