@@ -227,7 +227,7 @@ def used_points(scene: Scene, body: str) -> list[Place]:
     pairs += [spring.ends or () for spring in scene.springs.values()]
     places: list[object] = [side for pair in pairs for side in pair]
     places += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
-    places += [sensor.target for sensor in scene.sensors.values()]
+    places += [sensor.target for sensor in scene.sensors.values() if sensor.stress is None]
     used = [scene.point(each) for each in places if isinstance(each, Address) and each.body == body]
     if body != "ground" and scene.bodies[body].length is not None:
         used += [(0.0, 0.0), (scene.bodies[body].length, 0.0)]

@@ -304,6 +304,10 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
             middle = np.mean([_at(scene, placement, end) for end in ends], axis=0)
             found.setdefault(f"spring {target}", (middle, []))[1].append(name)
             continue
+        if sensor.stress is not None:  # modal data don't say where it is
+            middle = _at(scene, placement, Address(sensor.stress.body, "mid"))
+            found.setdefault(f"stress {target}", (middle, []))[1].append(name)
+            continue
         if sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS) and str(target) in scene.contacts:
             side = scene.contacts[str(target)].sides[1]
             found.setdefault(f"contact {target}", (_at(scene, placement, side), []))[1].append(name)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 QUANTITY = {
     "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
     "axial_force": "force", "shear_force": "force", "bending_moment": "moment",
-    "torsional_moment": "moment", "strain": "strain",
+    "torsional_moment": "moment", "strain": "strain", "stress": "stress",
     "joint_force": "force", "drive_torque": "torque", "drive_force": "force",
     "spring_force": "force", "spring_torque": "torque", "contact_force": "force", "contact_gap": "gap",
     "contact_torque": "torque", "contact_angle": "gap",

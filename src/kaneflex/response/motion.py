@@ -80,6 +80,10 @@ class Motion(ABC):
         """Tension of a spring with its damper [N], or what a torsional one opposes to the turning of its joint [N m].
         """
 
+    def modal(self, body: str) -> Rates:
+        """Modal coordinates of a body and their two rates, (n, n_times) each; only under preset coupled it has any."""
+        raise LookupError(body)
+
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Gap [m] and normal force [N] of a contact, (n_times,) each; only bodies that move each other have any."""
         raise LookupError(name)

@@ -206,6 +206,12 @@ class Reader:
         here = self.scene.bodies[address_of(sensor).body].profile.at(self.scene.point(address_of(sensor))[0])
         return N / here.E_A - sensor.fibre * M / here.E_I
 
+    def _stress(self, sensor: Sensor) -> np.ndarray:
+        body, point = address_of(sensor)
+        data = self.scene.bodies[body].modal
+        assert data is not None  # checked with the scene
+        return data.stresses_at(point, self.motion.modal(body)[0])[sensor.component]
+
     def _section(self, sensor: Sensor) -> Section:
         return self.motion.section(address_of(sensor).body, self.scene.point(address_of(sensor))[0])
 

@@ -27,12 +27,16 @@ class SpatialCoupledMotion(Motion):
     @property
     def coordinates(self) -> Rates:  # type: ignore[override]
         """Of all shapes."""
-        names = [(body, k) for body, shapes in self._moving.system.layout.shapes.items() for k in range(shapes.count)]
-        q, u, b = (
-            np.array([self.rigid[f"{body}.shape_{k}{tail}"] for body, k in names]).reshape(-1, len(self.times))
+        none = np.zeros((0, len(self.times)))
+        parts = [(none, none, none), *map(self.modal, self._moving.system.layout.shapes)]
+        return cast(Rates, tuple(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    def modal(self, body: str) -> Rates:
+        count = self._moving.system.layout.shapes[body].count
+        return cast(Rates, tuple(
+            np.array([self.rigid[f"{body}.shape_{k}{tail}"] for k in range(count)]).reshape(-1, len(self.times))
             for tail in ("", "_rate", "_accel")
-        )
-        return q, u, b
+        ))  # fmt: skip
 
     @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from kaneflex.scene.contact_check import clearance_problems, contact_problems, tilt_problems
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
-from kaneflex.scene.modal_check import modal_problems
+from kaneflex.scene.modal_check import modal_problems, stress_problems
 from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS, RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sensors import (
@@ -157,6 +157,8 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         key = f"sensors.{name}"
         if sensor.kind in POINT_KINDS:
             yield from _point_sensor(scene, key, sensor)
+        elif sensor.kind == "stress":
+            yield from stress_problems(scene, key, sensor)
         elif sensor.kind in DRIVE_KINDS:
             yield from _drive_sensor(scene, key, sensor)
         elif sensor.kind in SPRING_KINDS:

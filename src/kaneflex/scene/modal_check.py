@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from kaneflex.scene.modal_data import STRESSES
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
-from kaneflex.scene.sensors import POINT_KINDS
+from kaneflex.scene.sensors import POINT_KINDS, Sensor
 from kaneflex.support.errors import Problem
 
 
@@ -35,6 +36,26 @@ def modal_problems(scene: Scene) -> Iterator[Problem]:
             there, given = (", ".join(f"{x:.6g}" for x in place) for place in (own, here))
             reason = f"in {file} it lies at ({there}) m, here at ({given}) m"
             yield Problem(key, str(address), reason, "Give the point the file's place")
+
+
+def stress_problems(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    """A stress needs shapes that move, and a file that recovers it there."""
+    address = sensor.target
+    assert isinstance(address, Address)
+    key, body = f"{key}.stress", scene.bodies.get(address.body)
+    modal = body.modal if body else None
+    if body is None or modal is None:
+        named = f"{address.body} has no modal data" if body else "there is no such body"
+        yield Problem(key, str(address), named, "Name a body with modal data; a beam's sections have strains")
+    elif address.point not in modal.stress_points:
+        known = f"its stress points are {', '.join(modal.stress_points)}" if modal.stress_points else "it has none"
+        reason = f"{Path(str(body.modal_data)).name} has no such stress point: {known}"
+        yield Problem(key, str(address), reason, "Name one of them, or add the file's arrays stress_points and stress")
+    elif sensor.component not in ("mises", *STRESSES[modal.stress.shape[1]]):
+        reason = f"the file has {', '.join(STRESSES[modal.stress.shape[1]])}"
+        yield Problem(f"{key.rpartition('.')[0]}.component", sensor.component, reason, "Give one of these, or mises")
+    elif scene.solve.preset == "rigid":
+        yield Problem(key, str(address), "rigid bodies have no stresses", "Take preset coupled, or leave it out")
 
 
 def _planar_only(scene: Scene, beams: Sequence[str], links: Sequence[str]) -> Iterator[Problem]:

@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from kaneflex.scene.modal_data import STRESSES
 from kaneflex.scene.quantities import Address, AddressField, Fibre
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
@@ -19,13 +20,14 @@ SPRING_KINDS = ("spring_force", "spring_torque")
 FLANK_KINDS = ("contact_torque", "contact_angle")
 CONTACT_KINDS = ("contact_force", "contact_gap", *FLANK_KINDS)
 FRICTION_KINDS = ("friction_force", "friction_torque")
-KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, *SPRING_KINDS, *CONTACT_KINDS, *FRICTION_KINDS)
+KINDS = (*POINT_KINDS, "stress", "joint_force", *DRIVE_KINDS, *SPRING_KINDS, *CONTACT_KINDS, *FRICTION_KINDS)
 RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
 """Kinds whose rigid value stands beside them under NAME_rigid."""
 
 _UNITS = {
     "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "position": "m", "axial_force": "N",
     "bending_moment": "N m", "torsional_moment": "N m", "shear_force": "N", "strain": "1",
+    "stress": "Pa",
     "joint_force": "N", "drive_torque": "N m", "drive_force": "N",
     "spring_force": "N", "spring_torque": "N m", "contact_force": "N", "contact_gap": "m",
     "contact_torque": "N m", "contact_angle": "rad",
@@ -42,6 +44,10 @@ def _default_axes(data: dict) -> str:
     return "body" if any(data.get(kind) is not None for kind in moving) else "global"
 
 
+def _default_component(data: dict) -> Literal["mises", "x"]:
+    return "mises" if data.get("stress") is not None else "x"
+
+
 def _default_reading(data: dict) -> str:
     return "accelerometer" if data.get("axes") == "body" else "kinematic"
 
@@ -54,7 +60,8 @@ class Sensor(SceneTable):
     `frame`, to the `chord` through its displaced ends or to its `start`. An acceleration reads as an
     accelerometer would (a - g) in body axes, or `kinematic` (a), the default in global axes. A position may
     name a joint: its coordinate, or where its second side is in its clearance. axial_force (tension positive),
-    bending_moment, shear_force, strain (at the height `fibre` above the axis). joint_force: the force (component
+    bending_moment, shear_force, strain (at the height `fibre` above the axis). stress: at a point at which
+    a body's modal data recover it, von Mises' or a component in the body's axes. joint_force: the force (component
     angle: moment) of a joint on `body`, by default the joint's second one. drive_torque: what a drive must apply;
     drive_force: that of a guide's drive.
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
@@ -76,6 +83,7 @@ class Sensor(SceneTable):
     torsional_moment: AddressField | None = None
     shear_force: AddressField | None = None
     strain: AddressField | None = None
+    stress: AddressField | None = None
     joint_force: str | None = None
     drive_torque: str | None = None
     drive_force: str | None = None
@@ -88,7 +96,9 @@ class Sensor(SceneTable):
     friction_force: str | None = None
     friction_torque: str | None = None
     relative_to: Literal["frame", "chord", "start"] = "frame"
-    component: Literal["x", "y", "z", "angle", "angle_x", "angle_y", "angle_z"] = "x"
+    component: Literal[
+        "x", "y", "z", "angle", "angle_x", "angle_y", "angle_z", "mises", "xx", "yy", "zz", "xy", "yz", "zx"
+    ] = Field(default_factory=_default_component)
     axes: Literal["body", "global"] = Field(default_factory=_default_axes)
     reading: Literal["accelerometer", "kinematic"] = Field(default_factory=_default_reading)
     body: str | None = None
@@ -99,7 +109,7 @@ class Sensor(SceneTable):
         kind = the_one_given(self, KINDS)
         needs = {
             "relative_to": ("displacement",),
-            "component": (*MOTION_KINDS, "joint_force", "bending_moment", "shear_force", *SPRING_KINDS),
+            "component": (*MOTION_KINDS, "joint_force", "bending_moment", "shear_force", "stress", *SPRING_KINDS),
             "axes": (*MOTION_KINDS, "joint_force"),
             "reading": ("acceleration",),
             "body": ("joint_force",),
@@ -108,6 +118,10 @@ class Sensor(SceneTable):
         for field, kinds in needs.items():
             if field in self.model_fields_set and kind not in kinds:
                 raise Fault(f"has no meaning for {kind}", "Leave it out", below=field)
+        if (kind == "stress") != (self.component in ("mises", *STRESSES[6])):
+            reason = f"no component of a {kind.replace('_', ' ')}"
+            cure = f"Give mises or one of {', '.join(STRESSES[6])}" if kind == "stress" else "Give x, y, z or an angle"
+            raise Fault(reason, cure, below="component")
         if kind == "strain" and self.fibre is None:
             raise Fault(
                 "a strain without the fibre it is measured at", "Give fibre, its height above the axis"
@@ -129,6 +143,8 @@ class Sensor(SceneTable):
         text = f"{self.kind.replace('_', ' ')} of {self.target}"
         if self.kind in (*MOTION_KINDS, "joint_force"):
             text += f", {self.component}" + ("" if self.component == "angle" else f" in {self.axes} axes")
+        if self.kind == "stress":
+            text += ", von Mises'" if self.component == "mises" else f", {self.component} in body axes"
         several = ("bending_moment", "shear_force", *SPRING_KINDS)
         if self.kind in several and "component" in self.model_fields_set:
             text += f", {self.component}"
@@ -143,5 +159,5 @@ class Sensor(SceneTable):
 
     @cached_property
     def unit(self) -> str:
-        """SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m or 1."""
+        """SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m, Pa or 1."""
         return (_UNITS_OF_ANGLE if self.component.startswith("angle") else _UNITS)[self.kind]

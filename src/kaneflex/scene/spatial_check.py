@@ -11,7 +11,8 @@ from kaneflex.support.errors import Fault, Problem, SceneError
 
 _SENSORS = (
     "displacement", "position", "velocity", "acceleration", "axial_force", "shear_force", "bending_moment",
-    "torsional_moment", "strain", "joint_force", "drive_torque", "drive_force", "spring_force", "spring_torque",
+    "torsional_moment", "strain", "stress", "joint_force", "drive_torque", "drive_force", "spring_force",
+    "spring_torque",
 )  # fmt: skip
 SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
 """Kinds of joints with more than one freedom."""

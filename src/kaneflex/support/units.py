@@ -59,6 +59,7 @@ FORCE_PER_LENGTH = Dimension("a force per length", "N/m", "100 N/m")
 SENSED = (
     LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_SPEED, FORCE, TORQUE,
     Dimension("an angular acceleration", "rad/s^2", "5 rad/s^2"), Dimension("a strain", "1", "0.001"),
+    Dimension("a stress", "Pa", "100 MPa"),
 )  # fmt: skip
 """What sensors measure."""
 

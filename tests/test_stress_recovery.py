@@ -1,0 +1,174 @@
+"""Stresses at the points of modal data that recover them: a cantilever's, and what a file and a sensor must be."""
+
+import numpy as np
+import pytest
+from command_line import cli
+
+import kaneflex
+from kaneflex.multibody.inertia_integrals import link_data
+from kaneflex.scene import read_scene
+from kaneflex.scene.modal_data import ModalData, read_modal_data
+from kaneflex.support.errors import SceneError
+
+E, LENGTH, HEIGHT, WIDTH, FORCE = 210e9, 0.5, 20e-3, 10e-3, 40.0
+I_Z = WIDTH * HEIGHT**3 / 12
+SCENE = """
+schema = 1
+[bodies]
+bar = {{{of}}}
+[joints]
+root = {{revolute = ["ground", "bar.start"]}}
+[drives]
+root = {{speed = "1e-3 rad/s"}}
+[loads]
+push = {{force_on = "bar.end", direction = [0.6, 0.8], value = "40 N"}}
+[sensors]
+{sensors}
+[solve]
+preset = "coupled"
+start = "quasistatic"
+duration = "10 ms"
+steps = 20
+"""
+SENSORS = """
+above = {stress = "bar.above", component = "xx"}
+below = {stress = "bar.below", component = "xx"}
+mises = {stress = "bar.below"}
+"""
+BEAM = 'length = "0.5 m", beam = {E = "210 GPa", rho = "7850 kg/m^3", section = {rectangle = ["20 mm", "10 mm"]}}'
+
+
+def edge_stresses(link, shapes):
+    """Stresses xx, yy, xy of unit shapes at the root's edges, E (u' - y v''), by the first element's own cubic."""
+    l = link.nodes[1]
+    u_0, v_0, t_0, u_1, v_1, t_1 = shapes.all[:6]
+    stretch, bend = (u_1 - u_0) / l, (6 * (v_1 - v_0) / l - 4 * t_0 - 2 * t_1) / l
+    rows = np.array([E * (stretch - y * bend) for y in (HEIGHT / 2, -HEIGHT / 2)])
+    return np.stack([rows, 0 * rows, 0 * rows], axis=1)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """With the data of a bar, whose root's edges have stresses."""
+    folder = tmp_path_factory.mktemp("stress")
+    (folder / "beam.toml").write_text(SCENE.format(of=BEAM, sensors='tip = {position = "bar.end", component = "y"}'))
+    model = kaneflex.load(read_scene(folder / "beam.toml"))
+    link, shapes = model.coupled.links["bar"], model.coupled.shapes["bar"]
+    data = link_data(model.scene, link, shapes)
+    recovering = ModalData(data.length, data.points, data.arrays, ("above", "below"), edge_stresses(link, shapes))
+    recovering.save(folder / "bar.npz")
+    return folder
+
+
+def scene_of(folder, sensors=SENSORS, data="bar.npz"):
+    path = folder / "data.toml"
+    path.write_text(SCENE.format(of=f'modal_data = "{data}"', sensors=sensors))
+    return path
+
+
+def test_a_cantilever_under_a_skew_force(folder):
+    """N/A -+ M h/(2 I) at the root, M that of a beam-column in tension (Timoshenko & Gere, Elastic Stability, 1961)."""
+    series = kaneflex.simulate(kaneflex.load(read_scene(scene_of(folder)))).series
+    slenderness = np.sqrt(0.6 * FORCE / (E * I_Z))
+    moment = 0.8 * FORCE * np.tanh(slenderness * LENGTH) / slenderness
+    axial, bending = 0.6 * FORCE / (HEIGHT * WIDTH), moment * HEIGHT / 2 / I_Z
+    assert series["above"].unit == "Pa"
+    assert series["above"].values == pytest.approx(axial - bending, rel=1e-4)
+    assert series["below"].values == pytest.approx(axial + bending, rel=1e-4)
+    assert series["mises"].values == pytest.approx(series["below"].values, rel=1e-12)
+
+
+SPATIAL = """
+schema = 1
+[bodies]
+bar = {{{of}}}
+[joints]
+root = {{revolute = ["ground", "bar.start"], axis = [0, 0, 1]}}
+[drives]
+root = {{speed = "8 rad/s", spin_up = "20 ms"}}
+[loads]
+push = {{force_on = "bar.end", direction = [0.1, 0.6, 0.8], value = "1 N"}}
+[sensors]
+y = {{displacement = "bar.end", component = "y"}}
+z = {{displacement = "bar.end", component = "z"}}
+{sensors}
+[solve]
+preset = "coupled"
+duration = "20 ms"
+steps = 20
+"""
+
+
+def test_shapes_in_space_are_in_their_order(tmp_path):
+    """A matrix that recovers no stress but the end's displacement, which another sensor reads, too."""
+    beam = 'length = "1 m", beam = {material = "aluminium", section = {rectangle = ["14 mm", "10 mm"]}, elements = 4}'
+    (tmp_path / "beam.toml").write_text(SPATIAL.format(of=beam, sensors=""))
+    assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
+    data = dict(np.load(tmp_path / "bar.npz"))
+    end = data["N"][data["points"].tolist().index("end")]
+    np.savez(tmp_path / "bar.npz", **data, stress_points=np.array(["end"]), stress=np.concatenate([end, 0 * end])[None])
+    sensors = "\n".join(f'{name} = {{stress = "bar.end", component = "{name}"}}' for name in ("yy", "zz"))
+    (tmp_path / "data.toml").write_text(SPATIAL.format(of='modal_data = "bar.npz"', sensors=sensors))
+    series = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "data.toml"))).series
+    for stress, moved in (("yy", "y"), ("zz", "z")):
+        expected = series[moved].values
+        assert abs(expected).max() > 1e-4
+        assert series[stress].values == pytest.approx(expected, abs=1e-3 * abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("stress", "mises"),
+    [([7, 0, 0, 0, 0, 0], 7), ([5, 5, 5, 0, 0, 0], 0), ([3, 0, 0, 2, 0, 0], 21**0.5), ([0, 0, 0, 0, 2, 1], 15**0.5),
+     ([4, -4, 0, 0, 0, 0], 48**0.5)],
+)  # fmt: skip
+def test_von_mises(stress, mises):
+    """Of tension, pressure from all sides, tension with shear sqrt(s^2 + 3 t^2), shears, pure shear by 45 deg."""
+    data = ModalData(1.0, (), {}, ("at",), np.array(stress, float).reshape(1, 6, 1))
+    assert data.stresses_at("at", np.array([[-2.0]]))["mises"] == pytest.approx(2 * mises, abs=1e-12)
+
+
+def test_what_is_read_is_what_was_written(folder):
+    data = read_modal_data(str(folder / "bar.npz"))
+    assert data.stress_points == ("above", "below") and data.stress.shape == (2, 3, len(data.arrays["stiffness"]))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data.pop("stress_points"), "the file has no array stress_points. Give stress and stress_points"),
+        (lambda data: data.update(stress_points=np.array(["a", "a"])), "stress_points = a, a has a name twice"),
+        (lambda data: data.update(stress=data["stress"][:, :2]), "stress has the shape (2, 2, "),
+        (lambda data: data["stress"].__setitem__((0, 0, 0), np.nan), "stress holds what is no finite number"),
+    ],
+)
+def test_what_a_file_must_be(folder, change, message):
+    data = dict(np.load(folder / "bar.npz"))
+    change(data)
+    np.savez(folder / "bad.npz", **data)
+    with pytest.raises(SceneError) as error:
+        read_scene(scene_of(folder, data="bad.npz"))
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "message"),
+    [
+        ('{stress = "bar.end"}', "bar.npz has no such stress point: its stress points are above, below"),
+        ('{stress = "bar.above", component = "zz"}', "component = 'zz': the file has xx, yy, xy"),
+        ('{stress = "bar.above", component = "x"}', "component = 'x': no component of a stress"),
+        ('{velocity = "bar.end", component = "xx"}', "component = 'xx': no component of a velocity"),
+        ('{stress = "rod.above"}', "there is no such body"),
+    ],
+)
+def test_what_a_sensor_must_be(folder, sensor, message):
+    with pytest.raises(SceneError) as error:
+        read_scene(scene_of(folder, f"s = {sensor}"))
+    assert message in str(error.value)
+
+
+def test_rigid_bodies_have_none(folder):
+    path = scene_of(folder)
+    path.write_text(path.read_text().replace('"coupled"\nstart = "quasistatic"', '"rigid"'))
+    with pytest.raises(SceneError) as error:
+        read_scene(path)
+    assert "rigid bodies have no stresses" in str(error.value)
