@@ -237,7 +237,9 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
         ('"150 mm"}', '"150 mm", beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}',
          "rod has modal data: in this version a scene has either these or beams"),
         ('"data/rod.npz"', '"data/rod.npz", points = {mark = ["0.1 m", 0]}', None),
-        ('{displacement = "rod.mid", component = "angle"}', '{bending_moment = "rod.mid"}', "sections"),
+        ('{displacement = "rod.mid", component = "angle"}', '{bending_moment = "rod.mid"}',
+         "modal data have no sections, nor what of the mass and the shapes lies beyond one. Give the body a beam, or "
+         "measure a stress: arrays stress_points and stress"),
         ('["ground", "slider"]', '["ground", "rod"]', "rod has modal data and would slide through its own deformation"),
         ("[solve]", "[damping]\nviscous = {mu = 0.1}\n[solve]", "damping in the file"),
     ],

@@ -196,8 +196,11 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     if body is None or body.elastic:
         return
     if sensor.kind not in MOTION_KINDS:
-        reason = f"{address.body} is rigid" if body.modal is None else "modal data have no sections"
-        yield Problem(f"{key}.{sensor.kind}", str(address), reason, "Give the body a beam")
+        reason, cure = f"{address.body} is rigid", "Give the body a beam"
+        if body.modal is not None:
+            reason = "modal data have no sections, nor what of the mass and the shapes lies beyond one"
+            cure += ", or measure a stress: arrays stress_points and stress of the file recover it"
+        yield Problem(f"{key}.{sensor.kind}", str(address), reason, cure)
     if sensor.relative_to == "chord" and body.length is None:
         yield Problem(
             f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length"
