@@ -222,7 +222,7 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
 )  # fmt: skip
 @click.option(
     "--language", type=click.Choice(["python", "c"]), default="python", show_default=True,
-    help="c: a folder of portable C11 without allocation, which steps linear equations without Python, too.",
+    help="c: a folder of portable C11 without allocation, which makes the run without Python, too.",
 )  # fmt: skip
 @click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
 @click.option(
@@ -280,7 +280,9 @@ def _derive_c(
     name: str, output: Path, others: Mapping[str, object], changes: tuple[str, ...], force: bool
 ) -> None:
     """A folder of C, whole or not at all."""
+    from kaneflex.scene.options import resolve_options
     from kaneflex.solve.c_model import c_model
+    from kaneflex.solve.coupled_in_c import coupled_in_c
     from kaneflex.support.output_folders import whole_folder
     from kaneflex.support.terminal import Waiting
 
@@ -289,6 +291,8 @@ def _derive_c(
         raise click.UsageError(f"{given[0]} does not go with --language c.")
     scene = read(name, list(changes))
     with whole_folder(output, mark="CMakeLists.txt", force=force) as partial, Waiting() as waiting:
-        for file, text in c_model(scene, waiting.stage).texts.items():
+        coupled = resolve_options(scene).dynamics == "coupled"
+        texts = coupled_in_c(scene, waiting.stage) if coupled else c_model(scene, waiting.stage).texts
+        for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8", newline="\n")
     click.echo(f"Written to {output}")

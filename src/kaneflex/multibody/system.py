@@ -96,7 +96,7 @@ class CoupledSystem:
         return slice(first, first + axial + transverse)
 
     @cached_property
-    def _order(self) -> np.ndarray:
+    def order(self) -> np.ndarray:
         """Where each coordinate of the bodies in the order of the tree is in q."""
         ranges = [range(self.start[body], self.modal(body).stop) for body in self.engine.layout.bodies]
         return np.array([k for part in ranges for k in part], int)
@@ -104,10 +104,10 @@ class CoupledSystem:
     @cached_property
     def _place(self) -> np.ndarray:
         """Where each coordinate of q is among those of the bodies in the order of the tree."""
-        return np.argsort(self._order)
+        return np.argsort(self.order)
 
     @cached_property
-    def _exerted(self) -> np.ndarray:
+    def exerted(self) -> np.ndarray:
         """Which of the engine's reactions each of ``reactions`` is."""
         layout = self.engine.layout
         place: dict[str, int] = {}
@@ -140,7 +140,7 @@ class CoupledSystem:
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Give the engine the coordinates and rates of the bodies."""
-        self.engine.fold(q[self._order], v[self._order])
+        self.engine.fold(q[self.order], v[self.order])
 
     def unfold(self, rows: np.ndarray) -> Unfolded:
         """Motion of the bodies at rows of the engine, whose loops are closed."""
@@ -148,7 +148,7 @@ class CoupledSystem:
         q, v, a = (part.take(self._place, axis=1) for part in found[:3])
         held, touching = 5 * len(self.engine.holds), 5 * len(self.engine.contacts)
         ends, given = found[3][:, found[3].shape[1] - held - touching :], 1 + self.engine.inputs
-        exerted = found[3][:, self._exerted]
+        exerted = found[3][:, self.exerted]
         exerted[:, self._unknown] = np.nan
         gaps, frictions = ends[:, :touching].reshape(len(rows), -1, 5), ends[:, touching:].reshape(len(rows), -1, 5)
         frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
@@ -176,7 +176,7 @@ class CoupledSystem:
         """
         columns = [self.shape_columns[k] for k in still.tolist()]
         begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
-        return self._unfolded(self.engine.held(times, q[:, self._order], v[:, self._order], columns, begun))
+        return self._unfolded(self.engine.held(times, q[:, self.order], v[:, self.order], columns, begun))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray | None = None) -> Unfolded:
         """States (n_times, size) with their loops closed, accelerations and reactions.
@@ -185,7 +185,7 @@ class CoupledSystem:
         """
         self.compile()
         begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
-        return self._unfolded(self.engine.states(times, q[:, self._order], v[:, self._order], begun))
+        return self._unfolded(self.engine.states(times, q[:, self.order], v[:, self.order], begun))
 
     def _unfolded(self, rows: np.ndarray | None) -> Unfolded:
         if rows is None:

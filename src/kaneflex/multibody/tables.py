@@ -324,7 +324,9 @@ def _where(otherwise, mechanisms):
 
         first = inspect.Parameter("typing", inspect.Parameter.POSITIONAL_OR_KEYWORD)
         called.__signature__ = inspect.Signature([first, *inspect.signature(function.py_func).parameters.values()])
-        return intrinsic(called)
+        made = intrinsic(called)
+        made.where = function, mechanisms, otherwise  # for whoever prints it in C
+        return made
 
     return of
 

@@ -1,0 +1,387 @@
+"""A scene under preset ``coupled`` as a folder of C11: its engine, its numbers, and a run without Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+import numpy as np
+
+from kaneflex.generated import body
+from kaneflex.multibody import collocation, unfolding
+from kaneflex.multibody import tables as at
+from kaneflex.multibody.binding import prefix_in_c
+from kaneflex.multibody.c_text import constant, handed_structure
+from kaneflex.multibody.coefficients import GAUSS, RADAU, TABLE, Table
+from kaneflex.multibody.library import ENTRIES
+from kaneflex.multibody.model import Model
+from kaneflex.multibody.printed import REMAINDER, Printer
+from kaneflex.multibody.run import CoupledTrajectory, Run
+from kaneflex.multibody.system import CoupledSystem
+from kaneflex.scene import Scene
+from kaneflex.scene.spatial_check import refuse_in_space
+from kaneflex.solve.c_model import array_in_c
+from kaneflex.solve.coupled import beginning, method_of
+from kaneflex.solve.loading import load
+from kaneflex.solve.one_way import one_way_cure
+from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
+
+_STEPS = 1000
+"""Steps between two looks at whether the run is over."""
+
+
+def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> dict[str, str]:
+    """Name of a file -> its text: the compiled functions of the engine, printed as C with all that they call.
+
+    NAME.h and NAME.c take a state from independent coordinates and rates to accelerations, and integrate with the
+    engine's own steps from where the scene's run begins; NAME_run.c writes a run as CSV.
+
+    Raises
+    ------
+    SceneError
+        For contacts, clearances, friction and laws that jump, and in space, whose equations numba alone compiles; for
+        ``solve.bounded``, and a run that has no start.
+    """
+    refuse_in_space(scene, "--language", "the engine of elastic bodies in space is compiled by numba alone")
+    model = load(scene, progress)
+    system = model.coupled
+    assert system is not None
+    if model.options.bounded:
+        raise SceneError(
+            "solve.bounded", ", ".join(model.options.bounded), "steps in C are bounded by displacements alone",
+            "Leave it out, and give a smaller solve.tolerance",
+        )  # fmt: skip
+    _check_untouched(scene, system)
+    progress("where the run begins")
+    run = _begun(model)
+    name = prefix_in_c(scene)
+    progress("printing the engine")
+    sizes = _sizes(run)
+    data = "\n".join(_data(run, name))
+    given = {
+        "name": name, "NAME": name.upper(), "scene": scene.name, "data": data, **_engine(run, name),
+        "enumerated": _enumerated(sizes, name.upper()), "steps": model.options.steps, "step": repr(model.step),
+        "most": _STEPS, "longest": repr(run.longest), "free": sizes["FREE"], "Y": at.Y, "RATE": at.RATE,
+        "ACCEL": at.ACCEL, "DONE": collocation.DONE, "PAUSED": collocation.PAUSED, "TURNED": collocation.TURNED,
+        "SINGULAR": collocation.SINGULAR,
+    }  # fmt: skip
+    return {
+        f"{name}.h": _HEADER.format(**given),
+        f"{name}.c": _SOURCE.format(**given),
+        f"{name}_run.c": _RUN.format(**given),
+        "CMakeLists.txt": _CMAKE.format(**given),
+    }
+
+
+def _check_untouched(scene: Scene, system: CoupledSystem) -> None:
+    """Raise SceneError where something touches, rubs or switches: what numba alone compiles."""
+    touching = (*system.mechanism.contacts, *system.mechanism.frictions)
+    switched = getattr(system.module, "SWITCHES", ())
+    if not (touching or switched or len(system.engine.contacts) or len(system.engine.holds)):
+        return
+    cure = one_way_cure(scene, "--language", integrated=False)
+    if touching:
+        table = "contacts" if touching[0] in scene.raw.get("contacts", {}) else "joints"
+        key, reason = f"{table}.{touching[0]}", "what touches or rubs is compiled by numba alone, not printed in C"
+    elif switched:
+        key, reason = f"loads.{switched[0]}", "steps end where its law jumps, which is not printed in C"
+    else:
+        key, reason = "solve.preset", "bodies whose inertia is lent are followed by numba alone, not printed in C"
+    raise SceneError(key, None, reason, cure)
+
+
+def _begun(model: Model) -> Run:
+    """A run at its first instant, with the engine's tables as they are there."""
+    system = model.coupled
+    assert system is not None
+    times = model.step * np.arange(model.options.steps + 1)
+    if model.options.start == "periodic":
+        found = simulate(model).trajectory
+        assert isinstance(found, CoupledTrajectory)
+        if not len(found.times):
+            raise SceneError("solve.start", "periodic", found.message, "Start from zero")
+        q, v = found.q[0], found.v[0]
+    else:
+        q, v = beginning(model)
+    run = Run(system, q, v, times, method_of(model), np.zeros(0))
+    if not run.settled:
+        reason = "the mechanism is singular there"
+        raise SceneError("solve.start", model.options.start, reason, "Start elsewhere")
+    return run
+
+
+def _sizes(run: Run) -> dict[str, int]:
+    """Lengths of the arrays in C, by the names of its enumeration."""
+    engine, system = run.engine, run.system
+    return {
+        "PLAN": len(engine.tables.plan), "NUMBERS": len(engine.tables.w), "REAL": max(1, len(engine.real)),
+        "PAIR": max(1, len(engine.pair)), "ROW": len(run.here), "FREE": len(engine.independent),
+        "COORDINATES": system.size, "FORCES": len(system.constraints), "TREE": engine.size,
+        "EXERTED": 3 * engine.count(at.BODIES) + engine.count(at.REACTIONS) + 5,  # as if one contact were there: the
+        # compiler sees the loop over them, and not that it makes no turn
+        "WORKS": engine.count(at.WORKS),
+    }  # fmt: skip
+
+
+_SAID = {
+    "COORDINATES": "of the bodies: x, y [m] and angle [rad] of each, then the amplitudes of its shapes [m]",
+    "FORCES": "what joints exert, and drives [N, N m]",
+    "FREE": "independent coordinates: of joints [rad, m] and of shapes [m]",
+}
+
+
+def _enumerated(sizes: dict[str, int], NAME: str) -> str:
+    shown = [f"    {NAME}_{key} = {sizes[key]}, /* {said} */" for key, said in _SAID.items()]
+    return "\n".join([*shown, *(f"    {NAME}_{key} = {size}," for key, size in sizes.items() if key not in _SAID)])
+
+
+def _engine(run: Run, name: str) -> dict[str, str]:
+    """The functions that are entered, with all that they call, as ``engine``; and their names in C."""
+    engine = run.engine
+    kernels = list(engine.kernels)
+    for kind in engine.kinds:
+        own = body.kernels(*kind)
+        kernels += [getattr(own, kernel) for kernel in at.BODY_KERNELS]
+    printer = Printer(kernels, name)
+    entries = {"settle": collocation.settle, "integrate": collocation.integrate, "unfold": unfolding.unfold}
+    names = {key: printer.function(entry, ENTRIES[entry].args)[0] for key, entry in entries.items()}
+    parts = (handed_structure(at.MECHANISM), handed_structure(TABLE), printer.structures(), REMAINDER)
+    return {"engine": "\n".join([*parts, *printer.texts]), **names}
+
+
+def _data(run: Run, name: str) -> Iterator[str]:
+    """The mechanism's tables, as they are where the run begins."""
+    engine, system = run.engine, run.system
+    plan, bodies, sections, acts, w = engine.tables
+    for key, table in (("plan", plan), ("bodies", bodies), ("sections", sections), ("acts", acts)):
+        yield _whole(f"{name}_{key}", table.ravel())
+    there = np.flatnonzero((w != 0.0) | ~np.isfinite(w))
+    yield _whole(f"{name}_places", there)
+    yield _real(f"{name}_numbers", w[there])
+    yield _real(f"{name}_p", engine.p)
+    yield _real(f"{name}_row", run.here)
+    yield _whole(f"{name}_order", system.order)
+    yield _whole(f"{name}_exerted", system.exerted)
+    yield _whole(f"{name}_unknown", [name_ in system.undetermined for name_ in system.constraints])
+    yield _whole(f"{name}_free", engine.independent)
+    names = {"coordinate": [key for key, _ in system.coordinates], "force": system.constraints, "free": engine.names}
+    for key, found in names.items():
+        yield array_in_c("char *const", f"{name}_{key}_names", (f'"{each}"' for each in found))
+    yield f"static const double {name}_first_step = {run.step!r};\n"
+    yield from _method(GAUSS if run.method.integrator == "gauss" else RADAU, name)
+
+
+def _method(table: Table, name: str) -> Iterator[str]:
+    """Coefficients of the collocation; complex ones as pairs."""
+    for key, values in table._asdict().items():
+        flat = np.ascontiguousarray(values).ravel()
+        yield _real(f"{name}_{key}", flat.view(float) if np.iscomplexobj(flat) else flat, "")
+    complex_ones = [key for key, values in table._asdict().items() if np.iscomplexobj(values)]
+    parts = (f"(double complex *){name}_{key}" if key in complex_ones else f"{name}_{key}" for key in table._fields)
+    yield f"static const table {name}_method = {{\n    {', '.join(parts)}\n}};\n"
+
+
+def _whole(name: str, values: Iterable[object]) -> str:
+    return _wrapped(f"static const int64_t {name}[]", [str(int(value)) for value in values])  # type: ignore[call-overload]
+
+
+def _real(name: str, values: Sequence[float] | np.ndarray, kept: str = "const ") -> str:
+    return _wrapped(f"static {kept}double {name}[]", [constant(float(value))[0] for value in values])
+
+
+def _wrapped(head: str, values: list[str]) -> str:
+    """An array with some numbers a line; C has no empty ones."""
+    values = values or ["0"]
+    lines = "\n".join(f"    {', '.join(values[k : k + 8])}," for k in range(0, len(values), 8))
+    return f"{head} = {{\n{lines}\n}};\n"
+
+
+_HEADER = """/* {scene} under preset coupled: large motions of elastic bodies. All numbers are SI.
+ *
+ * A state is a mechanism's tables with its motion: as many as there is memory for run beside each other. Nothing is
+ * allocated. */
+#ifndef {NAME}_H
+#define {NAME}_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
+enum {{
+{enumerated}
+}};
+
+/* How a run ended: at its end; at a singular state; otherwise the step vanishes. */
+enum {{ {NAME}_DONE = {DONE}, {NAME}_SINGULAR = {SINGULAR} }};
+
+typedef struct {{
+    int64_t plan[{NAME}_PLAN];
+    double numbers[{NAME}_NUMBERS], real[{NAME}_REAL], pair[2 * {NAME}_PAIR];
+    double row[{NAME}_ROW]; /* time [s] and the motion there */
+    double step, last_step, stays, counts[5];
+}} {name}_state;
+
+extern const char *const {name}_coordinate_names[];
+extern const char *const {name}_force_names[];
+extern const char *const {name}_free_names[];
+
+/* Put a state where the scene's run begins. */
+void {name}_start({name}_state *state);
+
+/* Time [s] of a state. */
+double {name}_time(const {name}_state *state);
+
+/* Accelerations a of the independent coordinates y, which move at the rates v at t [s]; {name}_free_names says which.
+ * Loops are closed from where they were the last time. Returns {NAME}_DONE or {NAME}_SINGULAR. */
+int {name}_accelerations({name}_state *state, double t, const double y[], const double v[], double a[]);
+
+/* Integrate until an instant [s] with the scene's tolerance; the error chooses the steps. Returns how it ended. Which
+ * coordinates are independent stays as it is: where a loop stretches to its dead centre the run ends there. */
+int {name}_run({name}_state *state, double until);
+
+/* Coordinates of the bodies with their rates and accelerations, and what joints and drives exert, where a run stands.
+ * What no equation determines is no number. */
+void {name}_motion({name}_state *state, double q[], double v[], double a[], double forces[]);
+
+#ifdef __cplusplus
+}}
+#endif
+
+#endif
+"""
+_SOURCE = """/* {scene} under preset coupled: the engine's functions as numba compiles them, and the numbers. */
+#include "{name}.h"
+
+#include <complex.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+{engine}
+{data}
+static mechanism {name}_handed({name}_state *state)
+{{
+    const mechanism handed = {{
+        state->plan, {name}_bodies, {name}_sections, {name}_acts, state->numbers, state->plan,
+        (double *){name}_p, state->real, (double complex *)state->pair
+    }};
+    return handed;
+}}
+
+void {name}_start({name}_state *state)
+{{
+    memset(state, 0, sizeof *state);
+    memcpy(state->plan, {name}_plan, sizeof {name}_plan);
+    for (size_t k = 0; k < sizeof {name}_places / sizeof {name}_places[0]; k++)
+        state->numbers[{name}_places[k]] = {name}_numbers[k];
+    memcpy(state->row, {name}_row, sizeof {name}_row);
+    state->step = {name}_first_step;
+}}
+
+double {name}_time(const {name}_state *state)
+{{
+    return state->row[0];
+}}
+
+int {name}_accelerations({name}_state *state, double t, const double y[], const double v[], double a[])
+{{
+    const mechanism m = {name}_handed(state);
+    for (int k = 0; k < {free}; k++) {{
+        m.w[m.plan[{Y}] + {name}_free[k]] = y[k];
+        m.w[m.plan[{RATE}] + {name}_free[k]] = v[k];
+    }}
+    if (!{settle}(&m, t))
+        return {NAME}_SINGULAR;
+    for (int k = 0; k < {free}; k++)
+        a[k] = m.w[m.plan[{ACCEL}] + {name}_free[k]];
+    return {NAME}_DONE;
+}}
+
+int {name}_run({name}_state *state, double until)
+{{
+    const mechanism m = {name}_handed(state);
+    double times[2] = {{state->row[0], until}}, rows[2 * {NAME}_ROW], ends[{most} + 1], none[1] = {{0.0}};
+    int64_t status = {DONE};
+    if (until <= state->row[0])
+        return {NAME}_DONE;
+    do {{
+        double control[7] = {{state->step, {longest}, {most}, 0.0, 0.0, state->last_step, state->stays}};
+        status = {integrate}(
+            &m, &{name}_method, control, state->row, none, 0, times, 2, rows, state->counts, ends);
+        state->step = control[0];
+        state->last_step = control[5];
+        state->stays = status == {TURNED} ? 1.0 : 0.0;
+    }} while (status == {PAUSED} || status == {TURNED});
+    return (int)status;
+}}
+
+void {name}_motion({name}_state *state, double q[], double v[], double a[], double forces[])
+{{
+    const mechanism m = {name}_handed(state);
+    double moved[3][{NAME}_COORDINATES], exerted[{NAME}_EXERTED], sums[4], rates[{NAME}_WORKS];
+    {unfold}(&m, state->row, 1, moved[0], moved[1], moved[2], exerted, sums, rates);
+    for (int k = 0; k < {NAME}_COORDINATES; k++) {{
+        q[{name}_order[k]] = moved[0][k];
+        v[{name}_order[k]] = moved[1][k];
+        a[{name}_order[k]] = moved[2][k];
+    }}
+    for (int k = 0; k < {NAME}_FORCES; k++)
+        forces[k] = {name}_unknown[k] ? NAN : exerted[{name}_exerted[k]];
+}}
+"""
+_RUN = """/* Writes a run as CSV: time [s], coordinates of the bodies [m, rad], forces of joints and drives [N, N m]. */
+#include "{name}.h"
+
+#include <stdio.h>
+
+static {name}_state state;
+
+int main(void)
+{{
+    static double q[{NAME}_COORDINATES], v[{NAME}_COORDINATES], a[{NAME}_COORDINATES], forces[{NAME}_FORCES + 1];
+    int ended = {NAME}_DONE;
+    {name}_start(&state);
+    printf("time");
+    for (int k = 0; k < {NAME}_COORDINATES; k++)
+        printf(",\\"%s\\"", {name}_coordinate_names[k]);
+    for (int k = 0; k < {NAME}_FORCES; k++)
+        printf(",\\"%s\\"", {name}_force_names[k]);
+    printf("\\n");
+    for (int step = 0; step <= {steps}; step++) {{
+        if (step > 0)
+            ended = {name}_run(&state, {step} * step);
+        if (ended != {NAME}_DONE)
+            break;
+        {name}_motion(&state, q, v, a, forces);
+        printf("%.17g", {name}_time(&state));
+        for (int k = 0; k < {NAME}_COORDINATES; k++)
+            printf(",%.17g", q[k]);
+        for (int k = 0; k < {NAME}_FORCES; k++)
+            printf(",%.17g", forces[k]);
+        printf("\\n");
+    }}
+    if (ended != {NAME}_DONE)
+        fprintf(stderr, "stopped at t = %.9g s: %s\\n", {name}_time(&state),
+                ended == {NAME}_SINGULAR ? "a singular state" : "the step vanishes");
+    return ended;
+}}
+"""
+_CMAKE = """cmake_minimum_required(VERSION 3.10)
+project({name} C)
+set(CMAKE_C_STANDARD 11)
+set(CMAKE_C_STANDARD_REQUIRED ON)
+set(CMAKE_C_EXTENSIONS OFF)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+add_library({name} STATIC {name}.c)
+target_include_directories({name} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})
+if(UNIX)
+  target_link_libraries({name} PUBLIC m)
+endif()
+add_executable({name}_run {name}_run.c)
+target_link_libraries({name}_run {name})
+"""

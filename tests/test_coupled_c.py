@@ -1,0 +1,169 @@
+"""The C of scenes under preset coupled: what numba compiles, printed, beside numba's own runs."""
+
+import ctypes
+import io
+import re
+import subprocess
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+from numba import njit, types
+from runs import model, run
+from test_c import built
+
+from kaneflex.generated import body
+from kaneflex.multibody import tables as at
+from kaneflex.multibody.c_text import handed_structure
+from kaneflex.multibody.printed import REMAINDER, Printer
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.coupled_in_c import coupled_in_c
+from kaneflex.support.errors import SceneError
+
+COUPLED = "solve.preset=coupled"
+# A motor by a law of its speed; a chain; one free axis; a table of gas over a cycle that is found first.
+SCENES = [("four-bar-motor",), ("elastic-double-pendulum",), ("spin-up-torque",), ("engine", COUPLED)]
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=" ".join)
+def test_a_run_in_c_is_that_of_python(scene, compiler, tmp_path):
+    """Coordinates of all bodies and what joints exert: 3e-13 of each one's largest was seen, over some 3000 steps."""
+    trajectory = run(*scene).trajectory
+    program = built(coupled_in_c(model(*scene).scene), tmp_path, compiler)
+    written = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    system = model(*scene).coupled
+    head = [name.strip('"') for name in written.splitlines()[0].split(",")]
+    assert head == ["time", *(name for name, _ in system.coordinates), *system.constraints]
+    found = np.genfromtxt(io.StringIO(written), delimiter=",", skip_header=1)
+    expected = np.column_stack([trajectory.times, trajectory.q, trajectory.multipliers])
+    assert found.shape == expected.shape
+    assert (abs(found - expected).max(axis=0) <= 1e-10 * abs(expected).max(axis=0)).all()
+
+
+def test_accelerations_in_c_are_those_of_the_engine(compiler, tmp_path):
+    """Of a state by itself, near those of a run but not on it."""
+    scene = ("slider-crank-150-coupled",)
+    texts, begun = coupled_in_c(model(*scene).scene), run(*scene)
+    system = begun.model.coupled
+    system.fold(begun.trajectory.q[0], begun.trajectory.v[0])
+    engine = system.engine
+    name = "slider_crank_150_coupled"
+    library = ctypes.CDLL(str(built(texts, tmp_path, compiler, "-shared", "-fPIC")))
+    size = {key: int(value) for key, value in re.findall(rf"{name.upper()}_(\w+) = (\d+),", texts[f"{name}.h"])}
+    numbers = sum(size[key] for key in ("PLAN", "NUMBERS", "REAL", "ROW")) + 2 * size["PAIR"] + 8
+    state, free = np.zeros(numbers), engine.independent
+    assert size["FREE"] == len(free) == len(engine.names)
+    getattr(library, f"{name}_start")(_address(state))
+    random = np.random.default_rng(3)
+    for k in range(20):
+        t = 2e-3 * k
+        y, v = (scale * random.normal(size=len(free)) for scale in (1e-4, 0.1))
+        for part, given in zip(engine.motion, (y, v), strict=False):
+            part[free] = given
+        assert engine.settle(t)
+        found = np.zeros(len(free))
+        accelerate = getattr(library, f"{name}_accelerations")
+        assert accelerate(_address(state), ctypes.c_double(t), _address(y), _address(v), _address(found)) == 0
+        expected = engine.motion[2][free]
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * abs(expected).max())
+
+
+def _address(array):
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+@njit
+def several(w, k):
+    w[k], w[k + 1] = w[k + 1], w[k]
+    return w[k] - 1.0, k + 1
+
+
+@njit
+def example(w, n, x):
+    """Bounds count once, values before targets, remainders have the sign of what divides."""
+    total = 0
+    for k in range(n):
+        n += 1
+        if k % 2 == 1:
+            continue
+        total += k
+    while True:
+        total += 0.5
+        if not total < 40.0:
+            break
+    for k in range(n - 1, 2, -3):
+        total -= float(k) / 3
+    a, b = several(w, 1)
+    a, total = total, a if n > 3 and x < 0.0 <= total else -total
+    w[0] = w[4] = abs(x) + b ** 2 + (-7.5) % 2.0 + n / 4
+    return total + a * (x % -3.0) - k
+
+
+def test_what_python_means_in_c(compiler, tmp_path):
+    printer = Printer(())
+    name, returned = printer.function(example, (types.CPointer(types.float64), types.int64, types.float64), "")
+    assert returned == types.float64
+    head = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n#include <stdlib.h>\n"
+    prototype = f"double {name}(double *w, int64_t n, double x);\n"
+    text = "\n".join([head, REMAINDER, printer.structures(), prototype, *printer.texts])
+    library = ctypes.CDLL(str(built({"example.c": text}, tmp_path, compiler, "-shared", "-fPIC")))
+    function = getattr(library, name)
+    function.restype, function.argtypes = ctypes.c_double, [ctypes.c_void_p, ctypes.c_int64, ctypes.c_double]
+    for n, x in ((4, 1.25), (9, -7.0), (2, -0.5), (5, 0.0)):
+        expected, found = np.arange(6.0), np.arange(6.0)
+        wanted = example(expected, n, x)
+        assert function(found.ctypes.data, n, x) == wanted
+        assert (found == expected).all()
+
+
+@njit
+def strange(x):
+    return [x, x][0]
+
+
+def test_what_is_not_printed_is_named_with_its_place():
+    with pytest.raises(NotImplementedError, match=r"test_coupled_c.py:\d+: not printed in C: \[x, x\]"):
+        Printer(()).function(strange, (types.float64,))
+
+
+def test_a_function_is_printed_for_every_list_of_types():
+    kernels = [body.kernels(1, 2), body.kernels(0, 3)]
+    printer = Printer([None, None, *(getattr(each, name) for each in kernels for name in at.BODY_KERNELS)])
+    name, _, by_body = printer.chosen(at.ENERGY, at.BODY_KERNELS["energy"].signature.args)
+    assert by_body and name == "kernel_energy"
+    assert [text.count("body_energy") for text in printer.texts] == [1, 1, 2]
+    assert "int64_t *plan" in handed_structure(at.MECHANISM)
+
+
+@pytest.mark.parametrize(("name", "key"), [
+    ("stick-slip", "joints.rub"), ("bouncing-bar", "contacts.stop"), ("slider-crank-clearance", "joints.wrist"),
+])  # fmt: skip
+def test_what_touches_or_rubs_is_refused_by_name(name, key):
+    with pytest.raises(SceneError, match=f"{key}: what touches or rubs is compiled by numba alone"):
+        coupled_in_c(read_scene(name))
+
+
+def test_a_law_that_jumps_is_refused_by_name():
+    scene = with_settings(read_scene("four-bar-motor"), ['loads.motor.law="0.3 * sign(main_speed)"'])
+    with pytest.raises(SceneError, match=r"loads.motor: steps end where its law jumps"):
+        coupled_in_c(scene)
+
+
+def test_bounds_that_c_does_not_know_are_refused():
+    scene = with_settings(read_scene("four-bar-motor"), ['solve.bounded=["speeds"]'])
+    with pytest.raises(SceneError, match=r"solve.bounded = 'speeds': steps in C are bounded by displacements alone"):
+        coupled_in_c(scene)
+
+
+def test_the_command_writes_a_folder(compiler, tmp_path):
+    """Also of a scene whose name is that of a room of the engine, whose functions' names begin so."""
+    (tmp_path / "unfolding.toml").write_text('schema = 1\nlike = "four-bar-motor"\n', encoding="utf-8")
+    cli("derive", tmp_path / "unfolding.toml", "--language", "c", "-o", tmp_path / "b")
+    sources = ["unfolding.c", "unfolding_run.c", "-o", "built", "-lm"]
+    subprocess.run([compiler, "-std=c11", *sources], cwd=tmp_path / "b", check=True)
+    cli("derive", "four-bar-motor", "--language", "c", "-o", tmp_path / "c")
+    assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
+        "CMakeLists.txt", "four_bar_motor.c", "four_bar_motor.h", "four_bar_motor_run.c"
+    ]
+    refused(cli("derive", "stick-slip", "--language", "c", "-o", tmp_path / "d"), "joints.rub")
+    assert not (tmp_path / "d").exists()
