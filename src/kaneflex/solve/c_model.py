@@ -100,8 +100,7 @@ def c_model(
     include = f'#include "{_SHARED[0]}"\n' if readings else ""
     texts[f"{name}_data.h"] = _DATA_H.format(name=name, NAME=name.upper(), include=include, declared=declared)
     texts[f"{name}_data.c"] = f'#include "{name}_data.h"\n\n' + "\n".join(data)
-    program = f"add_executable({name}_run {name}_run.c)\ntarget_link_libraries({name}_run {name})\n" if readings else ""
-    texts["CMakeLists.txt"] = _CMAKE.format(name=name, sources=" ".join(sources), program=program)
+    texts["CMakeLists.txt"] = cmake_text(name, sources, f"{name}_run.c" in texts)
     return CModel(name, model, texts, readings, start)
 
 
@@ -136,6 +135,12 @@ def _motion(found: Harmonics, model: Model, name: str) -> dict[str, str]:
     tables = f"{places(f'{NAME}_P', p, f'{NAME}_PARAMETERS')}\n\n{places(f'{NAME}_S', rows, f'{NAME}_SCALARS')}"
     head, source = _MOTION_H.format(tables=tables, **said), _MOTION_C.format(series="\n".join(texts), **said)
     return {f"{name}.h": head, f"{name}.c": source} | shared_texts(_IN_SPACE)
+
+
+def cmake_text(name: str, sources: Iterable[str], runs: bool) -> str:
+    """What CMake needs for a library of sources, and for NAME_run.c where there is one."""
+    program = f"add_executable({name}_run {name}_run.c)\ntarget_link_libraries({name}_run {name})\n" if runs else ""
+    return _CMAKE.format(name=name, sources=" ".join(sources), program=program)
 
 
 def shared_texts(names: Iterable[str]) -> dict[str, str]:

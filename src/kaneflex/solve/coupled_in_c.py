@@ -19,7 +19,7 @@ from kaneflex.multibody.run import CoupledTrajectory, Run
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.scene import Scene
 from kaneflex.scene.spatial_check import refuse_in_space
-from kaneflex.solve.c_model import array_in_c
+from kaneflex.solve.c_model import array_in_c, cmake_text
 from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.loading import load
 from kaneflex.solve.one_way import one_way_cure
@@ -69,7 +69,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
         f"{name}.h": _HEADER.format(**given),
         f"{name}.c": _SOURCE.format(**given),
         f"{name}_run.c": _RUN.format(**given),
-        "CMakeLists.txt": _CMAKE.format(**given),
+        "CMakeLists.txt": cmake_text(name, [f"{name}.c"], runs=True),
     }
 
 
@@ -368,20 +368,4 @@ int main(void)
                 ended == {NAME}_SINGULAR ? "a singular state" : "the step vanishes");
     return ended;
 }}
-"""
-_CMAKE = """cmake_minimum_required(VERSION 3.10)
-project({name} C)
-set(CMAKE_C_STANDARD 11)
-set(CMAKE_C_STANDARD_REQUIRED ON)
-set(CMAKE_C_EXTENSIONS OFF)
-if(NOT CMAKE_BUILD_TYPE)
-  set(CMAKE_BUILD_TYPE Release)
-endif()
-add_library({name} STATIC {name}.c)
-target_include_directories({name} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})
-if(UNIX)
-  target_link_libraries({name} PUBLIC m)
-endif()
-add_executable({name}_run {name}_run.c)
-target_link_libraries({name}_run {name})
 """
