@@ -12,7 +12,9 @@ from numba import njit, types
 from runs import model, run
 from test_c import built
 
+import kaneflex
 from kaneflex.generated import body
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.c_text import handed_structure
 from kaneflex.multibody.printed import REMAINDER, Printer
@@ -72,6 +74,42 @@ def _address(array):
     return ctypes.c_void_p(array.ctypes.data)
 
 
+CRANK = """
+schema = 1
+name = "crank"
+[bodies]
+crank = {length = 0.1, mass = 1.0, inertia = 1e-3}
+rod = {length = 0.1005, mass = 1.0, inertia = 1e-2}
+piston = {mass = 0.2}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+pin = {revolute = ["crank.end", "rod.start"]}
+wrist = {revolute = ["rod.end", "piston"]}
+guide = {prismatic = ["ground", "piston"], direction = [1, 0]}
+[drives]
+main = {free = true, angle = "85 deg", initial_speed = "30 rad/s"}
+[solve]
+preset = "coupled"
+duration = "20 ms"
+steps = 40
+"""
+
+
+def test_a_run_ends_where_python_chooses_other_coordinates(compiler, tmp_path):
+    """A rod hardly longer than its crank, which the angle between both leads: up to there it is Python's run."""
+    scene = kaneflex.scene_of(CRANK)
+    trajectory = kaneflex.simulate(kaneflex.load(scene)).trajectory
+    assert trajectory.outcome is Outcome.COMPLETED
+    texts = coupled_in_c(scene)
+    ended = subprocess.run([built(texts, tmp_path, compiler)], capture_output=True, text=True, check=False)
+    status = int(re.search(r"CRANK_TURNED = (\d+)", texts["crank.h"])[1])
+    assert ended.returncode == status
+    assert "near a dead centre of the independent coordinates" in ended.stderr
+    found = np.genfromtxt(io.StringIO(ended.stdout), delimiter=",", skip_header=1)
+    assert 10 < len(found) < 20
+    assert found[:, 1:10] == pytest.approx(trajectory.q[: len(found)], abs=1e-12)
+
+
 @njit
 def several(w, k):
     w[k], w[k + 1] = w[k + 1], w[k]
@@ -95,7 +133,7 @@ def example(w, n, x):
         total -= float(k) / 3
     a, b = several(w, 1)
     a, total = total, a if n > 3 and x < 0.0 <= total else -total
-    w[0] = w[4] = abs(x) + b ** 2 + (-7.5) % 2.0 + n / 4
+    w[0] = w[4] = abs(x) + b ** 2 + (-7.5) % 2.0 + n / 4 + (b - 5) % 3 + (b - 9) // 4
     return total + a * (x % -3.0) - k
 
 

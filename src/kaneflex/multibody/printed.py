@@ -7,6 +7,7 @@ with its place. So a law stands in one text, whoever compiles it.
 A function is printed once for every list of its arguments' types, as numba compiles it; the type of a variable is the
 widest of what is assigned to it.
 """
+
 from __future__ import annotations
 
 import ast
@@ -30,6 +31,7 @@ static inline double remainder_of(double x, double y)
     return left != 0.0 && (left < 0.0) != (y < 0.0) ? left + y : left;
 }
 """
+_LETTERS = {types.boolean: "b", types.int64: "i", types.float64: "d", types.complex128: "z"}
 
 
 class Printer:
@@ -74,8 +76,7 @@ class Printer:
     def pair(self, of: Any) -> str:
         """Name of the structure that several numbers are returned as."""
         if of not in self.pairs:
-            self.pairs[of] = "_".join(["several", *("dibz"[(types.float64, types.int64, types.boolean).index(kind)]
-                                                    if kind != types.complex128 else "z" for kind in of.types)])
+            self.pairs[of] = f"several_{''.join(_LETTERS[kind] for kind in of.types)}"
             self._taken.add(self.pairs[of])
         return self.pairs[of]
 
@@ -102,15 +103,12 @@ class Printer:
         returned, name = found[0][1], f"kernel_{list(tables.BODY_KERNELS)[which - len(tables.STRUCTURE_KERNELS)]}"
         arguments = ", ".join(f"{declared(kind, f'a{k}')}" for k, kind in enumerate(given))
         passed = ", ".join(f"a{k}" for k in range(len(given)))
-        put = "" if returned == types.void else "return "
-        cases = "".join(
-            f"    case {each * k}:\n        {put}{of}({passed});\n{'' if put else '        break;' + chr(10)}"
-            for k, (of, _) in enumerate(found[:-1])
-        )
-        cases += f"    default:\n        {put}{found[-1][0]}({passed});\n"
-        kind = self.declared_type(returned)
-        head = f"static {kind} {name}(int64_t kind, {arguments})"
-        self.texts.append(f"{head}\n{{\n    switch (kind) {{\n{cases}    }}\n}}\n")
+        lines = [f"static {self.declared_type(returned)} {name}(int64_t kind, {arguments})", "{", "    switch (kind) {"]
+        for k, (of, _) in enumerate(found):
+            lines.append(f"    case {each * k}:" if k + 1 < len(found) else "    default:")
+            call = f"{of}({passed});"
+            lines += [f"        {call}", "        break;"] if returned == types.void else [f"        return {call}"]
+        self.texts.append("\n".join([*lines, "    }", "}\n"]))
         return name, returned
 
     def declared_type(self, of: Any) -> str:
@@ -249,7 +247,7 @@ class _Written(Expressions):
         if isinstance(node.target, ast.Name):
             self._take(node.target, kind)
         operator = OPERATORS.get(type(node.op))
-        if operator is None or (isinstance(node.op, (ast.Div, ast.FloorDiv, ast.Mod)) and kind == types.int64):
+        if operator is None or (isinstance(node.op, ast.Div) and kind == types.int64):
             self.refuse(node)
         self._line(f"{self._place(node.target)} {operator}= {text};")
 

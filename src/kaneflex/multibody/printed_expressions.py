@@ -18,7 +18,7 @@ from kaneflex.multibody.tables import Fixed, Handed
 if TYPE_CHECKING:
     from kaneflex.multibody.printed import Printer
 
-OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.FloorDiv: "/"}
+OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _MATHEMATICS = {getattr(math, name): name for name in (
     "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs floor fmod hypot "
@@ -122,14 +122,15 @@ class Expressions:
             if kind == types.complex128:
                 self.refuse(node)
             return f"pow({bare(left)}, {bare(right)})", types.float64
+        if isinstance(node.op, ast.Mod) and kind in (types.int64, types.float64):
+            text = f"remainder_of({bare(left)}, {bare(right)})"
+            return (f"(int64_t){text}" if kind == types.int64 else text), kind
+        if isinstance(node.op, ast.FloorDiv) and kind == types.int64:
+            return f"(int64_t)floor((double){left} / {right})", kind
         if type(node.op) not in OPERATORS:
             self.refuse(node)
         if isinstance(node.op, ast.Div) and kind == types.int64:
             left, kind = f"(double){left}", types.float64
-        if isinstance(node.op, ast.Mod) and kind == types.float64:
-            return f"remainder_of({bare(left)}, {bare(right)})", kind
-        if isinstance(node.op, (ast.Mod, ast.FloorDiv)) and kind != types.int64:
-            self.refuse(node)  # of whole numbers above zero both languages give the same
         return f"({left} {OPERATORS[type(node.op)]} {right})", kind
 
     def _of_Compare(self, node: ast.Compare) -> Expression:

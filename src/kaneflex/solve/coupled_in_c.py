@@ -213,14 +213,15 @@ enum {{
 {enumerated}
 }};
 
-/* How a run ended: at its end; at a singular state; otherwise the step vanishes. */
-enum {{ {NAME}_DONE = {DONE}, {NAME}_SINGULAR = {SINGULAR} }};
+/* How a run ended: at its end, at a singular state, where other coordinates have to be independent; else the step
+ * vanishes. */
+enum {{ {NAME}_DONE = {DONE}, {NAME}_SINGULAR = {SINGULAR}, {NAME}_TURNED = {TURNED} }};
 
 typedef struct {{
     int64_t plan[{NAME}_PLAN];
     double numbers[{NAME}_NUMBERS], real[{NAME}_REAL], pair[2 * {NAME}_PAIR];
     double row[{NAME}_ROW]; /* time [s] and the motion there */
-    double step, last_step, stays, counts[5];
+    double step, last_step, counts[5];
 }} {name}_state;
 
 extern const char *const {name}_coordinate_names[];
@@ -238,7 +239,7 @@ double {name}_time(const {name}_state *state);
 int {name}_accelerations({name}_state *state, double t, const double y[], const double v[], double a[]);
 
 /* Integrate until an instant [s] with the scene's tolerance; the error chooses the steps. Returns how it ended. Which
- * coordinates are independent stays as it is: where a loop stretches to its dead centre the run ends there. */
+ * coordinates are independent stays as it is: where a loop comes near a dead centre of these, the run ends there. */
 int {name}_run({name}_state *state, double until);
 
 /* Coordinates of the bodies with their rates and accelerations, and what joints and drives exert, where a run stands.
@@ -308,13 +309,12 @@ int {name}_run({name}_state *state, double until)
     if (until <= state->row[0])
         return {NAME}_DONE;
     do {{
-        double control[7] = {{state->step, {longest}, {most}, 0.0, 0.0, state->last_step, state->stays}};
+        double control[7] = {{state->step, {longest}, {most}, 0.0, 0.0, state->last_step, 0.0}};
         status = {integrate}(
             &m, &{name}_method, control, state->row, none, 0, times, 2, rows, state->counts, ends);
         state->step = control[0];
         state->last_step = control[5];
-        state->stays = status == {TURNED} ? 1.0 : 0.0;
-    }} while (status == {PAUSED} || status == {TURNED});
+    }} while (status == {PAUSED});
     return (int)status;
 }}
 
@@ -365,7 +365,8 @@ int main(void)
     }}
     if (ended != {NAME}_DONE)
         fprintf(stderr, "stopped at t = %.9g s: %s\\n", {name}_time(&state),
-                ended == {NAME}_SINGULAR ? "a singular state" : "the step vanishes");
+                ended == {NAME}_SINGULAR ? "a singular state"
+                : ended == {NAME}_TURNED ? "near a dead centre of the independent coordinates" : "the step vanishes");
     return ended;
 }}
 """
