@@ -139,6 +139,18 @@ def test_a_shaft_bent_and_twisted():
     assert panel.get_title().startswith(f"shaft: {1e-6 * expected:.3g} MPa at 0 mm")
 
 
+def test_a_rod_in_space_that_acts_back_is_stressed_as_one_that_does_not():
+    """Preset coupled, whose bodies are no links of the linear equations, beside stiffened: 1e-3 apart."""
+    largest = []
+    for preset in ("stiffened", "coupled"):
+        scene = kaneflex.scene.with_settings(kaneflex.read_scene("spatial-slider-crank-elastic"),
+                                             [f"solve.preset={preset}", "solve.steps=500"])  # fmt: skip
+        found = kaneflex.simulate(kaneflex.load(scene)).stresses["rod"]
+        assert found.x[found.largest[0]] == pytest.approx(0.125, abs=0.02)
+        largest.append(found.mises.max())
+    assert largest[1] == pytest.approx(largest[0], rel=1e-3)
+
+
 def test_a_rectangular_bar_bent_askew_is_pulled_most_at_a_corner():
     h, b, F = 0.05, 0.02, 1000.0
     stresses = link_stresses(shaft(f"rectangle = [{h}, {b}]", 0.0, 3.0 * F, -F, 0.5 * F).motion, "shaft")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
-from kaneflex.response.stresses import LinkStresses, link_stresses
+from kaneflex.response.stresses import LinkStresses
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def figures(solution: Solution) -> dict[str, Figure]:
     """``stress``: of elastic links whose sections have a shape, all that they go through in what is shown."""
     shown, bodies = view(solution), solution.model.scene.bodies
-    found = {name: each for name in solution.model.links if (each := link_stresses(shown.motion, name)) is not None}
+    found = {name: each.taken(shown.instants) for name, each in solution.stresses.items()}
     if not found:
         return {}
     page = new_figure(7.6, 0.9 + 2.2 * len(found), f"Stress of links{shown.note}")

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic import Field
 
-from kaneflex.response.stresses import link_stresses
 from kaneflex.solve.mode_angle_envelope import PeakSpread, mode_angle_spread
 from kaneflex.solve.solution import MOST_FREQUENCIES
 from kaneflex.solve.touching import ContactSummary, FrictionSummary, contact_summaries, friction_summaries
@@ -225,11 +224,9 @@ def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
 
 def _stresses(solution: Solution) -> dict[str, StressSummary]:
     degrees, found = drive_degrees(solution), {}
-    for name in solution.model.links:
-        stresses, beam = link_stresses(solution.motion, name), solution.model.scene.bodies[name].beam
-        if stresses is None or beam is None:
-            continue
-        station, instant = stresses.largest
+    for name, stresses in solution.stresses.items():
+        beam, (station, instant) = solution.model.scene.bodies[name].beam, stresses.largest
+        assert beam is not None  # only such have sections
         largest = float(stresses.mises[station, instant])
         found[name] = StressSummary(
             largest=largest,

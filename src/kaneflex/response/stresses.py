@@ -56,6 +56,18 @@ class LinkStresses(NamedTuple):
         station, instant = np.unravel_index(int(self.mises.argmax()), self.mises.shape)
         return int(station), int(instant)
 
+    def taken(self, instants: np.ndarray) -> LinkStresses:
+        """Those at some of the instants, by their numbers."""
+        return LinkStresses(self.x, *(part[:, instants] for part in self[1:]))
+
+
+def stresses_of(motion: Motion) -> dict[str, LinkStresses]:
+    """Those of every elastic link that has any; of rigid mechanisms, in which nothing deforms, none."""
+    if motion.model.options.dynamics == "rigid":
+        return {}
+    links = [name for name, body in motion.model.scene.bodies.items() if body.elastic]
+    return {name: found for name in links if (found := link_stresses(motion, name)) is not None}
+
 
 def link_stresses(motion: Motion, name: str) -> LinkStresses | None:
     """Stresses of an elastic link; None where a section has no shape, or nobody knows its forces.

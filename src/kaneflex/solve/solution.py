@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from kaneflex.multibody.impacts import Impact
     from kaneflex.multibody.run import CoupledTrajectory
     from kaneflex.response.sensors import Series
+    from kaneflex.response.stresses import LinkStresses
     from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.support.labelled import Labelled
 
@@ -236,6 +237,13 @@ class Solution:
                     "Correct the numbers that make it so large, or leave the sensor out",
                 )  # fmt: skip
         return measured
+
+    @cached_property
+    def stresses(self) -> dict[str, LinkStresses]:
+        """Stresses of every elastic link whose sections have a shape, at the stored times."""
+        from kaneflex.response.stresses import stresses_of
+
+        return stresses_of(self.motion)
 
     def keep(self, measured: dict[str, Series]) -> None:
         """Take what someone else has read of the motion as its :attr:`series`: values that are finite everywhere."""
