@@ -1,12 +1,14 @@
 """Stresses of links by their section forces: numbers, picture and summary, beside closed forms."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 import kaneflex
 from kaneflex.plots.stress import figures
+from kaneflex.report.presentation import modelled
 from kaneflex.report.summary import summarise
 from kaneflex.report.tables import stress_table
 from kaneflex.response.stresses import link_stresses, section_at
@@ -69,6 +71,13 @@ def test_sections_without_a_shape_have_no_edges():
     solution = solved('A = "300 mm^2", I = "1e4 mm^4", kappa = 0.85')
     assert figures(solution) == {}
     assert summarise(solution).stresses == {}
+
+
+def test_without_a_strength_there_is_no_share_of_it():
+    text = CANTILEVER.replace("\\\n", "").replace("SECTION", SHAPED).replace('yield_strength = "250 MPa", ', "")
+    told = summarise(kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text))))
+    assert told.stresses["arm"].utilisation is None
+    assert "% of" not in stress_table(told)
 
 
 def test_at_the_neutral_axis_a_short_arm_is_sheared():
@@ -148,6 +157,7 @@ def test_a_rod_in_space_that_acts_back_is_stressed_as_one_that_does_not():
         found = kaneflex.simulate(kaneflex.load(scene)).stresses["rod"]
         assert found.x[found.largest[0]] == pytest.approx(0.125, abs=0.02)
         largest.append(found.mises.max())
+        assert re.search(r"\n +elements +rod 6\n", f"{modelled(kaneflex.load(scene))}\n")
     assert largest[1] == pytest.approx(largest[0], rel=1e-3)
 
 

@@ -113,12 +113,16 @@ def _options(model: Model) -> dict[str, str]:
         bounded = f", of {' and '.join(options.bounded)} as much of their largest" if options.bounded else ""
         shown["integrator"] = f"{options.integrator}, {error}{bounded}"
         shown["start"] = _STARTS[options.start]
-        if not model.links:
-            modal = any(body.modal is not None for body in model.scene.bodies.values())
+        bodies = model.scene.bodies
+        elements = {name: len(link.nodes) - 1 for name, link in model.links.items()}
+        if model.scene.is_spatial:  # whose shapes are the motion's own
+            elements = {name: options.elements or body.beam.elements for name, body in bodies.items() if body.beam}
+        if not elements:
+            modal = any(body.modal is not None for body in bodies.values())
             shown["shapes"] = "those of the modal data" if modal else "none: all bodies are rigid"
             return shown
         shown["shapes"] = f"static ones and {options.modes} modes of each link"
-        shown["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
+        shown["elements"] = ", ".join(f"{name} {count}" for name, count in elements.items())
         return shown
     if dynamics in ("dynamic", "frozen"):
         own = f", spectral radius {options.rho_infinity:g} at infinite frequency"

@@ -154,7 +154,9 @@ def stress_table(summary: Summary) -> str:
         if stress.at.drive_deg is not None:
             when, at = "deg", f"{stress.at.drive_deg:.1f}"
         rows.append((name, f"{1e-6 * stress.largest:.4g}", f"{1e3 * stress.x_m:.5g}", at, share))
-    return table(("link", "largest stress MPa", "at mm", f"at {when}", "% of yield_strength"), rows)
+    head = ("link", "largest stress MPa", "at mm", f"at {when}", "% of yield_strength")
+    held_against = any(stress.utilisation is not None for stress in summary.stresses.values())
+    return table(head, rows) if held_against else table(head[:-1], [row[:-1] for row in rows])
 
 
 def run_lines(summary: Summary) -> str:
