@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from kaneflex.fem.spatial_joined import held_nodes
 from kaneflex.fem.spatial_links import link_of_scene
-from kaneflex.fem.spatial_map import held_nodes
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_bodies import check_elastic

@@ -11,7 +11,8 @@ from lifting import TURN, lifted
 from kaneflex import load, read_scene, simulate
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.multibody.spatial_system import SpatialSystem, build_spatial_system
+from kaneflex.multibody import spatial_curves
+from kaneflex.multibody.spatial_system import build_spatial_system
 from kaneflex.multibody.spatial_tables import ROWS, WHAT
 from kaneflex.multibody.spatial_topology import build_tables
 from kaneflex.solve.spatial_loading import find_spatial_module, spatial_start
@@ -177,8 +178,8 @@ duration = 1
 def test_a_loop_is_followed_close_to_where_its_speeds_grow(tmp_path, monkeypatch):
     """A piston drives its crank to 0.05 rad from the dead centre: speeds are chosen anew there. Rows at instants in any
     order, and one by one, are by the cosine law."""
-    anew, choose_anew = [], SpatialSystem.choose_anew
-    monkeypatch.setattr(SpatialSystem, "choose_anew", lambda *given: anew.append(given) or choose_anew(*given))
+    anew, choose_anew = [], spatial_curves.choose_anew
+    monkeypatch.setattr(spatial_curves, "choose_anew", lambda *given: anew.append(given) or choose_anew(*given))
     motion = load(scene_of(tmp_path, DEAD_CENTRE)).motion
     times = np.random.default_rng(SEED).permutation(np.linspace(0.0, 1.0, 301))
     together, alone = motion.at(times), np.vstack([motion.table(times[k : k + 1]) for k in range(40)])

@@ -12,7 +12,7 @@ from kaneflex.multibody import rubbing
 from kaneflex.multibody.system import CoupledSystem, Unfolded
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.run import CoupledTrajectory
+    from kaneflex.multibody.trajectory import CoupledTrajectory
 
 
 def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> tuple[Energy, np.ndarray, np.ndarray]:

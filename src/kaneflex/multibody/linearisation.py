@@ -20,8 +20,8 @@ from kaneflex.generated import joints as laws
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.linear_equations import OFFSETS, STEP, WEIGHTS, Linear
-from kaneflex.multibody.run import CoupledTrajectory, by_themselves
 from kaneflex.multibody.system import CoupledSystem, Unfolded
+from kaneflex.multibody.trajectory import CoupledTrajectory, by_themselves
 
 
 @dataclass(frozen=True, eq=False)

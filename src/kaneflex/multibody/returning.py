@@ -11,8 +11,8 @@ import numpy as np
 from kaneflex.multibody.cycles import PIECES, propagated
 from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.linearisation import Instant, slopes
-from kaneflex.multibody.run import CoupledTrajectory
 from kaneflex.multibody.system import CoupledSystem
+from kaneflex.multibody.trajectory import CoupledTrajectory
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,14 +24,14 @@ from kaneflex.multibody import tables as at
 from kaneflex.multibody import told
 from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import Engine, build_engine
-from kaneflex.multibody.run import by_themselves
 from kaneflex.multibody.system import BODY, CoupledSystem
+from kaneflex.multibody.trajectory import by_themselves
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.contract import COURSES
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.run import CoupledTrajectory
+    from kaneflex.multibody.trajectory import CoupledTrajectory
 
 _FAR = 0.1
 """Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody import collocation, impacts, rubbing
 from kaneflex.multibody import tables as at
@@ -18,6 +17,7 @@ from kaneflex.multibody.coefficients import GAUSS, RADAU
 from kaneflex.multibody.dense_output import balance
 from kaneflex.multibody.scipy_run import by_scipy
 from kaneflex.multibody.system import BODY, CoupledSystem
+from kaneflex.multibody.trajectory import CoupledTrajectory
 
 _PIECE, _GROWTH, _QUICK = 100, 8, 0.2
 """Between two reports of progress, at each of which a run can be interrupted: stored instants at most, and as many
@@ -30,54 +30,6 @@ _TINY = 1e-4
 _AGREE = 1e-7
 """Share of the mechanism's size by which joints that hold something twice may differ."""
 _NONE = np.zeros(0)
-
-
-@dataclass(frozen=True, eq=False)
-class CoupledTrajectory:
-    """Motion of a coupled system at the stored instants.
-
-    Attributes
-    ----------
-    times : ndarray (n_times,)
-    q, v, a : ndarray (n_times, n)
-        Coordinates of the system's bodies with their rates; their joints are closed.
-    multipliers : ndarray (n_times, m)
-        Joint reactions and forces or torques of prescribed drives, as the system's ``constraints`` names them.
-    energy : Energy
-    loss, power : ndarray (n_times,)
-        Rates of what is dissipated and of what is supplied [W].
-    steps, rejected : int
-        Steps that were taken, and those that were tried in vain.
-    ends : ndarray (steps,)
-        Instants [s] at which the steps of a whole run under the control of their error ended.
-    contacts : ContactRecord or None
-        Gaps, forces and losses at the stored instants, and the impacts until the last; none of states by themselves.
-    frictions : FrictionRecord or None
-        The same of frictions.
-    standing : ndarray (n_times, standing) or None
-        How contacts and frictions stand, see ``Engine.standing``.
-    floquet : ndarray or None
-        Floquet multipliers of a cycle, by decreasing modulus, where they were asked for.
-    """
-
-    times: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
-    multipliers: np.ndarray
-    energy: Energy
-    loss: np.ndarray
-    power: np.ndarray
-    steps: int
-    rejected: int
-    outcome: Outcome
-    message: str
-    ns_per_step: float
-    ends: np.ndarray = field(default_factory=lambda: _NONE)
-    contacts: impacts.ContactRecord | None = None
-    frictions: rubbing.FrictionRecord | None = None
-    standing: np.ndarray | None = None
-    floquet: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -100,16 +52,6 @@ class Method:
     tolerance: float
     length: float
     bounded: tuple[str, ...] = ()
-
-
-def by_themselves(
-    times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray
-) -> CoupledTrajectory:
-    """States (n_times, size) that no run has made: of their energies, contacts and frictions nothing is said."""
-    zero = np.zeros(len(times))
-    energy = Energy(zero, zero, zero, zero, zero)
-    ended = (0, 0, Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
-    return CoupledTrajectory(times, q, v, a, multipliers, energy, zero, zero, *ended)
 
 
 def rigid_states(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:

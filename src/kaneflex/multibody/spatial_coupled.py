@@ -10,6 +10,7 @@ import numpy as np
 
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.multibody.cycles import COMPLETED, Verdict
+from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_curves import Curve, Followed
 from kaneflex.multibody.spatial_linear import neighbours
 from kaneflex.multibody.spatial_modal_data import held_shapes
@@ -58,7 +59,7 @@ class CoupledKinematics(SpatialKinematics):
         found = self.curve(t)
         q, u = found.q.copy(), found.u.copy()
         q[system.modal_coordinates] = u[system.modal_speeds] = 0.0
-        return system.settle(t, q, u, system.choose(q, prefer=True))
+        return system.settle(t, q, u, choose(system, q, prefer=True))
 
 
 def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:

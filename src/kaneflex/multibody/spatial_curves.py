@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from kaneflex.multibody.spatial_choice import choose_anew
 from kaneflex.multibody.spatial_rows import GROWN
 from kaneflex.multibody.spatial_system import SpatialSystem, State, check
 from kaneflex.support.errors import SceneError
@@ -62,7 +63,7 @@ class Followed(Curve):
             try:
                 if outcome == GROWN:
                     here = self.system.state(t, choice)
-                    choice = self.system.choose_anew(here.q, choice)
+                    choice = choose_anew(self.system, here.q, choice)
                     self.system.settle(t, here.q, here.u, choice)
                 else:
                     check(outcome)

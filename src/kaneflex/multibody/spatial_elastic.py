@@ -15,8 +15,9 @@ from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Link, Part, craig_bampton
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
+from kaneflex.fem.spatial_joined import Joined, held_nodes
 from kaneflex.fem.spatial_links import SpatialLink, jumps, link_of_scene, spread_scalar
-from kaneflex.fem.spatial_map import Joined, SpatialMap, held_nodes, map_of
+from kaneflex.fem.spatial_map import SpatialMap, map_of
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of

@@ -15,6 +15,7 @@ import numpy as np
 
 from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.spatial_bushings import POWER, overturned
+from kaneflex.multibody.spatial_choice import choose_anew
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
@@ -117,7 +118,7 @@ class Run(Curve):
         if grown < _GROWTH:
             return found
         try:
-            other = system.settle(found.t, found.q, found.u, system.choose_anew(found.q, choice))
+            other = system.settle(found.t, found.q, found.u, choose_anew(system, found.q, choice))
         except ArithmeticError:
             return found
         return other if _largest(system, other.choice) < 0.5 * grown else found

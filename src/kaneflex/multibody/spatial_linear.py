@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.multibody.linear_equations import OFFSETS, STEP, WEIGHTS, Linear
+from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.multibody.spatial_tables import BALL, KIND, SPEED, Tables
@@ -160,7 +161,7 @@ def at_rest(system: SpatialSystem, t: float, q: np.ndarray) -> tuple[tuple[str, 
     these carry."""
     from scipy.linalg import block_diag
 
-    choice, still = system.choose(q, prefer=True), np.zeros(system.speeds)
+    choice, still = choose(system, q, prefer=True), np.zeros(system.speeds)
     base = system.settle(t, q, still, choice)
     N, M = system.basis(choice).copy(), system.mass(base.sizes).copy()
     sections, axes, moved = system.work.sections.copy(), system.work.axes.copy(), []

@@ -12,6 +12,7 @@ from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.spatial_bushings import ENERGY
+from kaneflex.multibody.spatial_choice import least_singular_values
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_reactions import COMPONENTS, cross, joint_wrenches
 from kaneflex.multibody.spatial_sections import joined_frames, modal_scalars, modal_series
@@ -272,7 +273,7 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
     if not system.layout.cuts:
         return []
     rows = motion.curve.rows(times)
-    values = system.firmness(system.instants(rows).q)
+    values = least_singular_values(system, system.instants(rows).q)
     at = motion.bare.at(times[[values.argmin()]])
     told = {name: float(at[f"{name}.angle"][0]) for name in system.scene.drives if f"{name}.angle" in motion.column}
     stand = ", ".join(f"{name} = {system.scene.written_coordinate(name, value)}" for name, value in told.items())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kaneflex.mechanism.springs import points_meet
+from kaneflex.multibody.spatial_choice import choose, given_speeds, named_speeds
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.multibody.spatial_tables import COORDINATE
@@ -26,16 +27,16 @@ def start_of(system: SpatialSystem) -> State:
     """
     q = system.at_zero.copy()
     q[system.driven_coordinates] = system.courses(0.0)[:, 0]
-    choice = system.choose(q, prefer=True)
+    choice = choose(system, q, prefer=True)
     _check_drives(system, choice)
     if not system.close(q, choice):
-        system.close(q, system.choose(q))
+        system.close(q, choose(system, q))
     _check_closing(system, q)
     _check_free(system, q)
     _check_springs(system)
-    choice = system.choose(q, prefer=True)
+    choice = choose(system, q, prefer=True)
     _check_named(system, choice)
-    given, u = system.given_speeds(), np.zeros(system.speeds)
+    given, u = given_speeds(system), np.zeros(system.speeds)
     for k in choice.independent:
         u[k] = given.get(int(k), 0.0)
     try:
@@ -104,7 +105,7 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
     """Every freedom must be driven, or named as free."""
     from scipy.linalg import null_space
 
-    named = np.array(system.named(), int)
+    named = np.array(named_speeds(system), int)
     free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
     if free and not len(choice.independent):
         raise SceneError(
@@ -144,7 +145,7 @@ def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
 
 def _check_speeds(system: SpatialSystem, state: State) -> None:
     """Speeds that the scene gives must fit each other."""
-    for k, wanted in system.given_speeds().items():
+    for k, wanted in given_speeds(system).items():
         if abs(state.u[k] - wanted) > 1e-9 * (abs(state.u).max() + abs(wanted)):
             owner = system.layout.speeds[k].rpartition(".")[0]
             joint = system.mechanism.joints.get(owner)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
 
 import numpy as np
 
-from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
+from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.addresses import kernel_address, kernel_of_c
 from kaneflex.multibody.binding import bind_parameters
 from kaneflex.multibody.inner import compiling
@@ -57,8 +56,6 @@ from kaneflex.multibody.spatial_work import Instants, Work, work_of
 from kaneflex.multibody.tables import STRUCTURE_KERNELS
 from kaneflex.scene import Scene
 
-_RANK = 1e-9
-"""Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
 _REASONS = {
     OPEN: "a loop does not close, or leaves open how it goes on",
@@ -236,9 +233,9 @@ class SpatialSystem:
 
     @cached_property
     def _no_choice(self) -> Choice:
-        return self._choice(*(np.zeros(0, int) for _ in range(3)))
+        return self.choice_of(*(np.zeros(0, int) for _ in range(3)))
 
-    def _choice(self, rows: np.ndarray, dependent: np.ndarray, independent: np.ndarray) -> Choice:
+    def choice_of(self, rows: np.ndarray, dependent: np.ndarray, independent: np.ndarray) -> Choice:
         """Of so many rows and speeds, with room for them."""
         d, f = len(dependent), len(independent)
         rows, dependent, independent = (np.ascontiguousarray(part, np.int64) for part in (rows, dependent, independent))
@@ -378,89 +375,16 @@ class SpatialSystem:
             q[place : place + 3] = self.scene.vector(self.scene.floating[body].at)
         return q
 
-    def given_speeds(self) -> dict[int, float]:
-        """Speeds that the scene gives of what is free, by their numbers, where ``work`` stands."""
-        found: dict[int, float] = {}
-        number = {name: k for k, name in enumerate(self.layout.speeds)}
-        for name, drive in self.scene.drives.items():
-            if drive.kind != "free":
-                continue
-            joint = self.mechanism.joints[name]
-            if drive.angular_velocity is not None:
-                found |= dict(zip(self.speeds_of(name), self._as_ball(joint, drive.angular_velocity), strict=True))
-            elif joint.kind != "spherical":
-                values = (drive.initial_speed,) if joint.freedoms == 1 else drive.initial_speeds or ()
-                given = zip(joint.moves, values, strict=False)
-                found |= {number[f"{name}.{move}"]: value for (move, _), value in given}
-        for body in self.mechanism.floating:
-            free, R = self.scene.floating[body], self.mechanism.bodies[body].rotation
-            turn = R.T @ np.zeros(3) if free.angular_velocity is None else R.T @ np.asarray(free.angular_velocity)
-            found |= dict(zip(self.speeds_of(body), [*self.scene.vector(free.velocity), *turn], strict=True))
-        return found
-
-    def _as_ball(self, joint: SpatialJoint, omega: Sequence[float]) -> np.ndarray:
-        """Speeds of a spherical joint from its second body's angular velocity against its first, in the second's axes.
-
-        Where the tree goes from the second body to the first it is the opposite, in the first's.
-        """
-        if self.layout.tree[joint.name][1] > 0:
-            return np.asarray(omega)
-        first, second = (self.work.R[self.layout.node_of[side.body]] if side.body != GROUND else np.eye(3)
-                         for side in joint.sides)  # fmt: skip
-        return -first.T @ second @ np.asarray(omega)
-
-    def named(self) -> list[int]:
-        """Speeds of what the scene leaves to the forces by name, and of what deforms."""
-        free = [name for name, drive in self.scene.drives.items() if drive.kind == "free"]
-        return [*(k for name in (*free, *self.mechanism.floating) for k in self.speeds_of(name)),
-                *self.modal_speeds.tolist()]  # fmt: skip
-
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """J of the rows by the speeds, both in their measures, where the mechanism stands."""
         self.place(q)
         return self.work.J * self.measure / self.row_measure[:, None]
-
-    def firmness(self, rows: Iterable[np.ndarray]) -> np.ndarray:
-        """Smallest singular value, at each of some instants, of the rows by the speeds that no drive prescribes, in the
-        measures of both; as many rows as follow from others at all of these instants are left out."""
-        sizes = [np.linalg.svd(self.jacobian(q)[:, self.open_speeds], compute_uv=False) for q in rows]
-        rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
-        return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
-
-    def choose(self, q: np.ndarray, prefer: bool = False) -> Choice:
-        """Rows and speeds by pivoted QR where the mechanism stands; ``prefer``: named speeds are independent."""
-        from scipy.linalg import qr
-
-        J, free = self.jacobian(q)[:, self.open_speeds], self.open_speeds
-        kept, dependent = np.zeros(0, int), np.zeros(0, int)
-        if J.size:
-            _, r, order = qr(J.T, pivoting=True, mode="economic")
-            kept = np.sort(order[: _rank(r)])
-            weight = np.ones(len(free))
-            weight[np.isin(free, self.modal_speeds)] = 1e-4  # what is stiff closes a loop where nothing else does
-            if prefer:
-                weight[np.isin(free, self.named())] *= 1e-3
-                weight[np.isin(free, list(self.given_speeds()))] = 1e-6
-            _, _, order = qr(J[kept] * weight, pivoting=True, mode="economic")
-            dependent = free[order[: len(kept)]]
-        return self._choice(kept, dependent, np.setdiff1d(free, dependent))
-
-    def choose_anew(self, q: np.ndarray, choice: Choice) -> Choice:
-        """Other speeds where the mechanism stands, if they hold it by as many rows; the choice there was, if not: at a
-        singular place, where rows fall together, fewer would let it go."""
-        other = self.choose(q)
-        return other if len(other.rows) == len(choice.rows) else choice
 
 
 def check(outcome: int, *at: float) -> None:
     """Raise ArithmeticError for what came of an instant, unless it is done."""
     if outcome != DONE:
         raise ArithmeticError(_REASONS[outcome], *at)
-
-
-def _rank(r: np.ndarray) -> int:
-    pivots = abs(np.diag(r))
-    return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of which nothing is left but rounding have none
 
 
 def build_spatial_system(scene: Scene, module: ModuleType, flexible: Flexible = RIGID) -> SpatialSystem:

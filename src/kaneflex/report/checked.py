@@ -13,6 +13,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.reach import Courses, courses_of, instants
 from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_motion import SpatialKinematics, firmness
 from kaneflex.report.presentation import (
     block,
@@ -87,7 +88,7 @@ def _mobility(model: Model) -> str:
     if isinstance(model.motion, SpatialKinematics):
         system = model.motion.module.system
         (start,) = system.instants(model.motion.curve.rows(np.zeros(1))).q
-        return spatial_mobility_lines(system, system.choose(start, prefer=True))
+        return spatial_mobility_lines(system, choose(system, start, prefer=True))
     mechanism = mechanism_of(model.scene)
     by_rank = None if mechanism.frame else mobility_by_rank(mechanism, _courses(model, _times(model)))
     return mobility_lines(count_freedom(mechanism), None, by_rank)

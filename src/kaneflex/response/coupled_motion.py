@@ -28,7 +28,7 @@ from kaneflex.response.motion import Motion, Section, beside_axis
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.run import CoupledTrajectory
+    from kaneflex.multibody.trajectory import CoupledTrajectory
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics
 

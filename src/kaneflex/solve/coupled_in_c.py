@@ -15,8 +15,9 @@ from kaneflex.multibody.coefficients import GAUSS, RADAU, TABLE, Table
 from kaneflex.multibody.library import ENTRIES
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.printed import REMAINDER, Printer
-from kaneflex.multibody.run import CoupledTrajectory, Run
+from kaneflex.multibody.run import Run
 from kaneflex.multibody.system import CoupledSystem
+from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
 from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.solve.c_model import array_in_c, cmake_text

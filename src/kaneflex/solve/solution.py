@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import xarray
 
     from kaneflex.multibody.impacts import Impact
-    from kaneflex.multibody.run import CoupledTrajectory
+    from kaneflex.multibody.trajectory import CoupledTrajectory
     from kaneflex.response.sensors import Series
     from kaneflex.response.stresses import LinkStresses
     from kaneflex.solve.error_estimates import ErrorEstimate

@@ -15,7 +15,8 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.returning import Returning, returning
-from kaneflex.multibody.run import CoupledTrajectory, integrate
+from kaneflex.multibody.run import integrate
+from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import as_solution, beginning, method_of
 from kaneflex.solve.solution import Solution
 from kaneflex.study.sensitivity.slopes import SHARES, slope

@@ -1,0 +1,301 @@
+"""How joints tie the parts of a mechanism in space: their rows J q = 0, and coordinates that depend on the others.
+
+About the rigid motion every joint ties the small displacements and rotations of its two points by the rows
+J(t) q = 0 of its elementary constraints, those of ``kaneflex.mechanism.spatial``; a drive holds its joint's freedom
+besides. Of all coordinates some are chosen as dependent, and
+
+    J L = 0,   J L' = -J' L,   J L'' = -J'' L - 2 J' L'
+
+with the others' rows of L a unit matrix. J and its rates follow from how the bodies turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kaneflex.fem.links import Link, Part
+from kaneflex.fem.spatial_bodies import at_point
+from kaneflex.fem.spatial_rates import Rates3, cross, direction_of, place_of, product, turned_by, turning
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
+from kaneflex.support.errors import SceneError
+
+ZERO = 1e-10
+"""Coefficient, in rad or sizes of the mechanism, that counts as none."""
+_NEAR = 0.9
+"""Share of the largest from which one is as good: the same choice on every machine."""
+_LEAST = 1e-4
+"""Least of a coordinate's column, at any instant, beside those of the dependent ones: these would grow past all
+measure."""
+
+APART = ("along", "x", "y", "z")
+"""How far the ends of a spring part by the deformation: along the spring, and along global axes [m]."""
+
+
+def held_nodes(mechanism: SpatialMechanism, link: Link) -> dict[int, list[str]]:
+    """Nodes of an elastic link at joints and springs -> which.
+
+    Raises
+    ------
+    SceneError
+        If a joint lies off the link's axis.
+    """
+    found: dict[int, list[str]] = {}
+    ends: list[tuple[str, tuple[Side, ...]]] = [(name, joint.sides) for name, joint in mechanism.joints.items()]
+    for name, sides in ends + [(name, spring.sides) for name, spring in mechanism.springs.items()]:
+        for side in sides:
+            if side.body == link.name:
+                found.setdefault(node_of(link, side), []).append(name)
+    return found
+
+
+def node_of(link: Link, side: Side) -> int:
+    """The node at a point of an elastic link; raises SceneError for one off its axis."""
+    x, y, z = side.at
+    node = None if y or z else link.node_at(x)
+    if node is None:
+        raise SceneError(
+            f"bodies.{link.name}", list(side.at), "a joint on an elastic body must lie on its axis",
+            "Move the point onto the axis, between start and end",
+        )  # fmt: skip
+    return node
+
+
+class Joined:
+    """The coordinates of all parts, and the rows that joints make of them.
+
+    ``parts`` are those of elastic links, reduced or not, and of rigid bodies; ``held``: joints whose freedoms a drive
+    holds, or that share their rotation. ``labels`` name besides how far the ends of springs part, see :data:`APART`.
+    """
+
+    def __init__(
+        self, mechanism: SpatialMechanism, links: Mapping[str, Link], parts: Mapping[str, Part], held: Iterable[str]
+    ) -> None:
+        self.mechanism, self.links, self.parts, self.held = mechanism, links, parts, frozenset(held)
+        self.first: dict[str, int] = {}
+        self.labels: list[str] = []
+        for name, part in parts.items():
+            self.first[name] = len(self.labels)
+            self.labels += part.coordinates
+        self.size = len(self.labels)
+        self.springs = [name for name, spring in mechanism.springs.items() if spring.joint is None]
+        for name in self.springs:
+            self.first[name] = len(self.labels)
+            self.labels += [f"{name}.{kind}" for kind in APART]
+        self.measures = np.array([_unit(label, mechanism.size) for label in self.labels])
+        self.measure = self.measures[: self.size]
+
+    def size_of(self, name: str) -> int:
+        """Rows of a part, or of a spring."""
+        return self.parts[name].size if name in self.parts else len(APART)
+
+    def point(self, side: Side) -> tuple[np.ndarray, np.ndarray] | None:
+        """Displacement and rotation of a joint's point in its body's axes: six of the coordinates, and the matrix
+        (6, 6) before them; None on the ground."""
+        if side.body == GROUND:
+            return None
+        columns = self.first[side.body] + np.arange(self.parts[side.body].size)
+        if side.body not in self.links:
+            return columns, at_point(np.asarray(side.at))
+        return columns[list(self.parts[side.body].place[node_of(self.links[side.body], side)])], np.eye(6)
+
+    def rows(self, motion: RigidMotion, joints: Collection[str] | None = None) -> tuple[Rates3, dict[str, slice]]:
+        """J and its rates at the instants of a motion, (3, n_times, rows, size), and which rows are a joint's.
+
+        ``joints``: those whose rows are computed, by default all; the others' are left at zero.
+        """
+        turned = {body: turning(motion, body) for body in (GROUND, *self.mechanism.bodies)}
+        J = np.zeros((3, len(motion.times), self.row_count, self.size), motion.values.dtype)
+        for name, joint in self.mechanism.joints.items():
+            if joints is None or name in joints:
+                for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
+                    point = self.point(side)
+                    if point is not None:
+                        J[:, :, self.where[name], point[0]] += each @ point[1]
+        return J, self.where
+
+    @cached_property
+    def where(self) -> dict[str, slice]:
+        """Joint -> its rows."""
+        found, count = {}, 0
+        for name, joint in self.mechanism.joints.items():
+            of_joint = 3 if joint.across is None else len(joint.across)
+            of_joint += len(joint.parallel) + len(self._held(joint))
+            found[name] = slice(count, count := count + of_joint)
+        return found
+
+    @property
+    def row_count(self) -> int:
+        return max((own.stop for own in self.where.values()), default=0)
+
+    def coefficients(
+        self, motion: RigidMotion, joint: SpatialJoint, turned: Mapping[str, Rates3] | None = None,
+        freedoms: bool = False,
+    ) -> tuple[Rates3, Rates3]:
+        """Rows of a joint before displacement and rotation of its first point and of its second, each in its body's
+        axes, (3, n_times, rows, 6); those of a drive come last, with ``freedoms`` also where there is none."""
+        turned = turned or {side.body: turning(motion, side.body) for side in joint.sides}
+        R_1, R_2 = (turned[side.body] for side in joint.sides)
+        apart = place_of(motion, joint.sides[1]) - place_of(motion, joint.sides[0])
+        stands = [self.mechanism.stands(side.body) for side in joint.sides]
+        blocks: list[tuple[Rates3, Rates3]] = []
+
+        def add(d_1: Rates3 | None, t_1: Rates3 | None, d_2: Rates3 | None, t_2: Rates3 | None) -> None:
+            """A row by its global vectors before displacements and rotations."""
+            one, two = (np.zeros((3, len(motion.times), 6), motion.values.dtype) for _ in range(2))
+            for out, R, d, t in ((one, R_1, d_1, t_1), (two, R_2, d_2, t_2)):
+                if d is not None:
+                    out[..., :3] = product(d[..., None, :], R)[..., 0, :]
+                if t is not None:
+                    out[..., 3:] = product(t[..., None, :], R)[..., 0, :]
+            blocks.append((one, two))
+
+        def slides_not(n: Rates3) -> None:
+            add(-n, cross(n, apart), n, None)
+
+        def turns_not(axis: Rates3) -> None:
+            add(None, -axis, None, axis)
+
+        across = joint.across
+        for axis in np.eye(3) if across is None else ():
+            constant = np.zeros((3, len(motion.times), 3))
+            constant[0] = axis
+            add(-constant, None, constant, None)
+        for axis in across or ():
+            slides_not(turned_by(R_1, axis))
+        for one, other in joint.parallel:
+            turns_not(cross(turned_by(R_1, one), turned_by(R_2, stands[1].T @ stands[0] @ other)))
+        for what, axis in joint.moves if freedoms else self._held(joint):
+            (slides_not if what == "position" else turns_not)(turned_by(R_1, axis))
+        first, second = (np.stack(rows, axis=2) for rows in zip(*blocks, strict=True))
+        return first, second
+
+    def parting(self, motion: RigidMotion) -> Rates3:
+        """How far the ends of springs part by the coordinates, :data:`APART` of each, (3, n_times, rows, size).
+
+        The direction of a spring turns with its rigid points, one that needs none has none.
+        """
+        found = np.zeros((3, len(motion.times), len(self.measures) - self.size, self.size), motion.values.dtype)
+        unit = np.zeros((3, len(motion.times), 3, 3))
+        unit[0] = np.eye(3)
+        for name in self.springs:
+            spring = self.mechanism.springs[name]
+            first, rows = self.first[name] - self.size, np.zeros((3, len(motion.times), 4, 3), found.dtype)
+            rows[:, :, 1:] = unit
+            if spring.is_directed:
+                rows[:, :, 0] = direction_of(place_of(motion, spring.sides[1]) - place_of(motion, spring.sides[0]))
+            for side, sign in zip(spring.sides, (-1.0, 1.0), strict=True):
+                point = self.point(side)
+                if point is not None:
+                    moved = product(rows, turning(motion, side.body)) @ point[1][:3]
+                    found[:, :, first : first + 4, point[0]] += sign * moved
+        return found
+
+    def _held(self, joint: SpatialJoint) -> list[tuple[str, np.ndarray]]:
+        """What is held of a joint besides, by axes of its first body."""
+        if joint.name not in self.held:
+            return []
+        if joint.kind in ("spherical", "universal"):
+            return [("angle", axis) for axis in np.eye(3)]
+        return joint.moves
+
+    def exerted(self, motion: RigidMotion, name: str, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """Global force and moment of a joint on its second body, at its second point, (6, n_times), by multipliers of
+        its rows (n_times, rows); and its drive's force or torque along its one freedom, None where it has none."""
+        joint = self.mechanism.joints[name]
+        second = self.coefficients(motion, joint)[1][0]
+        local = np.einsum("tri,tr->it", second, multipliers)
+        frame, held = motion.frame(joint.sides[1].body), self._held(joint)
+        wrench = np.vstack([frame.to_global(local[:3]), frame.to_global(local[3:])])
+        return wrench, multipliers[:, -1] if len(held) == 1 else None
+
+    def choose(self, motion: RigidMotion, still: np.ndarray | None = None) -> Choice:
+        """Rows and dependent coordinates that serve at all instants of a motion; ``still``: which don't move at all.
+
+        Raises
+        ------
+        SceneError
+            If none do: the links then pass where they no longer say how the mechanism stands.
+        """
+        J = self.rows(motion)[0][0] * self.measure
+        J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
+        if still is not None:
+            J[:, :, still] = 0.0
+        used = np.flatnonzero(abs(J).max(axis=(0, 2)) > ZERO)
+        dependent, left = _apart_at_all(J[:, used])
+        if left.any():
+            raise SceneError(
+                "joints", ", ".join(self._named(used[left])), "with elastic bodies between them they don't hold the "
+                "mechanism in one way over the whole run: it passes a dead centre there",
+                "Limit the drives' range, or hold it otherwise",
+            )  # fmt: skip
+        independent = np.setdiff1d(np.arange(self.size), dependent)
+        return Choice(used, np.sort(dependent), independent if still is None else independent[~still[independent]])
+
+    def independent_rows(self, motion: RigidMotion) -> np.ndarray:
+        """Rows from which all others follow, as many at all instants of a motion."""
+        J = self.rows(motion)[0][0] * self.measure
+        J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
+        return np.sort(_apart_at_all(J.transpose(0, 2, 1))[0])
+
+    def _named(self, rows: np.ndarray) -> list[str]:
+        """The joints that have some rows."""
+        return [name for name, own in self.where.items() if ((rows >= own.start) & (rows < own.stop)).any()]
+
+    def maps(self, motion: RigidMotion, choice: Choice) -> Rates3:
+        """L and its rates at the instants of a motion, springs' ends below, (3, n_times, rows, independent)."""
+        joints = self._named(choice.rows)
+        J = self.rows(motion, joints)[0][:, :, choice.rows] * self.measure
+        L = np.zeros((3, len(motion.times), self.size, len(choice.independent)))
+        L[0][:, choice.independent, np.arange(len(choice.independent))] = 1.0
+        if len(choice.dependent):
+            held, given = J[..., choice.dependent], J[..., choice.independent]
+            Q, R = np.linalg.qr(held[0])  # there may be more rows than they need
+            back = Q.transpose(0, 2, 1)
+            L_0 = -np.linalg.solve(R, back @ given[0])
+            L_1 = -np.linalg.solve(R, back @ (given[1] + held[1] @ L_0))
+            L_2 = -np.linalg.solve(R, back @ (given[2] + held[2] @ L_0 + 2.0 * held[1] @ L_1))
+            L[:, :, choice.dependent] = np.stack([L_0, L_1, L_2])
+        L *= self.measure[:, None] / self.measure[choice.independent]
+        return np.concatenate([L, product(self.parting(motion), L)], axis=2) if self.springs else L
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Rows that hold, and which coordinates depend on which others."""
+
+    rows: np.ndarray
+    dependent: np.ndarray
+    independent: np.ndarray
+
+
+def _apart_at_all(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of the matrices A (n_times, m, n) that are furthest apart at all instants, as many as there are; and
+    which rows, (m,), they leave unexplained.
+
+    Gram and Schmidt's process, which takes what is largest at its least; of nearly as large ones the last, as bodies
+    are given from the ground outwards.
+    """
+    A, found = A.copy(), list[int]()
+    while len(found) < A.shape[1]:
+        size = np.linalg.norm(A, axis=1)
+        least = size.min(axis=0)
+        if least.max(initial=0.0) < _LEAST:
+            break
+        column = int(np.flatnonzero(least >= _NEAR * least.max())[-1])
+        found.append(column)
+        along = A[:, :, column] / size[:, column, None]
+        for _ in range(2):  # the second time for what rounding left of it
+            A -= along[:, :, None] * np.einsum("ti,tij->tj", along, A)[:, None, :]
+        A[:, :, found] = 0.0
+    return np.array(found, int), abs(A).max(axis=(0, 2), initial=0.0) > ZERO
+
+
+def _unit(label: str, size: float) -> float:
+    """What counts as one in a coordinate: the mechanism's size, or 1 rad."""
+    return 1.0 if label.rpartition(".")[2].startswith("theta") else size

@@ -1,0 +1,94 @@
+"""Which speeds of a mechanism in space are independent: what the scene gives of them, and what its loops leave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.spatial import SpatialJoint
+from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_system import SpatialSystem
+
+_RANK = 1e-9
+"""Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
+
+
+def given_speeds(system: SpatialSystem) -> dict[int, float]:
+    """Speeds that the scene gives of what is free, by their numbers, where ``work`` stands."""
+    found: dict[int, float] = {}
+    number = {name: k for k, name in enumerate(system.layout.speeds)}
+    for name, drive in system.scene.drives.items():
+        if drive.kind != "free":
+            continue
+        joint = system.mechanism.joints[name]
+        if drive.angular_velocity is not None:
+            found |= dict(zip(system.speeds_of(name), _as_ball(system, joint, drive.angular_velocity), strict=True))
+        elif joint.kind != "spherical":
+            values = (drive.initial_speed,) if joint.freedoms == 1 else drive.initial_speeds or ()
+            given = zip(joint.moves, values, strict=False)
+            found |= {number[f"{name}.{move}"]: value for (move, _), value in given}
+    for body in system.mechanism.floating:
+        free, R = system.scene.floating[body], system.mechanism.bodies[body].rotation
+        turn = R.T @ np.zeros(3) if free.angular_velocity is None else R.T @ np.asarray(free.angular_velocity)
+        found |= dict(zip(system.speeds_of(body), [*system.scene.vector(free.velocity), *turn], strict=True))
+    return found
+
+
+def _as_ball(system: SpatialSystem, joint: SpatialJoint, omega: Sequence[float]) -> np.ndarray:
+    """Speeds of a spherical joint from its second body's angular velocity against its first, in the second's axes.
+
+    Where the tree goes from the second body to the first it is the opposite, in the first's.
+    """
+    if system.layout.tree[joint.name][1] > 0:
+        return np.asarray(omega)
+    first, second = (system.work.R[system.layout.node_of[side.body]] if side.body != GROUND else np.eye(3)
+                     for side in joint.sides)  # fmt: skip
+    return -first.T @ second @ np.asarray(omega)
+
+
+def named_speeds(system: SpatialSystem) -> list[int]:
+    """Speeds of what the scene leaves to the forces by name, and of what deforms."""
+    free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
+    return [*(k for name in (*free, *system.mechanism.floating) for k in system.speeds_of(name)),
+            *system.modal_speeds.tolist()]  # fmt: skip
+
+
+def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray]) -> np.ndarray:
+    """Smallest singular value, at each of some instants, of the rows by the speeds that no drive prescribes, in the
+    measures of both; as many rows as follow from others at all of these instants are left out."""
+    sizes = [np.linalg.svd(system.jacobian(q)[:, system.open_speeds], compute_uv=False) for q in rows]
+    rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
+    return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
+
+
+def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice:
+    """Rows and speeds by pivoted QR where the mechanism stands; ``prefer``: named speeds are independent."""
+    from scipy.linalg import qr
+
+    J, free = system.jacobian(q)[:, system.open_speeds], system.open_speeds
+    kept, dependent = np.zeros(0, int), np.zeros(0, int)
+    if J.size:
+        _, r, order = qr(J.T, pivoting=True, mode="economic")
+        kept = np.sort(order[: _rank(r)])
+        weight = np.ones(len(free))
+        weight[np.isin(free, system.modal_speeds)] = 1e-4  # what is stiff closes a loop where nothing else does
+        if prefer:
+            weight[np.isin(free, named_speeds(system))] *= 1e-3
+            weight[np.isin(free, list(given_speeds(system)))] = 1e-6
+        _, _, order = qr(J[kept] * weight, pivoting=True, mode="economic")
+        dependent = free[order[: len(kept)]]
+    return system.choice_of(kept, dependent, np.setdiff1d(free, dependent))
+
+
+def choose_anew(system: SpatialSystem, q: np.ndarray, choice: Choice) -> Choice:
+    """Other speeds where the mechanism stands, if they hold it by as many rows; the choice there was, if not: at a
+    singular place, where rows fall together, fewer would let it go."""
+    other = choose(system, q)
+    return other if len(other.rows) == len(choice.rows) else choice
+
+
+def _rank(r: np.ndarray) -> int:
+    pivots = abs(np.diag(r))
+    return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of which nothing is left but rounding have none
