@@ -181,6 +181,12 @@ def test_what_touches_or_rubs_is_refused_by_name(name, key):
         coupled_in_c(read_scene(name))
 
 
+def test_in_space_it_is_refused_with_a_preset_that_serves():
+    scene = with_settings(read_scene("rotating-blade"), [COUPLED])
+    with pytest.raises(SceneError, match=r"in space its engine is compiled by numba alone, .*--preset stiffened\.$"):
+        coupled_in_c(scene)
+
+
 def test_a_law_that_jumps_is_refused_by_name():
     scene = with_settings(read_scene("four-bar-motor"), ['loads.motor.law="0.3 * sign(main_speed)"'])
     with pytest.raises(SceneError, match=r"loads.motor: steps end where its law jumps"):

@@ -19,7 +19,6 @@ from kaneflex.multibody.run import Run
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
-from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.solve.c_model import array_in_c, cmake_text
 from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.loading import load
@@ -43,7 +42,9 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
         For contacts, clearances, friction and laws that jump, and in space, whose equations numba alone compiles; for
         ``solve.bounded``, and a run that has no start.
     """
-    refuse_in_space(scene, "--language", "the engine of elastic bodies in space is compiled by numba alone")
+    if scene.is_spatial:
+        reason = "in space its engine is compiled by numba alone, not printed in C"
+        raise SceneError("solve.preset", "coupled", reason, one_way_cure(scene, "--language", integrated=False))
     model = load(scene, progress)
     system = model.coupled
     assert system is not None
