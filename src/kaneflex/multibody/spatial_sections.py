@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
 
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.spatial import Side, SpatialJoint
-from kaneflex.mechanism.spatial_frame import SpatialFrame, cross
+from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
 from kaneflex.multibody.spatial_system import SpatialSystem
 from kaneflex.multibody.spatial_work import Instants
+from kaneflex.support.fingerprint import made_of
 
 if TYPE_CHECKING:
     from kaneflex.multibody.spatial_motion import SpatialMotion
@@ -66,23 +69,31 @@ def deformed(motion: SpatialMotion, side: Side) -> Deformed:
     d, d_rate, d_accel = (rows[:3] @ of for of in (q, u, b))
 
     def second(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        return np.einsum("jt,ajk,kt->at", one, G, other, optimize=True)
+        return (one * (G @ other)).sum(axis=1)
 
     d += 0.5 * second(q, q)
     d_rate += second(q, u)
     d_accel += second(q, b) + second(u, u)
     angles = np.ascontiguousarray(np.vstack([rows[3:6] @ q, rows[3:6] @ u]).T)
     found = np.zeros((count, 21))
-    for k in range(count):
-        shape_laws.section(angles[k], 0, found[k], 0)
-    turned, T = found[:, :9].T.reshape(3, 3, count), found[:, 9:18].T.reshape(3, 3, count)
-    omega = np.einsum("ijt,jt->it", T, rows[3:6] @ u)
-    alpha = np.einsum("ijt,jt->it", T, rows[3:6] @ b) + found[:, 18:].T
-    arm = np.einsum("ijt,j->it", turned, beside)
+    _turn(angles, found)
+    found = np.ascontiguousarray(found.T)
+    turned, T = found[:9].reshape(3, 3, count), found[9:18].reshape(3, 3, count)
+    omega = applied(T, rows[3:6] @ u)
+    alpha = applied(T, rows[3:6] @ b) + found[18:]
+    arm = applied(turned, beside)
     carried = cross(omega, arm)
     moved = (d + arm - beside[:, None], d_rate + carried,
              d_accel + cross(alpha, arm) + cross(omega, carried))  # fmt: skip
     return Deformed(moved, turned, (omega, alpha))
+
+
+@njit(cache=True, error_model="numpy")
+@made_of(shape_laws.__file__)
+def _turn(angles, found):
+    """What `spatial_shapes.section` says of every row of angles and their rates, (n_times, 6): to `found`, (., 21)."""
+    for k in range(len(angles)):
+        shape_laws.section(angles[k], 0, found[k], 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +103,8 @@ class SectionFrame(SpatialFrame):
     at: np.ndarray
     deformed: Deformed
 
-    @property
-    def axes(self) -> np.ndarray:  # type: ignore[override]
+    @cached_property
+    def axes(self) -> np.ndarray:
         return np.einsum("ijt,jkt->ikt", self._frame.axes, self.deformed.turned)
 
     @property
@@ -105,7 +116,7 @@ class SectionFrame(SpatialFrame):
         frame, (omega, alpha) = self._frame, self.deformed.turning
         return frame.epsilon + cross(frame.omega, frame.to_global(omega)) + frame.to_global(alpha)
 
-    @property
+    @cached_property
     def _frame(self) -> SpatialFrame:
         return SpatialFrame(self.motion, self.body)
 
