@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -24,7 +24,6 @@ from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.kernels import Kernels, Parameters, Products, bind, place_of_points, scalars_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.spatial_check import refuse_in_space
@@ -32,6 +31,8 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
+    from kaneflex.multibody.spatial_coupled import CoupledKinematics
+    from kaneflex.multibody.spatial_motion import SpatialKinematics
     from kaneflex.multibody.system import CoupledSystem
 
 REACHED = {"rad": 1e-3, "m": 1e-5}
@@ -122,10 +123,20 @@ class Model:
 
         Of coupled equations without an elastic stage beside them: what is free, and all shapes.
         """
-        if self.bare or isinstance(self.motion, CoupledKinematics):
+        if self.bare or self.coupled_in_space is not None:
             return self.solved_for
         nodal = self.equations.size + sum(len(basis) - basis.shape[1] for basis in self.bases.values())
         return nodal + len(self.shapes_given)
+
+    @property
+    def in_space(self) -> SpatialKinematics | None:
+        """The motion of a mechanism in space; None in the plane."""
+        return cast("SpatialKinematics", self.motion) if self.scene.is_spatial else None
+
+    @property
+    def coupled_in_space(self) -> CoupledKinematics | None:
+        """The motion of a mechanism in space under preset ``coupled``, which has its shapes; None of others."""
+        return cast("CoupledKinematics", self.in_space) if self.options.dynamics == "coupled" else None
 
     @property
     def bare(self) -> bool:
@@ -136,8 +147,8 @@ class Model:
     @property
     def solved_for(self) -> int:
         """How many coordinates the equations have that are integrated."""
-        if isinstance(self.motion, CoupledKinematics):
-            return self.motion.freedoms
+        if self.coupled_in_space is not None:
+            return self.coupled_in_space.freedoms
         if self.bare:
             return len(mechanism_of(self.scene).free) + len(self.coupled.shape_columns)
         return self.reduced.size + len(self.shapes_given)

@@ -11,7 +11,6 @@ import click
 import numpy as np
 
 from kaneflex.mechanism.reach import courses_of, instants, reach_lines
-from kaneflex.multibody.spatial_motion import SpatialKinematics
 from kaneflex.report.contacts import contact_line, friction_line
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import TERM_NAMES
@@ -65,8 +64,8 @@ def _reach(model: Model) -> dict[str, str]:
     if model.scene.is_frame:
         return {}
     times = instants(model.scene) if is_followed(model) else np.zeros(1)
-    if isinstance(model.motion, SpatialKinematics):
-        return _ranges(model, model.motion.bare.at(times))
+    if model.in_space is not None:
+        return _ranges(model, model.in_space.bare.at(times))
     return reach_lines(model.scene, courses_of(model.scene, model.motion.at(times)))
 
 

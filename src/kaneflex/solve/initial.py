@@ -9,7 +9,6 @@ import numpy as np
 
 from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
@@ -40,8 +39,8 @@ def start_dimensions(model: Model) -> dict[str, Dimension]:
     """What kind of quantity each of them is."""
     if model.coupled is not None:
         return {name: ANGLE if unit == "rad" else LENGTH for name, unit in model.coupled.coordinates}
-    if isinstance(model.motion, CoupledKinematics):
-        return shape_dimensions(model.motion.module.system)
+    if model.coupled_in_space is not None:
+        return shape_dimensions(model.coupled_in_space.module.system)
     last = {name: name.rpartition(".")[2] for name in model.coordinates}
     return {
         name: _AMPLITUDE if what.startswith("mode_") else ANGLE if what in _TURNING else LENGTH
@@ -124,7 +123,7 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 def check_start(model: Model) -> None:
     """Raise SceneError for a state that the model can't start from, as given or as bodies would lie in each other."""
-    if model.options.start != "given" or isinstance(model.motion, CoupledKinematics):  # in space it has been read
+    if model.options.start != "given" or model.coupled_in_space is not None:  # in space it has been read
         check_apart(model)
         return
     if model.coupled is None:

@@ -12,7 +12,6 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.cycles import COMPLETED
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.memory import MAX_STORED
 from kaneflex.solve.quasistatic import quasistatic, slow_start
@@ -97,7 +96,7 @@ def _instants(model: Model) -> np.ndarray:
 def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
     times = _instants(model)
     none = np.zeros((len(times), 0))
-    verdict = model.motion.verdict if isinstance(model.motion, CoupledKinematics) else COMPLETED
+    verdict = COMPLETED if model.coupled_in_space is None else model.coupled_in_space.verdict
     return Trajectory(times, none, none, none, *verdict, 0.0)
 
 

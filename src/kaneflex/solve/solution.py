@@ -14,10 +14,8 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.motion import Motion
-from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.response.time_statistics import Statistics, statistics_of_all
 from kaneflex.scene import Scene
 from kaneflex.solve.initial import STATE, start_coordinates
@@ -147,7 +145,9 @@ class Solution:
             from kaneflex.response.coupled_motion import CoupledMotion
 
             return CoupledMotion(self.model, self.rigid, self.trajectory, whole=whole)
-        if isinstance(self.model.motion, CoupledKinematics):
+        if self.model.coupled_in_space is not None:
+            from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
+
             return SpatialCoupledMotion(self.model, self.rigid, whole=whole)
         series = (self.trajectory.z.T, self.trajectory.v.T, self.trajectory.a.T)
         basis = self.model.modal_basis
