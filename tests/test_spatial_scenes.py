@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from kaneflex import SceneError, load, read_scene, simulate
+from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.cli import main
 from kaneflex.generated import spinning_top
 from kaneflex.report.checked import description
 from kaneflex.response.undersampling import between_steps
+from kaneflex.solve.repeated_motion import harmonics_of
 
 PENDULUM = """
 schema = 1
@@ -54,6 +55,7 @@ def scene_of(tmp_path, *changes):
         ('"rigid"', '"paper"', r"solve.preset = 'paper': only planar scenes have this preset so far"),
         ('component = "angle"', 'component = "z"', r"sensors.angle.component = 'z'.*not that joint's coordinate"),
         ("{revolute", "{universal", r"joints.hinge.*has none"),
+        ("hinge", "in", r"joints.in: a word of Python's, which generated modules can't have. Choose another name"),
         ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
          'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 1, 1]]',
          r"joints.hinge.axes.*not at right angles"),
@@ -532,3 +534,88 @@ duration = "0.5 s"
     rate = 0.2 * omega * np.sinh(omega * solution.times)
     # a turn about +y takes the rod's x axis towards -z: what speeds along x is pushed along -z
     assert solution["side"].values == pytest.approx(-2 * mass * omega * rate, abs=1e-6)
+
+
+CARDAN = """
+schema = 1
+[ground]
+rear = [RIGHT, UP, 0]
+[bodies]
+input = {length = "200 mm", mass = "2 kg"}
+output = {length = "200 mm", mass = "2 kg"}
+[bodies.middle]
+length = "1 m"
+rotation = {axis = [0, 0, 1], angle = "25 deg"}
+beam = {material = "steel", section = {tube = ["60 mm", "2 mm"]}, elements = 2}
+[joints]
+front = {revolute = ["ground", "input.start"], axis = [1, 0, 0]}
+first = {universal = ["input.end", "middle.start"], axes = [[0, 0, 1], [-SINE, COSINE, 0]]}
+second = {universal = ["middle.end", "output.start"], axes = [[0, 1, 0], [0, 0, 1]]}
+shaft = {cylindrical = ["ground.rear", "output.start"], axis = [1, 0, 0]}
+[drives]
+front = {speed = "6 rpm", cycle = "360 deg"}
+[loads]
+brake = {torque_at = "shaft", value = "-200 N m"}
+[sensors]
+torque = {drive_torque = "front"}
+twist = {torsional_moment = "middle.mid"}
+bend = {bending_moment = "middle.start", component = "z"}
+speed = {velocity = "middle", component = "angle_x", axes = "body"}
+turned = {position = "shaft", component = "angle"}
+[solve]
+start = "periodic"
+steps = 72
+"""
+
+
+def cardan(tmp_path, *changes):
+    sine, cosine = math.sin(math.radians(25)), math.cos(math.radians(25))
+    text = CARDAN.replace("RIGHT", str(0.2 + cosine)).replace("UP", str(sine))
+    path = tmp_path / "cardan.toml"
+    path.write_text(text.replace("COSINE", str(cosine)).replace("SINE", str(sine)))
+    return with_settings(read_scene(path), list(changes))
+
+
+@pytest.mark.parametrize(
+    ("preset", "changes"),
+    [
+        ("rigid", ()), ("linear", ()), ("stiffened", ()),
+        ("coupled", ("solve.start=quasistatic", "solve.duration=1 ms", "solve.steps=2")),
+    ],
+)  # fmt: skip
+def test_a_brake_twists_and_bends_a_double_cardan_shaft(tmp_path, preset, changes):
+    """omega_2 / omega_1 = cos(beta) / (1 - s^2), s = sin(beta) sin(phi), phi from where the input's fork stands across
+    both shafts' plane; torques go the other way round (Seherr-Thoss, Schmelz & Aucktor 2006, 1.2). A cross passes on
+    no moment about its pins: across the middle shaft acts its torque T times tan(alpha) = s / sqrt(1 - s^2), the same
+    all along it. By Castigliano's theorem the brake's shaft lags by T^2 L / M (1 / GJ + tan^2(alpha) / EI).
+
+    All ends of shafts stay where they are: their accelerations are rounding's.
+    """
+    solution = simulate(load(cardan(tmp_path, f"solve.preset={preset}", *changes)))
+    brake, beta, phi = 200.0, math.radians(25), 2 * math.pi * 0.1 * solution.times
+    s = math.sin(beta) * np.sin(phi)
+    ratio, tangent, J = math.cos(beta) / (1 - s**2), s / np.sqrt(1 - s**2), math.pi / 32 * (0.06**4 - 0.056**4)
+    values = {name: solution[name].values for name in solution.keys()}
+    assert values["torque"] == pytest.approx(np.full_like(phi, brake), rel=2e-5)
+    assert values["twist"] == pytest.approx(-brake / ratio, rel=2e-5)
+    assert values["bend"] == pytest.approx(-brake / ratio * tangent, abs=2e-5 * brake)
+    lag = np.angle(np.exp(1j * (phi - values["turned"])))
+    if preset == "rigid":
+        assert values["speed"] == pytest.approx(0.2 * math.pi * ratio, rel=1e-9) and abs(lag).max() < 1e-9
+    else:
+        assert lag == pytest.approx(brake / ratio**2 * (2.6 + 2.0 * tangent**2) / (210e9 * J), rel=1e-4)
+
+
+def test_what_is_wrong_with_a_cardan_shaft_is_said(tmp_path):
+    with pytest.raises(SceneError, match=r"'first': a universal joint turns about several axes. Name a revolute or"):
+        cardan(tmp_path, "loads.brake.torque_at=first")
+    with pytest.raises(SceneError, match=r"the drives start: [\d.e-]+ of the mechanism's size, or rad, stay open"):
+        load(cardan(tmp_path, "ground.rear=[1, 2, 0]", "solve.preset=rigid"))
+
+
+def test_c_takes_a_motion_whose_shafts_rest_but_for_rounding(tmp_path):
+    model = load(cardan(tmp_path, "solve.preset=linear"))
+    harmonics = harmonics_of(model, range(len(model.module.SCALARS)), "C")
+    names = [name for name, *_ in model.module.SCALARS]
+    resting = [names[column] for column in harmonics.columns].index("output.link.a_x")
+    assert abs(harmonics.numbers[:, resting]).max() < 1e-9

@@ -79,6 +79,25 @@ class RigidMotion:
         """The motion at some of its instants."""
         return RigidMotion(self.motion, self.times[instants], self.values[instants])
 
+    def magnitudes(self, period: float) -> dict[str, float]:
+        """The largest of all scalars in each unit, of which any of them has its rounding errors.
+
+        Points on the axes of shafts rest but for rounding: rates are no less than those of a vibration by the largest
+        place, or by a radian, with the motion's period [s]; forces no less than moments at the largest place ask for,
+        and the other way round.
+        """
+        sizes, found = abs(self.values).max(axis=0).tolist(), dict[str, float]()
+        for (_, unit, *_), size in zip(self.motion.module.SCALARS, sizes, strict=True):
+            found[unit] = max(found.get(unit, 0.0), size)
+        reach = found.get("m", 0.0)
+        for of, size in (("m", reach), ("rad", 1.0)):
+            for order, unit in enumerate((f"{of}/s", f"{of}/s^2"), start=1):
+                found[unit] = max(found.get(unit, 0.0), size * (2.0 * np.pi / period) ** order)
+        if reach > 0.0:
+            found["N"] = max(found.get("N", 0.0), found.get("N m", 0.0) / reach)
+            found["N m"] = max(found.get("N m", 0.0), found["N"] * reach)
+        return found
+
     def frame(self, body: str) -> BodyFrame:
         """The axes of a body, or of the ground."""
         return BodyFrame(self, body)

@@ -73,7 +73,8 @@ def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
     if off.max(initial=0.0) > 1e-7:
         joint = next(name for name, rows in system.layout.cuts.items() if rows.start <= off.argmax() < rows.stop)
         raise SceneError(
-            f"joints.{joint}", None, "the loop that it closes can't close where the drives start",
+            f"joints.{joint}", None, "the loop that it closes can't close where the drives start: "
+            f"{off.max():.1e} of the mechanism's size, or rad, stay open",
             "Check lengths and axes, and give the bodies rotations near to how they stand",
         )  # fmt: skip
 

@@ -63,7 +63,10 @@ def _names(scene: Scene) -> Iterator[Problem]:
     for table in tables:
         for name in getattr(scene, table):
             key = f"{table}.{name}"
-            if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
+            if keyword.iskeyword(name):
+                reason = "a word of Python's, which generated modules can't have"
+                yield Problem(key, None, reason, "Choose another name")
+            elif not name.isidentifier() or not name.isascii():
                 yield Problem(key, None, "not a name", "Use letters, digits and underscores, a letter first")
             elif len(name) > LONGEST_NAME:
                 reason = f"a name of more than {LONGEST_NAME} characters"

@@ -9,6 +9,9 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import Fault, Problem, nearest
 
+_STILL = ("prismatic", "weld")
+"""Joints that don't turn."""
+
 
 def address_problems(scene: Scene, key: str, address: Address, ground: bool) -> Iterator[Problem]:
     """The problems of an address of a body's point, or of a fixed one where `ground` is allowed."""
@@ -41,10 +44,10 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
         elif load.torque_at not in scene.joints:
             cure = nearest(load.torque_at, scene.joints)
             yield Problem(f"loads.{name}.torque_at", load.torque_at, "no joint of that name", cure)
-        elif scene.joints[load.torque_at].kind != "revolute":
-            kind = scene.joints[load.torque_at].kind
-            reason = f"a {kind} joint does not turn"
-            yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, "Name a revolute joint")
+        elif (kind := scene.joints[load.torque_at].kind) not in ("revolute", "cylindrical"):
+            reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'turns about several axes'}"
+            cure = "Name a revolute or a cylindrical joint" if scene.is_spatial else "Name a revolute joint"
+            yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, cure)
         if load.against in scene.drives and load.against in scene.joints and scene.slides(load.against):
             reason = "a load's table is read against an angle or the time; this drive slides"
             cure = f"Write a law in {load.against}, which is in m, or a table against t"
@@ -91,7 +94,9 @@ def _torsional(scene: Scene, key: str, name: str) -> Iterator[Problem]:
     if name not in scene.joints:
         yield Problem(key, name, "no joint of that name", nearest(name, scene.joints))
     elif scene.joints[name].kind != "revolute":
-        yield Problem(key, name, f"a {scene.joints[name].kind} joint does not turn", "Name a revolute joint")
+        kind = scene.joints[name].kind
+        reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'has several freedoms'}"
+        yield Problem(key, name, reason, "Name a revolute joint")
 
 
 def event_problems(scene: Scene) -> Iterator[Problem]:

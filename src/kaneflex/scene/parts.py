@@ -160,9 +160,9 @@ class Load(SceneTable):
     """A point force along `direction`, in fixed (`global`) or `body` axes, in N; one spread along a body, in N/m;
     or a torque in N m at a joint.
 
-    `torque_at` names a revolute joint: the torque acts on its second body, and its opposite on the first. What is
-    `spread_on` a body acts per length from its start to its end, times a factor that changes linearly between the
-    two numbers of its `profile`.
+    `torque_at` names a revolute joint, in space or a cylindrical one: the torque acts on its second body, and its
+    opposite on the first. What is `spread_on` a body acts per length from its start to its end, times a factor that
+    changes linearly between the two numbers of its `profile`.
     Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a
     `table` (CSV) of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in
     seconds). The table is read at x - `offset`; with a `period` it repeats, and its ends may differ by

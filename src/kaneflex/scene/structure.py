@@ -49,8 +49,9 @@ def structure(scene: Scene) -> dict[str, Any]:
 def _in_space(scene: Scene) -> dict[str, Any]:
     """What is derived of a scene in space: how its drives move, and how large its loads are."""
     observed = {"observed": list(scene.observed)} if scene.observed else {}
+    named = {*scene.drives, *scene.observed, *(load.torque_at for load in scene.torques.values())}
     joints = {name: {"kind": joint.kind, "between": ["ground", "ground"], "closes_loop": False}
-              for name, joint in scene.joints.items() if name in (*scene.drives, *scene.observed)}  # fmt: skip
+              for name, joint in scene.joints.items() if name in named}  # fmt: skip
     drives = {name: _drive(scene, name) for name in scene.drives}
     return observed | {
         "space": True, "bodies": {}, "points": {}, "joints": joints, "masses": {}, "drives": drives,

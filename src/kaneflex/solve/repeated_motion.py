@@ -87,7 +87,10 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str) -> Harmonics:
     start, end = sampled(np.array([0.0, 1.0]))
     first = np.arange(_FEWEST) / _FEWEST
     values = sampled(first)
-    scale = _measure(model, own, values)
+    units = [model.module.SCALARS[k][1] for k in own]
+    largest = model.motion.at(period * first).magnitudes(period)
+    scale = np.maximum(_NEAR * abs(values).max(axis=0), _ROUNDING * np.array([largest[unit] for unit in units]))
+    scale += np.finfo(float).tiny
     drifts = np.where(abs(end - start) > scale, end - start, 0.0)
     values -= drifts * first[:, None]
     while True:
@@ -112,14 +115,6 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str) -> Harmonics:
     parts = np.stack([found[1 : count + 1].real, -found[1 : count + 1].imag], axis=1)
     numbers = np.vstack([found[:1].real, parts.reshape(2 * count, -1)])
     return Harmonics(period, own, drifts, numbers, float((apart / np.maximum(abs(values).max(axis=0), scale)).max()))
-
-
-def _measure(model: Model, columns: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """What counts as no error of each scalar."""
-    units = np.array([unit for _, unit, *_ in model.module.SCALARS])[columns]
-    peaks = abs(values).max(axis=0)
-    largest = np.array([peaks[units == unit].max() for unit in units])
-    return np.maximum(_NEAR * peaks, _ROUNDING * largest) + np.finfo(float).tiny
 
 
 def _refuse(asked: str, scene: Scene, reason: str) -> NoReturn:

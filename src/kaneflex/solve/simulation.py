@@ -117,13 +117,11 @@ def storing(model: Model) -> int:
 def not_repeated(model: Model) -> str | None:
     """What of the motion and the loads is after a cycle not what it was; None where all repeats itself."""
     period = model.scene.period
+    assert period is not None  # checked with the scene
     cycle = model.motion.at(np.linspace(0.0, period, 65))
     column, ends = cycle.motion.column, cycle.values[[0, -1]]
     sizes, changes = abs(cycle.values).max(axis=0).tolist(), abs(ends[1] - ends[0]).tolist()
-    unit_of = {name: unit for name, unit, *_ in model.module.SCALARS}
-    largest = dict.fromkeys(unit_of.values(), 0.0)
-    for name, unit in unit_of.items():
-        largest[unit] = max(largest[unit], sizes[column[name]])
+    unit_of, largest = {name: unit for name, unit, *_ in model.module.SCALARS}, cycle.magnitudes(period)
     for name in sorted({name for monomial in model.monomials for name in monomial} & column.keys()):
         k, rounding = column[name], _ROUNDING * largest.get(unit_of.get(name), 0.0)
         if changes[k] > _REPEATS * sizes[k] + rounding:
