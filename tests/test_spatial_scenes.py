@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.cli import main
 from kaneflex.generated import spinning_top
+from kaneflex.plots import draw_all
 from kaneflex.report.checked import description
 from kaneflex.response.undersampling import between_steps
 from kaneflex.solve.repeated_motion import harmonics_of
@@ -619,3 +620,45 @@ def test_c_takes_a_motion_whose_shafts_rest_but_for_rounding(tmp_path):
     names = [name for name, *_ in model.module.SCALARS]
     resting = [names[column] for column in harmonics.columns].index("output.link.a_x")
     assert abs(harmonics.numbers[:, resting]).max() < 1e-9
+
+
+def test_an_unbalanced_disc_whirls_about_its_sag_and_is_drawn(tmp_path):
+    """Of a massless shaft clamped in both bearings, k = 192 EI / L^3 at its middle: it sags by M g / k, and whirls
+    about that by m e Omega^2 / (k - M Omega^2), towards the unbalance (Jeffcott 1919)."""
+    omega, m, e, M = 100 * math.pi, 0.01, 0.05, 5.0
+    path = tmp_path / "rotor.toml"
+    path.write_text(f"""
+schema = 1
+gravity = [0, 0, "-9.81 m/s^2"]
+[ground]
+rear = [0.6, 0, 0]
+[bodies.shaft]
+length = 0.6
+beam = {{E = "210 GPa", nu = 0.3, rho = 1e-3, section = {{circle = "20 mm"}}, elements = 2}}
+[bodies.unbalance]
+mass = {m}
+points = {{hub = [0, {-e}, 0]}}
+[masses]
+disc = {{at = "shaft.mid", mass = {M}, inertia = [0.02, 0.01, 0.01]}}
+[joints]
+front = {{revolute = ["ground", "shaft.start"], axis = [1, 0, 0]}}
+rear = {{cylindrical = ["ground.rear", "shaft.end"], axis = [1, 0, 0]}}
+hub = {{weld = ["shaft.mid", "unbalance.hub"]}}
+[drives]
+front = {{speed = {omega}, cycle = "360 deg"}}
+[sensors]
+y = {{position = "shaft.mid", component = "y"}}
+z = {{position = "shaft.mid", component = "z"}}
+[solve]
+preset = "linear"
+start = "periodic"
+steps = 60
+""")
+    solution = simulate(load(read_scene(path)))
+    k = 192 * 210e9 * math.pi / 64 * 0.02**4 / 0.6**3
+    sag, whirl = (M + m) * 9.81 / k, m * e * omega**2 / (k - (M + m) * omega**2)
+    turned = omega * solution.times
+    assert solution["y"].values == pytest.approx(whirl * np.cos(turned), abs=1e-5 * whirl)
+    assert solution["z"].values == pytest.approx(whirl * np.sin(turned) - sag, abs=1e-5 * whirl)
+    drawn = {picture.stem for picture in draw_all(solution, tmp_path, frames=2)}
+    assert drawn >= {"deformed", "modes", "stress", "animation"}

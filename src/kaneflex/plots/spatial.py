@@ -252,7 +252,8 @@ def _deformed(motion: Motion, factor: float) -> dict[str, np.ndarray]:
         frame = motion.rigid.frame(name)
         for k, x in enumerate(_along(model)[name]):
             lines[name][k] += factor * frame.to_global(_shift(motion, name, float(x))[:3])
-    for name in model.frame.bodies if model.frame is not None else ():
+    moving = model.frame.bodies if model.frame is not None else ()
+    for name in lines.keys() & set(moving):  # lumped masses, which are bodies there, have no line of their own
         frame, moved = motion.rigid.frame(name), _shift(motion, name)
         shift, turn = frame.to_global(moved[:3]), frame.to_global(moved[3:])
         lines[name] = lines[name] + factor * (shift + np.cross(turn[None], lines[name] - frame.origin, axis=1))
