@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import kaneflex
 from kaneflex.cli import main
 from kaneflex.multibody.inertia_integrals import link_data
-from kaneflex.multibody.modal_data import modal_data
+from kaneflex.response.modal_data import modal_data
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, read_modal_data
 from kaneflex.solve.coupled_linearisation import modes_at_rest

@@ -78,6 +78,21 @@ def test_a_cantilever_under_a_skew_force(folder):
     assert series["mises"].values == pytest.approx(series["below"].values, rel=1e-12)
 
 
+def test_an_exported_beam_recovers_its_edges_stresses(folder, tmp_path):
+    """The same cantilever, whose export writes the stresses; its free end has the load's tension alone."""
+    assert cli("modes", str(folder / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
+    sensors = "\n".join(f'{point}_{edge} = {{stress = "bar.{point}_{edge}", component = "xx"}}'
+                        for point in ("start", "end") for edge in ("upper", "lower"))  # fmt: skip
+    series = kaneflex.simulate(kaneflex.load(read_scene(scene_of(tmp_path, sensors)))).series
+    slenderness = np.sqrt(0.6 * FORCE / (E * I_Z))
+    moment = 0.8 * FORCE * np.tanh(slenderness * LENGTH) / slenderness
+    axial, bending = 0.6 * FORCE / (HEIGHT * WIDTH), moment * HEIGHT / 2 / I_Z
+    assert series["start_upper"].values == pytest.approx(axial - bending, rel=1e-4)
+    assert series["start_lower"].values == pytest.approx(axial + bending, rel=1e-4)
+    assert series["end_upper"].values == pytest.approx(axial, abs=1e-5 * bending)
+    assert series["end_lower"].values == pytest.approx(axial, abs=1e-5 * bending)
+
+
 SPATIAL = """
 schema = 1
 [bodies]

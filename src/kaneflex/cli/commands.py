@@ -287,7 +287,7 @@ def modes(
 
 
 def _export(scene: Scene, folder: Path, force: bool) -> None:
-    from kaneflex.multibody.modal_data import export, links_data
+    from kaneflex.response.modal_data import export, links_data
     from kaneflex.support.terminal import Waiting
 
     if not any(body.elastic for body in scene.bodies.values()):

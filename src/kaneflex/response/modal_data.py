@@ -15,6 +15,7 @@ from kaneflex.multibody.spatial_coupled import build_coupled_system
 from kaneflex.multibody.spatial_modal_data import spatial_data
 from kaneflex.multibody.spatial_shapes import SpatialShapes
 from kaneflex.multibody.system import CoupledSystem, build_system
+from kaneflex.response.stress_recovery import recovering
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.options import modes_of, resolve_options
@@ -40,7 +41,8 @@ def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, Modal
         of = build_coupled_system(scene, module, options).layout.shapes
         return {name: spatial_data(scene, shapes) for name, shapes in of.items() if isinstance(shapes, SpatialShapes)}
     system, _ = build_system(scene, progress)
-    return {name: link_data(scene, link, system.shapes[name]) for name, link in system.links.items()}
+    found = {name: link_data(scene, link, system.shapes[name]) for name, link in system.links.items()}
+    return {name: recovering(scene, system.links[name], system.shapes[name], data) for name, data in found.items()}
 
 
 def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Path]:
