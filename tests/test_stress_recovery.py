@@ -6,6 +6,7 @@ from command_line import cli
 
 import kaneflex
 from kaneflex.multibody.inertia_integrals import link_data
+from kaneflex.response.stresses import link_stresses
 from kaneflex.scene import read_scene
 from kaneflex.scene.modal_data import ModalData, read_modal_data
 from kaneflex.support.errors import SceneError
@@ -91,6 +92,10 @@ def test_an_exported_beam_recovers_its_edges_stresses(folder, tmp_path):
     assert series["start_lower"].values == pytest.approx(axial + bending, rel=1e-4)
     assert series["end_upper"].values == pytest.approx(axial, abs=1e-5 * bending)
     assert series["end_lower"].values == pytest.approx(axial, abs=1e-5 * bending)
+    beam = kaneflex.simulate(kaneflex.load(read_scene(folder / "beam.toml")))
+    own = link_stresses(beam.motion, "bar")
+    assert series["start_upper"].values == pytest.approx(own.upper[0], rel=1e-4)
+    assert series["start_lower"].values == pytest.approx(own.lower[0], rel=1e-4)
 
 
 SPATIAL = """
