@@ -57,3 +57,10 @@ def basis(c, x, i):
     """Lagrange's polynomial i of three nodes at x."""
     j, k = (i + 1) % 3, (i + 2) % 3
     return (x - c[j]) * (x - c[k]) / ((c[i] - c[j]) * (c[i] - c[k]))
+
+
+def integrals(table: Table, x: np.ndarray) -> np.ndarray:
+    """Integrals from 0 to x (n,) of Lagrange's polynomials of the nodes, (3, n)."""
+    powers = np.arange(1, 4)
+    inverse = np.linalg.inv(np.vander(table.nodes, increasing=True))
+    return ((x[:, None] ** powers / powers) @ inverse).T

@@ -1,4 +1,4 @@
-"""LU factors of small dense matrices, real or complex, that lie in a long array."""
+"""Factors of small dense matrices that lie in a long array: LU, real or complex, and L D L^T of definite ones."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from numba import njit
 
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.tables import OPTIONS, apart, magnitude
+
+_DEFINITE = 1e-13
+"""Least pivot of a definite matrix, as a share of what was on its diagonal."""
 
 
 @once
@@ -59,3 +62,41 @@ def substitute(a, at, n, pivots, first, x):
         for j in range(i + 1, n):
             total -= a[at + n * i + j] * a[x + j]
         a[x + i] = total * a[at + n * i + i]
+
+
+@once
+@njit(**OPTIONS)
+def factorise_definite(a, at, n):
+    """L D L^T of a symmetric matrix in place, 1/D on the diagonal; False unless it is positive definite."""
+    apart()
+    for k in range(n):
+        row = at + n * k
+        pivot = a[row + k]
+        for j in range(k):
+            pivot -= a[row + j] * a[row + j] * a[at + n * j + j]
+        if not pivot > _DEFINITE * a[row + k] or not pivot < 1e300:
+            return False
+        a[row + k] = 1.0 / pivot
+        for i in range(k + 1, n):
+            total = a[at + n * i + k]
+            for j in range(k):
+                total -= a[at + n * i + j] * a[row + j] * a[at + n * j + j]
+            a[at + n * i + k] = total
+    return True
+
+
+@once
+@njit(**OPTIONS)
+def substitute_definite(a, at, n, x):
+    """Solve with the factors of :func:`factorise_definite`, in place: the right-hand side is at x."""
+    apart()
+    for i in range(n):
+        total = a[x + i]
+        for j in range(i):
+            total -= a[at + n * i + j] * a[x + j]
+        a[x + i] = total * a[at + n * i + i]
+    for i in range(n - 1, -1, -1):
+        total = 0.0
+        for j in range(i + 1, n):
+            total += a[at + n * j + i] * a[x + j]
+        a[x + i] -= total * a[at + n * i + i]

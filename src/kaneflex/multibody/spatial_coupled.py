@@ -74,7 +74,7 @@ def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> 
         return spatial_shapes(scene, link, int(options.modes), held, freed)
 
     flexible: Flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.deforms}
-    return build_spatial_system(scene, module, flexible)
+    return build_spatial_system(scene, module, flexible, coupled=True)
 
 
 def beside(coupled: SpatialKinematics, first: State, rigid: SpatialSystem, start: State) -> CoupledKinematics:

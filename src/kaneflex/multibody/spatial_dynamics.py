@@ -196,10 +196,10 @@ def basis(k, choice):
 
 @njit(**OPTIONS)
 def accelerations(m, k, choice, u, du, sizes):
-    """du where the loops are closed (``close``) and the speeds tied (``tie``), from the prescribed rates in it.
+    """du alone, where the loops are closed (``close``) and the speeds tied (``tie``), from the prescribed rates in it.
 
     Kane's equations of the independent speeds: B (M B^T x + h) = 0, h with what is prescribed and quadratic. False
-    where they are singular.
+    where a motion has no inertia, or less: shapes of the first order can take more of it than there is.
     """
     apart()
     move(m, u, k)
@@ -208,14 +208,17 @@ def accelerations(m, k, choice, u, du, sizes):
     for n in range(len(choice.independent)):
         du[choice.independent[n]] = 0.0
     accelerate(m, u, du, k)
+    free, speeds = len(choice.independent), len(u)
+    if free:
+        demand(m, k, sizes, True)
+        basis(k, choice)
     if len(choice.dependent):
         tie(k, choice, du, 2, True)
-        accelerate(m, u, du, k)
-    free, speeds = len(choice.independent), len(u)
     if free == 0:
         return True
-    demand(m, k, sizes, True)
-    basis(k, choice)
+    for s in range(speeds):
+        for n in range(len(choice.dependent)):
+            k.h[s] += k.M[s, choice.dependent[n]] * du[choice.dependent[n]]
     B, A = choice.basis, choice.room
     at = len(choice.dependent) ** 2 + len(choice.dependent)
     x = at + free * free
@@ -231,13 +234,12 @@ def accelerations(m, k, choice, u, du, sizes):
             A[at + free * i + j] = 0.0
             for s in range(speeds):
                 A[at + free * i + j] += choice.step[s] * B[j, s]
-    if not dense_lu.factorise(A, at, free, choice.pivots, len(choice.dependent)):
+    if not dense_lu.factorise_definite(A, at, free):
         return False
-    dense_lu.substitute(A, at, free, choice.pivots, len(choice.dependent), x)
+    dense_lu.substitute_definite(A, at, free, x)
     for i in range(free):
         for s in range(speeds):
             du[s] += A[x + i] * B[i, s]
-    accelerate(m, u, du, k)
     return True
 
 

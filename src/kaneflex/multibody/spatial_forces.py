@@ -6,6 +6,9 @@ Kane's equations of each free body (``kaneflex.generated.spatial``) along the pa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
 from numba import njit
 
 from kaneflex.generated import spatial as laws
@@ -13,11 +16,18 @@ from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_bushings import FORCE, MOMENT, cushion
 from kaneflex.multibody.spatial_kinematics import add_cross, less, times
-from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED
+from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED, Tables
 from kaneflex.multibody.tables import OPTIONS, apart
 
 _OWN, _PAIR = len(laws.BODY), len(shape_laws.PAIR)
 """Numbers of a rigid body, behind which those of its shapes are, and of a pair of these."""
+
+
+def stiffness_and_damping(m: Tables, node: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Of the shapes that a row of ``nodes`` owns, (count, count)."""
+    count, first = node[COUNT], node[BODY] + _OWN + 12 * node[COUNT]
+    pairs = m.p[first : first + _PAIR * count * count].reshape(count, count, _PAIR)
+    return pairs[:, :, -2], pairs[:, :, -1]
 
 
 @once

@@ -1,6 +1,7 @@
-"""Forward dynamics in space: Kane's independent speeds with all coordinates, integrated by scipy.
+"""Forward dynamics in space: Kane's independent speeds with all coordinates.
 
-Where bodies deform, their fastest shapes are of no interest and set the step of an explicit method: there it is Radau.
+Where bodies deform, their fastest shapes are of no interest and set the step of an explicit method: there it goes by
+:mod:`kaneflex.multibody.spatial_collocation`, else by scipy.
 
 The right-hand side closes the loops before it asks for accelerations, so that dependent coordinates among the states
 are no more than where Newton's method starts, and nothing drifts. Where the dependent speeds grow fast beside the
@@ -10,16 +11,29 @@ independent ones, as near a dead centre, the next step begins with another choic
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from kaneflex.mechanism.energy import Energy
+from kaneflex.multibody.coefficients import RADAU, integrals
 from kaneflex.multibody.spatial_bushings import POWER, overturned
 from kaneflex.multibody.spatial_choice import choose_anew
+from kaneflex.multibody.spatial_collocation import (
+    EVALUATIONS,
+    GROWTH,
+    LONGEST,
+    OUTCOME,
+    ROW,
+    WANTED,
+    step_size,
+    steps_of,
+)  # fmt: skip
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
-from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.spatial_system import REASONS, SpatialSystem, State
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
@@ -27,8 +41,8 @@ _GROWTH = 10.0
 """Largest dependent speed per independent one, in their measures, beyond which others are tried."""
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
-_PROBE = 1e-7
-"""Difference by which the rates' Jacobian is found, in the same."""
+_PIECE = 256
+"""Steps between which Python is back, and can be interrupted."""
 _MOST = 5_000_000
 """Evaluations of the accelerations in a run."""
 
@@ -53,8 +67,10 @@ class Run(Curve):
 
     def __init__(self, system: SpatialSystem, options: Options, start: State) -> None:
         self.system, self.options, self.start, self.evaluations = system, options, start, 0
-        self.ends: list[float] = []
-        self.curves: list[tuple[Callable[[float], np.ndarray], State]] = []
+        self.ends: list[float] = []  # of the curves
+        self.curves: list[tuple[Callable[[Any], np.ndarray], State]] = []
+        self.knots: list[float] = []  # ends of the steps
+        self.first: float | None = None  # step to begin with
         self.works = [np.zeros(2)]
         self.reason = ""  # for which the rates were not known somewhere
         self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
@@ -66,28 +82,66 @@ class Run(Curve):
 
     def go(self) -> None:
         """Integrate to the end of the run. Raises SceneError where the motion can't go on."""
+        state = self.start
+        while state.t < self.options.duration:
+            state = self._collocated(state) if len(self.system.modal_speeds) else self._by_scipy(state)
+
+    def _collocated(self, state: State) -> State:
+        """The state where another choice of speeds is better than this one's, or at the end."""
+        system, options, choice = self.system, self.options, state.choice
+        steps = steps_of(system.tables, choice, system.coordinates, options.tolerance * system.measure)
+        times = options.duration / options.steps * np.arange(1, options.steps + 1)
+        times[-1] = options.duration
+        control = steps.control
+        control[[GROWTH, LONGEST]] = _GROWTH, times[0]
+        control[ROW] = np.searchsorted(times, state.t, side="right")
+        begin = state.q, state.u, state.du, self.works[-1]
+        for part, value in zip((steps.q, steps.u, steps.du, steps.works), begin, strict=True):
+            part[:] = value
+        steps.t[:] = state.t
+        largest = (abs(state.du[choice.independent]) / steps.scale[choice.independent]).max(initial=0.0)
+        control[WANTED] = min(self.first or np.inf, np.sqrt(20.0 / largest) if largest else np.inf)
+        while steps.t[0] < options.duration:
+            rows = np.zeros((_PIECE, step_size(system.coordinates, system.speeds)))
+            rows = rows[: system.collocate(choice, steps, times, rows)].copy()
+            self.evaluations += int(control[EVALUATIONS])
+            control[EVALUATIONS] = 0.0
+            if len(rows):
+                self.ends.append(steps.t[0])
+                self.knots += rows[:, 1].tolist()
+                self.works += list(rows[:, 2:4])
+                self.curves.append((_Piece(rows, choice, system.coordinates), state))
+            outcome = int(control[OUTCOME])
+            if outcome not in (DONE, GROWN):
+                far = overturned(system.mechanism, system.work.bushings) if outcome == OVERTURNED else None
+                raise self._stopped(float(steps.t[0]), far[1] if far else REASONS[outcome])
+            if self.evaluations > _MOST:
+                raise self._stopped(float(steps.t[0]), f"{self.evaluations} evaluations bring it no further")
+            if outcome == GROWN:
+                found = system.settle(float(steps.t[0]), steps.q, steps.u, choice)
+                better, self.first = self._better(found), control[WANTED]
+                if better is not found:
+                    return better
+                control[GROWTH] = 2.0 * _largest(system, choice)
+        return system.settle(options.duration, steps.q, steps.u, choice)
+
+    def _by_scipy(self, state: State) -> State:
+        """The same, of rigid bodies."""
         import scipy.integrate
 
-        options, system, state = self.options, self.system, self.start
-        method, tolerance = options.forward_method, options.forward_tolerance
-        if len(system.modal_speeds):
-            method, tolerance = "Radau", 0.1 * options.tolerance / _ABSOLUTE
-        n, first = self.system.coordinates, None
-        while state.t < options.duration:
-            y = np.concatenate([state.q, state.u[state.choice.independent], self.works[-1]])
-            scale = np.concatenate([np.ones(n), system.measure[state.choice.independent], [np.inf, np.inf]])
-            scale[system.modal_coordinates] = system.mechanism.size
-            for k, omega in zip(system.modal_speeds, system.modal_omega, strict=True):
-                scale[n + np.flatnonzero(state.choice.independent == k)] = system.mechanism.size * omega
-            rates = self._rates_of(state)
-            given = {"jac": _jacobian_of(rates, scale)} if len(system.modal_speeds) else {}
-            solver = getattr(scipy.integrate, method)(
-                rates, state.t, y, options.duration, rtol=tolerance,
-                atol=_ABSOLUTE * tolerance * scale, first_step=first, **given,
-            )  # fmt: skip
-            state = self._steps(solver, state)
-            left = options.duration - state.t
-            first = min(solver.step_size, left) if left > 0.0 else None
+        options, system, tolerance = self.options, self.system, self.options.forward_tolerance
+        y = np.concatenate([state.q, state.u[state.choice.independent], self.works[-1]])
+        scale = np.concatenate([
+            np.ones(system.coordinates), system.measure[state.choice.independent], [np.inf, np.inf]
+        ])  # fmt: skip
+        solver = getattr(scipy.integrate, options.forward_method)(
+            self._rates_of(state), state.t, y, options.duration, rtol=tolerance,
+            atol=_ABSOLUTE * tolerance * scale, first_step=self.first,
+        )  # fmt: skip
+        state = self._steps(solver, state)
+        left = options.duration - state.t
+        self.first = min(solver.step_size, left) if left > 0.0 else None
+        return state
 
     def _steps(self, solver, state: State) -> State:
         """Step with one choice of speeds until another is better, or the end; the state there."""
@@ -101,6 +155,7 @@ class Run(Curve):
             if self.evaluations > _MOST:
                 raise self._stopped(solver.t, f"{self.evaluations} evaluations bring it no further")
             self.ends.append(solver.t)
+            self.knots.append(solver.t)
             self.curves.append((solver.dense_output(), state))
             self.works.append(solver.y[-2:].copy())
             found = self._at(solver.t, solver.y, state)
@@ -175,8 +230,11 @@ class Run(Curve):
 
     def at_ends(self) -> np.ndarray:
         """Coordinates at the ends of the steps, (n_steps, n)."""
-        n = self.system.coordinates
-        return np.array([curve(t)[:n] for t, (curve, _) in zip(self.ends, self.curves, strict=True)])
+        knots, n = np.array(self.knots), self.system.coordinates
+        found, which = np.zeros((len(knots), n)), self._steps_of(knots)
+        for k, (curve, _) in enumerate(self.curves):
+            found[which == k] = curve(knots[which == k])[:n].T
+        return found
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         system, n = self.system, self.system.coordinates
@@ -195,12 +253,12 @@ class Run(Curve):
         return out
 
     def _steps_of(self, times: np.ndarray) -> np.ndarray:
-        """Numbers of the steps in which times of the run [s] are."""
+        """Numbers of the curves on which times of the run [s] are."""
         return np.minimum(np.searchsorted(self.ends, times), len(self.ends) - 1)
 
     def energy(self, motion: SpatialKinematics) -> Energy:
         """At the ends of the steps."""
-        times = np.array([0.0, *self.ends])
+        times = np.array([0.0, *self.knots])
         found = motion.at(times)
         works = np.array(self.works).T
         return Energy(*(found[f"{name} energy"] for name in ("kinetic", "strain", "weight")), *works)
@@ -219,21 +277,26 @@ class Run(Curve):
         return SceneError(key, None, reason, cure)
 
 
-def _jacobian_of(
-    rates: Callable[[float, np.ndarray], np.ndarray], scale: np.ndarray
-) -> Callable[[float, np.ndarray], np.ndarray]:
-    """Of the rates by the state, by differences: scipy's own are so short that what loops are closed to shows in them.
-    """
+class _Piece:
+    """Steps of the compiled integration: coordinates and independent speeds between their ends, by the polynomials of
+    their stages, and works at the ends; as scipy has a step."""
 
-    def jacobian(t: float, y: np.ndarray) -> np.ndarray:
-        found, here = np.zeros((len(y), len(y))), rates(t, y)
-        for k in range(len(y) - 2):  # works drive nothing
-            moved = y.copy()
-            moved[k] += _PROBE * scale[k]
-            found[:, k] = (rates(t, moved) - here) / (moved[k] - y[k])
-        return found
+    def __init__(self, rows: np.ndarray, choice: Choice, coordinates: int) -> None:
+        n, speeds = coordinates, rows.shape[1] // 4 - 1 - coordinates
+        self.begins, self.lengths, self.works = rows[:, 0], rows[:, 1] - rows[:, 0], rows[:, 2:4]
+        known = [*range(n), *(n + choice.independent)]
+        self.start, *self.stages = rows[:, 4:].reshape(len(rows), 4, n + speeds).transpose(1, 0, 2)[:, :, known]
 
-    return jacobian
+    def __call__(self, t: float | np.ndarray) -> np.ndarray:
+        """As columns at ``t`` [s]."""
+        times = np.atleast_1d(np.asarray(t, float))
+        k = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, None)
+        shares = integrals(RADAU, (times - self.begins[k]) / self.lengths[k])
+        found = self.start[k]
+        for stage, share in zip(self.stages, shares, strict=True):
+            found = found + (share * self.lengths[k])[:, None] * stage[k]
+        found = np.hstack([found, self.works[k]]).T
+        return found if np.ndim(t) else found[:, 0]
 
 
 def _largest(system: SpatialSystem, choice: Choice) -> float:

@@ -271,13 +271,13 @@ def partials(m, k):
         for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
             for s in range(len(k.h)):
                 k.J[j, s] = 0.0
-            _along(m, k, m.cuts[c, FIRST], k.rows[j], 3, k.J[j])
-            _along(m, k, m.cuts[c, SECOND], k.rows[j], 9, k.J[j])
+            along(m, k, m.cuts[c, FIRST], k.rows[j], 3, k.J[j])
+            along(m, k, m.cuts[c, SECOND], k.rows[j], 9, k.J[j])
 
 
 @once
 @njit(**OPTIONS)
-def _along(m, k, section, wrench, at, out):
+def along(m, k, section, wrench, at, out):
     """Add what a force and a moment at a section are along every speed."""
     apart()
     on, x = m.on[section], k.x

@@ -13,26 +13,24 @@ from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.addresses import kernel_address, kernel_of_c
 from kaneflex.multibody.binding import bind_parameters
 from kaneflex.multibody.inner import compiling
+from kaneflex.multibody.spatial_collocation import TOO_SMALL, Steps, steps_of
 from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_instant import APART, DONE, INFINITE, MASSLESS, OPEN, OVERTURNED, Laws
 from kaneflex.multibody.spatial_rows import (
     ADVANCE,
-    APART,
     BASIS,
     CLOSE,
+    COLLOCATE,
     DEMAND,
-    DONE,
     EXERT,
     FOLLOW,
-    INFINITE,
-    MASSLESS,
     NEAR,
-    OPEN,
     PASS_ON,
     PLACE,
     RATES,
     SETTLE,
-    Laws,
     compute,
+    compute_coupled,
 )  # fmt: skip
 from kaneflex.multibody.spatial_tables import (
     BALL,
@@ -57,11 +55,13 @@ from kaneflex.multibody.tables import STRUCTURE_KERNELS
 from kaneflex.scene import Scene
 
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
-_REASONS = {
+REASONS = {
     OPEN: "a loop does not close, or leaves open how it goes on",
     APART: "the loops close where they stand at the start, and not there",
     MASSLESS: "something without inertia could move anyhow",
     INFINITE: "the accelerations are not finite",
+    OVERTURNED: "a bushing is turned too far",
+    TOO_SMALL: "the step vanishes",
 }
 
 
@@ -91,6 +91,8 @@ class SpatialSystem:
     mechanism : SpatialMechanism
     tables : Tables
     layout : Layout
+    coupled : bool
+        Whether it deforms, or stands beside one that does and shares what is compiled for that.
     """
 
     scene: Scene
@@ -99,6 +101,7 @@ class SpatialSystem:
     mechanism: SpatialMechanism
     tables: Tables
     layout: Layout
+    coupled: bool
 
     def compile(self) -> None:
         """Compile all that computes, so that it is seen and timed apart from computing."""
@@ -158,6 +161,11 @@ class SpatialSystem:
             t, outcome = self._laws.now.tolist()
             check(int(outcome), t)
 
+    def collocate(self, choice: Choice, steps: Steps, times: np.ndarray, out: np.ndarray) -> int:
+        """See :func:`kaneflex.multibody.spatial_collocation.collocate`."""
+        laws = self._laws._replace(steps=steps)
+        return compute_coupled(COLLOCATE, self.tables, choice, self.work, laws, times, _NO_ROWS, out)
+
     def row(self, state: State) -> np.ndarray:
         """What is kept of an instant where ``work`` is as :meth:`settle` left it, (n,)."""
         self._compute(EXERT, state.choice)
@@ -214,7 +222,8 @@ class SpatialSystem:
         return choice.basis
 
     def _compute(self, what: int, choice: Choice | None = None, times=_NONE, given=_NO_ROWS, out=_NO_ROWS) -> int:
-        return compute(what, self.tables, choice or self._no_choice, self.work, self._laws, times, given, out)
+        entry = compute_coupled if self.coupled else compute
+        return entry(what, self.tables, choice or self._no_choice, self.work, self._laws, times, given, out)
 
     @cached_property
     def _laws(self) -> Laws:
@@ -229,6 +238,7 @@ class SpatialSystem:
             np.array(kernels), np.ascontiguousarray(self.parameters, float), self.driven_coordinates,
             np.array(where, int).reshape(-1, 3), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
             np.zeros(len(self.mechanism.loads) + len(self.driven)),
+            steps_of(self.tables, self._no_choice, self.coordinates, self.measure),
         )  # fmt: skip
 
     @cached_property
@@ -384,11 +394,13 @@ class SpatialSystem:
 def check(outcome: int, *at: float) -> None:
     """Raise ArithmeticError for what came of an instant, unless it is done."""
     if outcome != DONE:
-        raise ArithmeticError(_REASONS[outcome], *at)
+        raise ArithmeticError(REASONS[outcome], *at)
 
 
-def build_spatial_system(scene: Scene, module: ModuleType, flexible: Flexible = RIGID) -> SpatialSystem:
+def build_spatial_system(
+    scene: Scene, module: ModuleType, flexible: Flexible = RIGID, coupled: bool = False
+) -> SpatialSystem:
     """Bind a scene to its module; ``flexible``: shapes of the bodies that deform."""
     mechanism = spatial_mechanism_of(scene)
     tables, layout = build_tables(mechanism, flexible)
-    return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout)
+    return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout, coupled)

@@ -107,7 +107,7 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
             start = _given(system, start)
         run, verdict = _cycle(system, start, options) if options.start == "periodic" else (None, COMPLETED)
         motion, energy = run.moving(module) if run else integrate(system, start, module, options)
-        alone = build_spatial_system(system.scene, system.module)
+        alone = build_spatial_system(system.scene, system.module, coupled=True)
         motion = replace(beside(motion, start, alone, start_of(alone)), verdict=verdict)
     elif module.FREE:
         progress("forward dynamics of the rigid mechanism")

@@ -1,0 +1,516 @@
+"""Compiled integration of bodies in space that deform, by collocation at three points.
+
+As :mod:`kaneflex.multibody.collocation` has it in the plane: the stages' accelerations, here of the independent speeds,
+are the unknowns of a simplified Newton iteration
+
+    (M + h mu C + h^2 mu^2 K) x = M r        (Hairer & Wanner 1996, IV.8, for second-order equations)
+
+with r what the equations of motion give beyond them, M reduced by the partial velocities in the middle of the step and
+K, C those of shapes and springs: all that is stiff. The step follows the defect of the polynomial at its start, as a
+displacement. Where speeds are no rates of coordinates, as of a ball, and of what depends on others, the coordinates
+follow from their rates at the stages by the same quadrature.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kaneflex.multibody import dense_lu
+from kaneflex.multibody.coefficients import RADAU, Table, basis
+from kaneflex.multibody.spatial_bushings import ANGLE, MOST, POWER
+from kaneflex.multibody.spatial_dynamics import Choice, coordinate_rates
+from kaneflex.multibody.spatial_forces import stiffness_and_damping
+from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, settle
+from kaneflex.multibody.spatial_kinematics import along, less
+from kaneflex.multibody.spatial_tables import BALL, COORDINATE, COUNT, KIND, SHAPES, SLIDE, SPEED, TURN, Tables
+from kaneflex.multibody.tables import OPTIONS, apart, larger, smaller
+
+TOO_SMALL = 100
+"""What came of a piece whose steps vanish though every instant has its accelerations."""
+_NEAR = 1e-3
+"""Errors allowed that may be left of a step's equations."""
+_FAR = 100.0
+"""Lengths of a step over which its polynomial says nothing any more."""
+_LEAST = 1e-12
+"""Least step, as a share of the run."""
+_ITERATIONS = 10
+
+WANTED, LENGTH, LONGEST, GROWTH, ROW, OUTCOME, EVALUATIONS = range(7)
+"""Numbers of ``control``: the next step, the last one or 0, the longest one [s]; the largest dependent speed per
+independent one beyond which others are asked for; the next of the times that end a step; what came of the piece;
+instants so far."""
+
+
+class Steps(NamedTuple):
+    """An integration with one choice of speeds: n coordinates, s speeds, f of them independent.
+
+    Attributes
+    ----------
+    table : Table
+    control : ndarray (7,)
+    t : ndarray (1,)
+        Where it stands [s].
+    q, u, du : ndarray (n,), (s,), (s,)
+    works : ndarray (2,)
+        Dissipated by dampers, supplied by loads and prescribed drives [J].
+    scale : ndarray (s,)
+        Errors allowed, as displacements.
+    K, C : ndarray (s, s)
+        Stiffness and damping of the shapes.
+    coordinate : ndarray (s,)
+        Coordinate whose rate a speed is, or -1.
+    A, D, powers : ndarray (3, s), (3, n), (3, 2)
+        Of the stages: accelerations, rates of the coordinates, powers.
+    old : ndarray (n,)
+        Rates of a stage before.
+    r, defect : ndarray (3, f), (f,)
+        What the stages' equations miss, and the polynomial at its start.
+    M, stiff, damped : ndarray (f, f)
+        Reduced.
+    real, pair : ndarray (f f + f,)
+        Factors and right-hand sides.
+    pivots : ndarray (2 f,)
+    """
+
+    table: Table
+    control: np.ndarray
+    t: np.ndarray
+    q: np.ndarray
+    u: np.ndarray
+    du: np.ndarray
+    works: np.ndarray
+    scale: np.ndarray
+    K: np.ndarray
+    C: np.ndarray
+    coordinate: np.ndarray
+    A: np.ndarray
+    D: np.ndarray
+    powers: np.ndarray
+    old: np.ndarray
+    r: np.ndarray
+    defect: np.ndarray
+    M: np.ndarray
+    stiff: np.ndarray
+    damped: np.ndarray
+    real: np.ndarray
+    pair: np.ndarray
+    pivots: np.ndarray
+
+
+def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray) -> Steps:
+    """Room for an integration with these errors allowed."""
+    s, f = len(scale), len(choice.independent)
+    coordinate, (K, C) = np.full(s, -1), np.zeros((2, s, s))
+    for row in m.nodes.tolist():
+        count = 1 if row[KIND] in (TURN, SLIDE) else row[COUNT] if row[KIND] == SHAPES else 0
+        own = slice(row[SPEED], row[SPEED] + count)
+        coordinate[own] = np.arange(row[COORDINATE], row[COORDINATE] + count)
+        if row[KIND] == SHAPES:
+            K[own, own], C[own, own] = stiffness_and_damping(m, row)
+    control, t, q, u, du, works = (np.zeros(size) for size in (7, 1, coordinates, s, s, 2))
+    A, D, powers, r = (np.zeros((3, size)) for size in (s, coordinates, 2, f))
+    M, stiff, damped = np.zeros((3, f, f))
+    real, pair = np.zeros(f * f + f), np.zeros(f * f + f, complex)
+    return Steps(
+        RADAU, control, t, q, u, du, works, scale, K, C, coordinate, A, D, powers, np.zeros(coordinates), r,
+        np.zeros(f), M, stiff, damped, real, pair, np.zeros(2 * f, np.int64),
+    )  # fmt: skip
+
+
+def step_size(coordinates: int, speeds: int) -> int:
+    """Numbers that are kept of a step: when it begins and ends, the coordinates and speeds that it begins with, works
+    at its end, and the stages' rates of coordinates and accelerations."""
+    return 4 + 4 * (coordinates + speeds)
+
+
+@njit(**OPTIONS)
+def _first_guess(m, k, choice, s, h):
+    """Stages as the last step's polynomial goes on, or as the motion stands where that says nothing."""
+    apart()
+    c, length = s.table.nodes, s.control[LENGTH]
+    goes_on = length > 0.0 and _FAR * length > h
+    if not goes_on:
+        coordinate_rates(m, s.q, s.u, s.D[0])
+    for n in range(len(s.q)):
+        a, b, d = s.D[0, n], s.D[1, n], s.D[2, n]
+        for i in range(3):
+            x = 1.0 + c[i] * h / length
+            s.D[i, n] = basis(c, x, 0) * a + basis(c, x, 1) * b + basis(c, x, 2) * d if goes_on else a
+    for e in range(len(choice.independent)):
+        n = choice.independent[e]
+        a, b, d = s.A[0, n], s.A[1, n], s.A[2, n]
+        for i in range(3):
+            x = 1.0 + c[i] * h / length
+            s.A[i, n] = basis(c, x, 0) * a + basis(c, x, 1) * b + basis(c, x, 2) * d if goes_on else s.du[n]
+
+
+@njit(**OPTIONS)
+def _stand(choice, k, s, h, c, a_1, a_2):
+    """Put coordinates and independent speeds where the stages have them after a share c of the step."""
+    apart()
+    A, D = s.A, s.D
+    for n in range(len(s.q)):
+        k.q[n] = s.q[n] + h * (a_1[0] * D[0, n] + a_1[1] * D[1, n] + a_1[2] * D[2, n])
+    for n in range(len(s.u)):
+        k.u[n] = 0.0
+    for e in range(len(choice.independent)):
+        n = choice.independent[e]
+        a, b, d = A[0, n], A[1, n], A[2, n]
+        k.u[n] = s.u[n] + h * (a_1[0] * a + a_1[1] * b + a_1[2] * d)
+        at = s.coordinate[n]
+        if at >= 0:
+            k.q[at] = s.q[at] + h * (c * s.u[n] + h * (a_2[0] * a + a_2[1] * b + a_2[2] * d))
+
+
+@njit(**OPTIONS)
+def _settled(m, choice, k, law, s, t):
+    """What came of the instant t where ``_stand`` put everything."""
+    apart()
+    s.control[EVALUATIONS] += 1.0
+    outcome = settle(m, choice, k, law, t)
+    for n in range(len(k.bushings)):
+        if outcome == DONE and k.bushings[n, ANGLE] > MOST:
+            outcome = OVERTURNED
+    return outcome
+
+
+@njit(**OPTIONS)
+def _stage(m, choice, k, law, s, h, i):
+    """Find what stage i misses; what came of its instant."""
+    apart()
+    table, f = s.table, len(choice.independent)
+    _stand(choice, k, s, h, table.nodes[i], table.a_1[i], table.a_2[i])
+    outcome = _settled(m, choice, k, law, s, s.t[0] + table.nodes[i] * h)
+    coordinate_rates(m, k.q, k.u, s.D[i])
+    for e in range(f):
+        n = choice.independent[e]
+        s.r[i, e] = k.du[n] - s.A[i, n]
+    return outcome
+
+
+@njit(**OPTIONS)
+def _powers(m, choice, k, s, out):
+    """Dissipated by dampers, supplied by loads and prescribed drives [W], where the mechanism settled.
+
+    What bodies ask for along all speeds, as these go, is what prescribed drives give: joints do no work, and along
+    independent speeds nothing is asked for. M x stands for the accelerations that were unknown when h was found.
+    """
+    apart()
+    f, B = len(choice.independent), choice.basis
+    x = len(choice.dependent) ** 2 + len(choice.dependent) + f * f
+    out[0] = out[1] = 0.0
+    for n in range(len(k.u)):
+        for e in range(len(k.u)):
+            out[0] += k.u[n] * s.C[n, e] * k.u[e]
+    for n in range(len(k.springs)):
+        out[0] += k.springs[n, 6]
+    for n in range(len(k.twists)):
+        out[0] += k.twists[n, 3]
+    for n in range(len(k.bushings)):
+        out[0] += k.bushings[n, POWER]
+    for n in range(len(m.forces)):
+        for i in range(3):
+            out[1] += k.sizes[m.forces[n, 2]] * k.axes[m.forces[n, 1], i] * k.sections[m.forces[n, 0], 3 + i]
+    for n in range(len(m.torques)):
+        for i in range(3):
+            turned = k.sections[m.torques[n, 1], 9 + i] - k.sections[m.torques[n, 0], 9 + i]
+            out[1] += k.sizes[m.torques[n, 3]] * k.axes[m.torques[n, 2], i] * turned
+    if len(choice.prescribed):
+        for n in range(len(k.u)):
+            found = 0.0
+            for e in range(f):
+                found += choice.room[x + e] * B[e, n]
+            choice.step[n] = found
+        for n in range(len(k.u)):
+            asked = k.h[n]
+            for e in range(len(k.u)):
+                asked += k.M[n, e] * choice.step[e]
+            out[1] += k.u[n] * asked
+
+
+@njit(**OPTIONS)
+def _opposed(m, choice, k, s, first, second, stiffness, damping):
+    """Add a spring along a force and a moment at k.x[84] between two sections to the reduced matrices."""
+    apart()
+    f, B, g = len(choice.independent), choice.basis, choice.step
+    for n in range(len(g)):
+        g[n] = 0.0
+    along(m, k, first, k.x, 84, g)
+    for n in range(len(g)):
+        g[n] = -g[n]
+    along(m, k, second, k.x, 84, g)
+    for e in range(f):
+        s.defect[e] = 0.0
+        for n in range(len(g)):
+            s.defect[e] += B[e, n] * g[n]
+    for e in range(f):
+        for n in range(f):
+            s.stiff[e, n] += stiffness * s.defect[e] * s.defect[n]
+            s.damped[e, n] += damping * s.defect[e] * s.defect[n]
+
+
+@njit(**OPTIONS)
+def _unit(x, axis, at):
+    """A unit force (at 0) or moment (at 3) along an axis at x[84]."""
+    for i in range(6):
+        x[84 + i] = 0.0
+    for i in range(3):
+        x[84 + at + i] = axis[i]
+
+
+@njit(**OPTIONS)
+def _reduced(choice, full, out, room):
+    """B full B^T."""
+    apart()
+    f, B = len(choice.independent), choice.basis
+    for e in range(f):
+        for n in range(B.shape[1]):
+            room[n] = 0.0
+            for l in range(B.shape[1]):
+                room[n] += B[e, l] * full[l, n]
+        for j in range(f):
+            out[e, j] = 0.0
+            for n in range(B.shape[1]):
+                out[e, j] += room[n] * B[j, n]
+
+
+@njit(**OPTIONS)
+def _reduce(m, choice, k, s):
+    """M, K and C of the independent speeds where the mechanism settled."""
+    apart()
+    x = k.x
+    _reduced(choice, k.M, s.M, choice.step)
+    _reduced(choice, s.K, s.stiff, choice.step)
+    _reduced(choice, s.C, s.damped, choice.step)
+    for n in range(len(m.springs)):
+        first, second = m.springs[n, 0], m.springs[n, 1]
+        less(k.sections[second], k.sections[first], x, 90)
+        length = math.sqrt(x[90] ** 2 + x[91] ** 2 + x[92] ** 2)
+        if length > 0.0:
+            for i in range(3):
+                x[84 + i], x[87 + i] = x[90 + i] / length, 0.0
+            _opposed(m, choice, k, s, first, second, m.stiffness[n, 0], m.stiffness[n, 1])
+    for n in range(len(m.twists)):
+        _unit(x, k.axes[m.twists[n, 2]], 3)
+        _opposed(m, choice, k, s, m.twists[n, 0], m.twists[n, 1], m.torsion[n, 0], m.torsion[n, 1])
+    for n in range(len(m.bushings)):
+        for i in range(6):
+            _unit(x, k.axes[m.bushings[n, 2] + i % 3], 3 * (i // 3))
+            stiffness, damping = m.cushions[n, i], m.cushions[n, 6 + i]
+            _opposed(m, choice, k, s, m.bushings[n, 0], m.bushings[n, 1], stiffness, damping)
+
+
+@njit(**OPTIONS)
+def _factors(s, h):
+    """False where they are singular."""
+    apart()
+    f, one, two = len(s.M), h * s.table.real[0], h * s.table.pair[0]
+    for e in range(f):
+        for n in range(f):
+            s.real[f * e + n] = s.M[e, n] + one * (s.damped[e, n] + one * s.stiff[e, n])
+            s.pair[f * e + n] = s.M[e, n] + two * (s.damped[e, n] + two * s.stiff[e, n])
+    return dense_lu.factorise(s.real, 0, f, s.pivots, 0) and dense_lu.factorise(s.pair, 0, f, s.pivots, f)
+
+
+@njit(**OPTIONS)
+def _improve(choice, s, h):
+    """One iteration of the stages; the largest change, as a displacement in errors allowed."""
+    apart()
+    f, into, out, r, at = len(s.M), s.table.into, s.table.out, s.r, len(s.M) ** 2
+    for e in range(f):
+        s.real[at + e], s.pair[at + e] = 0.0, 0.0
+        for n in range(f):
+            real = into[0, 0].real * r[0, n] + into[0, 1].real * r[1, n] + into[0, 2].real * r[2, n]
+            s.real[at + e] += s.M[e, n] * real
+            s.pair[at + e] += s.M[e, n] * (into[1, 0] * r[0, n] + into[1, 1] * r[1, n] + into[1, 2] * r[2, n])
+    dense_lu.substitute(s.real, 0, f, s.pivots, 0, at)
+    dense_lu.substitute(s.pair, 0, f, s.pivots, f, at)
+    change = 0.0
+    for e in range(f):
+        n = choice.independent[e]
+        for i in range(3):
+            d = out[0, i].real * s.real[at + e] + 2.0 * (out[1, i] * s.pair[at + e]).real
+            s.A[i, n] += d
+            change = larger(change, h * h * abs(d) / s.scale[n])
+    return change
+
+
+@njit(**OPTIONS)
+def _turned(m, s, i, h):
+    """How far the rates of a ball in stage i have changed, as a displacement in errors allowed."""
+    apart()
+    change = 0.0
+    for n in range(len(m.nodes)):
+        if m.nodes[n, KIND] == BALL:
+            allowed = s.scale[m.nodes[n, SPEED]]
+            for j in range(m.nodes[n, COORDINATE], m.nodes[n, COORDINATE] + 4):
+                change = larger(change, h * abs(s.D[i, j] - s.old[j]) / allowed)
+    return change
+
+
+@njit(**OPTIONS)
+def _iterate(m, choice, k, law, s, h):
+    """Solve for the stages; what came of that."""
+    apart()
+    before = 0.0
+    for iteration in range(_ITERATIONS):
+        turned = 0.0
+        for i in range(3):
+            for n in range(len(s.old)):
+                s.old[n] = s.D[i, n]
+            outcome = _stage(m, choice, k, law, s, h, i)
+            if outcome != DONE:
+                return outcome
+            if iteration > 0:
+                turned = larger(turned, _turned(m, s, i, h))
+                _powers(m, choice, k, s, s.powers[i])
+            elif i == 1:
+                _reduce(m, choice, k, s)
+                if not _factors(s, h):
+                    return TOO_SMALL
+        change = larger(_improve(choice, s, h), turned)
+        if not change < 1e200:
+            return TOO_SMALL
+        if iteration > 0:
+            rate = change / before
+            if rate >= 1.0 and change > 1e-3:
+                return TOO_SMALL
+            if change * rate < _NEAR * larger(1.0 - rate, 0.0) or change < 1e-6:
+                return DONE
+        before = change
+    return TOO_SMALL
+
+
+@njit(**OPTIONS)
+def _error(choice, s, h):
+    """The step's error in errors allowed, of all displacements: S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d."""
+    apart()
+    f, c, one, at, B = len(s.M), s.table.nodes, h * s.table.real[0], len(s.M) ** 2, choice.basis
+    w_0, w_1, w_2 = basis(c, 0.0, 0), basis(c, 0.0, 1), basis(c, 0.0, 2)
+    for e in range(f):
+        n = choice.independent[e]
+        s.defect[e] = w_0 * s.A[0, n] + w_1 * s.A[1, n] + w_2 * s.A[2, n] - s.du[n]
+    for e in range(f):
+        s.real[at + e] = 0.0
+        for n in range(f):
+            s.real[at + e] -= one * (s.damped[e, n] + one * s.stiff[e, n]) * s.defect[n]
+    dense_lu.substitute(s.real, 0, f, s.pivots, 0, at)
+    error = 1e-12
+    for n in range(len(s.u)):
+        missed = 0.0
+        for e in range(f):
+            missed += B[e, n] * (s.defect[e] + s.real[at + e])
+        error = larger(error, 0.5 * h * h * abs(missed) / s.scale[n])
+    return error
+
+
+@njit(**OPTIONS)
+def _keep(choice, s, h, end, row):
+    """What is kept of a step, where it begins still."""
+    apart()
+    n, u, a_1 = len(s.q), len(s.u), s.table.a_1
+    for e in range(len(choice.independent)):  # of what the last iteration made of the stages
+        of = choice.independent[e]
+        if s.coordinate[of] >= 0:
+            for i in range(3):
+                rate = a_1[i, 0] * s.A[0, of] + a_1[i, 1] * s.A[1, of] + a_1[i, 2] * s.A[2, of]
+                s.D[i, s.coordinate[of]] = s.u[of] + h * rate
+    row[0], row[1], at = s.t[0], end, 4
+    for i in range(n):
+        row[at + i] = s.q[i]
+    for i in range(u):
+        row[at + n + i] = s.u[i]
+    for j in range(3):
+        at += n + u
+        for i in range(n):
+            row[at + i] = s.D[j, i]
+        for i in range(u):
+            row[at + n + i] = s.A[j, i]
+
+
+@njit(**OPTIONS)
+def _finish(m, choice, k, law, s, h, end):
+    """Take the step, whose last stage is its end; what came of that instant."""
+    apart()
+    b_1 = s.table.b_1
+    _stand(choice, k, s, h, 1.0, b_1, s.table.b_2)
+    outcome = _settled(m, choice, k, law, s, end)
+    if outcome != DONE:
+        return outcome
+    for n in range(len(m.nodes)):
+        if m.nodes[n, KIND] == BALL:
+            at = m.nodes[n, COORDINATE]
+            size = math.sqrt(k.q[at] ** 2 + k.q[at + 1] ** 2 + k.q[at + 2] ** 2 + k.q[at + 3] ** 2)
+            for i in range(4):
+                k.q[at + i] /= size
+    for i in range(2):
+        s.works[i] += h * (b_1[0] * s.powers[0, i] + b_1[1] * s.powers[1, i] + b_1[2] * s.powers[2, i])
+    for n in range(len(s.q)):
+        s.q[n] = k.q[n]
+    for n in range(len(s.u)):
+        s.u[n], s.du[n] = k.u[n], k.du[n]
+    for e in range(len(choice.independent)):
+        n = choice.independent[e]
+        s.du[n] = s.A[2, n]
+    s.t[0] = end
+    return DONE
+
+
+@njit(**OPTIONS)
+def largest_share(choice):
+    """Largest entry of the basis, in the measures of the speeds."""
+    apart()
+    largest, B = 0.0, choice.basis
+    for e in range(len(choice.independent)):
+        for n in range(B.shape[1]):
+            largest = larger(largest, abs(B[e, n]) * choice.measure[choice.independent[e]] / choice.measure[n])
+    return largest
+
+
+@njit(**OPTIONS)
+def collocate(m, choice, k, law, s, times, out):
+    """Take steps, each of which is kept in a row of ``out``, until that is full or the last of ``times`` [s] is
+    reached, all of which end a step. How many; ``control`` has what came of the last one."""
+    apart()
+    control, taken, failed = s.control, 0, TOO_SMALL
+    control[OUTCOME] = DONE
+    while taken < len(out) and int(control[ROW]) < len(times):
+        t, aim = s.t[0], times[int(control[ROW])]
+        control[WANTED] = smaller(control[WANTED], control[LONGEST])
+        if control[WANTED] < _LEAST * times[len(times) - 1]:
+            control[OUTCOME] = failed
+            return taken
+        left = aim - t
+        h = left / math.ceil(left / control[WANTED] * (1.0 - 1e-9))
+        reaches = h >= left * (1.0 - 1e-9)
+        end = aim if reaches else t + h
+        h = end - t
+        _first_guess(m, k, choice, s, h)
+        outcome = _iterate(m, choice, k, law, s, h)
+        if outcome != DONE:
+            failed, control[WANTED], control[LENGTH] = outcome, 0.4 * h, 0.0
+            continue
+        error = _error(choice, s, h)
+        growth = smaller(3.0, larger(0.2, 0.9 * error ** (-0.2)))
+        if not error <= 1.0:
+            control[WANTED], control[LENGTH], failed = h * smaller(growth, 0.9), 0.0, TOO_SMALL
+            continue
+        _keep(choice, s, h, end, out[taken])
+        outcome = _finish(m, choice, k, law, s, h, end)
+        if outcome != DONE:
+            failed, control[WANTED], control[LENGTH] = outcome, 0.4 * h, 0.0
+            continue
+        out[taken, 2], out[taken, 3] = s.works[0], s.works[1]
+        control[WANTED] = larger(control[WANTED], h * growth) if growth >= 1.0 else h * growth
+        control[LENGTH] = h
+        taken += 1
+        if reaches:
+            control[ROW] += 1.0
+        if len(choice.dependent) and largest_share(choice) > control[GROWTH]:
+            control[OUTCOME] = GROWN
+            return taken
+    return taken

@@ -1,0 +1,116 @@
+"""Compiled: where a mechanism in space is at one instant, what acts there, and the accelerations that follow."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numba.extending import intrinsic
+from numba.types import CPointer
+
+from kaneflex.multibody.inner import once
+from kaneflex.multibody.spatial_dynamics import accelerations, close, tie
+from kaneflex.multibody.spatial_forces import deforming
+from kaneflex.multibody.spatial_kinematics import accelerate
+from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, apart, kernel
+
+CLOSED = 1e-7
+"""How far off rows may be that follow from others, in rad or sizes of the mechanism."""
+
+DONE, OPEN, APART, MASSLESS, INFINITE, GROWN, OVERTURNED = range(7)
+"""What came of an instant: the rest, but GROWN, are why there is none."""
+
+
+class Laws(NamedTuple):
+    """What a structure's own kernels need, and what goes on.
+
+    Attributes
+    ----------
+    kernels : ndarray (2,)
+        Addresses of those of :data:`kaneflex.multibody.tables.STRUCTURE_KERNELS`.
+    p : ndarray
+        Their parameters.
+    driven : ndarray (n_driven,)
+        Coordinates of the prescribed drives.
+    told : ndarray (n_told, 3)
+        Of every joint that magnitudes know its place in ``x``, coordinate and speed.
+    x, course : ndarray
+        What magnitudes read, and what courses store.
+    now : ndarray (2,)
+        Where rows go on: the instant [s], and what came of it.
+    added : ndarray (n_loads + n_driven,)
+        To the sizes of the loads and to the accelerations of the prescribed drives.
+    steps : kaneflex.multibody.spatial_collocation.Steps
+        The integration that goes on, if one does.
+    """
+
+    kernels: np.ndarray
+    p: np.ndarray
+    driven: np.ndarray
+    told: np.ndarray
+    x: np.ndarray
+    course: np.ndarray
+    now: np.ndarray
+    added: np.ndarray
+    steps: Any
+
+
+@intrinsic
+def _address(typing, array):
+    """Where an array's numbers begin."""
+
+    def read(context, builder, sig, args):
+        return context.make_array(sig.args[0])(context, builder, args[0]).data
+
+    return CPointer(array.dtype)(array), read
+
+
+@njit(**OPTIONS)
+def courses(law, t):
+    """Coordinate, speed and acceleration of every prescribed drive."""
+    apart()
+    kernel(_address(law.kernels), COURSES)(t, _address(law.p), _address(law.course), 0)
+
+
+@once
+@njit(**OPTIONS)
+def settle(m, choice, k, law, t):
+    """Prescribed drives where they are at t, loops closed, dependent speeds tied: then loads know what they ask of
+    joints, and the rates of all speeds follow. What came of it."""
+    apart()
+    courses(law, t)
+    for i in range(len(law.driven)):
+        k.q[law.driven[i]] = law.course[3 * i]
+        k.u[choice.prescribed[i]] = law.course[3 * i + 1]
+        k.du[choice.prescribed[i]] = law.course[3 * i + 2] + law.added[len(k.sizes) + i]
+    if not close(m, k.q, k, choice):
+        return OPEN
+    if len(choice.rows) < len(k.rows):
+        for row in range(len(k.rows)):
+            if not abs(k.rows[row, 0]) <= CLOSED * choice.row_measure[row]:
+                return APART
+    if len(choice.dependent):
+        tie(k, choice, k.u, -1, False)
+    for i in range(len(law.told)):
+        at = law.told[i, 0]
+        law.x[at], law.x[at + 1] = k.q[law.told[i, 1]], k.u[law.told[i, 2]]
+    kernel(_address(law.kernels), MAGNITUDES)(t, _address(law.x), 0, _address(law.p), _address(k.sizes), 0)
+    for i in range(len(k.sizes)):
+        k.sizes[i] += law.added[i]
+    if not accelerations(m, k, choice, k.u, k.du, k.sizes):
+        return MASSLESS
+    for s in range(len(k.du)):
+        if not abs(k.du[s]) < math.inf:
+            return INFINITE
+    return DONE
+
+
+@once
+@njit(**OPTIONS)
+def complete(m, k):
+    """Accelerations of all that moves and the energies of what deforms, where ``settle`` came to an end."""
+    apart()
+    accelerate(m, k.u, k.du, k)
+    deforming(m, k)
