@@ -325,3 +325,17 @@ def test_a_run_that_stops_names_its_cures(tmp_path):
     with pytest.raises(SceneError, match=r"can't go on after t = 0\.0081\d+ s: .* Give fewer solve\.modes"):
         _solution(tmp_path, text + tail.format(3))
     assert _solution(tmp_path, text + tail.format(2)).model.energy.drift < 1e-6
+
+
+def test_stiff_vibrations_set_no_steps(tmp_path):
+    """The rod vibrates along its axis at 4.3 and 15 kHz, unseen: a turn in 0.1 s takes few steps to a coarse tolerance,
+    and with finer ones every sensor comes to the same."""
+    text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
+    tail = '\n[solve]\npreset = "coupled"\nstart = "quasistatic"\nsteps = 90\ntolerance = {}\n'
+    coarse, fine, finest = (_solution(tmp_path, text + tail.format(each)) for each in ("1e-5", "1e-7", "1e-10"))
+    steps = [len(each.model.motion.curve.knots) for each in (coarse, fine, finest)]
+    assert steps[0] < 2 * 90 and steps[0] < steps[1] < steps[2] < 1500
+    for name, series in finest.series.items():
+        for found, allowed in ((coarse, 3e-2), (fine, 1e-3)):
+            assert abs(found.series[name].values - series.values).max() < allowed * abs(series.values).max(), name
+    assert finest.model.energy.drift < 1e-8

@@ -71,6 +71,7 @@ class Run(Curve):
         self.curves: list[tuple[Callable[[Any], np.ndarray], State]] = []
         self.knots: list[float] = []  # ends of the steps
         self.first: float | None = None  # step to begin with
+        self.growth = _GROWTH  # beyond which other speeds are tried
         self.works = [np.zeros(2)]
         self.reason = ""  # for which the rates were not known somewhere
         self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
@@ -93,7 +94,7 @@ class Run(Curve):
         times = options.duration / options.steps * np.arange(1, options.steps + 1)
         times[-1] = options.duration
         control = steps.control
-        control[[GROWTH, LONGEST]] = _GROWTH, times[0]
+        control[[GROWTH, LONGEST]] = self.growth, times[0]
         control[ROW] = np.searchsorted(times, state.t, side="right")
         begin = state.q, state.u, state.du, self.works[-1]
         for part, value in zip((steps.q, steps.u, steps.du, steps.works), begin, strict=True):
@@ -118,11 +119,11 @@ class Run(Curve):
             if self.evaluations > _MOST:
                 raise self._stopped(float(steps.t[0]), f"{self.evaluations} evaluations bring it no further")
             if outcome == GROWN:
-                found = system.settle(float(steps.t[0]), steps.q, steps.u, choice)
-                better, self.first = self._better(found), control[WANTED]
+                found, self.first = system.settle(float(steps.t[0]), steps.q, steps.u, choice), control[WANTED]
+                better = self._better(found)
                 if better is not found:
                     return better
-                control[GROWTH] = 2.0 * _largest(system, choice)
+                control[GROWTH] = self.growth
         return system.settle(options.duration, steps.q, steps.u, choice)
 
     def _by_scipy(self, state: State) -> State:
@@ -170,13 +171,17 @@ class Run(Curve):
         if not len(choice.dependent) or not len(choice.independent):
             return found
         grown = _largest(system, choice)
-        if grown < _GROWTH:
+        if grown < self.growth:
             return found
+        self.growth = 2.0 * grown  # where nothing is better others are not tried at every step
         try:
             other = system.settle(found.t, found.q, found.u, choose_anew(system, found.q, choice))
         except ArithmeticError:
             return found
-        return other if _largest(system, other.choice) < 0.5 * grown else found
+        if not _largest(system, other.choice) < 0.5 * grown:
+            return found
+        self.growth = _GROWTH
+        return other
 
     def _rates_of(self, state: State) -> Callable[[float, np.ndarray], np.ndarray]:
         def rates(t: float, y: np.ndarray) -> np.ndarray:
