@@ -339,3 +339,16 @@ def test_stiff_vibrations_set_no_steps(tmp_path):
         for found, allowed in ((coarse, 3e-2), (fine, 1e-3)):
             assert abs(found.series[name].values - series.values).max() < allowed * abs(series.values).max(), name
     assert finest.model.energy.drift < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ('integrator = "gauss"', r"solve\.integrator = 'gauss': .* in space are integrated by radau alone"),
+        ('bounded = ["speeds"]', r"solve\.bounded = \['speeds'\]: in space solve\.tolerance bounds"),
+    ],
+)
+def test_what_the_integration_in_space_does_not_know_is_refused(tmp_path, setting, message):
+    text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
+    with pytest.raises(SceneError, match=message):
+        _solution(tmp_path, text + f'\n[solve]\npreset = "coupled"\n{setting}\n')

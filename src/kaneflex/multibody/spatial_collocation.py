@@ -22,7 +22,7 @@ from numba import njit
 from kaneflex.multibody import dense_lu
 from kaneflex.multibody.coefficients import RADAU, Table, basis
 from kaneflex.multibody.spatial_bushings import ANGLE, MOST, POWER
-from kaneflex.multibody.spatial_dynamics import Choice, coordinate_rates
+from kaneflex.multibody.spatial_dynamics import Choice, coordinate_rates, weigh
 from kaneflex.multibody.spatial_forces import stiffness_and_damping
 from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, settle
 from kaneflex.multibody.spatial_kinematics import along, less
@@ -268,10 +268,7 @@ def _reduced(choice, full, out, room):
     apart()
     f, B = len(choice.independent), choice.basis
     for e in range(f):
-        for n in range(B.shape[1]):
-            room[n] = 0.0
-            for l in range(B.shape[1]):
-                room[n] += B[e, l] * full[l, n]
+        weigh(B[e], full, room)
         for j in range(f):
             out[e, j] = 0.0
             for n in range(B.shape[1]):

@@ -34,7 +34,7 @@ from kaneflex.multibody.spatial_tables import (
     TURN,
     WHAT,
 )  # fmt: skip
-from kaneflex.multibody.tables import OPTIONS, apart, larger
+from kaneflex.multibody.tables import OPTIONS, apart, larger, together
 
 _MOST = 30
 """Newton steps to close a loop; from the last instant it takes two or three."""
@@ -194,6 +194,20 @@ def basis(k, choice):
             B[j, choice.dependent[i]] = A[first + i]
 
 
+@once
+@njit(**OPTIONS)
+def weigh(b, full, out):
+    """out = b full, a vector and a matrix of all speeds."""
+    together()
+    for t in range(len(out)):
+        out[t] = 0.0
+    for s in range(len(b)):
+        share = b[s]
+        if share != 0.0:
+            for t in range(len(out)):
+                out[t] += share * full[s, t]
+
+
 @njit(**OPTIONS)
 def accelerations(m, k, choice, u, du, sizes):
     """du alone, where the loops are closed (``close``) and the speeds tied (``tie``), from the prescribed rates in it.
@@ -226,10 +240,7 @@ def accelerations(m, k, choice, u, du, sizes):
         A[x + i] = 0.0
         for s in range(speeds):
             A[x + i] -= B[i, s] * k.h[s]
-        for s in range(speeds):
-            choice.step[s] = 0.0
-            for t in range(speeds):
-                choice.step[s] += k.M[s, t] * B[i, t]
+        weigh(B[i], k.M, choice.step)
         for j in range(free):
             A[at + free * i + j] = 0.0
             for s in range(speeds):

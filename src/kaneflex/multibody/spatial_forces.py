@@ -17,7 +17,7 @@ from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_bushings import FORCE, MOMENT, cushion
 from kaneflex.multibody.spatial_kinematics import add_cross, less, times
 from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED, Tables
-from kaneflex.multibody.tables import OPTIONS, apart
+from kaneflex.multibody.tables import OPTIONS, apart, together
 
 _OWN, _PAIR = len(laws.BODY), len(shape_laws.PAIR)
 """Numbers of a rigid body, behind which those of its shapes are, and of a pair of these."""
@@ -80,10 +80,21 @@ def _fill_inertia(m, k, n):
 
 
 @njit(**OPTIONS)
+def pile(B, Y, M):
+    """M += B^T Y: of all speeds, and so worth vectorising."""
+    together()
+    for s in range(M.shape[0]):
+        for i in range(B.shape[0]):
+            share = B[i, s]
+            for t in range(M.shape[1]):
+                M[s, t] += share * Y[i, t]
+
+
+@njit(**OPTIONS)
 def _add_mass(m, k, n):
     """M += B^T I B, B the partial velocities of a body in its axes and the rates of its shapes."""
     apart()
-    x, B, R, I, first = k.x, k.B, k.R[n], k.I, m.nodes[n, SPEED]
+    B, R, I, first = k.B, k.R[n], k.I, m.nodes[n, SPEED]
     shapes = _fill_inertia(m, k, n)
     for s in range(len(k.h)):
         for i in range(3):
@@ -91,18 +102,20 @@ def _add_mass(m, k, n):
             for j in range(3):
                 B[i, s] += R[j, i] * k.Jv[n, s, j]
                 B[3 + i, s] += R[j, i] * k.Jw[n, s, j]
-    for t in range(len(k.h)):
-        own = t - first if first <= t < first + shapes else -1
+    count = len(k.h)
+    for i in range(6):
+        for t in range(count):
+            own = t - first if first <= t < first + shapes else -1
+            k.Y[i, t] = I[36 + shapes * i + own] if own >= 0 else 0.0
+        for j in range(6):
+            for t in range(count):
+                k.Y[i, t] += I[6 * i + j] * B[j, t]
+    pile(B, k.Y, k.M)
+    for j in range(shapes):
+        for t in range(shapes):
+            k.M[first + j, first + t] += I[36 + 6 * shapes + shapes * j + t]
         for i in range(6):
-            x[72 + i] = I[36 + shapes * i + own] if own >= 0 else 0.0
-            for j in range(6):
-                x[72 + i] += I[6 * i + j] * B[j, t]
-        for s in range(len(k.h)):
-            for i in range(6):
-                k.M[s, t] += B[i, s] * x[72 + i]
-        for j in range(shapes):
-            k.M[first + j, t] += I[36 + 6 * shapes + shapes * j + own] if own >= 0 else 0.0
-            for i in range(6):
+            for t in range(count):
                 k.M[first + j, t] += I[36 + shapes * i + j] * B[i, t]
 
 

@@ -52,8 +52,8 @@ class Work(NamedTuple):
     M, h : ndarray (s, s), (s,)
     F : ndarray (n, 6)
         Force and moment about its origin that a node's body asks for beyond what acts on it.
-    B : ndarray (6, s)
-        Partial velocities of one body in its own axes.
+    B, Y : ndarray (6, s)
+        Partial velocities of one body in its own axes, and the momentum of each.
     x : ndarray (108,)
         Vectors and matrices at hand.
     I : ndarray ((6 + most shapes)^2,)
@@ -91,6 +91,7 @@ class Work(NamedTuple):
     h: np.ndarray
     F: np.ndarray
     B: np.ndarray
+    Y: np.ndarray
     x: np.ndarray
     I: np.ndarray
     turned: np.ndarray
@@ -137,7 +138,7 @@ def work_of(tables: Tables, coordinates: int, speeds: int, rows: int, loads: int
             (len(tables.bushings), 9), (4,))  # fmt: skip
     shapes = int(tables.nodes[:, COUNT].max(initial=0))
     rest = ((n, 3), (n, speeds, 3), (n, speeds, 3), (sections, SECTION), (axes, 3), (rows, speeds), (speeds, speeds),
-            (speeds,), (n, 6), (6, speeds), (108,), ((6 + shapes) ** 2,), (27,))  # fmt: skip
+            (speeds,), (n, 6), (6, speeds), (6, speeds), (108,), ((6 + shapes) ** 2,), (27,))  # fmt: skip
     row, first = np.zeros(sum(map(math.prod, kept))), 0
     parts = list[np.ndarray]()
     for shape in kept:

@@ -202,6 +202,17 @@ def apart(typing):
 
 
 @intrinsic
+def together(typing):
+    """As :func:`apart`, of a function whose loops are long enough to be vectorised."""
+
+    def mark(context, builder, sig, args):
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.none(), mark
+
+
+@intrinsic
 def shifted(typing, address, k):
     """The address of the k-th number from there."""
 

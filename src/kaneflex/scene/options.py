@@ -208,7 +208,8 @@ def _integrator(scene: Scene, dynamics: str) -> str:
     damped = damped or any(data.arrays["damping"].any() for data in given)
     if dynamics == "dynamic" and scene.solve.start == "periodic" and scene.period and scene.solve.duration is None:
         return "spectral"
-    return "gauss" if dynamics == "coupled" and not damped else _INTEGRATOR[dynamics]
+    keeps = dynamics == "coupled" and not damped and not scene.is_spatial
+    return "gauss" if keeps else _INTEGRATOR[dynamics]
 
 
 def tolerance_of(scene: Scene, dynamics: str = "coupled") -> float:
@@ -274,6 +275,12 @@ def _check_coupled(scene: Scene) -> None:
             "solve.integrator", solve.integrator, "integrates equations that are linear in the displacements",
             f"Use {', '.join(COUPLED_INTEGRATORS[:-1])} or {COUPLED_INTEGRATORS[-1]} under preset coupled",
         )  # fmt: skip
+    if scene.is_spatial and solve.integrator not in (None, "radau"):
+        reason = "under preset coupled bodies in space are integrated by radau alone"
+        raise SceneError("solve.integrator", solve.integrator, reason, "Leave it out")
+    if scene.is_spatial and solve.bounded:
+        reason = "in space solve.tolerance bounds displacements alone"
+        raise SceneError("solve.bounded", list(solve.bounded), reason, "Leave it out, and give a smaller tolerance")
     for name, on in solve.terms.items():
         if not on:
             raise SceneError(
