@@ -14,23 +14,19 @@ follow from their rates at the stages by the same quadrature.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 
 from kaneflex.multibody import dense_lu
-from kaneflex.multibody.coefficients import RADAU, Table, basis
-from kaneflex.multibody.spatial_bushings import ANGLE, MOST, POWER
-from kaneflex.multibody.spatial_dynamics import Choice, coordinate_rates, weigh
-from kaneflex.multibody.spatial_forces import stiffness_and_damping
-from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, settle
-from kaneflex.multibody.spatial_kinematics import along, less
-from kaneflex.multibody.spatial_tables import BALL, COORDINATE, COUNT, KIND, SHAPES, SLIDE, SPEED, TURN, Tables
+from kaneflex.multibody.coefficients import basis
+from kaneflex.multibody.spatial_bushings import ANGLE, MOST
+from kaneflex.multibody.spatial_dynamics import coordinate_rates
+from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, TOO_SMALL, settle
+from kaneflex.multibody.spatial_steps import EVALUATIONS, GROWTH, LENGTH, LONGEST, OUTCOME, ROW, WANTED
+from kaneflex.multibody.spatial_stiffness import powers, reduce
+from kaneflex.multibody.spatial_tables import BALL, COORDINATE, KIND, SPEED
 from kaneflex.multibody.tables import OPTIONS, apart, larger, smaller
 
-TOO_SMALL = 100
-"""What came of a piece whose steps vanish though every instant has its accelerations."""
 _NEAR = 1e-3
 """Errors allowed that may be left of a step's equations."""
 _FAR = 100.0
@@ -38,93 +34,7 @@ _FAR = 100.0
 _LEAST = 1e-12
 """Least step, as a share of the run."""
 _ITERATIONS = 10
-
-WANTED, LENGTH, LONGEST, GROWTH, ROW, OUTCOME, EVALUATIONS = range(7)
-"""Numbers of ``control``: the next step, the last one or 0, the longest one [s]; the largest dependent speed per
-independent one beyond which others are asked for; the next of the times that end a step; what came of the piece;
-instants so far."""
-
-
-class Steps(NamedTuple):
-    """An integration with one choice of speeds: n coordinates, s speeds, f of them independent.
-
-    Attributes
-    ----------
-    table : Table
-    control : ndarray (7,)
-    t : ndarray (1,)
-        Where it stands [s].
-    q, u, du : ndarray (n,), (s,), (s,)
-    works : ndarray (2,)
-        Dissipated by dampers, supplied by loads and prescribed drives [J].
-    scale : ndarray (s,)
-        Errors allowed, as displacements.
-    K, C : ndarray (s, s)
-        Stiffness and damping of the shapes.
-    coordinate : ndarray (s,)
-        Coordinate whose rate a speed is, or -1.
-    A, D, powers : ndarray (3, s), (3, n), (3, 2)
-        Of the stages: accelerations, rates of the coordinates, powers.
-    old : ndarray (n,)
-        Rates of a stage before.
-    r, defect : ndarray (3, f), (f,)
-        What the stages' equations miss, and the polynomial at its start.
-    M, stiff, damped : ndarray (f, f)
-        Reduced.
-    real, pair : ndarray (f f + f,)
-        Factors and right-hand sides.
-    pivots : ndarray (2 f,)
-    """
-
-    table: Table
-    control: np.ndarray
-    t: np.ndarray
-    q: np.ndarray
-    u: np.ndarray
-    du: np.ndarray
-    works: np.ndarray
-    scale: np.ndarray
-    K: np.ndarray
-    C: np.ndarray
-    coordinate: np.ndarray
-    A: np.ndarray
-    D: np.ndarray
-    powers: np.ndarray
-    old: np.ndarray
-    r: np.ndarray
-    defect: np.ndarray
-    M: np.ndarray
-    stiff: np.ndarray
-    damped: np.ndarray
-    real: np.ndarray
-    pair: np.ndarray
-    pivots: np.ndarray
-
-
-def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray) -> Steps:
-    """Room for an integration with these errors allowed."""
-    s, f = len(scale), len(choice.independent)
-    coordinate, (K, C) = np.full(s, -1), np.zeros((2, s, s))
-    for row in m.nodes.tolist():
-        count = 1 if row[KIND] in (TURN, SLIDE) else row[COUNT] if row[KIND] == SHAPES else 0
-        own = slice(row[SPEED], row[SPEED] + count)
-        coordinate[own] = np.arange(row[COORDINATE], row[COORDINATE] + count)
-        if row[KIND] == SHAPES:
-            K[own, own], C[own, own] = stiffness_and_damping(m, row)
-    control, t, q, u, du, works = (np.zeros(size) for size in (7, 1, coordinates, s, s, 2))
-    A, D, powers, r = (np.zeros((3, size)) for size in (s, coordinates, 2, f))
-    M, stiff, damped = np.zeros((3, f, f))
-    real, pair = np.zeros(f * f + f), np.zeros(f * f + f, complex)
-    return Steps(
-        RADAU, control, t, q, u, du, works, scale, K, C, coordinate, A, D, powers, np.zeros(coordinates), r,
-        np.zeros(f), M, stiff, damped, real, pair, np.zeros(2 * f, np.int64),
-    )  # fmt: skip
-
-
-def step_size(coordinates: int, speeds: int) -> int:
-    """Numbers that are kept of a step: when it begins and ends, the coordinates and speeds that it begins with, works
-    at its end, and the stages' rates of coordinates and accelerations."""
-    return 4 + 4 * (coordinates + speeds)
+"""Of a step, before a shorter one is tried."""
 
 
 @njit(**OPTIONS)
@@ -193,115 +103,6 @@ def _stage(m, choice, k, law, s, h, i):
 
 
 @njit(**OPTIONS)
-def _powers(m, choice, k, s, out):
-    """Dissipated by dampers, supplied by loads and prescribed drives [W], where the mechanism settled.
-
-    What bodies ask for along all speeds, as these go, is what prescribed drives give: joints do no work, and along
-    independent speeds nothing is asked for. M x stands for the accelerations that were unknown when h was found.
-    """
-    apart()
-    f, B = len(choice.independent), choice.basis
-    x = len(choice.dependent) ** 2 + len(choice.dependent) + f * f
-    out[0] = out[1] = 0.0
-    for n in range(len(k.u)):
-        for e in range(len(k.u)):
-            out[0] += k.u[n] * s.C[n, e] * k.u[e]
-    for n in range(len(k.springs)):
-        out[0] += k.springs[n, 6]
-    for n in range(len(k.twists)):
-        out[0] += k.twists[n, 3]
-    for n in range(len(k.bushings)):
-        out[0] += k.bushings[n, POWER]
-    for n in range(len(m.forces)):
-        for i in range(3):
-            out[1] += k.sizes[m.forces[n, 2]] * k.axes[m.forces[n, 1], i] * k.sections[m.forces[n, 0], 3 + i]
-    for n in range(len(m.torques)):
-        for i in range(3):
-            turned = k.sections[m.torques[n, 1], 9 + i] - k.sections[m.torques[n, 0], 9 + i]
-            out[1] += k.sizes[m.torques[n, 3]] * k.axes[m.torques[n, 2], i] * turned
-    if len(choice.prescribed):
-        for n in range(len(k.u)):
-            found = 0.0
-            for e in range(f):
-                found += choice.room[x + e] * B[e, n]
-            choice.step[n] = found
-        for n in range(len(k.u)):
-            asked = k.h[n]
-            for e in range(len(k.u)):
-                asked += k.M[n, e] * choice.step[e]
-            out[1] += k.u[n] * asked
-
-
-@njit(**OPTIONS)
-def _opposed(m, choice, k, s, first, second, stiffness, damping):
-    """Add a spring along a force and a moment at k.x[84] between two sections to the reduced matrices."""
-    apart()
-    f, B, g = len(choice.independent), choice.basis, choice.step
-    for n in range(len(g)):
-        g[n] = 0.0
-    along(m, k, first, k.x, 84, g)
-    for n in range(len(g)):
-        g[n] = -g[n]
-    along(m, k, second, k.x, 84, g)
-    for e in range(f):
-        s.defect[e] = 0.0
-        for n in range(len(g)):
-            s.defect[e] += B[e, n] * g[n]
-    for e in range(f):
-        for n in range(f):
-            s.stiff[e, n] += stiffness * s.defect[e] * s.defect[n]
-            s.damped[e, n] += damping * s.defect[e] * s.defect[n]
-
-
-@njit(**OPTIONS)
-def _unit(x, axis, at):
-    """A unit force (at 0) or moment (at 3) along an axis at x[84]."""
-    for i in range(6):
-        x[84 + i] = 0.0
-    for i in range(3):
-        x[84 + at + i] = axis[i]
-
-
-@njit(**OPTIONS)
-def _reduced(choice, full, out, room):
-    """B full B^T."""
-    apart()
-    f, B = len(choice.independent), choice.basis
-    for e in range(f):
-        weigh(B[e], full, room)
-        for j in range(f):
-            out[e, j] = 0.0
-            for n in range(B.shape[1]):
-                out[e, j] += room[n] * B[j, n]
-
-
-@njit(**OPTIONS)
-def _reduce(m, choice, k, s):
-    """M, K and C of the independent speeds where the mechanism settled."""
-    apart()
-    x = k.x
-    _reduced(choice, k.M, s.M, choice.step)
-    _reduced(choice, s.K, s.stiff, choice.step)
-    _reduced(choice, s.C, s.damped, choice.step)
-    for n in range(len(m.springs)):
-        first, second = m.springs[n, 0], m.springs[n, 1]
-        less(k.sections[second], k.sections[first], x, 90)
-        length = math.sqrt(x[90] ** 2 + x[91] ** 2 + x[92] ** 2)
-        if length > 0.0:
-            for i in range(3):
-                x[84 + i], x[87 + i] = x[90 + i] / length, 0.0
-            _opposed(m, choice, k, s, first, second, m.stiffness[n, 0], m.stiffness[n, 1])
-    for n in range(len(m.twists)):
-        _unit(x, k.axes[m.twists[n, 2]], 3)
-        _opposed(m, choice, k, s, m.twists[n, 0], m.twists[n, 1], m.torsion[n, 0], m.torsion[n, 1])
-    for n in range(len(m.bushings)):
-        for i in range(6):
-            _unit(x, k.axes[m.bushings[n, 2] + i % 3], 3 * (i // 3))
-            stiffness, damping = m.cushions[n, i], m.cushions[n, 6 + i]
-            _opposed(m, choice, k, s, m.bushings[n, 0], m.bushings[n, 1], stiffness, damping)
-
-
-@njit(**OPTIONS)
 def _factors(s, h):
     """False where they are singular."""
     apart()
@@ -364,9 +165,9 @@ def _iterate(m, choice, k, law, s, h):
                 return outcome
             if iteration > 0:
                 turned = larger(turned, _turned(m, s, i, h))
-                _powers(m, choice, k, s, s.powers[i])
+                powers(m, choice, k, s.C, s.powers[i])
             elif i == 1:
-                _reduce(m, choice, k, s)
+                reduce(m, choice, k, s)
                 if not _factors(s, h):
                     return TOO_SMALL
         change = larger(_improve(choice, s, h), turned)

@@ -8,8 +8,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from kaneflex.multibody.spatial_choice import choose_anew
-from kaneflex.multibody.spatial_instant import GROWN
-from kaneflex.multibody.spatial_system import SpatialSystem, State, check
+from kaneflex.multibody.spatial_instant import GROWN, check
+from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.support.errors import SceneError
 
 

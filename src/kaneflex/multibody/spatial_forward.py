@@ -19,21 +19,12 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.coefficients import RADAU, integrals
 from kaneflex.multibody.spatial_bushings import POWER, overturned
 from kaneflex.multibody.spatial_choice import choose_anew
-from kaneflex.multibody.spatial_collocation import (
-    EVALUATIONS,
-    GROWTH,
-    LONGEST,
-    OUTCOME,
-    ROW,
-    WANTED,
-    step_size,
-    steps_of,
-)  # fmt: skip
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_dynamics import Choice
-from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED
+from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, REASONS
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
-from kaneflex.multibody.spatial_system import REASONS, SpatialSystem, State
+from kaneflex.multibody.spatial_steps import EVALUATIONS, GROWTH, LONGEST, OUTCOME, ROW, WANTED, step_size, steps_of
+from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 

@@ -19,8 +19,23 @@ from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, apart, kerne
 CLOSED = 1e-7
 """How far off rows may be that follow from others, in rad or sizes of the mechanism."""
 
-DONE, OPEN, APART, MASSLESS, INFINITE, GROWN, OVERTURNED = range(7)
-"""What came of an instant: the rest, but GROWN, are why there is none."""
+DONE, OPEN, APART, MASSLESS, INFINITE, GROWN, OVERTURNED, TOO_SMALL = range(8)
+"""What came of an instant or of steps: the rest, but GROWN, are why it goes no further."""
+REASONS = {
+    OPEN: "a loop does not close, or leaves open how it goes on",
+    APART: "the loops close where they stand at the start, and not there",
+    MASSLESS: "something without inertia could move anyhow",
+    INFINITE: "the accelerations are not finite",
+    OVERTURNED: "a bushing is turned too far",
+    TOO_SMALL: "the step vanishes",
+}
+"""What is said of each."""
+
+
+def check(outcome: int, *at: float) -> None:
+    """Raise ArithmeticError for what came of an instant, unless it is done."""
+    if outcome != DONE:
+        raise ArithmeticError(REASONS[outcome], *at)
 
 
 class Laws(NamedTuple):
@@ -42,7 +57,7 @@ class Laws(NamedTuple):
         Where rows go on: the instant [s], and what came of it.
     added : ndarray (n_loads + n_driven,)
         To the sizes of the loads and to the accelerations of the prescribed drives.
-    steps : kaneflex.multibody.spatial_collocation.Steps
+    steps : kaneflex.multibody.spatial_steps.Steps
         The integration that goes on, if one does.
     """
 

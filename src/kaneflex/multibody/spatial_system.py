@@ -13,9 +13,8 @@ from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.addresses import kernel_address, kernel_of_c
 from kaneflex.multibody.binding import bind_parameters
 from kaneflex.multibody.inner import compiling
-from kaneflex.multibody.spatial_collocation import TOO_SMALL, Steps, steps_of
 from kaneflex.multibody.spatial_dynamics import Choice
-from kaneflex.multibody.spatial_instant import APART, DONE, INFINITE, MASSLESS, OPEN, OVERTURNED, Laws
+from kaneflex.multibody.spatial_instant import DONE, Laws, check
 from kaneflex.multibody.spatial_rows import (
     ADVANCE,
     BASIS,
@@ -32,6 +31,7 @@ from kaneflex.multibody.spatial_rows import (
     compute,
     compute_coupled,
 )  # fmt: skip
+from kaneflex.multibody.spatial_steps import Steps, steps_of
 from kaneflex.multibody.spatial_tables import (
     BALL,
     COORDINATE,
@@ -55,14 +55,6 @@ from kaneflex.multibody.tables import STRUCTURE_KERNELS
 from kaneflex.scene import Scene
 
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
-REASONS = {
-    OPEN: "a loop does not close, or leaves open how it goes on",
-    APART: "the loops close where they stand at the start, and not there",
-    MASSLESS: "something without inertia could move anyhow",
-    INFINITE: "the accelerations are not finite",
-    OVERTURNED: "a bushing is turned too far",
-    TOO_SMALL: "the step vanishes",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,12 +381,6 @@ class SpatialSystem:
         """J of the rows by the speeds, both in their measures, where the mechanism stands."""
         self.place(q)
         return self.work.J * self.measure / self.row_measure[:, None]
-
-
-def check(outcome: int, *at: float) -> None:
-    """Raise ArithmeticError for what came of an instant, unless it is done."""
-    if outcome != DONE:
-        raise ArithmeticError(REASONS[outcome], *at)
 
 
 def build_spatial_system(

@@ -1,0 +1,99 @@
+"""What an integration of bodies in space that deform fills, and what is kept of its steps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kaneflex.multibody.coefficients import RADAU, Table
+from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_forces import stiffness_and_damping
+from kaneflex.multibody.spatial_tables import COORDINATE, COUNT, KIND, SHAPES, SLIDE, SPEED, TURN, Tables
+
+WANTED, LENGTH, LONGEST, GROWTH, ROW, OUTCOME, EVALUATIONS = range(7)
+"""Numbers of ``control``: the next step, the last one or 0, the longest one [s]; the largest dependent speed per
+independent one beyond which others are asked for; the next of the times that end a step; what came of the piece;
+instants so far."""
+
+
+class Steps(NamedTuple):
+    """An integration with one choice of speeds: n coordinates, s speeds, f of them independent.
+
+    Attributes
+    ----------
+    table : Table
+    control : ndarray (7,)
+    t : ndarray (1,)
+        Where it stands [s].
+    q, u, du : ndarray (n,), (s,), (s,)
+    works : ndarray (2,)
+        Dissipated by dampers, supplied by loads and prescribed drives [J].
+    scale : ndarray (s,)
+        Errors allowed, as displacements.
+    K, C : ndarray (s, s)
+        Stiffness and damping of the shapes.
+    coordinate : ndarray (s,)
+        Coordinate whose rate a speed is, or -1.
+    A, D, powers : ndarray (3, s), (3, n), (3, 2)
+        Of the stages: accelerations, rates of the coordinates, powers.
+    old : ndarray (n,)
+        Rates of a stage before.
+    r, defect : ndarray (3, f), (f,)
+        What the stages' equations miss, and the polynomial at its start.
+    M, stiff, damped : ndarray (f, f)
+        Reduced.
+    real, pair : ndarray (f f + f,)
+        Factors and right-hand sides.
+    pivots : ndarray (2 f,)
+    """
+
+    table: Table
+    control: np.ndarray
+    t: np.ndarray
+    q: np.ndarray
+    u: np.ndarray
+    du: np.ndarray
+    works: np.ndarray
+    scale: np.ndarray
+    K: np.ndarray
+    C: np.ndarray
+    coordinate: np.ndarray
+    A: np.ndarray
+    D: np.ndarray
+    powers: np.ndarray
+    old: np.ndarray
+    r: np.ndarray
+    defect: np.ndarray
+    M: np.ndarray
+    stiff: np.ndarray
+    damped: np.ndarray
+    real: np.ndarray
+    pair: np.ndarray
+    pivots: np.ndarray
+
+
+def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray) -> Steps:
+    """Room for an integration with these errors allowed."""
+    s, f = len(scale), len(choice.independent)
+    coordinate, (K, C) = np.full(s, -1), np.zeros((2, s, s))
+    for row in m.nodes.tolist():
+        count = 1 if row[KIND] in (TURN, SLIDE) else row[COUNT] if row[KIND] == SHAPES else 0
+        own = slice(row[SPEED], row[SPEED] + count)
+        coordinate[own] = np.arange(row[COORDINATE], row[COORDINATE] + count)
+        if row[KIND] == SHAPES:
+            K[own, own], C[own, own] = stiffness_and_damping(m, row)
+    control, t, q, u, du, works = (np.zeros(size) for size in (7, 1, coordinates, s, s, 2))
+    A, D, powers, r = (np.zeros((3, size)) for size in (s, coordinates, 2, f))
+    M, stiff, damped = np.zeros((3, f, f))
+    real, pair = np.zeros(f * f + f), np.zeros(f * f + f, complex)
+    return Steps(
+        RADAU, control, t, q, u, du, works, scale, K, C, coordinate, A, D, powers, np.zeros(coordinates), r,
+        np.zeros(f), M, stiff, damped, real, pair, np.zeros(2 * f, np.int64),
+    )  # fmt: skip
+
+
+def step_size(coordinates: int, speeds: int) -> int:
+    """Numbers that are kept of a step: when it begins and ends, the coordinates and speeds that it begins with, works
+    at its end, and the stages' rates of coordinates and accelerations."""
+    return 4 + 4 * (coordinates + speeds)
