@@ -250,3 +250,27 @@ steps = 20
         assert found[name].values == pytest.approx(found.times, abs=1e-9)
     with pytest.raises(SceneError, match=r"springs.mount.bushing: bushing mount is turned by 1\d\d deg"):
         load(scene_of(tmp_path, text, ("2 s", "4 s")))
+
+
+def test_a_free_elastic_body_that_turns_its_bushing_too_far_stops_by_name(tmp_path):
+    text = """
+gravity = [0, 0, 0]
+[ground]
+seat = [0, 0, 0]
+[bodies.bar]
+length = "300 mm"
+beam = {material = "steel", section = {circle = "20 mm"}, elements = 4}
+free = {at = [0, 0, 0], angular_velocity = [0, 0, 30]}
+[springs.mount]
+bushing = ["ground.seat", "bar.start"]
+stiffness = [1e5, 1e5, 1e5, 1, 1, 1]
+[sensors]
+x = {position = "bar.end", component = "x"}
+[solve]
+preset = "coupled"
+duration = "0.3 s"
+steps = 300
+"""
+    expected = r"springs\.mount\.bushing: the motion can't go on after t = 0\.11\d+ s: bushing mount .* Turn it less"
+    with pytest.raises(SceneError, match=expected):
+        load(scene_of(tmp_path, text))

@@ -105,8 +105,7 @@ class Run(Curve):
                 self.curves.append((_Piece(rows, choice, system.coordinates), state))
             outcome = int(control[OUTCOME])
             if outcome not in (DONE, GROWN):
-                far = overturned(system.mechanism, system.work.bushings) if outcome == OVERTURNED else None
-                raise self._stopped(float(steps.t[0]), far[1] if far else REASONS[outcome])
+                raise self._stopped(float(steps.t[0]), REASONS[outcome], outcome == OVERTURNED)
             if self.evaluations > _MOST:
                 raise self._stopped(float(steps.t[0]), f"{self.evaluations} evaluations bring it no further")
             if outcome == GROWN:
@@ -259,7 +258,11 @@ class Run(Curve):
         works = np.array(self.works).T
         return Energy(*(found[f"{name} energy"] for name in ("kinetic", "strain", "weight")), *works)
 
-    def _stopped(self, t: float, message: str) -> SceneError:
+    def _stopped(self, t: float, message: str, by_bushing: bool = False) -> SceneError:
+        far = overturned(self.system.mechanism, self.system.work.bushings) if by_bushing else None
+        if far:
+            reason = f"the motion can't go on after t = {t:.6g} s: {far[1]}"
+            return SceneError(f"springs.{far[0]}.bushing", None, reason, "Turn it less, or write a torque as a law")
         free = next((name for name, drive in self.system.scene.drives.items() if drive.kind == "free"), None)
         floating = self.system.mechanism.floating
         key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
