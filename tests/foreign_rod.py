@@ -1,4 +1,4 @@
-"""The rod of docs/finite-elements.md: its numbers, the files that the page's script writes, the commands it shows."""
+"""The rod of docs/finite-elements.md: its numbers, the files that the page's scripts write, the commands it shows."""
 
 import re
 import shlex
@@ -27,7 +27,7 @@ def printed_by(command: list[str], folder: Path) -> Iterator[str]:
     """What a command prints, in a folder with the files, where one is meanwhile."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        exec(re.search(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)[1], {})
+        exec("".join(re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)), {})
         result = cli(*command)
         assert result.exit_code == 0, result.output
         yield result.output

@@ -27,7 +27,12 @@ def printed(tmp_path_factory, peer):
 
 def command(**changed):
     """The page's arguments, some of them changed."""
-    return arguments(r"import rod-mass.mtx rod-stiff(?!.*--space).*", **changed)
+    return arguments(r"import rod-mass.mtx rod-stiff(?!.*--(?:space|stress)).*", **changed)
+
+
+def recovering(**changed):
+    """Those of the page's command that recovers stresses."""
+    return arguments(r"import rod-mass.mtx .*--stress .*", **changed)
 
 
 def test_the_page_shows_what_is_printed(printed):
@@ -71,7 +76,7 @@ def test_modes_of_the_free_mesh():
 def test_bending_of_a_pinned_bar(rigid):
     """Timoshenko's frequencies on pins (1922), which leave out how the section warps: 1 %, with stiff ends 2.5 %."""
     found = reduced(read_foreign(*FILES, ENDS), "transverse", 3, rigid)
-    omega = np.sqrt(found.stiffness / found.mass)
+    omega = np.sqrt(found.stiffness / found.mass)[:3]
     k, G = np.arange(1, 4) * np.pi / L, E / (2 * (1 + NU))
     kappa = 10 * (1 + NU) / (12 + 11 * NU)  # Cowper 1966
     c2, s2, r2 = E / RHO, kappa * G / RHO, I_Z / AREA
@@ -99,15 +104,23 @@ bow = {{displacement = "rod.mid", relative_to = "chord", component = "y"}}
 stretch = {{displacement = "rod.end", relative_to = "start", component = "x"}}
 side_force = {{joint_force = "bore", component = "y"}}
 torque = {{drive_torque = "main"}}
+{sensors}
 [solve]
 preset = "coupled"
 start = "periodic"
-modes = {modes}
+{modes}
 """
 BEAM = (
     '{length = "137 mm", beam = {material = "steel", section = {rectangle = ["20 mm", "12 mm"]}, '
     'theory = "timoshenko"}}'
 )
+
+
+def engine(rod, sensors=()):
+    """Series of the engine's cycle, a beam with 3 modes and 2 % damping of each."""
+    damping, modes = ("[damping]\nmodal = {ratio = 0.02}", "modes = 3") if "beam" in rod else ("", "")
+    text = ENGINE.format(rod=rod, damping=damping, modes=modes, sensors="\n".join(sensors))
+    return kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text))).series
 
 
 def test_the_engine_with_it_and_with_a_beam():
@@ -116,15 +129,77 @@ def test_the_engine_with_it_and_with_a_beam():
     What differs: plane sections and a shear factor there; ends that are stiffened here, where the nodes of each move as
     one, and 2 % damping of each shape instead of each mode.
     """
-    solutions = []
-    for rod, damping, modes in ((BEAM, "[damping]\nmodal = {ratio = 0.02}", "3"), ('{modal_data = "rod.npz"}', "", "")):
-        text = ENGINE.format(rod=rod, damping=damping, modes=modes)
-        text = text if modes else text.replace("modes = \n", "")
-        solutions.append(kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text))))
-    beam, imported = (solution.series for solution in solutions)
+    beam, imported = engine(BEAM), engine('{modal_data = "rod.npz"}')
     for name, bound in (("bow", 2e-2), ("stretch", 2e-2), ("side_force", 1e-3), ("torque", 1e-3)):
         away = abs(imported[name].values - beam[name].values).max() / abs(beam[name].values).max()
         assert away < bound, (name, away)
+
+
+READ = [("axial_force", 5e-4), ("shear_force", 2e-2), ("bending_moment", 2e-3)]
+"""Kinds of section forces, and by how much of the largest along the rod finite elements may differ from the beam."""
+
+
+def test_section_forces_and_stresses_beside_a_beam():
+    """Those of the beam by balance, here by the shapes' own stiffness; stresses beside E times its strains.
+
+    A shear force differs by N times the slope: it is across the deflected line here, across the chord there.
+    """
+    assert cli(*recovering(), "--section", "eye=0.02", "--force").exit_code == 0
+    sensors = [f'{kind}_{at} = {{{kind} = "rod.{at}"}}' for kind, _ in READ for at in ("eye", "waist", "mid")]
+    strains = [f'{name} = {{strain = "rod.waist", fibre = "{y} mm"}}' for name, y in (("top", 10), ("bottom", -10))]
+    stresses = [f'{name} = {{stress = "rod.{name}", component = "xx"}}' for name in ("top", "bottom")]
+    rod = BEAM.replace("{length", '{points = {waist = ["66 mm", 0], eye = ["20 mm", 0]}, length', 1)
+    beam, found = engine(rod, sensors + strains), engine('{modal_data = "rod-stress.npz"}', sensors + stresses)
+    for kind, bound in READ:
+        names = [f"{kind}_{at}" for at in ("eye", "waist", "mid")]
+        largest = max(abs(beam[name].values).max() for name in names)
+        for name in names:
+            assert abs(found[name].values - beam[name].values).max() < bound * largest, name
+    for name in ("top", "bottom"):
+        expected = E * beam[name].values
+        assert abs(found[name].values - expected).max() < 4e-2 * abs(expected).max(), name
+
+
+def test_files_in_other_axes_tell_the_same_stresses():
+    """Those of z, x, y here are their X, Y, Z."""
+    axes, nodes = [2, 0, 1], np.loadtxt("rod-nodes.txt")
+    np.savetxt("turned-nodes.txt", np.column_stack([nodes[:, 0], nodes[:, 1:][:, axes]]), fmt="%.12g")
+    order = (3 * np.arange(len(nodes))[:, None] + axes).ravel()
+    for name in ("mass", "stiffness"):
+        mmwrite(f"turned-{name}.mtx", mmread(f"rod-{name}.mtx").tocsr()[order][:, order])
+    rows = [6 * k + at for k in range(2) for at in (2, 0, 1, 5, 3, 4)]  # zz, xx, yy, zx, xy, yz here
+    mmwrite("turned-stress.mtx", mmread("rod-stress.mtx").tocsr()[rows][:, order])
+    assert cli(*recovering(), "--force").exit_code == 0
+    turned = {f"rod-{name}": f"turned-{name}" for name in ("mass.mtx", "stiffness.mtx", "nodes.txt", "stress.mtx")}
+    assert cli(*recovering(**turned, **{"rod-stress.npz": "turned.npz"}), "--normal", "1", "0", "0").exit_code == 0
+    here, there = (read_modal_data(name) for name in ("rod-stress.npz", "turned.npz"))
+    for one, other in ((here.stresses, there.stresses), (here.sections, there.sections)):
+        assert one.places == other.places
+        np.testing.assert_allclose(abs(other.rows), abs(one.rows), rtol=1e-5, atol=1e-6 * abs(one.rows).max())
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"rod-stress.txt": "three.txt"}, "(12, 3675), with 3 names in three.txt not (18, 3675)"),
+        ({"rod-stress.txt": "twice.txt"}, "twice.txt: top is there twice"),
+        ({"rod-stress.txt": "dotted.txt"}, "dotted.txt: rod.top has a dot"),
+        ({"rod-stress.txt": "none.txt"}, "none.txt cannot be read: No such file"),
+        ({"rod-stress.mtx": "other.mtx"}, "a motion of the whole link along its axis leaves a stress at top"),
+        ({"rod-stress.mtx": "rod-nodes.txt"}, "rod-nodes.txt is no Matrix Market file"),
+        ({"waist=0.066": "waist=66"}, "section waist at 66 is not between the start and the end, at 0.137"),
+        ({"waist=0.066": "waist=half"}, "section waist = 'half' is no distance from the start"),
+        ({"waist=0.066": "end=0.066"}, "section end is a point by its nodes, too"),
+    ],
+)  # fmt: skip
+def test_what_is_refused_of_sections_and_stresses(changed, message):
+    for name, text in (("three", "a\nb\nc"), ("twice", "top\ntop"), ("dotted", "rod.top\nb")):
+        Path(f"{name}.txt").write_text(text)
+    S = mmread("rod-stress.mtx").tolil()
+    S[0, 0] += 1e12
+    mmwrite("other.mtx", S.tocsr())
+    refused(cli(*recovering(**({"rod-stress.npz": "never.npz"} | changed))), message)
+    assert not Path("never.npz").exists()
 
 
 @pytest.mark.parametrize(

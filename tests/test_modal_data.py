@@ -61,7 +61,11 @@ def test_the_page_names_every_array(exported):
     table = re.search(r"^\| array \|.*\n\|[ -|]*\|\n((?:\|.*\n)+)", PAGE, flags=re.MULTILINE)[1]
     named = [name for line in table.splitlines() for name in re.findall(r"`(\w+)`", line.split("|")[1])]
     assert named == list(dict.fromkeys(named))
-    assert set(named) == set(np.load(exported / "rod.npz")) == {"format", "length", "points", *ARRAYS, *POINT_ARRAYS}
+    table = re.search(r"^\| optional \|.*\n\|[ -|]*\|\n((?:\|.*\n)+)", PAGE, flags=re.MULTILINE)[1]
+    optional = [name for line in table.splitlines() for name in re.findall(r"`(\w+)`", line.split("|")[1])]
+    assert optional == ["stress_points", "stress", "sections", "section_forces"]
+    assert set(named) == {"format", "length", "points", *ARRAYS, *POINT_ARRAYS}
+    assert set(np.load(exported / "rod.npz")) == {*named, "sections", "section_forces"}  # its section has no shape
 
 
 def test_what_the_export_refuses(exported):
@@ -237,9 +241,8 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
         ('"150 mm"}', '"150 mm", beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}',
          "rod has modal data: in this version a scene has either these or beams"),
         ('"data/rod.npz"', '"data/rod.npz", points = {mark = ["0.1 m", 0]}', None),
-        ('{displacement = "rod.mid", component = "angle"}', '{bending_moment = "rod.mid"}',
-         "modal data have no sections, nor what of the mass and the shapes lies beyond one. Give the body a beam, or "
-         "measure a stress: arrays stress_points and stress"),
+        ('{displacement = "rod.mid", component = "angle"}', '{strain = "rod.mid", fibre = 0}',
+         "modal data don't know the area and the moment of inertia of a section. Measure a stress, or the section's"),
         ('["ground", "slider"]', '["ground", "rod"]', "rod has modal data and would slide through its own deformation"),
         ("[solve]", "[damping]\nviscous = {mu = 0.1}\n[solve]", "damping in the file"),
     ],

@@ -9,6 +9,7 @@ from kaneflex.multibody.inertia_integrals import link_data
 from kaneflex.response.stresses import link_stresses
 from kaneflex.scene import read_scene
 from kaneflex.scene.modal_data import ModalData, read_modal_data
+from kaneflex.scene.recovery import Recovery
 from kaneflex.support.errors import SceneError
 
 E, LENGTH, HEIGHT, WIDTH, FORCE = 210e9, 0.5, 20e-3, 10e-3, 40.0
@@ -56,7 +57,8 @@ def folder(tmp_path_factory):
     model = kaneflex.load(read_scene(folder / "beam.toml"))
     link, shapes = model.coupled.links["bar"], model.coupled.shapes["bar"]
     data = link_data(model.scene, link, shapes)
-    recovering = ModalData(data.length, data.points, data.arrays, ("above", "below"), edge_stresses(link, shapes))
+    stresses = Recovery(("above", "below"), edge_stresses(link, shapes))
+    recovering = ModalData(data.length, data.points, data.arrays, stresses)
     recovering.save(folder / "bar.npz")
     return folder
 
@@ -136,6 +138,33 @@ def test_shapes_in_space_are_in_their_order(tmp_path):
         assert series[stress].values == pytest.approx(expected, abs=1e-3 * abs(expected).max())
 
 
+def test_section_forces_in_space_are_those_of_the_beam(tmp_path):
+    """All of them half-way, by the shapes here and by balance there: to 1 % of the largest of each kind.
+
+    What differs: the beam has them along its axes at the pin, the shapes along its deflected line; two shapes of twist
+    store a torque that grows linearly to 15 %.
+    """
+    kinds = {
+        "N": '{axial_force = "bar.mid"}', "T": '{torsional_moment = "bar.mid"}',
+        "V_y": '{shear_force = "bar.mid", component = "y"}', "V_z": '{shear_force = "bar.mid", component = "z"}',
+        "M_y": '{bending_moment = "bar.mid", component = "y"}', "M_z": '{bending_moment = "bar.mid", component = "z"}',
+    }  # fmt: skip
+    sensors = "\n".join(f"{name} = {sensor}" for name, sensor in kinds.items())
+    pushed = SPATIAL.replace("axis = [0, 0, 1]", "axis = [0.98, 0, 0.199]")
+    pushed = pushed.replace('[0.1, 0.6, 0.8], value = "1 N"', '[1, 0.3, 0.4], law = "4e5*t**2"')
+    beam = 'length = "1 m", beam = {material = "aluminium", section = {rectangle = ["42 mm", "30 mm"]}, elements = 8}'
+    (tmp_path / "beam.toml").write_text(pushed.format(of=beam, sensors=sensors))
+    assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
+    (tmp_path / "data.toml").write_text(pushed.format(of='modal_data = "bar.npz"', sensors=sensors))
+    own, other = (
+        kaneflex.simulate(kaneflex.load(read_scene(tmp_path / f"{name}.toml"))).series for name in ("data", "beam")
+    )
+    for alike, bound in ((("N",), 1e-2), (("V_y", "V_z"), 1e-2), (("M_y", "M_z"), 1e-2), (("T",), 0.15)):
+        largest = max(abs(other[name].values).max() for name in alike)
+        for name in alike:
+            assert abs(own[name].values - other[name].values).max() < bound * largest, name
+
+
 @pytest.mark.parametrize(
     ("stress", "mises"),
     [([7, 0, 0, 0, 0, 0], 7), ([5, 5, 5, 0, 0, 0], 0), ([3, 0, 0, 2, 0, 0], 21**0.5), ([0, 0, 0, 0, 2, 1], 15**0.5),
@@ -143,13 +172,14 @@ def test_shapes_in_space_are_in_their_order(tmp_path):
 )  # fmt: skip
 def test_von_mises(stress, mises):
     """Of tension, pressure from all sides, tension with shear sqrt(s^2 + 3 t^2), shears, pure shear by 45 deg."""
-    data = ModalData(1.0, (), {}, ("at",), np.array(stress, float).reshape(1, 6, 1))
+    data = Recovery(("at",), np.array(stress, float).reshape(1, 6, 1))
     assert data.stresses_at("at", np.array([[-2.0]]))["mises"] == pytest.approx(2 * mises, abs=1e-12)
 
 
 def test_what_is_read_is_what_was_written(folder):
     data = read_modal_data(str(folder / "bar.npz"))
-    assert data.stress_points == ("above", "below") and data.stress.shape == (2, 3, len(data.arrays["stiffness"]))
+    assert data.stresses.places == ("above", "below")
+    assert data.stresses.rows.shape == (2, 3, len(data.arrays["stiffness"]))
 
 
 @pytest.mark.parametrize(
@@ -159,6 +189,8 @@ def test_what_is_read_is_what_was_written(folder):
         (lambda data: data.update(stress_points=np.array(["a", "a"])), "stress_points = a, a has a name twice"),
         (lambda data: data.update(stress=data["stress"][:, :2]), "stress has the shape (2, 2, "),
         (lambda data: data["stress"].__setitem__((0, 0, 0), np.nan), "stress holds what is no finite number"),
+        (lambda data: data.update(sections=np.array(["at"]), section_forces=0.0), "sections: there is no point at"),
+        (lambda data: data.update(sections=np.array(["end"])), "the file has no array section_forces. Give"),
     ],
 )
 def test_what_a_file_must_be(folder, change, message):
@@ -178,6 +210,8 @@ def test_what_a_file_must_be(folder, change, message):
         ('{stress = "bar.above", component = "x"}', "component = 'x': no component of a stress"),
         ('{velocity = "bar.end", component = "xx"}', "component = 'xx': no component of a velocity"),
         ('{stress = "rod.above"}', "there is no such body"),
+        ('{axial_force = "bar.end"}', "bar.npz has no section forces there, nor anywhere. Import the link"),
+        ('{strain = "bar.end", fibre = "1 mm"}', "modal data don't know the area and the moment of inertia"),
     ],
 )
 def test_what_a_sensor_must_be(folder, sensor, message):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,8 @@ class Elements:
     stiffness: str
     nodes: str
     points: tuple[str, ...]
+    sections: tuple[str, ...]
+    stress: tuple[str, str] | None
     units: str
     normal: tuple[float, float, float]
     space: bool
@@ -35,10 +37,21 @@ class Elements:
     def read(self) -> Foreign:
         """The link. Raises Fault."""
         from kaneflex.fem.foreign import read_foreign
+        from kaneflex.fem.recovery import read_stresses
 
         named = dict(point.partition("=")[::2] for point in self.points)
+        cut = {name: _number(name, x) for name, _, x in (section.partition("=") for section in self.sections)}
         units = UNITS[self.units]
-        return read_foreign(self.mass, self.stiffness, self.nodes, named, units, self.normal, self.space)
+        link = read_foreign(self.mass, self.stiffness, self.nodes, named, units, self.normal, self.space, cut)
+        return link if self.stress is None else replace(link, stresses=read_stresses(link, *self.stress, units))
+
+
+def _number(section: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        cure = "Write a number, like --section waist=68.5, in the unit of length of the files"
+        raise Fault(f"section {section} = {text!r} is no distance from the start", cure) from None
 
 
 @click.command("import")
@@ -48,6 +61,16 @@ class Elements:
 @click.option(
     "--point", "points", multiple=True, required=True, metavar="NAME=FILE",
     help="Nodes of a point: start=bore.txt. Repeated, with start and end.",
+)  # fmt: skip
+@click.option(
+    "--section", "sections", multiple=True, metavar="NAME=DISTANCE",
+    help="A point on the mean line where forces in the section are known, from the start in the unit of the files; "
+    "mid, half-way, always is one. Repeated.",
+)  # fmt: skip
+@click.option(
+    "--stress", nargs=2, metavar="MATRIX NAMES",
+    help="Matrix Market file of stresses by displacements, xx, yy, zz, xy, yz, zx a place, and a text file of the "
+    "places' names.",
 )  # fmt: skip
 @click.option("--modes", type=click.IntRange(1, 50), default=4, show_default=True,
               help="Modes with the points held: of bending, with --space of any kind.")  # fmt: skip

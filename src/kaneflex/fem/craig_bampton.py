@@ -1,7 +1,9 @@
 """A foreign link's modal data: Craig and Bampton's shapes of it in its floating frame, and their sums over its mass.
 
-Shapes are the static ones of the points and the modes with the points held (Craig & Bampton 1968), those across with
-the ends on the chord, those along without displacement in the mean. A point's own motion is what it is held by,
+Shapes are the static ones of the points, the modes with the points held (Craig & Bampton 1968) and what the inertia of
+the link as a whole bends it by, the points held: what is left of a static answer to it otherwise converges slowly in
+forces and stresses (Craig 1981, ch. 15). Those across have the ends on the chord, those along are without displacement
+in the mean. A point's own motion is what it is held by,
 B x = (u or v of each point); static answers and modes come of one factorisation,
 
     [K B^T; B 0] [x; f] = [load; displacement].
@@ -22,6 +24,7 @@ from scipy.sparse import bmat, csc_array
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from kaneflex.fem.foreign import Foreign, Motion
+from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import FORMAT, ModalData, checked_data, symmetrised
 from kaneflex.support.errors import Fault
 
@@ -43,7 +46,10 @@ class Reduced:
 
 
 def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
-    """Static shapes of a link's points and so many modes with the points held. Raises Fault where it has fewer."""
+    """Static shapes of a link's points and its inertia, and so many modes with the points held.
+
+    Raises Fault where it has fewer.
+    """
     T = link.basis(motion, rigid)
     K, M = (csc_array(T.T @ (A @ T)) for A in (link.K, link.M))
     B = np.vstack([link.held(name, motion) for name in link.points]) @ T
@@ -61,7 +67,8 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     # Across, what the ends do by themselves is a motion of the whole link.
     moved = [k for k, name in enumerate(link.points) if name not in ("start", "end")]
     sides = scale * np.eye(count + held)[:, count:][:, moved if motion == "transverse" else slice(None)]
-    static = factors.solve(sides)[:count]
+    inertia = np.column_stack([solved(load) for load in (T.T @ link.M @ np.column_stack(link.accelerations(motion))).T])
+    static = np.hstack([factors.solve(sides)[:count], inertia / abs(inertia).max(axis=0)])
     if count <= _FEW:
         free = null_space(B)
         dynamic = free @ eigh(free.T @ K @ free, free.T @ M @ free)[1][:, :modes]
@@ -96,7 +103,7 @@ def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
 
 
 def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
-    """A link's modal data, with its points and `mid`.
+    """A link's modal data, with its points, its sections and their forces.
 
     Parameters
     ----------
@@ -125,7 +132,7 @@ def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float =
     carried = (M @ on_u)[0::d]
     line = MeanLine.of(link, s, lifted, carried)
     stiffness, mass = np.concatenate([along.stiffness, across.stiffness]), np.concatenate([along.mass, across.mass])
-    return checked_data({
+    data = checked_data({
         "format": np.array(FORMAT), "length": np.array(link.length), "mass": carried.sum(),
         "mass_X": on_u @ M @ X, "mass_X_X": X @ M @ X, "inertia": Y @ M @ Y,
         "mass_s": np.zeros(s.shape[1]), "mass_w": on_v @ M @ w,
@@ -135,10 +142,11 @@ def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float =
         "inertia_psi": -(Y_along @ M @ w), "inertia_psi_psi": np.diag(across.mass) - across_alone,
         "stiffness": stiffness, "damping": np.diag(2.0 * damping * np.sqrt(stiffness * mass)),
     } | _points(link, s, w, line))  # fmt: skip
+    return with_recovery(link, np.hstack([s, w]), data)
 
 
 def _points(link: Foreign, s: np.ndarray, w: np.ndarray, line: MeanLine) -> dict[str, np.ndarray]:
-    """POINT_ARRAYS of the link's points, and of `mid` on its mean line."""
+    """POINT_ARRAYS of the link's points, and of its sections' on the mean line."""
     names, X = list(link.points), np.array([link.X(name) for name in link.points])
     means = [link.means(name) for name in link.points]
     rows = zip(*means, strict=True)
@@ -146,10 +154,10 @@ def _points(link: Foreign, s: np.ndarray, w: np.ndarray, line: MeanLine) -> dict
     for k, name in enumerate(link.points):
         if len(link.points[name]) == 1:  # a node alone has no turn but that of the mean line
             moved[2][k] = line.slope(X[k])
-    if "mid" not in link.points:
-        middle = np.array([link.length / 2])
-        names, X = [*names, "mid"], np.concatenate([X, middle])
-        on_line = (part(middle) for part in (line.along, line.across, line.slope))
+    if link.sections:
+        places = np.array(list(link.sections.values()))
+        names, X = [*names, *link.sections], np.concatenate([X, places])
+        on_line = (part(places) for part in (line.along, line.across, line.slope))
         moved = [np.concatenate(parts) for parts in zip(moved, on_line, strict=True)]
     found = dict(zip(("s", "w", "psi"), moved, strict=True))
     return found | {"points": np.array(names), "X": X, "H": line.shortening(X)}

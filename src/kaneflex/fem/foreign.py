@@ -13,7 +13,7 @@ Of a link whose stiffness only its modes know, displacements are those of the mo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -53,6 +53,15 @@ class Projected:
 
 
 @dataclass(frozen=True, eq=False)
+class Stresses:
+    """Stresses at ``places`` [Pa] by displacements: ``matrix`` (6 n_places, n_nodes d), or 3 n_places where d is two.
+    """
+
+    places: tuple[str, ...]
+    matrix: csc_array
+
+
+@dataclass(frozen=True, eq=False)
 class Foreign:
     """Finite elements in the axes of their link: X from its start to its end, Y across, Z along the normal that is
     given, out of the plane of motion.
@@ -69,6 +78,12 @@ class Foreign:
         Whether it moves in space.
     span : ndarray (n_nodes d, m) or None
         Displacements that all others are sums of, where modes are all there is.
+    turn : ndarray (3, 3)
+        The link's axes in those of the files, one a row.
+    sections : mapping of str
+        Name of each further point, which is on the mean line -> its distance from the start [m].
+    stresses : Stresses or None
+        Where the other program told them.
     """
 
     M: csc_array
@@ -77,6 +92,9 @@ class Foreign:
     points: Mapping[str, np.ndarray]
     spatial: bool = False
     span: np.ndarray | None = None
+    turn: np.ndarray = field(default_factory=lambda: np.eye(3))
+    sections: Mapping[str, float] = field(default_factory=dict)
+    stresses: Stresses | None = None
 
     @property
     def axes(self) -> int:
@@ -103,6 +121,15 @@ class Foreign:
         found = {f"along {name}": np.broadcast_to(axis, self.nodes.shape) for name, axis in axes.items()}
         found |= {f"about {name}": np.cross(axis, self.nodes) / self.length for name, axis in axes.items()}
         return {name: motion.ravel() for name, motion in found.items()}
+
+    def accelerations(self, motion: Motion) -> list[np.ndarray]:
+        """Accelerations (n_nodes d,) that a link as a whole may have: along its axes, as much and growing from its
+        start, and in space turning about its axis."""
+        x, axes = self.nodes[:, :1], np.eye(self.axes)
+        kept = {"axial": axes[:1], "transverse": axes[1:2], "any": axes}[motion]
+        found = [growing * axis for axis in kept for growing in (np.ones_like(x), x)]
+        found += [np.cross(axes[0], self.nodes)] if motion == "any" else []
+        return [of.ravel() for of in found]
 
     def field(self, u: np.ndarray | float, v: np.ndarray | float) -> np.ndarray:
         """A displacement (n_nodes d,) with components u along and v across, (n_nodes,) each."""
@@ -228,6 +255,7 @@ def _together(place: np.ndarray, motion: Motion) -> list[np.ndarray]:
 def read_foreign(
     mass: str, stiffness: str, nodes: str, points: Mapping[str, str], units: tuple[float, float] = (1.0, 1.0),
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0), spatial: bool = False,
+    sections: Mapping[str, float] | None = None,
 ) -> Foreign:  # fmt: skip
     """Finite elements of another program's files, in the axes of their link.
 
@@ -246,6 +274,9 @@ def read_foreign(
         Of the plane of motion, in the axes of the files; in space the direction nearest to which Z is.
     spatial : bool
         Whether the body moves in space.
+    sections : mapping of str
+        Name of a further point on the mean line -> its distance from the start, in the files' unit of length. There
+        always is `mid`, half-way.
 
     Raises
     ------
@@ -267,14 +298,27 @@ def read_foreign(
         raise Fault(f"{mass} has two translations of each node", "Mesh the body in space, or leave --space out")
     turned = csc_array(kron(eye_array(len(at)), turn[:d, :d]))
     M, place = csc_array(turned @ M @ turned.T), place[:, :d]
+    bare = Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen, spatial, turn=turn)
+    bare = replace(bare, sections=_sections(bare, sections or {}, length))
     if K is not None:
-        found = Foreign(M, csc_array(turned @ K @ turned.T), place, chosen, spatial)
+        found = replace(bare, K=csc_array(turned @ K @ turned.T))
     else:
         assert modes is not None
-        bare = Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen, spatial)
         found = _of_modes(bare, modes, stiffness, numbers, turned)
     _check(found, mass, stiffness)
     return found
+
+
+def _sections(link: Foreign, given: Mapping[str, float], length: float) -> dict[str, float]:
+    """Further points on the mean line, by their distance from the start [m], with `mid`. Raises Fault."""
+    for name, x in given.items():
+        if name in link.points:
+            raise Fault(f"section {name} is a point by its nodes, too", "Give it another name")
+        if not 0.0 < length * x < link.length:
+            told = f"section {name} at {x:g} is not between the start and the end, at {link.length / length:g}"
+            raise Fault(told, "Give its distance from the start, in the unit of length of the files")
+    found = {name: length * x for name, x in given.items()}
+    return found if "mid" in link.points or "mid" in found else {"mid": link.length / 2} | found
 
 
 def _of_modes(link: Foreign, modes: Modes, path: str, numbers: np.ndarray, turned: csc_array) -> Foreign:

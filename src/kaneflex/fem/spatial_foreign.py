@@ -17,11 +17,12 @@ from scipy.sparse import bmat, csc_array, diags_array
 
 from kaneflex.fem.craig_bampton import DEGREE, FINE, reduced, splines
 from kaneflex.fem.foreign import Foreign
+from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import ModalData, spatial_modal_data
 
 
 def spatial_foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
-    """A body's modal data in space, with its points and `mid`.
+    """A body's modal data in space, with its points, its sections and their forces.
 
     Parameters
     ----------
@@ -53,24 +54,23 @@ def spatial_foreign_data(link: Foreign, modes: int, rigid: bool = True, damping:
         "cubic": np.zeros((len(found.stiffness),) * 3),
     }  # fmt: skip
     points, at_points = _points(link, shapes, sections)
-    return spatial_modal_data(link.length, points, whole | at_points)
+    return with_recovery(link, found.shapes, spatial_modal_data(link.length, points, whole | at_points))
 
 
 def _points(
     link: Foreign, shapes: np.ndarray, sections: MeanSections
 ) -> tuple[list[str], dict[str, np.ndarray]]:
-    """The body's points, and `mid` on its mean line, with their SPATIAL_POINT_ARRAYS."""
+    """The body's points, and its sections' on the mean line, with their SPATIAL_POINT_ARRAYS."""
     places, N, psi = {}, [], []
     for name, at in link.points.items():
         places[name] = link.nodes[at].mean(axis=0)
         rows = link.held(name, "any") @ shapes.reshape(link.nodes.size, -1)
         N.append(rows[:3])  # a node alone turns as the sections do
         psi.append(rows[3:] if len(rows) == 6 else sections.turns(places[name][:1])[:, 0])
-    if "mid" not in places:
-        places["mid"] = np.array([link.length / 2, 0.0, 0.0])
-        middle = places["mid"][:1]
-        N.append(np.stack([part(middle)[0] for part in sections.line]))
-        psi.append(sections.turns(middle)[:, 0])
+    for name, x in link.sections.items():
+        places[name] = np.array([x, 0.0, 0.0])
+        N.append(np.stack([part(x) for part in sections.line]))
+        psi.append(sections.turns(places[name][:1])[:, 0])
     r = np.array(list(places.values()))
     G = np.array([sections.second(r[k : k + 1], np.ones(1)) for k in range(len(r))])
     return list(places), {"r": r, "N": np.array(N), "psi": np.array(psi), "G": G}

@@ -39,10 +39,15 @@ def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, Modal
         module, _ = find_spatial_module(scene, progress)
         options = replace(resolve_options(scene), modes=modes_of(scene))
         of = build_coupled_system(scene, module, options).layout.shapes
-        return {name: spatial_data(scene, shapes) for name, shapes in of.items() if isinstance(shapes, SpatialShapes)}
+        return {
+            name: recovering(scene, shapes.link, shapes.basis, spatial_data(scene, shapes))
+            for name, shapes in of.items() if isinstance(shapes, SpatialShapes)
+        }  # fmt: skip
     system, _ = build_system(scene, progress)
-    found = {name: link_data(scene, link, system.shapes[name]) for name, link in system.links.items()}
-    return {name: recovering(scene, system.links[name], system.shapes[name], data) for name, data in found.items()}
+    return {
+        name: recovering(scene, link, shapes.all, link_data(scene, link, shapes))
+        for name, link in system.links.items() for shapes in [system.shapes[name]]
+    }  # fmt: skip
 
 
 def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Path]:

@@ -13,7 +13,7 @@ from kaneflex.mechanism.body_frame import Rates, rotate_back
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.section_forces import joint_force
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
+from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, SECTION_KINDS, SPRING_KINDS, Sensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,8 @@ class Reader:
         return getattr(self, f"_{sensor.kind}")(sensor)
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
-        """Whether rigid bodies say how much a sensor reads there."""
-        return True
+        """Whether rigid bodies say how much a sensor reads there: not in sections of those by modal data."""
+        return sensor.kind not in SECTION_KINDS or self.scene.bodies[address_of(sensor).body].modal is None
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """The value of the rigid mechanism."""
@@ -210,9 +210,12 @@ class Reader:
         body, point = address_of(sensor)
         data = self.scene.bodies[body].modal
         assert data is not None  # checked with the scene
-        return data.stresses_at(point, self.motion.modal(body)[0])[sensor.component]
+        return data.stresses.stresses_at(point, self.motion.modal(body)[0])[sensor.component]
 
     def _section(self, sensor: Sensor) -> Section:
+        body, point = address_of(sensor)
+        if (data := self.scene.bodies[body].modal) is not None:
+            return tuple(data.sections.at(point, self.motion.modal(body)[0]))
         return self.motion.section(address_of(sensor).body, self.scene.point(address_of(sensor))[0])
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:

@@ -90,7 +90,7 @@ class SpatialReader(Reader):
             joints = [name for name, joint in of if address_of(sensor).body in {side.body for side in joint.addresses}]
         else:
             joints = [str(sensor.target)]
-        return not any(each.rpartition(".")[0] in joints for each in lost)
+        return super().is_rigid_known(sensor) and not any(each.rpartition(".")[0] in joints for each in lost)
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         if sensor.kind in SECTION_KINDS:

@@ -171,8 +171,10 @@ class Body(SceneTable):
 
     @cached_property
     def points_all(self) -> dict[str, Vector]:
-        """Every named point, own and given, in m in the body's axes."""
-        return self._own_points() | self.points
+        """Every named point, own, of the modal data and given, in m in the body's axes."""
+        own, modal = self._own_points(), self.modal
+        told = zip(modal.points, modal.places.tolist(), strict=True) if modal is not None else ()
+        return own | {name: tuple(place) for name, place in told if name not in own} | self.points
 
     @property
     def elastic(self) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from kaneflex.scene.contact_check import clearance_problems, contact_problems, tilt_problems
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
-from kaneflex.scene.modal_check import modal_problems, stress_problems
+from kaneflex.scene.modal_check import modal_problems, section_problems, stress_problems
 from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS, RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sensors import (
@@ -199,11 +199,10 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     if body is None or body.elastic:
         return
     if sensor.kind not in MOTION_KINDS:
-        reason, cure = f"{address.body} is rigid", "Give the body a beam"
         if body.modal is not None:
-            reason = "modal data have no sections, nor what of the mass and the shapes lies beyond one"
-            cure += ", or measure a stress: arrays stress_points and stress of the file recover it"
-        yield Problem(f"{key}.{sensor.kind}", str(address), reason, cure)
+            yield from section_problems(scene, f"{key}.{sensor.kind}", sensor, body.modal)
+        else:
+            yield Problem(f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam")
     if sensor.relative_to == "chord" and body.length is None:
         yield Problem(
             f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from kaneflex.scene.modal_data import STRESSES
+from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.quantities import Address
+from kaneflex.scene.recovery import STRESSES
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.sensors import POINT_KINDS, Sensor
 from kaneflex.support.errors import Problem
@@ -47,15 +48,32 @@ def stress_problems(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]
     if body is None or modal is None:
         named = f"{address.body} has no modal data" if body else "there is no such body"
         yield Problem(key, str(address), named, "Name a body with modal data; a beam's sections have strains")
-    elif address.point not in modal.stress_points:
-        known = f"its stress points are {', '.join(modal.stress_points)}" if modal.stress_points else "it has none"
+    elif address.point not in modal.stresses.places:
+        known = f"its stress points are {', '.join(modal.stresses.places)}" if modal.stresses.places else "it has none"
         reason = f"{Path(str(body.modal_data)).name} has no such stress point: {known}"
         yield Problem(key, str(address), reason, "Name one of them, or add the file's arrays stress_points and stress")
-    elif sensor.component not in ("mises", *STRESSES[modal.stress.shape[1]]):
-        reason = f"the file has {', '.join(STRESSES[modal.stress.shape[1]])}"
+    elif sensor.component not in ("mises", *STRESSES[modal.stresses.rows.shape[1]]):
+        reason = f"the file has {', '.join(STRESSES[modal.stresses.rows.shape[1]])}"
         yield Problem(f"{key.rpartition('.')[0]}.component", sensor.component, reason, "Give one of these, or mises")
     elif scene.solve.preset == "rigid":
         yield Problem(key, str(address), "rigid bodies have no stresses", "Take preset coupled, or leave it out")
+
+
+def section_problems(scene: Scene, key: str, sensor: Sensor, modal: ModalData) -> Iterator[Problem]:
+    """Section forces need shapes that move, and a file that recovers them there; strains, sections besides."""
+    address = sensor.target
+    assert isinstance(address, Address)
+    recovered = modal.sections.places
+    if sensor.kind == "strain":
+        reason = "modal data don't know the area and the moment of inertia of a section"
+        yield Problem(key, str(address), reason, "Measure a stress, or the section's forces")
+    elif address.point not in recovered:
+        file, known = Path(str(scene.bodies[address.body].modal_data)).name, ", ".join(recovered)
+        reason = f"{file} has no section forces there" + (f": it has those at {known}" if known else ", nor anywhere")
+        cure = "Import the link with --section there, or add the file's arrays sections and section_forces"
+        yield Problem(key, str(address), reason, cure)
+    elif scene.solve.preset == "rigid":
+        yield Problem(key, str(address), "rigid bodies by modal data have none", "Take preset coupled, or leave it out")
 
 
 def _planar_only(scene: Scene, beams: Sequence[str], links: Sequence[str]) -> Iterator[Problem]:

@@ -7,13 +7,14 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
+from kaneflex.scene.recovery import NONE, SECTION, STRESS, Recovery, finite_array
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import Fault
 from kaneflex.support.reading import check_file, check_size
@@ -70,8 +71,6 @@ SPATIAL_POINT_ARRAYS: dict[str, tuple[str, str]] = {
     "G": ("cnn", "1/m"),
 }
 """And of each point there."""
-STRESSES = {3: ("xx", "yy", "xy"), 6: ("xx", "yy", "zz", "xy", "yz", "zx")}
-"""Components of stress in the body's axes by their number; in the plane three or six, in space six."""
 CROSS = np.array([np.cross(row, np.eye(3)) for row in np.eye(3)]).transpose(2, 0, 1)
 """Of cross products: (a x b)_i = CROSS_ijk a_j b_k (Levi-Civita)."""
 _BOTH_ALIKE = ("mass_N_N",)
@@ -86,15 +85,15 @@ class ModalData:
     """Arrays of a body by the names of ARRAYS and, points first, POINT_ARRAYS (SI), with the length [m] and points; in
     space by those of SPATIAL_ARRAYS and SPATIAL_POINT_ARRAYS.
 
-    ``stress``: of the ``stress_points``, which are places by themselves, components of STRESSES for one of each shape
-    [Pa/m], (n_stress_points, 3 or 6, n_shapes), in the plane the axial shapes first.
+    ``stresses`` [Pa/m] are at places by themselves, ``sections`` [N/m, N m/m] at some of the points; in the plane of
+    the axial shapes first.
     """
 
     length: float
     points: tuple[str, ...]
     arrays: Mapping[str, np.ndarray]
-    stress_points: tuple[str, ...] = ()
-    stress: np.ndarray = field(default_factory=lambda: np.zeros((0, 6, 0)))
+    stresses: Recovery = NONE
+    sections: Recovery = NONE
 
     @property
     def dimension(self) -> int:
@@ -137,7 +136,7 @@ class ModalData:
     def file(self) -> dict[str, np.ndarray]:
         """All that its file holds, by name."""
         head = {"format": np.array(FORMAT), "length": np.array(self.length), "points": np.array(self.points)}
-        recovery = {"stress_points": np.array(self.stress_points), "stress": self.stress} if self.stress_points else {}
+        recovery = STRESS.written(self.stresses) | SECTION.written(self.sections)
         return head | ({"dimension": np.array(3)} if self.dimension == 3 else {}) | dict(self.arrays) | recovery
 
     def save(self, path: Path) -> None:
@@ -150,18 +149,6 @@ class ModalData:
         """Which of the points is at a place [m], if one is."""
         found = np.flatnonzero(abs(self.places - place).max(axis=1) <= _SAME * self.length)
         return int(found[0]) if len(found) else None
-
-    def stresses_at(self, point: str, modal: np.ndarray) -> dict[str, np.ndarray]:
-        """Components of STRESSES and von Mises' stress, "mises", at one of the stress points [Pa].
-
-        By modal coordinates (n_shapes, n_times) [m]: what the shapes store is all that is known of the deformation, so
-        the stress is as good as they are (mode displacement method), best where forces enter by shapes of their own.
-        """
-        found = self.stress[self.stress_points.index(point)] @ modal
-        s = dict.fromkeys(STRESSES[6], np.zeros(modal.shape[1])) | dict(zip(STRESSES[len(found)], found, strict=True))
-        apart = (s["xx"] - s["yy"]) ** 2 + (s["yy"] - s["zz"]) ** 2 + (s["zz"] - s["xx"]) ** 2
-        s["mises"] = np.sqrt(apart / 2 + 3 * (s["xy"] ** 2 + s["yz"] ** 2 + s["zx"] ** 2))
-        return s
 
     def at_point(self, point: str) -> dict[str, np.ndarray]:
         """POINT_ARRAYS of one of the points."""
@@ -247,24 +234,10 @@ def checked_data(found: Mapping[str, np.ndarray]) -> ModalData:
         shape = ((len(points),) if name in of_points else ()) + tuple(sizes[axis] for axis in axes)
         arrays[name] = _checked(name, found[name], shape, axes, unit)
     length = float(_checked("length", found["length"], (), "", "m"))
-    data = ModalData(length, points, arrays, *_recovery(found, np.size(found["stiffness"]), spatial))
+    recovered = (kind.read(found, points, np.size(found["stiffness"]), spatial) for kind in (STRESS, SECTION))
+    data = ModalData(length, points, arrays, *recovered)
     _check_physics(data)
     return data
-
-
-def _recovery(found: Mapping[str, np.ndarray], shapes: int, spatial: bool) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names of the points at which a file recovers stresses, and how; a file may have none."""
-    if "stress" not in found and "stress_points" not in found:
-        return (), np.zeros((0, 6, shapes))
-    for name in ("stress", "stress_points"):
-        if name not in found:
-            raise Fault(f"the file has no array {name}", "Give stress and stress_points, or neither")
-    points = tuple(str(name) for name in np.atleast_1d(found["stress_points"]))
-    if len(set(points)) < len(points):
-        raise Fault(f"stress_points = {', '.join(points)} has a name twice", "Give each its own")
-    stress = found["stress"]
-    planar = not spatial and stress.ndim == 3 and stress.shape[1] == 3
-    return points, _checked("stress", stress, (len(points), 3 if planar else 6, shapes), "  n", "Pa/m")
 
 
 def _arrays(path: str) -> dict[str, np.ndarray]:
@@ -285,11 +258,7 @@ def _arrays(path: str) -> dict[str, np.ndarray]:
 
 def _checked(name: str, array: np.ndarray, shape: tuple[int, ...], axes: str, unit: str) -> np.ndarray:
     """An array of numbers of its shape, finite, and symmetric where it has to be."""
-    if array.shape != shape:
-        raise Fault(f"{name} has the shape {array.shape}, not {shape}", _EXPORT)
-    if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
-        raise Fault(f"{name} holds what is no finite number", f"Give it in {unit}")
-    array = array.astype(float)
+    array = finite_array(name, array, shape, unit, _EXPORT)
     for exchanges in _mirrors(name, axes):
         mirrored = _mirrored(array, exchanges)
         if abs(array - mirrored).max(initial=0.0) > _SAME * abs(array).max(initial=0.0):

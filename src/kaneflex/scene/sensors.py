@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from kaneflex.scene.modal_data import STRESSES
 from kaneflex.scene.quantities import Address, AddressField, Fibre
+from kaneflex.scene.recovery import STRESSES
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
 

@@ -1,0 +1,158 @@
+"""What another program's finite elements tell beside motions: forces in their sections, and stresses by its matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.io import mmread
+from scipy.sparse import coo_array, csc_array, eye_array, kron
+
+from kaneflex.fem.foreign import Foreign, Projected, Stresses
+from kaneflex.scene.modal_data import ModalData
+from kaneflex.scene.recovery import STRESSES, Recovery
+from kaneflex.support.errors import Fault
+from kaneflex.support.reading import check_file
+
+LARGEST = 2**31
+"""Bytes of a file of stresses at most."""
+_STILL = 1e-6
+"""Share of what its entries add up to that a motion of the whole link may leave of a stress."""
+_LAYER = 1e-6
+"""Share of the link's length within which a node is in a section."""
+IN_PLANE = (0, 1, 5)
+"""N, V, M among the six in space; u, v, theta of a node, too."""
+_AT = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in STRESSES[6]}
+
+
+def with_recovery(link: Foreign, shapes: np.ndarray, data: ModalData) -> ModalData:
+    """A link's data with the forces in its sections and its stresses, by the shapes (n_nodes d, n) of the data."""
+    stresses = link.stresses
+    if stresses is not None:
+        rows = (stresses.matrix @ shapes).reshape(len(stresses.places), -1, shapes.shape[1])
+        data = replace(data, stresses=Recovery(stresses.places, rows))
+    axes = range(link.axes)
+    nodes, forces = (padded(of, axes, 3) for of in (link.nodes, (link.K @ shapes).reshape(*link.nodes.shape, -1)))
+    rows = np.array([section_forces(nodes, forces, x, _reach(link, x)) for x in link.sections.values()])
+    kept = slice(None) if link.spatial else list(IN_PLANE)
+    return replace(data, sections=Recovery(tuple(link.sections), rows[:, kept]))
+
+
+def section_forces(nodes: np.ndarray, forces: np.ndarray, x: float, over: float = 0.0) -> np.ndarray:
+    """N, V_y, V_z, T, M_y, M_z of each shape at x [m] from the start, (6, n).
+
+    What deforms the link pushes the nodes by K times the shape. Elements that lie before the section push each other
+    alone; so the sum over the nodes before it is what elements across it exert. Of nodes in the section half is
+    before it, at the start all, at the end none. Loads of an element stand in its nodes: the mean of the sections
+    ``over`` its length [m] is free of that. ``nodes`` (n_nodes, 3), ``forces`` (n_nodes, 3, n), with moments 6.
+    """
+    along, first, last = nodes[:, 0], nodes[:, 0].min(), nodes[:, 0].max()
+    near = _LAYER * (last - first)
+    over = min(over, 2.0 * (x - first), 2.0 * (last - x))
+    if over > near:
+        low = np.maximum(along, x - over / 2)  # from where on a section of the mean has the node before it
+        weights, about = np.clip((x + over / 2 - low) / over, 0.0, 1.0), (low + x + over / 2) / 2
+    else:
+        share = 0.5 if first + near < x < last - near else float(x <= first + near)
+        weights, about = (along < x - near) + share * (abs(along - x) <= near), np.full(len(along), x)
+    before = np.flatnonzero(weights)
+    pushed = weights[before, None, None] * forces[before]
+    arm = nodes[before].copy()
+    arm[:, 0] -= about[before]
+    moment = np.cross(arm[:, :, None], pushed[:, :3], axis=1).sum(axis=0)
+    if forces.shape[1] == 6:
+        moment = moment + pushed[:, 3:].sum(axis=0)
+    return -np.vstack([pushed[:, :3].sum(axis=0), moment])
+
+
+def _reach(link: Foreign, x: float) -> float:
+    """Length along the link of the longest element that touches a section [m]."""
+    of = coo_array(link.M if isinstance(link.K, Projected) else link.K)
+    one, other = (link.nodes[at // link.axes, 0] for at in (of.row, of.col))
+    touching = (one <= x) & (x <= other)
+    return float((other - one)[touching].max(initial=0.0))
+
+
+def padded(array: np.ndarray, columns: Sequence[int], count: int) -> np.ndarray:
+    """An array (n_nodes, ...) whose second axis stands in some of ``count`` columns, the others zero."""
+    found = np.zeros((len(array), count, *array.shape[2:]))
+    found[:, list(columns)] = array
+    return found
+
+
+def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, float] = (1.0, 1.0)) -> Stresses:
+    """A matrix of stresses for unit displacements of another program, in the axes of its files.
+
+    Parameters
+    ----------
+    link : Foreign
+        Whose displacements are its columns, in the order of the nodes.
+    path : str
+        Matrix Market file: xx, yy, zz, xy, yz, zx of one place after the other; of links whose nodes have two
+        translations xx, yy, xy.
+    names : str
+        Text file with the name of a place a line.
+    units : pair of float
+        As of :func:`kaneflex.fem.foreign.read_foreign`; a stress is in mass / (length s^2).
+
+    Raises
+    ------
+    Fault
+        It names the file and what is wrong with it.
+    """
+    places = _names(names)
+    try:
+        check_file(Path(path), LARGEST)
+        found = csc_array(mmread(path))
+    except OSError as error:
+        raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a file of a matrix") from None
+    except (ValueError, TypeError, OverflowError) as error:
+        raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
+    count = 6 if link.axes == 3 else 3
+    if found.shape != (shape := (count * len(places), link.nodes.size)):
+        reason = f"{path} has the shape {found.shape}, with {len(places)} names in {names} not {shape}"
+        raise Fault(reason, f"Give {', '.join(STRESSES[count])} of every place, by all translations of the nodes")
+    if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
+        raise Fault(f"{path} holds what is no finite number", "Export it anew")
+    length, mass = units
+    into = link.turn[: link.axes, : link.axes]
+    rotated = kron(eye_array(len(places)), _rotation(link.turn, STRESSES[count]))
+    S = csc_array(rotated @ found @ kron(eye_array(len(link.nodes)), into.T) * (mass / length**2))
+    for name, motion in link.whole.items():
+        left, size = abs(S @ motion), abs(S) @ abs(motion)
+        if (left > _STILL * size.max()).any():
+            place = places[int(left.argmax()) // count]
+            reason = f"{path}: a motion of the whole link {name} leaves a stress at {place}"
+            raise Fault(reason, "Give its columns in the order of the nodes, in the units and axes of the other files")
+    return Stresses(places, S)
+
+
+def _names(path: str) -> tuple[str, ...]:
+    try:
+        check_file(Path(path))
+        found = tuple(Path(path).read_text(encoding="utf-8-sig").split())
+    except OSError as error:
+        raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a text file of names") from None
+    except UnicodeDecodeError:
+        raise Fault(f"{path} is no text", "Give a text file of names, one a line") from None
+    if not found:
+        raise Fault(f"{path} has no name", "Give the name of each place, one a line")
+    for name in found:
+        if "." in name or found.count(name) > 1:
+            reason = f"{path}: {name} is there twice" if "." not in name else f"{path}: {name} has a dot"
+            raise Fault(reason, "Give each place a name of its own, like fillet")
+    return found
+
+
+def _rotation(turn: np.ndarray, components: Sequence[str]) -> np.ndarray:
+    """What makes components in the link's axes of those in the file's."""
+    found = np.zeros((len(components),) * 2)
+    for k, name in enumerate(components):
+        a, b = _AT[name]
+        one = np.zeros((3, 3))
+        one[a, b] = one[b, a] = 1.0
+        turned = turn @ one @ turn.T
+        found[:, k] = [turned[_AT[other]] for other in components]
+    return found
