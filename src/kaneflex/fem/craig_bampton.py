@@ -68,7 +68,8 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     moved = [k for k, name in enumerate(link.points) if name not in ("start", "end")]
     sides = scale * np.eye(count + held)[:, count:][:, moved if motion == "transverse" else slice(None)]
     inertia = np.column_stack([solved(load) for load in (T.T @ link.M @ np.column_stack(link.accelerations(motion))).T])
-    static = np.hstack([factors.solve(sides)[:count], inertia / abs(inertia).max(axis=0)])
+    size = abs(inertia).max(axis=0)
+    static = np.hstack([factors.solve(sides)[:count], inertia[:, size > 0.0] / size[size > 0.0]])
     if count <= _FEW:
         free = null_space(B)
         dynamic = free @ eigh(free.T @ K @ free, free.T @ M @ free)[1][:, :modes]
