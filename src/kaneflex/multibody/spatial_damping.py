@@ -17,8 +17,8 @@ from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_m
 from kaneflex.multibody.inertia_integrals import modal_damping
 from kaneflex.scene import Scene
 
-_ALIGNED = 1e-9
-"""A joint's axis is one of the body's own up to this share of its length."""
+_FREE = 0.5 + 1e-9
+"""A joint lets a body turn about an axis of its own of which more than this, squared, is in the turns it allows."""
 _PLANES = ((1, 5, "z", 1.0), (2, 4, "y", -1.0))
 """Rows of displacement and rotation of a node in either plane of bending, the rotation's axis, and its sign where the
 link turns about it."""
@@ -92,10 +92,11 @@ def _held(mechanism: SpatialMechanism, joint: SpatialJoint, body: str, driven: b
     turns = [axis for name, axis in joint.moves if name.startswith("angle") and not driven]
     if joint.kind == "spherical":
         return ""
+    if not turns:
+        return "xyz"
     own = mechanism.stands(body).T @ mechanism.stands(joint.sides[0].body)
-    return "".join(
-        name for k, name in enumerate("xyz") if not any(abs((own @ axis)[k]) > 1.0 - _ALIGNED for axis in turns)
-    )
+    free = np.linalg.qr(own @ np.array(turns).T)[0]
+    return "".join(name for name, share in zip("xyz", (free**2).sum(axis=1), strict=True) if not share > _FREE)
 
 
 def _placed(mechanism: SpatialMechanism, scene: Scene, driven: set[str]) -> set[str]:
