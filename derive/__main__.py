@@ -6,6 +6,7 @@ import argparse
 from importlib.util import find_spec
 from pathlib import Path
 
+from kaneflex.derive import packs
 from kaneflex.derive.body import body_text
 from kaneflex.derive.contact import contact_text
 from kaneflex.derive.coupled_module import generate_coupled
@@ -37,7 +38,8 @@ SCENES = {{
 def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
     texts = {f"{name}.py": text for name, text in (element_texts() | spatial_element_texts()).items()}
-    texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "body.py": body_text(), "joints.py": joints_text()}
+    texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "packs.py": packs.TEXT}
+    texts |= {"body.py": body_text(), "joints.py": joints_text()}
     texts["contact.py"], texts["friction.py"], texts["spatial.py"] = contact_text(), friction_text(), spatial_text()
     texts["spatial_shapes.py"] = spatial_shapes_text()
     structures: dict[str, str] = {}

@@ -30,6 +30,7 @@ from kaneflex.derive.shapes import (
     beam_section,
     beam_shape,
     integral,
+    length,
     rho_A,
     rho_I,
     without_beta,
@@ -84,6 +85,7 @@ class Element:
     frame_terms: ``M_f q'' + C_f q' + K_f q - F_f`` is the force (x, y; link axes) and the moment about the
     link's origin that the rest of the mechanism applies to the element, to first order in q.
     shape: N(x), 2 x 6, with x from the element's first node.
+    tension: of the tension P = sum_k c_k (x/l)^k along the element each c_k, what it is, and its matrix in K_g.
     """
 
     parameters: tuple[Quantity, ...]
@@ -91,6 +93,7 @@ class Element:
     terms: tuple[Term, ...]
     frame_terms: tuple[Term, ...]
     shape: ImmutableMatrix
+    tension: tuple[tuple[Symbol, Expr, ImmutableMatrix], ...]
 
     def has(self, parameter: str) -> bool:
         """Whether a parameter of this name is among the element's own."""
@@ -246,22 +249,24 @@ def axial_tension(equations: ParticleEquations, section: Section) -> Expr:
     )
 
 
+def slope_moments(shape: ShapeFunctions, tension: Expr) -> list[ImmutableMatrix]:
+    """int (x/l)^k H'^T H' dx for every power of x in the tension."""
+    slope = shape.slope.applyfunc(Expr.expand)
+    square, degree = slope.T * slope, Poly(tension, x).degree()
+    return [((x / length) ** k * square).applyfunc(integral).expand() for k in range(degree + 1)]
+
+
 def geometric_terms(shape: ShapeFunctions, tension: Expr) -> tuple[Term, ...]:
     """K_g = int P H'^T H' dx by the scalars of P: the term that paper (46) leaves out.
 
     The axial force P works on the foreshortening -1/2 v'^2 dx of each slice (Kane, Ryan, Banerjee 1987), so
     its generalised active force is -P H'^T H' q per length.
     """
-    slope = shape.slope.applyfunc(Expr.expand)
-
-    @cache
-    def moment(k: int) -> ImmutableMatrix:
-        """int x^k H'^T H' dx."""
-        return (x**k * slope.T * slope).applyfunc(integral)
+    moments = slope_moments(shape, tension)
 
     def weighted(part: Expr) -> ImmutableMatrix:
-        zero = ImmutableMatrix.zeros(slope.cols)
-        return sum((c * moment(k) for (k,), c in Poly(part, x).terms()), zero).expand()
+        zero = ImmutableMatrix.zeros(shape.slope.cols)
+        return sum((c * length**k * moments[k] for (k,), c in Poly(part, x).terms()), zero).expand()
 
     parts = {
         P_0 ** powers[0] * prod(s**p for s, p in zip(MOTION, powers[1:], strict=True)): coefficient
@@ -299,7 +304,14 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
     of_element, of_frame = inertia_terms(equations, section, with_frame)
     N = shape.displacement
     viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
-    stiffness = elastic_terms(shape) + geometric_terms(shape, axial_tension(equations, section))
+    tension = axial_tension(equations, section)
+    geometric = geometric_terms(shape, tension)
+    stiffness = elastic_terms(shape) + geometric
+    powers = [(c * length**k).expand() for (k,), c in reversed(Poly(tension, x).terms())]
+    moments = slope_moments(shape, tension)
+    by_tension = sum((c * of for c, of in zip(powers, moments, strict=True)), zeros(*moments[0].shape))
+    by_motion = sum((term.scalar * term.matrix for term in geometric), zeros(*moments[0].shape))
+    assert (by_tension - by_motion).expand().is_zero_matrix, "K_g by the tension is not K_g by the motion"
     if shear:
         of_element += (Term("mass_correction", "inertia", "M", S.One, mass_correction(shape)),)
     return Element(
@@ -308,6 +320,7 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
         terms=tuple(_in_parameters(term) for term in (*of_element, *stiffness, viscous)),
         frame_terms=tuple(_in_parameters(term) for term in of_frame),
         shape=without_beta(N),
+        tension=tuple((Symbol(f"P_{k + 1}"), powers[k], without_beta(of)) for k, of in enumerate(moments)),
     )
 
 

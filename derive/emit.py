@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from sympy.core.function import AppliedUndef
 from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.pycode import PythonCodePrinter
 
+from kaneflex.derive import packs
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count
 from kaneflex.support.contract import FORMAT
@@ -98,7 +100,8 @@ class Kernel:
     """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers.
 
     One that ``returns`` has no array: its outputs are numbers by names of their own. ``calls``: statements behind the
-    program's own, which read its outputs. ``inline``: into what calls it, whatever its size.
+    program's own, which read its outputs. ``inline``: into what calls it, whatever its size. ``packed``: outputs, all
+    of them symbols, are stored at last and in one go where they are neighbours.
     """
 
     program: Program
@@ -109,6 +112,7 @@ class Kernel:
     returns: bool = False
     calls: tuple[str, ...] = ()
     inline: bool = False
+    packed: bool = False
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
@@ -123,8 +127,15 @@ def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
 def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> str:
     """One jitted function: parameters and scalars read once, then the assignments, which store what is asked for, then
     the other stores."""
-    body = [" = ".join([*([name] if name else []), *slots, value]) for name, slots, value in
-            statements(kernel, NumbaPrinter(identifiers))]
+    told = statements(kernel, NumbaPrinter(identifiers))
+    if kernel.packed:
+        body, slots = [], []
+        for name, places, value in told:
+            body.append(f"{name} = {value}")
+            slots += [(tuple(map(int, re.findall(r"\d+", place))), name) for place in places]
+        body += packs.stores(slots)
+    else:
+        body = [" = ".join([*([name] if name else []), *slots, value]) for name, slots, value in told]
     if kernel.returns:
         text = NumbaPrinter(identifiers).doprint
         body.append(f"return {', '.join(_bare(text(expression)) for _, expression in kernel.program.outputs)}")

@@ -10,7 +10,7 @@ Operations of one call, written out -> with shared subexpressions:
     M        56 -> 14
     K_s      52 -> 12
     K_d     152 -> 24
-    K_g     348 -> 95
+    K_g     348 -> 49
     C        56 -> 8
     F        80 -> 38
 
@@ -19,6 +19,8 @@ the same kernels with a check before each call that names the argument.
 """
 
 from numba import njit
+
+from kaneflex.generated.packs import pack  # digest 08a8dad226607800
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -73,7 +75,7 @@ OPERATIONS = {
     'M': (56, 14),
     'K_s': (52, 12),
     'K_d': (152, 24),
-    'K_g': (348, 95),
+    'K_g': (348, 49),
     'C': (56, 8),
     'F': (80, 38),
 }
@@ -88,17 +90,29 @@ def M(p, out):
     length = p[3]
     w0 = length*rho_A
     w1 = (length*length)*rho_A
-    w2 = out[1, 2] = out[2, 1] = 0.05238095238095238*w1
-    w3 = out[2, 4] = out[4, 2] = 0.030952380952380953*w1
+    w2 = 0.05238095238095238*w1
+    w3 = 0.030952380952380953*w1
     w4 = (length*length*length)*rho_A
-    out[0, 0] = out[3, 3] = 0.3333333333333333*w0
-    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
-    out[1, 1] = out[4, 4] = 0.37142857142857144*w0
-    out[1, 4] = out[4, 1] = 0.12857142857142856*w0
-    out[1, 5] = out[5, 1] = -w3
-    out[2, 2] = out[5, 5] = 0.009523809523809525*w4
-    out[2, 5] = out[5, 2] = -0.007142857142857143*w4
-    out[4, 5] = out[5, 4] = -w2
+    v0 = 0.3333333333333333*w0
+    v1 = 0.16666666666666666*w0
+    v2 = 0.37142857142857144*w0
+    v3 = 0.12857142857142856*w0
+    v4 = -w3
+    v5 = 0.009523809523809525*w4
+    v6 = -0.007142857142857143*w4
+    v7 = -w2
+    out[0, 0] = v0
+    out[0, 3] = v1
+    pack(out, (1, 1), (v2, w2))
+    pack(out, (1, 4), (v3, v4))
+    pack(out, (2, 1), (w2, v5))
+    pack(out, (2, 4), (w3, v6))
+    out[3, 0] = v1
+    out[3, 3] = v0
+    pack(out, (4, 1), (v3, w3))
+    pack(out, (4, 4), (v2, v7))
+    pack(out, (5, 1), (v4, v6))
+    pack(out, (5, 4), (v7, v5))
 
 
 @njit(**OPTIONS)
@@ -110,15 +124,27 @@ def K_s(p, out):
     E_I = p[2]
     length = p[3]
     w0 = 1.0/length
-    w1 = out[0, 0] = out[3, 3] = E_A*w0
-    w2 = out[1, 1] = out[4, 4] = 12.0*E_I/(length*length*length)
-    w3 = out[1, 2] = out[1, 5] = out[2, 1] = out[5, 1] = 6.0*E_I/(length*length)
+    w1 = E_A*w0
+    w2 = 12.0*E_I/(length*length*length)
+    w3 = 6.0*E_I/(length*length)
     w4 = E_I*w0
-    out[0, 3] = out[3, 0] = -w1
-    out[1, 4] = out[4, 1] = -w2
-    out[2, 2] = out[5, 5] = 4.0*w4
-    out[2, 4] = out[4, 2] = out[4, 5] = out[5, 4] = -w3
-    out[2, 5] = out[5, 2] = 2.0*w4
+    v0 = -w1
+    v1 = -w2
+    v2 = 4.0*w4
+    v3 = -w3
+    v4 = 2.0*w4
+    out[0, 0] = w1
+    out[0, 3] = v0
+    pack(out, (1, 1), (w2, w3))
+    pack(out, (1, 4), (v1, w3))
+    pack(out, (2, 1), (w3, v2))
+    pack(out, (2, 4), (v3, v4))
+    out[3, 0] = v0
+    out[3, 3] = w1
+    pack(out, (4, 1), (v1, v3))
+    pack(out, (4, 4), (w2, v3))
+    pack(out, (5, 1), (w3, v4))
+    pack(out, (5, 4), (v3, v2))
 
 
 @njit(**OPTIONS)
@@ -134,28 +160,46 @@ def K_d(p, s, out):
     w1 = length*rho_A
     w2 = w0*w1
     w3 = epsilon*w1
-    w4 = out[1, 0] = out[4, 3] = 0.35*w3
+    w4 = 0.35*w3
     w5 = (length*length)*rho_A
     w6 = epsilon*w5
-    w7 = out[2, 0] = out[3, 5] = 0.05*w6
-    w8 = out[1, 3] = out[4, 0] = 0.15*w3
-    w9 = out[0, 5] = out[2, 3] = 0.03333333333333333*w6
+    w7 = 0.05*w6
+    w8 = 0.15*w3
+    w9 = 0.03333333333333333*w6
     w10 = w0*w5
-    w11 = out[4, 5] = out[5, 4] = 0.05238095238095238*w10
-    w12 = out[1, 5] = out[5, 1] = 0.030952380952380953*w10
+    w11 = 0.05238095238095238*w10
+    w12 = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
-    out[0, 0] = out[3, 3] = -0.3333333333333333*w2
-    out[0, 1] = out[3, 4] = -w4
-    out[0, 2] = out[5, 3] = -w7
-    out[0, 3] = out[3, 0] = -0.16666666666666666*w2
-    out[0, 4] = out[3, 1] = -w8
-    out[1, 1] = out[4, 4] = -0.37142857142857144*w2
-    out[1, 2] = out[2, 1] = -w11
-    out[1, 4] = out[4, 1] = -0.12857142857142856*w2
-    out[2, 2] = out[5, 5] = -0.009523809523809525*w13
-    out[2, 4] = out[4, 2] = -w12
-    out[2, 5] = out[5, 2] = 0.007142857142857143*w13
-    out[3, 2] = out[5, 0] = -w9
+    v0 = -0.3333333333333333*w2
+    v1 = -w4
+    v2 = -w7
+    v3 = -0.16666666666666666*w2
+    v4 = -w8
+    v5 = -0.37142857142857144*w2
+    v6 = -w11
+    v7 = -0.12857142857142856*w2
+    v8 = -0.009523809523809525*w13
+    v9 = -w12
+    v10 = 0.007142857142857143*w13
+    v11 = -w9
+    pack(out, (0, 0), (v0, v1))
+    pack(out, (0, 2), (v2, v3))
+    pack(out, (0, 4), (v4, w9))
+    pack(out, (1, 0), (w4, v5))
+    pack(out, (1, 2), (v6, w8))
+    pack(out, (1, 4), (v7, w12))
+    pack(out, (2, 0), (w7, v6))
+    pack(out, (2, 2), (v8, w9))
+    pack(out, (2, 4), (v9, v10))
+    pack(out, (3, 0), (v3, v4))
+    pack(out, (3, 2), (v11, v0))
+    pack(out, (3, 4), (v1, w7))
+    pack(out, (4, 0), (w8, v7))
+    pack(out, (4, 2), (v9, w4))
+    pack(out, (4, 4), (v5, w11))
+    pack(out, (5, 0), (v11, w12))
+    pack(out, (5, 2), (v10, v2))
+    pack(out, (5, 4), (w11, v8))
 
 
 @njit(**OPTIONS)
@@ -169,44 +213,35 @@ def K_g(p, s, out):
     omega = s[0]
     a_x = s[2]
     P_0 = s[4]
-    w0 = 1.0/length
-    w1 = 1.2*w0
-    w2 = P_0*w1
-    w3 = 0.6*rho_A
-    w4 = rho_A*w1*x_0 + w3
-    w5 = omega*omega
-    w6 = length*rho_A
-    w7 = x_0*x_0
-    w8 = w0*w3*w7 + w3*x_0 + 0.17142857142857143*w6
-    w9 = 0.1*P_0
-    w10 = 0.1*w6
-    w11 = 0.1*rho_A
-    w12 = w11*x_0
-    w13 = w10 + w12
-    w14 = length*length
-    w15 = rho_A*w14
-    w16 = 0.05*rho_A*w7
-    w17 = w10*x_0 + 0.03571428571428571*w15 + w16
-    w18 = 0.014285714285714285*w15 - w16
-    w19 = a_x*w12 + w9
-    w20 = P_0*length
-    w21 = 0.13333333333333333*w20
-    w22 = w6*x_0
-    w23 = 0.13333333333333333*w22
-    w24 = 0.03333333333333333*w15
-    w25 = (length*length*length)*rho_A
-    w26 = w6*w7
-    w27 = 0.06666666666666667*w26
-    w28 = 0.016666666666666666*w15
-    out[1, 1] = out[4, 4] = a_x*w4 + w2 - w5*w8
-    out[1, 2] = out[2, 1] = a_x*w13 - w17*w5 + w9
-    out[1, 4] = out[4, 1] = -a_x*w4 - w2 + w5*w8
-    out[1, 5] = out[5, 1] = w18*w5 + w19
-    out[2, 2] = a_x*(w23 + w24) + w21 + w5*(-w24*x_0 - 0.009523809523809525*w25 - w27)
-    out[2, 4] = out[4, 2] = -a_x*w13 + w17*w5 - w9
-    out[2, 5] = out[5, 2] = a_x*(-0.03333333333333333*w22 - w28) - 0.03333333333333333*w20 + w5*(0.007142857142857143*w25 + 0.016666666666666666*w26 + w28*x_0)
-    out[4, 5] = out[5, 4] = -w18*w5 - w19
-    out[5, 5] = a_x*(w11*w14 + w23) + w21 + w5*(-w12*w14 - 0.04285714285714286*w25 - w27)
+    w0 = a_x*rho_A
+    w1 = omega*omega
+    w2 = rho_A*w1*x_0
+    w3 = 1.0/length
+    P_3 = -0.5*(length*length)*rho_A*w1
+    P_2 = length*w0 - length*w2
+    P_1 = P_0 + x_0*(w0 - 0.5*w2)
+    w4 = 1.2*P_1*w3 + 0.6*P_2*w3 + 0.34285714285714286*P_3*w3
+    w5 = 0.1*P_1
+    w6 = 0.1*P_2
+    w7 = 0.07142857142857142*P_3 + w5 + w6
+    w8 = -0.02857142857142857*P_3 + w5
+    w9 = 0.13333333333333333*P_1*length
+    w10 = 0.03333333333333333*length
+    w11 = P_3*length
+    v0 = -w4
+    v1 = P_2*w10 + 0.01904761904761905*w11 + w9
+    v2 = -w7
+    v3 = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
+    v4 = -w8
+    v5 = length*w6 + 0.08571428571428572*w11 + w9
+    pack(out, (1, 1), (w4, w7))
+    pack(out, (1, 4), (v0, w8))
+    pack(out, (2, 1), (w7, v1))
+    pack(out, (2, 4), (v2, v3))
+    pack(out, (4, 1), (v0, v2))
+    pack(out, (4, 4), (w4, v4))
+    pack(out, (5, 1), (w8, v3))
+    pack(out, (5, 4), (v4, v5))
 
 
 @njit(**OPTIONS)
@@ -219,15 +254,27 @@ def C(p, s, out):
     omega = s[0]
     w0 = omega*rho_A
     w1 = length*w0
-    w2 = out[1, 0] = out[4, 3] = 0.7*w1
+    w2 = 0.7*w1
     w3 = (length*length)*w0
-    w4 = out[2, 0] = out[3, 5] = 0.1*w3
-    w5 = out[1, 3] = out[4, 0] = 0.3*w1
-    w6 = out[0, 5] = out[2, 3] = 0.06666666666666667*w3
-    out[0, 1] = out[3, 4] = -w2
-    out[0, 2] = out[5, 3] = -w4
-    out[0, 4] = out[3, 1] = -w5
-    out[3, 2] = out[5, 0] = -w6
+    w4 = 0.1*w3
+    w5 = 0.3*w1
+    w6 = 0.06666666666666667*w3
+    v0 = -w2
+    v1 = -w4
+    v2 = -w5
+    v3 = -w6
+    pack(out, (0, 1), (v0, v1))
+    pack(out, (0, 4), (v2, w6))
+    out[1, 0] = w2
+    out[1, 3] = w5
+    out[2, 0] = w4
+    out[2, 3] = w6
+    pack(out, (3, 1), (v2, v3))
+    pack(out, (3, 4), (v0, w4))
+    out[4, 0] = w5
+    out[4, 3] = w2
+    out[5, 0] = v3
+    out[5, 3] = v1
 
 
 @njit(**OPTIONS)
@@ -252,12 +299,15 @@ def F(p, s, out):
     w7 = a_y*w6
     w8 = (length*length*length)*rho_A
     w9 = w6*x_0
-    out[0] = -w1 + w2*(w3 + 0.16666666666666666*w4)
-    out[1] = epsilon*(-w3 - 0.15*w4) - w5
-    out[2] = epsilon*(-0.03333333333333333*w8 - w9) - w7
-    out[3] = -w1 + w2*(w3 + 0.3333333333333333*w4)
-    out[4] = epsilon*(-w3 - 0.35*w4) - w5
-    out[5] = epsilon*(0.05*w8 + w9) + w7
+    v0 = -w1 + w2*(w3 + 0.16666666666666666*w4)
+    v1 = epsilon*(-w3 - 0.15*w4) - w5
+    v2 = epsilon*(-0.03333333333333333*w8 - w9) - w7
+    v3 = -w1 + w2*(w3 + 0.3333333333333333*w4)
+    v4 = epsilon*(-w3 - 0.35*w4) - w5
+    v5 = epsilon*(0.05*w8 + w9) + w7
+    pack(out, 0, (v0, v1))
+    pack(out, 2, (v2, v3))
+    pack(out, 4, (v4, v5))
 
 
 @njit(**OPTIONS)

@@ -10,7 +10,7 @@ Operations of one call, written out -> with shared subexpressions:
     M       110 -> 34
     K_s      80 -> 19
     K_d     246 -> 73
-    K_g     476 -> 127
+    K_g     476 -> 78
     C        96 -> 31
     F       143 -> 74
 
@@ -20,7 +20,8 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest dca48c753b65846d
+from kaneflex.generated.packs import pack  # digest 08a8dad226607800
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -44,7 +45,7 @@ OPERATIONS = {
     'M': (110, 34),
     'K_s': (80, 19),
     'K_d': (246, 73),
-    'K_g': (476, 127),
+    'K_g': (476, 78),
     'C': (96, 31),
     'F': (143, 74),
 }
@@ -74,19 +75,31 @@ def M(p, out):
     w13 = rho_A*w12
     w14 = 0.009523809523809525*w13
     w15 = 0.0011904761904761906*rho_A_rise*w12
-    out[0, 0] = w1 - w3
-    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
-    out[1, 1] = w4 - w5
-    out[1, 2] = out[2, 1] = -w10 + w8
-    out[1, 4] = out[4, 1] = 0.12857142857142856*w0
-    out[1, 5] = out[5, 1] = 0.0011904761904761906*rho_A_rise*w6 - w11
-    out[2, 2] = w14 - w15
-    out[2, 4] = out[4, 2] = w11 + 0.0011904761904761906*w9
-    out[2, 5] = out[5, 2] = -0.007142857142857143*w13
-    out[3, 3] = w1 + w3
-    out[4, 4] = w4 + w5
-    out[4, 5] = out[5, 4] = -w10 - w8
-    out[5, 5] = w14 + w15
+    v0 = w1 - w3
+    v1 = 0.16666666666666666*w0
+    v2 = w4 - w5
+    v3 = -w10 + w8
+    v4 = 0.12857142857142856*w0
+    v5 = 0.0011904761904761906*rho_A_rise*w6 - w11
+    v6 = w14 - w15
+    v7 = w11 + 0.0011904761904761906*w9
+    v8 = -0.007142857142857143*w13
+    v9 = w1 + w3
+    v10 = w4 + w5
+    v11 = -w10 - w8
+    v12 = w14 + w15
+    out[0, 0] = v0
+    out[0, 3] = v1
+    pack(out, (1, 1), (v2, v3))
+    pack(out, (1, 4), (v4, v5))
+    pack(out, (2, 1), (v3, v6))
+    pack(out, (2, 4), (v7, v8))
+    out[3, 0] = v1
+    out[3, 3] = v9
+    pack(out, (4, 1), (v4, v7))
+    pack(out, (4, 4), (v10, v11))
+    pack(out, (5, 1), (v5, v8))
+    pack(out, (5, 4), (v11, v12))
 
 
 @njit(**OPTIONS)
@@ -99,23 +112,35 @@ def K_s(p, out):
     length = p[3]
     E_I_rise = p[7]
     w0 = 1.0/length
-    w1 = out[0, 0] = out[3, 3] = E_A*w0
-    w2 = out[1, 1] = out[4, 4] = 12.0*E_I/(length*length*length)
+    w1 = E_A*w0
+    w2 = 12.0*E_I/(length*length*length)
     w3 = 1.0/(length*length)
     w4 = 6.0*E_I*w3
     w5 = E_I_rise*w3
-    w6 = out[1, 2] = out[2, 1] = w4 - w5
-    w7 = out[1, 5] = out[5, 1] = w4 + w5
+    w6 = w4 - w5
+    w7 = w4 + w5
     w8 = E_I*w0
     w9 = 4.0*w8
     w10 = E_I_rise*w0
-    out[0, 3] = out[3, 0] = -w1
-    out[1, 4] = out[4, 1] = -w2
-    out[2, 2] = -w10 + w9
-    out[2, 4] = out[4, 2] = -w6
-    out[2, 5] = out[5, 2] = 2.0*w8
-    out[4, 5] = out[5, 4] = -w7
-    out[5, 5] = w10 + w9
+    v0 = -w1
+    v1 = -w2
+    v2 = -w10 + w9
+    v3 = -w6
+    v4 = 2.0*w8
+    v5 = -w7
+    v6 = w10 + w9
+    out[0, 0] = w1
+    out[0, 3] = v0
+    pack(out, (1, 1), (w2, w6))
+    pack(out, (1, 4), (v1, w7))
+    pack(out, (2, 1), (w6, v2))
+    pack(out, (2, 4), (v3, v4))
+    out[3, 0] = v0
+    out[3, 3] = w1
+    pack(out, (4, 1), (v1, v3))
+    pack(out, (4, 4), (w2, v5))
+    pack(out, (5, 1), (w7, v4))
+    pack(out, (5, 4), (v5, v6))
 
 
 @njit(**OPTIONS)
@@ -146,7 +171,7 @@ def K_d(p, s, out):
     w15 = 0.15*w1
     w16 = 0.008333333333333333*w3
     w17 = w15 + w16
-    w18 = out[0, 5] = out[2, 3] = 0.03333333333333333*epsilon*w9
+    w18 = 0.03333333333333333*epsilon*w9
     w19 = 0.37142857142857144*w1
     w20 = 0.1*w3
     w21 = 0.05238095238095238*w9
@@ -159,32 +184,50 @@ def K_d(p, s, out):
     w28 = 0.0011904761904761906*rho_A_rise*w25
     w29 = w5 + w6
     w30 = w10 + w12
-    out[0, 0] = w0*(-w2 + w4)
-    out[0, 1] = -epsilon*w7
-    out[0, 2] = -epsilon*w13
-    out[0, 3] = out[3, 0] = -0.16666666666666666*w14
-    out[0, 4] = -epsilon*w17
-    out[1, 0] = epsilon*w7
-    out[1, 1] = w0*(-w19 + w20)
-    out[1, 2] = out[2, 1] = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
-    out[1, 3] = epsilon*w22
-    out[1, 4] = out[4, 1] = -0.12857142857142856*w14
-    out[1, 5] = out[5, 1] = w0*(w23 - w24)
-    out[2, 0] = epsilon*w13
-    out[2, 2] = w0*(-w27 + w28)
-    out[2, 4] = out[4, 2] = w0*(-w23 - w24)
-    out[2, 5] = out[5, 2] = 0.007142857142857143*w0*w26
-    out[3, 1] = -epsilon*w22
-    out[3, 2] = out[5, 0] = -w18
-    out[3, 3] = w0*(-w2 - w4)
-    out[3, 4] = -epsilon*w29
-    out[3, 5] = epsilon*w30
-    out[4, 0] = epsilon*w17
-    out[4, 3] = epsilon*w29
-    out[4, 4] = w0*(-w19 - w20)
-    out[4, 5] = out[5, 4] = w0*(0.009523809523809525*w11 + w21)
-    out[5, 3] = -epsilon*w30
-    out[5, 5] = w0*(-w27 - w28)
+    v0 = w0*(-w2 + w4)
+    v1 = -epsilon*w7
+    v2 = -epsilon*w13
+    v3 = -0.16666666666666666*w14
+    v4 = -epsilon*w17
+    v5 = epsilon*w7
+    v6 = w0*(-w19 + w20)
+    v7 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
+    v8 = epsilon*w22
+    v9 = -0.12857142857142856*w14
+    v10 = w0*(w23 - w24)
+    v11 = epsilon*w13
+    v12 = w0*(-w27 + w28)
+    v13 = w0*(-w23 - w24)
+    v14 = 0.007142857142857143*w0*w26
+    v15 = -epsilon*w22
+    v16 = -w18
+    v17 = w0*(-w2 - w4)
+    v18 = -epsilon*w29
+    v19 = epsilon*w30
+    v20 = epsilon*w17
+    v21 = epsilon*w29
+    v22 = w0*(-w19 - w20)
+    v23 = w0*(0.009523809523809525*w11 + w21)
+    v24 = -epsilon*w30
+    v25 = w0*(-w27 - w28)
+    pack(out, (0, 0), (v0, v1))
+    pack(out, (0, 2), (v2, v3))
+    pack(out, (0, 4), (v4, w18))
+    pack(out, (1, 0), (v5, v6))
+    pack(out, (1, 2), (v7, v8))
+    pack(out, (1, 4), (v9, v10))
+    pack(out, (2, 0), (v11, v7))
+    pack(out, (2, 2), (v12, w18))
+    pack(out, (2, 4), (v13, v14))
+    pack(out, (3, 0), (v3, v15))
+    pack(out, (3, 2), (v16, v17))
+    pack(out, (3, 4), (v18, v19))
+    pack(out, (4, 0), (v20, v9))
+    pack(out, (4, 2), (v13, v21))
+    pack(out, (4, 4), (v22, v23))
+    pack(out, (5, 0), (v16, v10))
+    pack(out, (5, 2), (v14, v24))
+    pack(out, (5, 4), (v23, v25))
 
 
 @njit(**OPTIONS)
@@ -201,49 +244,42 @@ def K_g(p, s, out):
     omega = s[0]
     a_x = s[2]
     P_0 = s[4]
-    w0 = 1.2/length
-    w1 = P_0*w0
-    w2 = 0.6*rho_A
-    w3 = m_0*w0 - 0.12857142857142856*rho_A_rise + w2
-    w4 = omega*omega
-    w5 = length*rho_A
-    w6 = 0.014285714285714285*length*rho_A_rise
-    w7 = -w6
-    w8 = S_0*w0 - 0.12857142857142856*rho_A_rise*x_0 + w2*x_0 + 0.17142857142857143*w5 + w7
-    w9 = 0.1*P_0
-    w10 = 0.1*m_0
-    w11 = 0.1*w5
-    w12 = w10 + w11 + w7
-    w13 = 0.1*S_0
-    w14 = w6*x_0
-    w15 = length*length
-    w16 = rho_A*w15
-    w17 = -0.0011904761904761906*rho_A_rise*w15
-    w18 = w11*x_0 + w13 - w14 + 0.03571428571428571*w16 + w17
-    w19 = -w10 + w6
-    w20 = rho_A_rise*w15
-    w21 = -w13 + w14 + 0.014285714285714285*w16 + 0.004761904761904762*w20
-    w22 = 0.13333333333333333*length
-    w23 = P_0*w22
-    w24 = 0.03333333333333333*w16
-    w25 = m_0*w22 - 0.007142857142857143*w20
-    w26 = length*length*length
-    w27 = rho_A*w26
-    w28 = S_0*w22 - 0.007142857142857143*rho_A_rise*w15*x_0
-    w29 = -w9
-    w30 = 0.03333333333333333*length
-    w31 = 0.016666666666666666*w16
-    w32 = rho_A_rise*w26
-    w33 = 0.1*w16
-    out[1, 1] = out[4, 4] = a_x*w3 + w1 - w4*w8
-    out[1, 2] = out[2, 1] = a_x*w12 - w18*w4 + w9
-    out[1, 4] = out[4, 1] = -a_x*w3 - w1 + w4*w8
-    out[1, 5] = out[5, 1] = -a_x*w19 + w21*w4 + w9
-    out[2, 2] = a_x*(w24 + w25) + w23 + w4*(0.0003968253968253968*rho_A_rise*w26 - w24*x_0 - 0.009523809523809525*w27 - w28)
-    out[2, 4] = out[4, 2] = -a_x*w12 + w18*w4 + w29
-    out[2, 5] = out[5, 2] = -P_0*w30 + a_x*(-m_0*w30 - w17 - w31) + w4*(S_0*w30 - 0.0011904761904761906*w20*x_0 + 0.007142857142857143*w27 + w31*x_0 + 0.0007936507936507937*w32)
-    out[4, 5] = out[5, 4] = a_x*w19 - w21*w4 + w29
-    out[5, 5] = a_x*(w25 + w33) + w23 + w4*(-0.04285714285714286*w27 - w28 - 0.004365079365079365*w32 - w33*x_0)
+    w0 = omega*omega
+    w1 = length*rho_A
+    w2 = length*rho_A_rise
+    w3 = 0.5*a_x*w2
+    w4 = 0.5*w0
+    w5 = length*length
+    w6 = rho_A_rise*w0*w5
+    w7 = 1.0/length
+    P_4 = -0.3333333333333333*w6
+    P_3 = -rho_A*w4*w5 - w2*w4*x_0 + w3 + 0.25*w6
+    P_2 = a_x*w1 - w3 + x_0*(0.5*length*rho_A_rise*w0 - w0*w1)
+    P_1 = P_0 - S_0*w0 + a_x*m_0
+    w8 = 1.2*P_1*w7 + 0.6*P_2*w7 + 0.34285714285714286*P_3*w7 + 0.21428571428571427*P_4*w7
+    w9 = 0.1*P_1
+    w10 = 0.1*P_2
+    w11 = 0.07142857142857142*P_3 + 0.05*P_4 + w10 + w9
+    w12 = 0.02857142857142857*P_3 + 0.03571428571428571*P_4 - w9
+    w13 = 0.13333333333333333*P_1*length
+    w14 = 0.03333333333333333*length
+    w15 = P_3*length
+    w16 = P_4*length
+    w17 = 0.013095238095238096*w16
+    v0 = -w8
+    v1 = -w12
+    v2 = P_2*w14 + w13 + 0.01904761904761905*w15 + w17
+    v3 = -w11
+    v4 = -P_1*w14 - 0.016666666666666666*P_2*length - 0.014285714285714285*w15 - w17
+    v5 = length*w10 + w13 + 0.08571428571428572*w15 + 0.07738095238095238*w16
+    pack(out, (1, 1), (w8, w11))
+    pack(out, (1, 4), (v0, v1))
+    pack(out, (2, 1), (w11, v2))
+    pack(out, (2, 4), (v3, v4))
+    pack(out, (4, 1), (v0, v3))
+    pack(out, (4, 4), (w8, w12))
+    pack(out, (5, 1), (v1, v4))
+    pack(out, (5, 4), (w12, v5))
 
 
 @njit(**OPTIONS)
@@ -268,23 +304,35 @@ def C(p, s, out):
     w10 = 0.3*w0
     w11 = 0.016666666666666666*w2
     w12 = w10 + w11
-    w13 = out[0, 5] = out[2, 3] = 0.06666666666666667*omega*w6
+    w13 = 0.06666666666666667*omega*w6
     w14 = w10 - w11
     w15 = w1 + w3
     w16 = w7 + w8
-    out[0, 1] = -omega*w4
-    out[0, 2] = -omega*w9
-    out[0, 4] = -omega*w12
-    out[1, 0] = omega*w4
-    out[1, 3] = omega*w14
-    out[2, 0] = omega*w9
-    out[3, 1] = -omega*w14
-    out[3, 2] = out[5, 0] = -w13
-    out[3, 4] = -omega*w15
-    out[3, 5] = omega*w16
-    out[4, 0] = omega*w12
-    out[4, 3] = omega*w15
-    out[5, 3] = -omega*w16
+    v0 = -omega*w4
+    v1 = -omega*w9
+    v2 = -omega*w12
+    v3 = omega*w4
+    v4 = omega*w14
+    v5 = omega*w9
+    v6 = -omega*w14
+    v7 = -w13
+    v8 = -omega*w15
+    v9 = omega*w16
+    v10 = omega*w12
+    v11 = omega*w15
+    v12 = -omega*w16
+    pack(out, (0, 1), (v0, v1))
+    pack(out, (0, 4), (v2, w13))
+    out[1, 0] = v3
+    out[1, 3] = v4
+    out[2, 0] = v5
+    out[2, 3] = w13
+    pack(out, (3, 1), (v6, v7))
+    pack(out, (3, 4), (v8, v9))
+    out[4, 0] = v10
+    out[4, 3] = v11
+    out[5, 0] = v7
+    out[5, 3] = v12
 
 
 @njit(**OPTIONS)
@@ -317,12 +365,15 @@ def F(p, s, out):
     w14 = w11*x_0
     w15 = rho_A_rise*w6
     w16 = 0.008333333333333333*w15
-    out[0] = a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7)
-    out[1] = a_y*(-w0 + w8) + epsilon*(-w10 - w4 - 0.15*w7 + w9)
-    out[2] = a_y*(-w10 - w11) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w13 - w14)
-    out[3] = a_x*(-w0 - w2) + w3*(0.08333333333333333*w15 + w4 + w5 + 0.3333333333333333*w7)
-    out[4] = a_y*(-w0 - w8) + epsilon*(-0.09166666666666666*w15 - w4 - 0.35*w7 - w9)
-    out[5] = a_y*(w11 + w16) + epsilon*(0.008333333333333333*rho_A_rise*w12 + 0.05*w13 + w14 + w16*x_0)
+    v0 = a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7)
+    v1 = a_y*(-w0 + w8) + epsilon*(-w10 - w4 - 0.15*w7 + w9)
+    v2 = a_y*(-w10 - w11) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w13 - w14)
+    v3 = a_x*(-w0 - w2) + w3*(0.08333333333333333*w15 + w4 + w5 + 0.3333333333333333*w7)
+    v4 = a_y*(-w0 - w8) + epsilon*(-0.09166666666666666*w15 - w4 - 0.35*w7 - w9)
+    v5 = a_y*(w11 + w16) + epsilon*(0.008333333333333333*rho_A_rise*w12 + 0.05*w13 + w14 + w16*x_0)
+    pack(out, 0, (v0, v1))
+    pack(out, 2, (v2, v3))
+    pack(out, 4, (v4, v5))
 
 
 @njit(**OPTIONS)

@@ -11,7 +11,7 @@ Operations of one call, written out -> with shared subexpressions:
     M        96 -> 26
     K_s      52 -> 12
     K_d     152 -> 24
-    K_g     348 -> 95
+    K_g     348 -> 49
     C        56 -> 8
     F        82 -> 40
 
@@ -21,7 +21,8 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS, K_s, K_g, C  # digest dca48c753b65846d
+from kaneflex.generated.packs import pack  # digest 08a8dad226607800
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS, K_s, K_g, C  # digest c10a14a286019c97
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -41,7 +42,7 @@ OPERATIONS = {
     'M': (96, 26),
     'K_s': (52, 12),
     'K_d': (152, 24),
-    'K_g': (348, 95),
+    'K_g': (348, 49),
     'C': (56, 8),
     'F': (82, 40),
 }
@@ -61,18 +62,30 @@ def M(p, out):
     w1 = 1.2*rho_I/length
     w2 = 0.1*rho_I
     w3 = (length*length)*rho_A
-    w4 = out[1, 2] = out[2, 1] = w2 + 0.05238095238095238*w3
-    w5 = out[2, 4] = out[4, 2] = -w2 + 0.030952380952380953*w3
+    w4 = w2 + 0.05238095238095238*w3
+    w5 = -w2 + 0.030952380952380953*w3
     w6 = length*rho_I
     w7 = (length*length*length)*rho_A
-    out[0, 0] = out[3, 3] = 0.3333333333333333*w0
-    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
-    out[1, 1] = out[4, 4] = 0.37142857142857144*w0 + w1
-    out[1, 4] = out[4, 1] = 0.12857142857142856*w0 - w1
-    out[1, 5] = out[5, 1] = -w5
-    out[2, 2] = out[5, 5] = 0.13333333333333333*w6 + 0.009523809523809525*w7
-    out[2, 5] = out[5, 2] = -0.03333333333333333*w6 - 0.007142857142857143*w7
-    out[4, 5] = out[5, 4] = -w4
+    v0 = 0.3333333333333333*w0
+    v1 = 0.16666666666666666*w0
+    v2 = 0.37142857142857144*w0 + w1
+    v3 = 0.12857142857142856*w0 - w1
+    v4 = -w5
+    v5 = 0.13333333333333333*w6 + 0.009523809523809525*w7
+    v6 = -0.03333333333333333*w6 - 0.007142857142857143*w7
+    v7 = -w4
+    out[0, 0] = v0
+    out[0, 3] = v1
+    pack(out, (1, 1), (v2, w4))
+    pack(out, (1, 4), (v3, v4))
+    pack(out, (2, 1), (w4, v5))
+    pack(out, (2, 4), (w5, v6))
+    out[3, 0] = v1
+    out[3, 3] = v0
+    pack(out, (4, 1), (v3, w5))
+    pack(out, (4, 4), (v2, v7))
+    pack(out, (5, 1), (v4, v6))
+    pack(out, (5, 4), (v7, v5))
 
 
 @njit(**OPTIONS)
@@ -90,28 +103,46 @@ def K_d(p, s, out):
     w1 = length*rho_A
     w2 = w0*w1
     w3 = epsilon*w1
-    w4 = out[1, 0] = out[4, 3] = 0.35*w3
+    w4 = 0.35*w3
     w5 = (length*length)*rho_A
     w6 = epsilon*w5
-    w7 = out[2, 0] = out[3, 5] = 0.05*w6
-    w8 = out[1, 3] = out[4, 0] = 0.15*w3
-    w9 = out[0, 5] = out[2, 3] = 0.03333333333333333*w6
+    w7 = 0.05*w6
+    w8 = 0.15*w3
+    w9 = 0.03333333333333333*w6
     w10 = w0*w5
-    w11 = out[4, 5] = out[5, 4] = 0.05238095238095238*w10
-    w12 = out[1, 5] = out[5, 1] = 0.030952380952380953*w10
+    w11 = 0.05238095238095238*w10
+    w12 = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
-    out[0, 0] = out[3, 3] = -0.3333333333333333*w2
-    out[0, 1] = out[3, 4] = -w4
-    out[0, 2] = out[5, 3] = -w7
-    out[0, 3] = out[3, 0] = -0.16666666666666666*w2
-    out[0, 4] = out[3, 1] = -w8
-    out[1, 1] = out[4, 4] = -0.37142857142857144*w2
-    out[1, 2] = out[2, 1] = -w11
-    out[1, 4] = out[4, 1] = -0.12857142857142856*w2
-    out[2, 2] = out[5, 5] = -0.009523809523809525*w13
-    out[2, 4] = out[4, 2] = -w12
-    out[2, 5] = out[5, 2] = 0.007142857142857143*w13
-    out[3, 2] = out[5, 0] = -w9
+    v0 = -0.3333333333333333*w2
+    v1 = -w4
+    v2 = -w7
+    v3 = -0.16666666666666666*w2
+    v4 = -w8
+    v5 = -0.37142857142857144*w2
+    v6 = -w11
+    v7 = -0.12857142857142856*w2
+    v8 = -0.009523809523809525*w13
+    v9 = -w12
+    v10 = 0.007142857142857143*w13
+    v11 = -w9
+    pack(out, (0, 0), (v0, v1))
+    pack(out, (0, 2), (v2, v3))
+    pack(out, (0, 4), (v4, w9))
+    pack(out, (1, 0), (w4, v5))
+    pack(out, (1, 2), (v6, w8))
+    pack(out, (1, 4), (v7, w12))
+    pack(out, (2, 0), (w7, v6))
+    pack(out, (2, 2), (v8, w9))
+    pack(out, (2, 4), (v9, v10))
+    pack(out, (3, 0), (v3, v4))
+    pack(out, (3, 2), (v11, v0))
+    pack(out, (3, 4), (v1, w7))
+    pack(out, (4, 0), (w8, v7))
+    pack(out, (4, 2), (v9, w4))
+    pack(out, (4, 4), (v5, w11))
+    pack(out, (5, 0), (v11, w12))
+    pack(out, (5, 2), (v10, v2))
+    pack(out, (5, 4), (w11, v8))
 
 
 @njit(**OPTIONS)
@@ -139,12 +170,15 @@ def F(p, s, out):
     w7 = a_y*w6
     w8 = (length*length*length)*rho_A
     w9 = w6*x_0
-    out[0] = -w1 + w2*(w3 + 0.16666666666666666*w4)
-    out[1] = epsilon*(rho_I - w3 - 0.15*w4) - w5
-    out[2] = epsilon*(-0.03333333333333333*w8 - w9) - w7
-    out[3] = -w1 + w2*(w3 + 0.3333333333333333*w4)
-    out[4] = epsilon*(-rho_I - w3 - 0.35*w4) - w5
-    out[5] = epsilon*(0.05*w8 + w9) + w7
+    v0 = -w1 + w2*(w3 + 0.16666666666666666*w4)
+    v1 = epsilon*(rho_I - w3 - 0.15*w4) - w5
+    v2 = epsilon*(-0.03333333333333333*w8 - w9) - w7
+    v3 = -w1 + w2*(w3 + 0.3333333333333333*w4)
+    v4 = epsilon*(-rho_I - w3 - 0.35*w4) - w5
+    v5 = epsilon*(0.05*w8 + w9) + w7
+    pack(out, 0, (v0, v1))
+    pack(out, 2, (v2, v3))
+    pack(out, 4, (v4, v5))
 
 
 @njit(**OPTIONS)

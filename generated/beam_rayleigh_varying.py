@@ -11,7 +11,7 @@ Operations of one call, written out -> with shared subexpressions:
     M       172 -> 55
     K_s      80 -> 19
     K_d     246 -> 73
-    K_g     476 -> 127
+    K_g     476 -> 78
     C        96 -> 31
     F       151 -> 78
 
@@ -21,8 +21,9 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest dca48c753b65846d
-from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 00c46b4d3ca01258
+from kaneflex.generated.packs import pack  # digest 08a8dad226607800
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 3341852d2fb6c2c1
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -48,7 +49,7 @@ OPERATIONS = {
     'M': (172, 55),
     'K_s': (80, 19),
     'K_d': (246, 73),
-    'K_g': (476, 127),
+    'K_g': (476, 78),
     'C': (96, 31),
     'F': (151, 78),
 }
@@ -88,19 +89,31 @@ def M(p, out):
     w19 = rho_A*w17
     w20 = 0.13333333333333333*length*rho_I + 0.009523809523809525*w19
     w21 = -w7
-    out[0, 0] = w1 - w3
-    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
-    out[1, 1] = -w4 + w6
-    out[1, 2] = out[2, 1] = -w10 + w13 + w7
-    out[1, 4] = out[4, 1] = 0.12857142857142856*w0 - w5
-    out[1, 5] = out[5, 1] = 0.0011904761904761906*rho_A_rise*w8 - w14 - w7
-    out[2, 2] = -w16 - w18 + w20
-    out[2, 4] = out[4, 2] = w14 + w21 + 0.0011904761904761906*w9
-    out[2, 5] = out[5, 2] = -rho_I*w15 - 0.007142857142857143*w19
-    out[3, 3] = w1 + w3
-    out[4, 4] = w4 + w6
-    out[4, 5] = out[5, 4] = -w10 - w13 - w21
-    out[5, 5] = w16 + w18 + w20
+    v0 = w1 - w3
+    v1 = 0.16666666666666666*w0
+    v2 = -w4 + w6
+    v3 = -w10 + w13 + w7
+    v4 = 0.12857142857142856*w0 - w5
+    v5 = 0.0011904761904761906*rho_A_rise*w8 - w14 - w7
+    v6 = -w16 - w18 + w20
+    v7 = w14 + w21 + 0.0011904761904761906*w9
+    v8 = -rho_I*w15 - 0.007142857142857143*w19
+    v9 = w1 + w3
+    v10 = w4 + w6
+    v11 = -w10 - w13 - w21
+    v12 = w16 + w18 + w20
+    out[0, 0] = v0
+    out[0, 3] = v1
+    pack(out, (1, 1), (v2, v3))
+    pack(out, (1, 4), (v4, v5))
+    pack(out, (2, 1), (v3, v6))
+    pack(out, (2, 4), (v7, v8))
+    out[3, 0] = v1
+    out[3, 3] = v9
+    pack(out, (4, 1), (v4, v7))
+    pack(out, (4, 4), (v10, v11))
+    pack(out, (5, 1), (v5, v8))
+    pack(out, (5, 4), (v11, v12))
 
 
 @njit(**OPTIONS)
@@ -133,7 +146,7 @@ def K_d(p, s, out):
     w15 = 0.15*w1
     w16 = 0.008333333333333333*w3
     w17 = w15 + w16
-    w18 = out[0, 5] = out[2, 3] = 0.03333333333333333*epsilon*w9
+    w18 = 0.03333333333333333*epsilon*w9
     w19 = 0.37142857142857144*w1
     w20 = 0.1*w3
     w21 = 0.05238095238095238*w9
@@ -146,32 +159,50 @@ def K_d(p, s, out):
     w28 = 0.0011904761904761906*rho_A_rise*w25
     w29 = w5 + w6
     w30 = w10 + w12
-    out[0, 0] = w0*(-w2 + w4)
-    out[0, 1] = -epsilon*w7
-    out[0, 2] = -epsilon*w13
-    out[0, 3] = out[3, 0] = -0.16666666666666666*w14
-    out[0, 4] = -epsilon*w17
-    out[1, 0] = epsilon*w7
-    out[1, 1] = w0*(-w19 + w20)
-    out[1, 2] = out[2, 1] = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
-    out[1, 3] = epsilon*w22
-    out[1, 4] = out[4, 1] = -0.12857142857142856*w14
-    out[1, 5] = out[5, 1] = w0*(w23 - w24)
-    out[2, 0] = epsilon*w13
-    out[2, 2] = w0*(-w27 + w28)
-    out[2, 4] = out[4, 2] = w0*(-w23 - w24)
-    out[2, 5] = out[5, 2] = 0.007142857142857143*w0*w26
-    out[3, 1] = -epsilon*w22
-    out[3, 2] = out[5, 0] = -w18
-    out[3, 3] = w0*(-w2 - w4)
-    out[3, 4] = -epsilon*w29
-    out[3, 5] = epsilon*w30
-    out[4, 0] = epsilon*w17
-    out[4, 3] = epsilon*w29
-    out[4, 4] = w0*(-w19 - w20)
-    out[4, 5] = out[5, 4] = w0*(0.009523809523809525*w11 + w21)
-    out[5, 3] = -epsilon*w30
-    out[5, 5] = w0*(-w27 - w28)
+    v0 = w0*(-w2 + w4)
+    v1 = -epsilon*w7
+    v2 = -epsilon*w13
+    v3 = -0.16666666666666666*w14
+    v4 = -epsilon*w17
+    v5 = epsilon*w7
+    v6 = w0*(-w19 + w20)
+    v7 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
+    v8 = epsilon*w22
+    v9 = -0.12857142857142856*w14
+    v10 = w0*(w23 - w24)
+    v11 = epsilon*w13
+    v12 = w0*(-w27 + w28)
+    v13 = w0*(-w23 - w24)
+    v14 = 0.007142857142857143*w0*w26
+    v15 = -epsilon*w22
+    v16 = -w18
+    v17 = w0*(-w2 - w4)
+    v18 = -epsilon*w29
+    v19 = epsilon*w30
+    v20 = epsilon*w17
+    v21 = epsilon*w29
+    v22 = w0*(-w19 - w20)
+    v23 = w0*(0.009523809523809525*w11 + w21)
+    v24 = -epsilon*w30
+    v25 = w0*(-w27 - w28)
+    pack(out, (0, 0), (v0, v1))
+    pack(out, (0, 2), (v2, v3))
+    pack(out, (0, 4), (v4, w18))
+    pack(out, (1, 0), (v5, v6))
+    pack(out, (1, 2), (v7, v8))
+    pack(out, (1, 4), (v9, v10))
+    pack(out, (2, 0), (v11, v7))
+    pack(out, (2, 2), (v12, w18))
+    pack(out, (2, 4), (v13, v14))
+    pack(out, (3, 0), (v3, v15))
+    pack(out, (3, 2), (v16, v17))
+    pack(out, (3, 4), (v18, v19))
+    pack(out, (4, 0), (v20, v9))
+    pack(out, (4, 2), (v13, v21))
+    pack(out, (4, 4), (v22, v23))
+    pack(out, (5, 0), (v16, v10))
+    pack(out, (5, 2), (v14, v24))
+    pack(out, (5, 4), (v23, v25))
 
 
 @njit(**OPTIONS)
@@ -207,12 +238,15 @@ def F(p, s, out):
     w13 = length*length*length
     w14 = rho_A*w13
     w15 = -0.08333333333333333*length*rho_I_rise + w12*x_0
-    out[0] = a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7)
-    out[1] = a_y*(-w0 + w8) + epsilon*(w10 + w11 - w4 - 0.15*w7)
-    out[2] = a_y*(0.008333333333333333*rho_A_rise*w6 - w12) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w14 - w15)
-    out[3] = a_x*(-w0 - w2) + w3*(w4 + w5 + 0.3333333333333333*w7 + 0.08333333333333333*w9)
-    out[4] = a_y*(-w0 - w8) + epsilon*(-w11 - w4 - 0.35*w7 - 0.09166666666666666*w9)
-    out[5] = a_y*(w10 + w12) + epsilon*(0.008333333333333333*rho_A_rise*w13 + w10*x_0 + 0.05*w14 + w15)
+    v0 = a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7)
+    v1 = a_y*(-w0 + w8) + epsilon*(w10 + w11 - w4 - 0.15*w7)
+    v2 = a_y*(0.008333333333333333*rho_A_rise*w6 - w12) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w14 - w15)
+    v3 = a_x*(-w0 - w2) + w3*(w4 + w5 + 0.3333333333333333*w7 + 0.08333333333333333*w9)
+    v4 = a_y*(-w0 - w8) + epsilon*(-w11 - w4 - 0.35*w7 - 0.09166666666666666*w9)
+    v5 = a_y*(w10 + w12) + epsilon*(0.008333333333333333*rho_A_rise*w13 + w10*x_0 + 0.05*w14 + w15)
+    pack(out, 0, (v0, v1))
+    pack(out, 2, (v2, v3))
+    pack(out, 4, (v4, v5))
 
 
 @njit(**OPTIONS)

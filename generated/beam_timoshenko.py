@@ -11,7 +11,7 @@ Operations of one call, written out -> with shared subexpressions:
     M       524 -> 66
     K_s      92 -> 20
     K_d     420 -> 56
-    K_g    1120 -> 157
+    K_g    1120 -> 111
     C       144 -> 24
     F       128 -> 57
 
@@ -21,7 +21,8 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest dca48c753b65846d
+from kaneflex.generated.packs import pack  # digest 08a8dad226607800
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -42,7 +43,7 @@ OPERATIONS = {
     'M': (524, 66),
     'K_s': (92, 20),
     'K_d': (420, 56),
-    'K_g': (1120, 157),
+    'K_g': (1120, 111),
     'C': (144, 24),
     'F': (128, 57),
 }
@@ -61,7 +62,7 @@ def M(p, out):
     rho_I = p[5]
     phi_s = p[6]
     w0 = length*rho_A
-    w1 = out[0, 0] = out[3, 3] = 0.3333333333333333*w0
+    w1 = 0.3333333333333333*w0
     w2 = phi_s + 1.0
     w3 = 1.0/w2
     w4 = w0*w3
@@ -72,21 +73,33 @@ def M(p, out):
     w9 = 0.041666666666666664*w8
     w10 = 0.5*rho_I*w3
     w11 = phi_s*w3*w9 - w10 + 0.008333333333333333*w3*w8 + 0.002380952380952381*w5*w8 + 0.6*w6
-    w12 = out[1, 2] = out[2, 1] = w11 + w9
-    w13 = out[1, 5] = out[5, 1] = w11 - w9
+    w12 = w11 + w9
+    w13 = w11 - w9
     w14 = length*rho_I
     w15 = (length*length*length)*rho_A
     w16 = 0.008333333333333333*w15
     w17 = phi_s*w15
     w18 = 0.006944444444444444*w17
     w19 = -length*w10 + 0.3*length*w6 + 0.0011904761904761906*w15*w5 + 0.020833333333333332*w17*w3
-    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
-    out[1, 1] = out[4, 4] = w1 + w7
-    out[1, 4] = out[4, 1] = 0.16666666666666666*length*rho_A - w7
-    out[2, 2] = out[5, 5] = 0.3333333333333333*w14 + w16 + w18 + w19
-    out[2, 4] = out[4, 2] = -w13
-    out[2, 5] = out[5, 2] = 0.16666666666666666*w14 - w16 - w18 + w19
-    out[4, 5] = out[5, 4] = -w12
+    v0 = 0.16666666666666666*w0
+    v1 = w1 + w7
+    v2 = 0.16666666666666666*length*rho_A - w7
+    v3 = 0.3333333333333333*w14 + w16 + w18 + w19
+    v4 = -w13
+    v5 = 0.16666666666666666*w14 - w16 - w18 + w19
+    v6 = -w12
+    out[0, 0] = w1
+    out[0, 3] = v0
+    pack(out, (1, 1), (v1, w12))
+    pack(out, (1, 4), (v2, w13))
+    pack(out, (2, 1), (w12, v3))
+    pack(out, (2, 4), (v4, v5))
+    out[3, 0] = v0
+    out[3, 3] = w1
+    pack(out, (4, 1), (v2, v4))
+    pack(out, (4, 4), (v1, v6))
+    pack(out, (5, 1), (w13, v5))
+    pack(out, (5, 4), (v6, v3))
 
 
 @njit(**OPTIONS)
@@ -99,17 +112,29 @@ def K_s(p, out):
     length = p[3]
     phi_s = p[6]
     w0 = 1.0/length
-    w1 = out[0, 0] = out[3, 3] = E_A*w0
+    w1 = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
     w3 = E_I*w2
-    w4 = out[1, 1] = out[4, 4] = 12.0*w3/(length*length*length)
-    w5 = out[1, 2] = out[1, 5] = out[2, 1] = out[5, 1] = 6.0*w3/(length*length)
+    w4 = 12.0*w3/(length*length*length)
+    w5 = 6.0*w3/(length*length)
     w6 = E_I*w0
-    out[0, 3] = out[3, 0] = -w1
-    out[1, 4] = out[4, 1] = -w4
-    out[2, 2] = out[5, 5] = 3.0*w2*w6 + w6
-    out[2, 4] = out[4, 2] = out[4, 5] = out[5, 4] = -w5
-    out[2, 5] = out[5, 2] = 3.0*E_I*w0*w2 - w6
+    v0 = -w1
+    v1 = -w4
+    v2 = 3.0*w2*w6 + w6
+    v3 = -w5
+    v4 = 3.0*E_I*w0*w2 - w6
+    out[0, 0] = w1
+    out[0, 3] = v0
+    pack(out, (1, 1), (w4, w5))
+    pack(out, (1, 4), (v1, w5))
+    pack(out, (2, 1), (w5, v2))
+    pack(out, (2, 4), (v3, v4))
+    out[3, 0] = v0
+    out[3, 3] = w1
+    pack(out, (4, 1), (v1, v3))
+    pack(out, (4, 4), (w4, v3))
+    pack(out, (5, 1), (w5, v4))
+    pack(out, (5, 4), (v3, v2))
 
 
 @njit(**OPTIONS)
@@ -147,24 +172,42 @@ def K_d(p, s, out):
     w20 = (length*length*length)*rho_A
     w21 = 0.008333333333333333*w20
     w22 = 0.0011904761904761906*w15*w20
-    out[0, 0] = out[3, 3] = -w0*w2
-    out[0, 1] = out[3, 4] = -epsilon*w7
-    out[0, 2] = out[5, 3] = -epsilon*w11
-    out[0, 3] = out[3, 0] = -w0*w12
-    out[0, 4] = out[3, 1] = -epsilon*w13
-    out[0, 5] = out[2, 3] = epsilon*w14
-    out[1, 0] = out[4, 3] = epsilon*w7
-    out[1, 1] = out[4, 4] = w0*(-w16 - w2)
-    out[1, 2] = out[2, 1] = -w0*w18
-    out[1, 3] = out[4, 0] = epsilon*w13
-    out[1, 4] = out[4, 1] = w0*(-w12 + w16)
-    out[1, 5] = out[5, 1] = -w0*w19
-    out[2, 0] = out[3, 5] = epsilon*w11
-    out[2, 2] = out[5, 5] = w0*(-w21 - w22)
-    out[2, 4] = out[4, 2] = w0*w19
-    out[2, 5] = out[5, 2] = w0*(w21 - w22)
-    out[3, 2] = out[5, 0] = -epsilon*w14
-    out[4, 5] = out[5, 4] = w0*w18
+    v0 = -w0*w2
+    v1 = -epsilon*w7
+    v2 = -epsilon*w11
+    v3 = -w0*w12
+    v4 = -epsilon*w13
+    v5 = epsilon*w14
+    v6 = epsilon*w7
+    v7 = w0*(-w16 - w2)
+    v8 = -w0*w18
+    v9 = epsilon*w13
+    v10 = w0*(-w12 + w16)
+    v11 = -w0*w19
+    v12 = epsilon*w11
+    v13 = w0*(-w21 - w22)
+    v14 = w0*w19
+    v15 = w0*(w21 - w22)
+    v16 = -epsilon*w14
+    v17 = w0*w18
+    pack(out, (0, 0), (v0, v1))
+    pack(out, (0, 2), (v2, v3))
+    pack(out, (0, 4), (v4, v5))
+    pack(out, (1, 0), (v6, v7))
+    pack(out, (1, 2), (v8, v9))
+    pack(out, (1, 4), (v10, v11))
+    pack(out, (2, 0), (v12, v8))
+    pack(out, (2, 2), (v13, v5))
+    pack(out, (2, 4), (v14, v15))
+    pack(out, (3, 0), (v3, v4))
+    pack(out, (3, 2), (v16, v0))
+    pack(out, (3, 4), (v1, v12))
+    pack(out, (4, 0), (v9, v10))
+    pack(out, (4, 2), (v14, v6))
+    pack(out, (4, 4), (v7, v17))
+    pack(out, (5, 0), (v16, v11))
+    pack(out, (5, 2), (v15, v2))
+    pack(out, (5, 4), (v17, v13))
 
 
 @njit(**OPTIONS)
@@ -179,71 +222,55 @@ def K_g(p, s, out):
     omega = s[0]
     a_x = s[2]
     P_0 = s[4]
-    w0 = 1.0/length
-    w1 = phi_s + 1.0
-    w2 = 1.0/(w1*w1)
-    w3 = w0*w2
-    w4 = 0.2*w3
-    w5 = w0 + w4
-    w6 = 0.5*rho_A
-    w7 = rho_A*x_0
-    w8 = 0.1*w2
-    w9 = rho_A*w8
-    w10 = w0*w7 + w4*w7 + w6 + w9
-    w11 = omega*omega
-    w12 = length*rho_A
-    w13 = x_0*x_0
-    w14 = w12*w2
-    w15 = 1.0/w1
-    w16 = 0.03333333333333333*w15
-    w17 = w12*w16
-    w18 = -w17
-    w19 = w9*x_0
-    w20 = rho_A*w13
-    w21 = w0*w13*w6 + 0.16666666666666666*w12 + 0.0380952380952381*w14 + w18 + w19 + 0.1*w20*w3 + w6*x_0
-    w22 = P_0*w8
-    w23 = 0.08333333333333333*length
-    w24 = rho_A*w23
-    w25 = 0.05*w2
-    w26 = w12*w25 + w19
-    w27 = w18 + w24 + w26
-    w28 = length*length
-    w29 = length*w16*w7
-    w30 = length*w25
-    w31 = w30*w7
-    w32 = rho_A*w28
-    w33 = 0.041666666666666664*w32
-    w34 = w23*w7
-    w35 = w33 + w34
-    w36 = w31 + w35
-    w37 = w2*w32
-    w38 = w20*w25 + 0.01904761904761905*w37
-    w39 = -0.025*rho_A*w15*w28 - w29 + w36 + w38
-    w40 = w17 - w24 + w26
-    w41 = 0.008333333333333333*w15*w32 + w29 + w31 - w33 - w34 + w38
-    w42 = P_0*(w23 + w30)
-    w43 = w16*w32
-    w44 = w36 + 0.025*w37
-    w45 = (length*length*length)*rho_A
-    w46 = 0.016666666666666666*w45
-    w47 = w15*w46
-    w48 = w28*w7
-    w49 = w16*w48
-    w50 = 0.009523809523809525*w2*w45
-    w51 = 0.025*w13*w14
-    w52 = 0.025*w2*w48
-    w53 = 0.041666666666666664*w12*w13 + w46 + 0.041666666666666664*w48
-    w54 = w50 + w51 + w52 + w53
-    w55 = -w22
-    out[1, 1] = out[4, 4] = P_0*w5 + a_x*w10 - w11*w21
-    out[1, 2] = out[2, 1] = a_x*w27 - w11*w39 + w22
-    out[1, 4] = out[4, 1] = -P_0*w5 - a_x*w10 + w11*w21
-    out[1, 5] = out[5, 1] = a_x*w40 - w11*w41 + w22
-    out[2, 2] = a_x*(-w43 + w44) + w11*(w47 + w49 - w54) + w42
-    out[2, 4] = out[4, 2] = -a_x*w27 + w11*w39 + w55
-    out[2, 5] = out[5, 2] = P_0*(0.05*length*w2 - w23) + a_x*(0.025*rho_A*w2*w28 + w31 - w35) + w11*(-w50 - w51 - w52 + w53)
-    out[4, 5] = out[5, 4] = -a_x*w40 + w11*w41 + w55
-    out[5, 5] = a_x*(w43 + w44) + w11*(-w47 - w49 - w54) + w42
+    w0 = a_x*rho_A
+    w1 = omega*omega
+    w2 = rho_A*w1*x_0
+    w3 = 1.0/length
+    w4 = phi_s + 1.0
+    w5 = 1.0/(w4*w4)
+    w6 = w3*w5
+    w7 = w3 + 0.2*w6
+    w8 = 0.5*w3 + 0.1*w6
+    w9 = 1.0/w4
+    w10 = -0.06666666666666667*w3*w9 + 0.3333333333333333*w3 + 0.0761904761904762*w6
+    P_1 = P_0 + x_0*(w0 - 0.5*w2)
+    w11 = 0.1*P_1*w5
+    w12 = 0.05*w5
+    w13 = 0.03333333333333333*w9
+    w14 = w12 - w13 + 0.08333333333333333
+    w15 = 0.0380952380952381*w5
+    w16 = w15 - 0.05*w9 + 0.08333333333333333
+    w17 = w12 + w13 - 0.08333333333333333
+    w18 = w15 + 0.016666666666666666*w9 - 0.08333333333333333
+    w19 = 0.08333333333333333*length
+    w20 = P_1*(length*w12 + w19)
+    w21 = length*w13
+    w22 = -w21
+    w23 = 0.041666666666666664*length
+    w24 = length*w5
+    w25 = w23 + 0.025*w24
+    w26 = 0.03333333333333333*length
+    w27 = 0.01904761904761905*w24 + w26
+    w28 = -w11
+    P_2 = length*w0 - length*w2
+    P_3 = -0.5*(length*length)*rho_A*w1
+    v0 = P_1*w7 + P_2*w8 + P_3*w10
+    v1 = P_2*w14 + P_3*w16 + w11
+    v2 = -P_1*w7 - P_2*w8 - P_3*w10
+    v3 = P_2*w17 + P_3*w18 + w11
+    v4 = P_2*(w22 + w25) + P_3*(w22 + w27) + w20
+    v5 = -P_2*w14 - P_3*w16 + w28
+    v6 = P_1*(0.05*length*w5 - w19) + P_2*(0.025*length*w5 - w23) + P_3*(0.01904761904761905*length*w5 - w26)
+    v7 = -P_2*w17 - P_3*w18 + w28
+    v8 = P_2*(w21 + w25) + P_3*(w21 + w27) + w20
+    pack(out, (1, 1), (v0, v1))
+    pack(out, (1, 4), (v2, v3))
+    pack(out, (2, 1), (v1, v4))
+    pack(out, (2, 4), (v5, v6))
+    pack(out, (4, 1), (v2, v5))
+    pack(out, (4, 4), (v0, v7))
+    pack(out, (5, 1), (v3, v6))
+    pack(out, (5, 4), (v7, v8))
 
 
 @njit(**OPTIONS)
@@ -265,14 +292,26 @@ def C(p, s, out):
     w7 = w5 + w6
     w8 = 0.3333333333333333*w0 - w2
     w9 = w5 - w6
-    out[0, 1] = out[3, 4] = -omega*w3
-    out[0, 2] = out[5, 3] = -omega*w7
-    out[0, 4] = out[3, 1] = -omega*w8
-    out[0, 5] = out[2, 3] = omega*w9
-    out[1, 0] = out[4, 3] = omega*w3
-    out[1, 3] = out[4, 0] = omega*w8
-    out[2, 0] = out[3, 5] = omega*w7
-    out[3, 2] = out[5, 0] = -omega*w9
+    v0 = -omega*w3
+    v1 = -omega*w7
+    v2 = -omega*w8
+    v3 = omega*w9
+    v4 = omega*w3
+    v5 = omega*w8
+    v6 = omega*w7
+    v7 = -omega*w9
+    pack(out, (0, 1), (v0, v1))
+    pack(out, (0, 4), (v2, v3))
+    out[1, 0] = v4
+    out[1, 3] = v5
+    out[2, 0] = v6
+    out[2, 3] = v3
+    pack(out, (3, 1), (v2, v7))
+    pack(out, (3, 4), (v0, v6))
+    out[4, 0] = v5
+    out[4, 3] = v4
+    out[5, 0] = v7
+    out[5, 3] = v1
 
 
 @njit(**OPTIONS)
@@ -309,12 +348,15 @@ def F(p, s, out):
     w15 = rho_A*w14
     w16 = w11*x_0 + 0.041666666666666664*w15
     w17 = w4 + 0.3333333333333333*w5
-    out[0] = -w2 + w3*w6
-    out[1] = epsilon*(w10 - w6 + w9) - w7
-    out[2] = epsilon*(0.5*length*rho_I*w8 + 0.008333333333333333*rho_A*w14*w8 - w13 - w16) - w12
-    out[3] = w17*w3 - w2
-    out[4] = epsilon*(-w10 - w17 - w9) - w7
-    out[5] = epsilon*(w0*w9 - w13 + 0.008333333333333333*w15*w8 + w16) + w12
+    v0 = -w2 + w3*w6
+    v1 = epsilon*(w10 - w6 + w9) - w7
+    v2 = epsilon*(0.5*length*rho_I*w8 + 0.008333333333333333*rho_A*w14*w8 - w13 - w16) - w12
+    v3 = w17*w3 - w2
+    v4 = epsilon*(-w10 - w17 - w9) - w7
+    v5 = epsilon*(w0*w9 - w13 + 0.008333333333333333*w15*w8 + w16) + w12
+    pack(out, 0, (v0, v1))
+    pack(out, 2, (v2, v3))
+    pack(out, 4, (v4, v5))
 
 
 @njit(**OPTIONS)

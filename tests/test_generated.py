@@ -22,6 +22,7 @@ from kaneflex.derive import generate
 from kaneflex.derive.__main__ import modules
 from kaneflex.derive.beam import beam_element
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
+from kaneflex.generated.packs import pack
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.structure import coupled_hash
@@ -119,7 +120,7 @@ def test_a_module_needs_nothing_of_kaneflex_but_its_siblings(tmp_path):
     """Copied elsewhere with those that it imports, kaneflex and SymPy out of reach, it computes the same."""
     folder = tmp_path / "kaneflex" / "generated"
     folder.mkdir(parents=True)
-    for name in ("engine", "beam_euler_bernoulli", "tables"):
+    for name in ("engine", "beam_euler_bernoulli", "packs", "tables"):
         (folder / f"{name}.py").write_text((FOLDER / f"{name}.py").read_text(encoding="utf-8"), encoding="utf-8")
     code = """
 import sys
@@ -182,13 +183,14 @@ def test_operations_are_held_down(kernel):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_operations_stated_are_those_printed(name):
-    """Counted anew in the text: operators and calls; a sign is free, a lookup in a table is one call."""
+    """Counted anew in the text: operators and calls; a sign and a store are free, a lookup in a table is one call."""
     defined = functions(name)
     if module(name).LINKS:
         defined |= functions(module(name).element_matrices.__module__.rpartition(".")[2])
     for kernel, (_, stated) in module(name).OPERATIONS.items():
         nodes = list(ast.walk(defined[kernel]))
-        calls = [node for node in nodes if isinstance(node, ast.Call) and getattr(node.func, "id", "") != "int"]
+        calls = [node for node in nodes if isinstance(node, ast.Call)]
+        calls = [node for node in calls if getattr(node.func, "id", "") not in ("int", "pack")]
         printed = sum(isinstance(node, ast.BinOp) for node in nodes) + len(calls) - 1  # the decorator's call
         assert printed == stated, kernel
 
@@ -342,6 +344,25 @@ def test_a_run_computes_with_the_kernels_that_are_imported(monkeypatch, kernel):
     found = simulate(load(scene)).series["mid_transverse"].values
     error = abs(found - right).max() / abs(right).max()
     assert error > 1e-5 if kernel else error < 1e-12
+
+
+@pytest.mark.parametrize("order", ["C", "F", "apart", "float32"])
+@pytest.mark.parametrize("compiled", [True, False])
+def test_numbers_are_stored_together_wherever_they_lie(order, compiled):
+    """Rows of one memory in one go, others one by one; as Python, too."""
+
+    def stored(out, row):
+        pack(out, (1, 0), (1.5, 2.5))
+        pack(row, 2, (3.5, 4.5))
+
+    out, row = np.zeros((4, 6), order=order if len(order) == 1 else "C"), np.zeros(8)
+    if order == "apart":
+        out, row = out[::2, ::2], row[::2]
+    if order == "float32":
+        out, row = out.astype(np.float32), row.astype(np.float32)
+    (njit(stored) if compiled else stored)(out, row)
+    assert out.ravel().tolist() == [0.0] * out.shape[1] + [1.5, 2.5] + [0.0] * (out.size - out.shape[1] - 2)
+    assert row.tolist() == [0.0, 0.0, 3.5, 4.5, *[0.0] * (len(row) - 4)]
 
 
 def test_kernels_in_a_loop_of_the_users_own():
