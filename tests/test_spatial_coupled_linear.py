@@ -9,7 +9,8 @@ from lifting import lifted
 from scipy.spatial.transform import Rotation
 
 import kaneflex
-from kaneflex.multibody.spatial_linear import _turned
+from kaneflex.multibody.spatial_linear import _turned, growth, names_of, neighbours
+from kaneflex.multibody.spatial_start import start_of
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled_linearisation import linear_about
 from kaneflex.solve.modes import modes
@@ -288,3 +289,45 @@ def test_one_way_equations_in_space_are_not_linearised():
     settings = ["solve.start=zero", "solve.duration=1 ms", "solve.steps=2"]
     with pytest.raises(SceneError, match="in space only preset coupled is linearised"):
         kaneflex.linearise(kaneflex.load(with_settings(read_scene("rotating-blade"), settings)))
+
+
+ARM_ON_A_GUIDE = """
+schema = 1
+gravity = [0, 0, -9.81]
+ground = {rail = [0.6, 0, -1.5]}
+[bodies]
+upper = {length = "1 m", mass = "2 kg", inertia = [0.01, 0.17, 0.17], rotation = {axis = [0, 1, 0], angle = "80 deg"}}
+lower = {length = "0.9 m", mass = "1 kg", inertia = [0.01, 0.07, 0.07], rotation = {axis = [0, 1, 0], angle = "50 deg"}}
+block = {mass = "0.5 kg", inertia = [0.01, 0.01, 0.01]}
+[joints]
+shoulder = {spherical = ["ground", "upper.start"]}
+elbow = {revolute = ["upper.end", "lower.start"], axis = [0, 0.6, 0.8]}
+hand = {spherical = ["lower.end", "block"]}
+guide = {prismatic = ["ground.rail", "block"], direction = [0, 1, 0.2]}
+[drives]
+shoulder = {free = true}
+elbow = {free = true}
+[solve]
+preset = "rigid"
+duration = "1 ms"
+steps = 2
+"""
+
+
+def test_the_speeds_of_a_closed_loop_change_with_its_place(tmp_path):
+    """N' of a mechanism some of whose ball's speeds depend on others, against N a little before and after."""
+    system = kaneflex.load(_scene(tmp_path, ARM_ON_A_GUIDE)).motion.module.system
+    start = start_of(system)
+    which = start.choice.independent
+    u = start.u.copy()
+    u[which] = np.linspace(1.5, -1.0, len(which))
+    beside = neighbours(system, system.settle(0.0, start.q, u, start.choice))
+    base = system.settle(0.0, beside.base.q, beside.base.u, beside.base.choice)
+    N = system.basis(base.choice).copy()
+    found, h = growth(beside, N), 1e-4
+    places = system.advanced(base.q, np.array([h, -h])[:, None] * base.u)
+    near = [system.basis(system.settle(0.0, q, base.u, base.choice).choice).copy() for q in places]
+    expected = (near[0] - near[1]).T / (2 * h)
+    assert 0 < sum(name.startswith("shoulder.") for name in names_of(system, base)) < 3
+    assert abs(expected).max() > 0.5
+    np.testing.assert_allclose(found, expected, atol=1e-5 * abs(expected).max())

@@ -151,9 +151,14 @@ def linear(beside: Neighbours) -> Linear[State]:
     M = N @ system.mass(base.sizes) @ N.T
     f_y, f_v, f_p = np.split(beside.slopes(found.du[:, which]), [n, 2 * n], axis=1)
     spin, faster = _turning(system, base.u), _turning(system, base.du)
-    N_rate = beside.slopes(found.u)[:, :n] - spin @ N.T
-    W_rate = (faster @ N.T + spin @ N_rate)[which]
+    W_rate = (faster @ N.T + spin @ growth(beside, N))[which]
     return Linear(base, names_of(system, base), M, M @ (W - f_v), M @ (W_rate - f_y), M @ f_p)
+
+
+def growth(beside: Neighbours, N: np.ndarray) -> np.ndarray:
+    """N' along the motion, (speeds, n): of y alone the speeds grow by (N y)' and omega x theta."""
+    speeds = beside.system.instants(beside.found).u
+    return beside.slopes(speeds)[:, : len(N)] - _turning(beside.system, beside.base.u) @ N.T
 
 
 def at_rest(system: SpatialSystem, t: float, q: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:

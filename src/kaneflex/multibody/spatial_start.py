@@ -152,7 +152,7 @@ def _check_speeds(system: SpatialSystem, state: State) -> None:
             joint = system.mechanism.joints.get(owner)
             field = START_SPEEDS.get(joint.kind, "initial_speed") if joint else "velocity"
             raise SceneError(
-                f"{_key(system, owner)}.{field}", wanted,
+                f"{_key(system, owner)}.{field}", float(wanted),
                 f"with the other speeds it is {state.u[k]:.9g}: the loops tie them to each other",
                 "Give initial speeds to as many joints as the mechanism has freedoms",
             )  # fmt: skip
