@@ -33,6 +33,9 @@ _DIES, _EXACT = 0.5, 1e-4
 """A modulus that needs no better look, and what another may be off by where it is one as far as one can tell."""
 _ROUNDED = 1e-8
 """What rounding and differences leave of a modulus at least."""
+_APART, _BY_CYCLES = 1e-3, 1e-2
+"""Of cycles from which differences are taken: how far their starts lie apart, as a share of how far the motion goes,
+and what a modulus is off by then."""
 _UNKNOWN = "whether disturbances grow is not known"
 
 Start = TypeVar("Start")
@@ -54,8 +57,9 @@ COMPLETED = Verdict(Outcome.COMPLETED, Outcome.COMPLETED.value, None)
 class Cycles(ABC, Generic[Start, Cycle]):
     """The cycles of a mechanism by their starts."""
 
-    remembers = False
-    """Whether what acts knows what was before."""
+    touches = False
+    """Whether something hits, or sticks and slips: that turns a disturbance into another one at once, of which the
+    equations in between know nothing."""
 
     @abstractmethod
     def run(self, start: Start) -> Cycle:
@@ -85,9 +89,28 @@ class Cycles(ABC, Generic[Start, Cycle]):
     def end(self, cycle: Cycle) -> Start:
         """Its end as a start."""
 
+    def sizes(self, cycle: Cycle) -> np.ndarray:
+        """How far every one of x goes in a cycle, (2 k,); of what touches alone."""
+        raise NotImplementedError
+
     def most_pieces(self, cycle: Cycle) -> int:
         """Into which it can be cut."""
         return _MOST
+
+    def by_cycles(self, cycle: Cycle) -> np.ndarray:
+        """dP/dx (2 k, 2 k) by central differences of cycles that start beside one.
+
+        Raises ArithmeticError where one of them doesn't come to its end.
+        """
+        steps = np.diag(_APART * self.sizes(cycle))
+        ends = np.zeros((2, *steps.shape))
+        for ahead, sign in zip(ends, (1.0, -1.0), strict=True):
+            for k, step in enumerate(steps):
+                found = self.run(self.moved(cycle, sign * step))
+                if not self.completed(found):
+                    raise ArithmeticError("a cycle beside it doesn't come to its end")
+                ahead[:, k] = self.missed(found)
+        return np.eye(len(steps)) + (ends[0] - ends[1]) / (2.0 * np.diag(steps))
 
     def repeated(self, start: Start, progress: Callable[[float], None] | None = None) -> tuple[Cycle, Verdict | None]:
         """Cycle after cycle until one repeats, each from where Newton's method has the last one's end lead to.
@@ -116,7 +139,8 @@ class Cycles(ABC, Generic[Start, Cycle]):
                 last, missed = missed, self.missed(found)
                 try:
                     if slope is None:
-                        slope = np.eye(len(missed)) - self.monodromy(found, PIECES)
+                        tangent = self.by_cycles(found) if self.touches else self.monodromy(found, PIECES)
+                        slope = np.eye(len(missed)) - tangent
                     else:
                         slope -= np.outer(missed - last + slope @ move, move) / (move @ move)
                     move = np.linalg.solve(slope, missed)
@@ -135,6 +159,9 @@ class Cycles(ABC, Generic[Start, Cycle]):
         They are taken in as many pieces as it takes to tell its modulus from one, in doubt more than once: fast
         vibrations hide from long pieces. Raises what :meth:`monodromy` does.
         """
+        if self.touches:
+            found = np.linalg.eigvals(self.by_cycles(cycle))
+            return found[np.argsort(-abs(found), kind="stable")], _BY_CYCLES
         moduli, pieces = list[float](), _FEWEST
         while True:
             found = np.linalg.eigvals(self.monodromy(cycle, pieces))
@@ -156,8 +183,6 @@ class Cycles(ABC, Generic[Start, Cycle]):
         def unknown(why: str, floquet: np.ndarray | None = None) -> Verdict:
             return Verdict(Outcome.COMPLETED, f"{Outcome.COMPLETED.value}; {_UNKNOWN}: {why}", floquet)
 
-        if self.remembers:
-            return unknown("contacts and friction leave it open")
         try:
             floquet, off = self.multipliers(cycle)
         except (ArithmeticError, np.linalg.LinAlgError):

@@ -322,9 +322,17 @@ def _check_contacts(scene: Scene, dynamics: str) -> None:
     if scene.solve.integrator == "scipy":
         reason = "it would step over what changes there"
         refuse_contacts(scene, "solve.integrator", "scipy", reason, "Take radau or gauss")
-    if scene.solve.start in ("quasistatic", "periodic"):
-        reason = "the motion need not repeat, and its equilibrium is not that of free bodies"
-        refuse_contacts(scene, "solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
+    if scene.solve.start == "quasistatic":
+        reason = "its equilibrium is not that of free bodies"
+        refuse_contacts(scene, "solve.start", "quasistatic", reason, "Start from zero, or from a given state")
+    bristles = next((name for name, friction in scene.frictions.items() if friction.law == "lugre"), None)
+    if scene.solve.start == "periodic" and bristles is not None:
+        contact = scene.contacts.get(bristles)
+        owner = f"joints.{bristles}" if contact is None else f"contacts.{bristles}"
+        if contact is not None and contact.joint is not None:
+            owner = f"joints.{contact.joint}.clearance"
+        reason = f"with {owner}.friction a cycle would begin without the bristles of the one before"
+        raise SceneError("solve.start", "periodic", reason, "Start from zero and run long enough, or take law stribeck")
 
 
 def _check_laws(scene: Scene, dynamics: str) -> None:

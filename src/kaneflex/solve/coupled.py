@@ -201,6 +201,8 @@ def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.
 Start = tuple[np.ndarray, np.ndarray]
 _LOOKS = 33
 """Instants of a cycle at which it is looked how far free joints go."""
+_STILL = 1e-3
+"""Share of the mechanism's size, or rad, below which what moves goes as good as nowhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +215,7 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
     returning: Returning
 
     @property
-    def remembers(self) -> bool:  # type: ignore[override]
+    def touches(self) -> bool:  # type: ignore[override]
         return bool(len(self.system.engine.contacts) or len(self.system.engine.holds))
 
     def run(self, start: Start) -> CoupledTrajectory:
@@ -235,14 +237,24 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
         joints = ~engine.shapes[which]
         if not joints.any():
             return True
-        rows = np.linspace(0, len(cycle.times) - 1, _LOOKS).round().astype(int)
-        looks = [self.returning.coordinates(self.system, cycle.q[row], cycle.v[row]) for row in rows]
         (way, faster), (off, off_rate) = (
-            part.reshape(2, -1)[:, joints] for part in (np.ptp(looks, axis=0), abs(self.missed(cycle)))
+            part.reshape(2, -1)[:, joints] for part in (self._ways(cycle), abs(self.missed(cycle)))
         )
         error = self.method.tolerance * np.where(engine.turns, 1.0, self.method.length)[which[joints]]
         allowed = np.maximum(REPEATS * way, error)
         return bool((off <= allowed).all() and (off_rate * way <= allowed * faster).all())
+
+    def _ways(self, cycle: CoupledTrajectory) -> np.ndarray:
+        """How far every one of x goes in a cycle."""
+        rows = np.linspace(0, len(cycle.times) - 1, _LOOKS).round().astype(int)
+        return np.ptp([self.returning.coordinates(self.system, cycle.q[row], cycle.v[row]) for row in rows], axis=0)
+
+    def sizes(self, cycle: CoupledTrajectory) -> np.ndarray:
+        """Of what hardly moves a little of the mechanism's size, or of a turn, and that a cycle."""
+        engine, which = self.system.engine, self.returning.which
+        least = _STILL * np.where(engine.turns[which], 1.0, self.method.length)
+        duration = float(cycle.times[-1] - cycle.times[0])
+        return np.maximum(self._ways(cycle), np.concatenate([least, least / duration]))
 
     def missed(self, cycle: CoupledTrajectory) -> np.ndarray:
         return self.returning.missed(self.system, cycle)
