@@ -327,10 +327,9 @@ def _check_contacts(scene: Scene, dynamics: str) -> None:
         refuse_contacts(scene, "solve.start", "quasistatic", reason, "Start from zero, or from a given state")
     bristles = next((name for name, friction in scene.frictions.items() if friction.law == "lugre"), None)
     if scene.solve.start == "periodic" and bristles is not None:
-        contact = scene.contacts.get(bristles)
-        owner = f"joints.{bristles}" if contact is None else f"contacts.{bristles}"
-        if contact is not None and contact.joint is not None:
-            owner = f"joints.{contact.joint}.clearance"
+        owner = f"contacts.{bristles}" if bristles in scene.contacts else f"joints.{bristles}"
+        if bristles in scene.contacts and (joint := scene.contacts[bristles].joint) is not None:
+            owner = f"joints.{joint}.clearance"
         reason = f"with {owner}.friction a cycle would begin without the bristles of the one before"
         raise SceneError("solve.start", "periodic", reason, "Start from zero and run long enough, or take law stribeck")
 
