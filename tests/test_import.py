@@ -13,7 +13,7 @@ from scipy.sparse.linalg import eigsh
 
 import kaneflex
 from kaneflex.fem.craig_bampton import reduced
-from kaneflex.fem.foreign import read_foreign
+from kaneflex.fem.foreign_files import read_foreign
 from kaneflex.scene.modal_data import read_modal_data
 
 

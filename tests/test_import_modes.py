@@ -10,7 +10,7 @@ from scipy.io import mmread
 from scipy.sparse.linalg import eigsh
 
 from kaneflex.fem.craig_bampton import reduced
-from kaneflex.fem.foreign import read_foreign
+from kaneflex.fem.foreign_files import read_foreign
 from kaneflex.scene.modal_data import read_modal_data
 
 PAGE = (Path(__file__).parent.parent / "docs" / "finite-elements.md").read_text(encoding="utf-8")

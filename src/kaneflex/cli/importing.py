@@ -36,7 +36,7 @@ class Elements:
 
     def read(self) -> Foreign:
         """The link. Raises Fault."""
-        from kaneflex.fem.foreign import read_foreign
+        from kaneflex.fem.foreign_files import read_foreign
         from kaneflex.fem.recovery import read_stresses
 
         named = dict(point.partition("=")[::2] for point in self.points)

@@ -59,7 +59,11 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
         kind = "" if motion == "any" else f"{motion} "
         raise Fault(f"{modes} {kind}modes of {count - held} held coordinates", cure)
     scale = abs(K).max()
-    factors = splu(csc_array(bmat([[K, scale * csc_array(B).T], [scale * csc_array(B), None]])))
+    try:
+        factors = splu(csc_array(bmat([[K, scale * csc_array(B).T], [scale * csc_array(B), None]])))
+    except RuntimeError:
+        reason = "the stiffness leaves a motion free that no point holds"
+        raise Fault(reason, "Look for nodes without elements, or parts that hang together nowhere") from None
 
     def solved(load: np.ndarray) -> np.ndarray:
         return factors.solve(np.concatenate([load, np.zeros(held)]))[:count]
@@ -88,7 +92,11 @@ def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
     if motion != "transverse":  # in the mean over the mass
         whole = np.column_stack([link.field(1.0, 0.0)] if motion == "axial" else list(link.whole.values()))
         carried = link.M @ whole
-        shapes = shapes - whole @ np.linalg.solve(whole.T @ carried, carried.T @ shapes)
+        inertia = whole.T @ carried
+        if np.linalg.eigvalsh(inertia)[0] <= _NOTHING * inertia[0, 0]:
+            reason = "the mass resists no turn about the axis: it lies on one line"
+            raise Fault(reason, "Give the mass of its sections, with their rotary inertia")
+        shapes = shapes - whole @ np.linalg.solve(inertia, carried.T @ shapes)
     mass, stiffness = (shapes.T @ (A @ shapes) for A in (link.M, link.K))
     size = np.sqrt(np.diag(mass))
     kept = size > _NOTHING * size.max()

@@ -36,8 +36,8 @@ Labels = tuple[np.ndarray, np.ndarray]
 """Number of the node and direction, from 1, of each row."""
 
 
-def read_matrix(path: str, numbers: np.ndarray, first: str) -> csc_array:
-    """A square, symmetric matrix of two or three translations of each node.
+def read_matrix(path: str, numbers: np.ndarray, first: str, turning: bool = False) -> csc_array:
+    """A square, symmetric matrix of two or three translations of each node, or of three and its rotations.
 
     Parameters
     ----------
@@ -47,11 +47,13 @@ def read_matrix(path: str, numbers: np.ndarray, first: str) -> csc_array:
         Of the nodes, in their order.
     first : {"m", "k"}
         With what the name of the matrix begins in a file of several, as MGG and KGG do.
+    turning : bool
+        Whether nodes may have rotations.
 
     Returns
     -------
     csc_array (n_nodes d, n_nodes d)
-        In the units of the file, d translations a node.
+        In the units of the file, d motions a node; rotations that none of the elements has are zero.
 
     Raises
     ------
@@ -65,7 +67,7 @@ def read_matrix(path: str, numbers: np.ndarray, first: str) -> csc_array:
         raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a file of a matrix") from None
     if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
         raise Fault(f"{path} holds what is no finite number", "Export it anew")
-    found = _in_order(path, csc_array(found), labels, numbers)
+    found = _in_order(path, csc_array(found), labels, numbers, turning)
     if abs(found - found.T).max() > SAME * abs(found).max():
         raise Fault(f"{path} is not symmetric", "Export the whole matrix, or one that says that it is symmetric")
     return found.astype(float)
@@ -102,10 +104,10 @@ def _matrix_market(path: str, numbers: np.ndarray, first: str) -> tuple[csc_arra
     except (ValueError, TypeError, OverflowError) as error:
         raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
     count = len(numbers)
-    if found.shape not in ((2 * count, 2 * count), (3 * count, 3 * count)):
+    if found.shape not in ((each * count, each * count) for each in (2, 3, _DIRECTIONS)):
         raise Fault(
             f"{path} has the shape {found.shape}, with {count} nodes",
-            "Give two or three translations for each node, and no constrained ones left out",
+            "Give two or three translations for each node, or six motions, and no constrained ones left out",
         )
     return found, _one_after_the_other(numbers, found.shape[0] // count)
 
@@ -198,26 +200,31 @@ def _halved(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, count: in
     return csc_array(found + found.T - diags_array(found.diagonal()))
 
 
-def _in_order(path: str, found: csc_array, labels: Labels, numbers: np.ndarray) -> csc_array:
-    """With the nodes as they are listed, and their translations alone. Raises Fault."""
+def _in_order(path: str, found: csc_array, labels: Labels, numbers: np.ndarray, turning: bool) -> csc_array:
+    """With the nodes as they are listed, and their translations alone unless they turn. Raises Fault."""
     nodes, directions = labels
     moving = np.asarray(abs(found).sum(axis=0)).ravel() > 0.0
+    in_space = "Take --space, or mesh the link by solid elements, whose nodes have none"
     for wrong, what, cure in (
-        (moving & (directions > 3), "the rotation of", "Mesh the link by solid elements, whose nodes have none"),
+        (moving & (directions > 3) & (not turning), "the rotation of", in_space),
         (moving & ~np.isin(nodes, numbers), "", "List it with its place in the file of nodes"),
     ):
         if wrong.any():
             raise Fault(f"{path} holds {what} node {nodes[wrong][0]}".replace("  ", " "), cure)
     axes = int(directions[moving].max(initial=2))
+    axes = axes if axes <= 3 else _DIRECTIONS
     order = np.argsort(numbers)
     kept = np.flatnonzero((directions <= axes) & np.isin(nodes, numbers))
     place = order[np.searchsorted(numbers[order], nodes[kept])] * axes + directions[kept] - 1
     rows = np.full(axes * len(numbers), -1)
     rows[place] = kept
-    if (rows < 0).any():
-        absent = int(np.flatnonzero(rows < 0)[0])
+    lacking = (rows < 0) & (np.arange(len(rows)) % axes < 3)
+    if lacking.any():
+        absent = int(np.flatnonzero(lacking)[0])
         raise Fault(
             f"{path} holds no direction {absent % axes + 1} of node {numbers[absent // axes]}",
             "Export the link free, without supports, with all of its nodes",
         )
-    return csc_array(found[:, rows][rows])
+    here, kept = np.flatnonzero(rows >= 0), rows[rows >= 0]
+    of = coo_array(found[:, kept][kept])
+    return csc_array(coo_array((of.data, (here[of.row], here[of.col])), (len(rows),) * 2))

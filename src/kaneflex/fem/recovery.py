@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from scipy.io import mmread
+from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csc_array, eye_array, kron
 
-from kaneflex.fem.foreign import Foreign, Projected, Stresses
+from kaneflex.fem.foreign import TURNS, Foreign, Projected, Stresses
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.recovery import STRESSES, Recovery
 from kaneflex.support.errors import Fault
@@ -33,8 +34,8 @@ def with_recovery(link: Foreign, shapes: np.ndarray, data: ModalData) -> ModalDa
     if stresses is not None:
         rows = (stresses.matrix @ shapes).reshape(len(stresses.places), -1, shapes.shape[1])
         data = replace(data, stresses=Recovery(stresses.places, rows))
-    axes = range(link.axes)
-    nodes, forces = (padded(of, axes, 3) for of in (link.nodes, (link.K @ shapes).reshape(*link.nodes.shape, -1)))
+    pushed = (link.K @ shapes).reshape(len(link.nodes), link.motions, -1)
+    nodes, forces = padded(link.nodes, range(link.axes), 3), padded(pushed, range(link.motions), max(3, link.motions))
     rows = np.array([section_forces(nodes, forces, x, _reach(link, x)) for x in link.sections.values()])
     kept = slice(None) if link.spatial else list(IN_PLANE)
     return replace(data, sections=Recovery(tuple(link.sections), rows[:, kept]))
@@ -70,7 +71,7 @@ def section_forces(nodes: np.ndarray, forces: np.ndarray, x: float, over: float 
 def _reach(link: Foreign, x: float) -> float:
     """Length along the link of the longest element that touches a section [m]."""
     of = coo_array(link.M if isinstance(link.K, Projected) else link.K)
-    one, other = (link.nodes[at // link.axes, 0] for at in (of.row, of.col))
+    one, other = (link.nodes[at // link.motions, 0] for at in (of.row, of.col))
     touching = (one <= x) & (x <= other)
     return float((other - one)[touching].max(initial=0.0))
 
@@ -95,7 +96,7 @@ def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, floa
     names : str
         Text file with the name of a place a line.
     units : pair of float
-        As of :func:`kaneflex.fem.foreign.read_foreign`; a stress is in mass / (length s^2).
+        As of :func:`kaneflex.fem.foreign_files.read_foreign`; a stress is in mass / (length s^2).
 
     Raises
     ------
@@ -111,13 +112,15 @@ def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, floa
     except (ValueError, TypeError, OverflowError) as error:
         raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
     count = 6 if link.axes == 3 else 3
-    if found.shape != (shape := (count * len(places), link.nodes.size)):
+    if found.shape != (shape := (count * len(places), len(link.nodes) * link.motions)):
         reason = f"{path} has the shape {found.shape}, with {len(places)} names in {names} not {shape}"
-        raise Fault(reason, f"Give {', '.join(STRESSES[count])} of every place, by all translations of the nodes")
+        raise Fault(reason, f"Give {', '.join(STRESSES[count])} of every place, by all motions of the nodes")
     if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
         raise Fault(f"{path} holds what is no finite number", "Export it anew")
     length, mass = units
     into = link.turn[: link.axes, : link.axes]
+    if link.motions == TURNS:
+        into = block_diag(link.turn, length * link.turn)
     rotated = kron(eye_array(len(places)), _rotation(link.turn, STRESSES[count]))
     S = csc_array(rotated @ found @ kron(eye_array(len(link.nodes)), into.T) * (mass / length**2))
     for name, motion in link.whole.items():

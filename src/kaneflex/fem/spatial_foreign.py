@@ -8,17 +8,22 @@ for; of a compact one it is small.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import BSpline, CubicSpline
+from scipy.linalg import block_diag
 from scipy.sparse import bmat, csc_array, diags_array
 
 from kaneflex.fem.craig_bampton import DEGREE, FINE, reduced, splines
-from kaneflex.fem.foreign import Foreign
+from kaneflex.fem.foreign import TURNS, Foreign
 from kaneflex.fem.recovery import with_recovery
-from kaneflex.scene.modal_data import ModalData, spatial_modal_data
+from kaneflex.scene.modal_data import CROSS, ModalData, spatial_modal_data
+
+_BESIDE = 1e-3
+"""Of a link's length, at which a turn of a node counts like a displacement of it."""
 
 
 def spatial_foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
@@ -38,12 +43,13 @@ def spatial_foreign_data(link: Foreign, modes: int, rigid: bool = True, damping:
     Fault
         Where the mesh has fewer modes, or a point's turn is open.
     """
-    found = reduced(link, "any", modes, rigid)
-    shapes = found.shapes.reshape(len(link.nodes), 3, -1)
-    m = csc_array(sum(link.M[a::3, a::3] for a in range(3)) / 3)  # of the particles, the same in all directions
+    found, d = reduced(link, "any", modes, rigid), link.motions
+    moved = found.shapes.reshape(len(link.nodes), d, -1)
+    shapes = moved[:, :3]
+    m = csc_array(sum(link.M[a::d, a::d] for a in range(3)) / 3)  # of the particles, the same in all directions
     r, carried = link.nodes, np.asarray(m.sum(axis=0)).ravel()
     weighed = np.stack([m @ shapes[:, a] for a in range(3)])  # component, node, shape
-    sections = MeanSections.of(link, m, shapes)
+    sections = MeanSections.of(link, m, moved)
     second = np.concatenate([carried[None], carried * r.T])  # weights of 1, x, y, z
     G = np.stack([sections.second(r, weights) for weights in second])
     whole = {
@@ -53,18 +59,43 @@ def spatial_foreign_data(link: Foreign, modes: int, rigid: bool = True, damping:
         "stiffness": found.stiffness, "damping": np.diag(2.0 * damping * np.sqrt(found.stiffness * found.mass)),
         "cubic": np.zeros((len(found.stiffness),) * 3),
     }  # fmt: skip
-    points, at_points = _points(link, shapes, sections)
+    if d == TURNS:
+        whole |= _turning(link, found.shapes, whole)
+    points, at_points = _points(link, moved, sections)
     return with_recovery(link, found.shapes, spatial_modal_data(link.length, points, whole | at_points))
+
+
+def _turning(link: Foreign, shapes: np.ndarray, of_particles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Sums over the mass where nodes turn, as far as the whole mass matrix knows them.
+
+    It knows momentum, moment of momentum and energy. What else the equations take are sums of the particles at the
+    nodes: how r and N go together where no turn is in that, and N N but for its trace.
+    """
+    whole = np.column_stack([*link.whole.values()])[:, [0, 2, 4, 1, 3, 5]] * ([1.0] * 3 + [link.length] * 3)
+    carried = link.M @ whole
+    P, Q, E = whole.T @ carried, carried.T @ shapes, shapes.T @ (link.M @ shapes)
+    J, r_N, N_N = P[3:, 3:], of_particles["mass_r_N"], of_particles["mass_N_N"]
+    lacking = Q[3:] - np.einsum("cab,abj->cj", CROSS, r_N)  # of the moment of momentum
+    short = E - np.einsum("aajk->jk", N_N)
+    return {
+        "mass": P[0, 0], "mass_r": 0.5 * np.einsum("cab,bc->a", CROSS, P[:3, 3:]),
+        "mass_r_r": 0.5 * np.trace(J) * np.eye(3) - J, "mass_N": Q[:3],
+        "mass_r_N": r_N + 0.5 * np.einsum("cab,cj->abj", CROSS, lacking),
+        "mass_N_N": N_N + np.einsum("ab,jk->abjk", np.eye(3), short) / 3,
+    }  # fmt: skip
 
 
 def _points(
     link: Foreign, shapes: np.ndarray, sections: MeanSections
 ) -> tuple[list[str], dict[str, np.ndarray]]:
-    """The body's points, and its sections' on the mean line, with their SPATIAL_POINT_ARRAYS."""
+    """The body's points, and its sections' on the mean line, with their SPATIAL_POINT_ARRAYS.
+
+    ``shapes`` (n_nodes, d, n).
+    """
     places, N, psi = {}, [], []
     for name, at in link.points.items():
         places[name] = link.nodes[at].mean(axis=0)
-        rows = link.held(name, "any") @ shapes.reshape(link.nodes.size, -1)
+        rows = link.held(name, "any") @ shapes.reshape(-1, shapes.shape[2])
         N.append(rows[:3])  # a node alone turns as the sections do
         psi.append(rows[3:] if len(rows) == 6 else sections.turns(places[name][:1])[:, 0])
     for name, x in link.sections.items():
@@ -89,9 +120,10 @@ class MeanSections:
 
     @classmethod
     def of(cls, link: Foreign, m: csc_array, shapes: np.ndarray) -> MeanSections:
-        """Of the shapes (n_nodes, 3, n); ``m`` (n_nodes, n_nodes) [kg]: the mass of the particles.
+        """Of the shapes (n_nodes, d, n); ``m`` (n_nodes, n_nodes) [kg]: the mass of the particles.
 
         A particle at (X, Y, Z) goes along with its section: u - Y theta_z + Z theta_y, v - Z theta_x, w + Y theta_x.
+        Where nodes turn they do as their section does, which counts little beside that and alone on a line of nodes.
         """
         x, y, z = link.nodes.T
         knots, at = splines(x)
@@ -105,6 +137,12 @@ class MeanSections:
         parts = [fields[a * len(x) : (a + 1) * len(x)] for a in range(3)]
         square = sum((part.T @ (m @ part)).toarray() for part in parts)
         side = sum(part.T @ (m @ shapes[:, a]) for a, part in enumerate(parts))
+        if shapes.shape[1] == TURNS:
+            weight = (_BESIDE * link.length) ** 2
+            turning = weight * (at.T @ m @ at).toarray()
+            square += block_diag(*[np.zeros_like(turning)] * 3, *[turning] * 3)
+            side += np.concatenate([np.zeros((3 * len(turning), shapes.shape[2])),
+                                    *(weight * (at.T @ (m @ shapes[:, 3 + a])) for a in range(3))])  # fmt: skip
         found = np.split(np.linalg.lstsq(square, side, rcond=1e-12)[0], 6)
         u, v, w, *turns = (BSpline(knots, part, DEGREE) for part in found)
         return cls((u, v, w), tuple(turns), (float(x.min()), float(x.max())))

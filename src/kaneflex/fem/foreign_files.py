@@ -1,0 +1,180 @@
+"""A body's finite elements from the files of another program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.sparse import coo_array, csc_array, eye_array, kron
+
+from kaneflex.fem.foreign import ALIKE, OPPOSITE, TURNS, Foreign, Projected
+from kaneflex.fem.matrices import read_matrix, read_table
+from kaneflex.fem.modal_files import Modes, has_modes, read_modes
+from kaneflex.support.errors import Fault
+
+_STILL = 1e-6
+"""Share of the stiffness by which a rigid motion may be resisted."""
+
+
+def read_foreign(
+    mass: str, stiffness: str, nodes: str, points: Mapping[str, str], units: tuple[float, float] = (1.0, 1.0),
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0), spatial: bool = False,
+    sections: Mapping[str, float] | None = None,
+) -> Foreign:  # fmt: skip
+    """Finite elements of another program's files, in the axes of their link.
+
+    Parameters
+    ----------
+    mass, stiffness : str
+        Files that :mod:`kaneflex.fem.matrices` reads; both matrices may be in one. The latter may be one of modes, see
+        :mod:`kaneflex.fem.modal_files`.
+    nodes : str
+        A text file with a line for each node: its number, then its coordinates; or one of modes.
+    points : mapping of str
+        Name of a point -> a text file of the numbers of its nodes; ``start`` and ``end`` are needed.
+    units : pair of float
+        The files' unit of length [m] and of mass [kg]; their unit of time is the second.
+    normal : triple of float
+        Of the plane of motion, in the axes of the files; in space the direction nearest to which Z is.
+    spatial : bool
+        Whether the body moves in space.
+    sections : mapping of str
+        Name of a further point on the mean line -> its distance from the start, in the files' unit of length. There
+        always is `mid`, half-way.
+
+    Raises
+    ------
+    Fault
+        It names the file and what is wrong with it.
+    """
+    length, weight = units
+    numbers, at = _nodes(nodes)
+    modes = read_modes(stiffness) if has_modes(stiffness) else None
+    turning = spatial and modes is None
+    M = read_matrix(mass, numbers, "m", turning) * weight
+    K = None if modes is not None else read_matrix(stiffness, numbers, "k", turning) * weight
+    chosen = {name: _chosen(path, numbers) for name, path in points.items()}
+    for name in ("start", "end"):
+        if name not in chosen:
+            raise Fault(f"no point {name}", f"Give the nodes of its {name}, like {name}=nodes.txt")
+    place, turn = _frame(length * at, chosen, np.array(normal, float), spatial)
+    d = M.shape[0] // len(at)
+    if spatial and d < 3:
+        raise Fault(f"{mass} has two translations of each node", "Mesh the body in space, or leave --space out")
+    if K is not None and K.shape != M.shape:  # lumped masses needn't resist turns, nor all elements bend
+        d, M, K = TURNS, _with_turns(M, len(at)), _with_turns(K, len(at))
+    each = turn[:d, :d] if d < TURNS else block_diag(turn, length * turn)  # moments and turns beside forces and ways
+    turned, place = csc_array(kron(eye_array(len(at)), each)), place[:, : min(d, 3)]
+    M = csc_array(turned @ M @ turned.T)
+    bare = Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen, spatial, turn=turn)
+    bare = replace(bare, sections=_sections(bare, sections or {}, length))
+    if K is not None:
+        found = replace(bare, K=csc_array(turned @ K @ turned.T))
+    else:
+        assert modes is not None
+        found = _of_modes(bare, modes, stiffness, numbers, turned)
+    _check(found, mass, stiffness)
+    return found
+
+
+def _with_turns(matrix: csc_array, nodes: int) -> csc_array:
+    """A matrix of translations as one of translations and rotations."""
+    each = matrix.shape[0] // nodes
+    if each == TURNS:
+        return matrix
+    of = coo_array(matrix)
+    rows, columns = (TURNS * (at // each) + at % each for at in (of.row, of.col))
+    return csc_array(coo_array((of.data, (rows, columns)), (TURNS * nodes,) * 2))
+
+
+def _sections(link: Foreign, given: Mapping[str, float], length: float) -> dict[str, float]:
+    """Further points on the mean line, by their distance from the start [m], with `mid`. Raises Fault."""
+    for name, x in given.items():
+        if name in link.points:
+            raise Fault(f"section {name} is a point by its nodes, too", "Give it another name")
+        if not 0.0 < length * x < link.length:
+            told = f"section {name} at {x:g} is not between the start and the end, at {link.length / length:g}"
+            raise Fault(told, "Give its distance from the start, in the unit of length of the files")
+    found = {name: length * x for name, x in given.items()}
+    return found if "mid" in link.points or "mid" in found else {"mid": link.length / 2} | found
+
+
+def _of_modes(link: Foreign, modes: Modes, path: str, numbers: np.ndarray, turned: csc_array) -> Foreign:
+    """A link with the stiffness of its modes, which are in the axes and the order of their file."""
+    rows = {int(number): row for row, number in enumerate(modes.numbers)}
+    absent = [number for number in numbers.tolist() if number not in rows]
+    if absent:
+        raise Fault(f"{path} does not say how node {absent[0]} moves", "Give the modes of all nodes")
+    order = [rows[number] for number in numbers.tolist()]
+    own = replace(modes, numbers=numbers, shapes=modes.shapes[order])
+    stiffness = own.stiffness_by(turned.T @ link.M @ turned)
+    whole = list(link.whole.values())
+    span = np.column_stack([*whole, turned @ own.translations(link.axes)])
+    onto = np.linalg.pinv(span.T @ link.M @ span, rcond=ALIKE**2, hermitian=True) @ (link.M @ span).T
+    return replace(link, K=Projected(onto[len(whole) :], stiffness), span=span)
+
+
+def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers and coordinates (n_nodes, 3) of the nodes."""
+    if has_modes(path):
+        modes = read_modes(path)
+        return modes.numbers, modes.nodes
+    table = read_table(path)
+    if table.shape[1] not in (3, 4):
+        raise Fault(f"{path} has {table.shape[1]} columns", "Give a node's number, then its two or three coordinates")
+    numbers = table[:, 0].astype(np.int64)
+    if len(np.unique(numbers)) < len(numbers) or (numbers != table[:, 0]).any():
+        raise Fault(f"{path}: nodes without a whole number of their own", "Number each node once, in the first column")
+    return numbers, np.pad(table[:, 1:], ((0, 0), (0, 4 - table.shape[1])))
+
+
+def _chosen(path: str, numbers: np.ndarray) -> np.ndarray:
+    """Where the nodes that a file lists are among all."""
+    wanted = read_table(path).ravel()
+    order = np.argsort(numbers)
+    at = np.minimum(np.searchsorted(numbers[order], wanted), len(numbers) - 1)
+    unknown = wanted[numbers[order][at] != wanted]
+    if len(unknown):
+        raise Fault(f"{path}: there is no node {unknown[0]:g}", "Give numbers that the file of nodes has")
+    return np.unique(order[at])
+
+
+def _frame(
+    at: np.ndarray, points: Mapping[str, np.ndarray], normal: np.ndarray, spatial: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places in the link's axes (n_nodes, 3), and the rotation into them."""
+    start, end = (at[points[name]].mean(axis=0) for name in ("start", "end"))
+    span, size = np.linalg.norm(end - start), np.linalg.norm(normal)
+    if span == 0.0 or size == 0.0:
+        raise Fault("start and end are in one place" if size else "the normal is zero", "Give two ends, and a normal")
+    x, z = (end - start) / span, normal / size
+    if spatial:
+        # Where the normal is along the link, the axis nearest to being across it serves as well.
+        z = z if np.linalg.norm(np.cross(x, z)) > OPPOSITE else np.eye(3)[abs(x).argmin()]
+        z = np.cross(x, np.cross(z, x))
+        z /= np.linalg.norm(z)
+    elif abs(x @ z) > OPPOSITE:
+        lean = np.degrees(np.arcsin(min(1.0, abs(x @ z))))
+        raise Fault(f"start and end lean out of the plane of motion by {lean:.3g} deg", "Give the plane's own normal")
+    turn = np.array([x, np.cross(z, x), z])
+    return (at - start) @ turn.T, turn
+
+
+def _check(found: Foreign, mass: str, stiffness: str) -> None:
+    """Raise Fault unless the link has mass, and nothing resists its rigid motions."""
+    along = found.field(1.0, 0.0)
+    total = along @ found.M @ along
+    if not total > 0.0:
+        raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give one that is above zero")
+    if isinstance(found.K, Projected):  # which motions of the whole link are no part of
+        return
+    scale = abs(found.K).max()
+    for name, motion in found.whole.items():
+        left = abs(found.K @ motion).max()
+        if left > _STILL * scale:
+            raise Fault(
+                f"{stiffness} resists a motion of the whole link {name} by {left / scale:.2g} of its largest entry",
+                "Export the link free, without supports, in the order of the nodes",
+            )
