@@ -10,6 +10,7 @@ from command_line import cli
 from scipy.special import ellipk
 
 import kaneflex
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody import tables as at
 from kaneflex.report.checked import description
 from kaneflex.report.summary import summarise
@@ -271,3 +272,37 @@ def test_a_tolerance_bounds_what_it_is_asked_to():
     assert "of the longest body, of speeds as much of their largest" in description(bounded)
     with pytest.raises(SceneError, match=r"solve\.bounded = \['speeds'\]: scipy's Radau bounds"):
         kaneflex.load(scene(*base, "solve.integrator=scipy", 'solve.bounded=["speeds"]'))
+
+
+PRESCRIBED = """
+schema = 1
+[bodies]
+crank = {length = "45 mm", mass = "1 kg"}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+[drives]
+main = {law = "0.2*sin(300*t)"}
+[sensors]
+torque = {drive_torque = "main"}
+[solve]
+preset = "coupled"
+start = "zero"
+duration = "20 ms"
+steps = 50
+"""
+
+
+def test_a_mechanism_without_a_freedom_is_one_too():
+    """A rigid crank that swings as prescribed: m l^2 / 3 times its acceleration; nothing is solved for."""
+    model = kaneflex.load(kaneflex.scene_of(PRESCRIBED))
+    solution = kaneflex.simulate(model)
+    expected = 0.045**2 / 3 * -0.2 * 300**2 * np.sin(300 * solution.times)
+    np.testing.assert_allclose(solution.series["torque"].values, expected, atol=1e-9 * abs(expected).max())
+    assert summarise(solution).unresolved_modes == []
+
+
+def test_a_cycle_without_a_freedom_repeats():
+    text = PRESCRIBED.replace('{law = "0.2*sin(300*t)"}', '{speed = "5000 rpm", cycle = "360 deg"}')
+    text = text.replace('"zero"\nduration = "20 ms"', '"periodic"')
+    solution = kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text)))
+    assert solution.outcome is Outcome.COMPLETED

@@ -183,13 +183,16 @@ def test_files_in_other_axes_tell_the_same_stresses():
     [
         ({"rod-stress.txt": "three.txt"}, "(12, 3675), with 3 names in three.txt not (18, 3675)"),
         ({"rod-stress.txt": "twice.txt"}, "twice.txt: top is there twice"),
-        ({"rod-stress.txt": "dotted.txt"}, "dotted.txt: rod.top has a dot"),
+        ({"rod-stress.txt": "dotted.txt"}, "dotted.txt: 'rod.top' is not a name"),
         ({"rod-stress.txt": "none.txt"}, "none.txt cannot be read: No such file"),
         ({"rod-stress.mtx": "other.mtx"}, "a motion of the whole link along its axis leaves a stress at top"),
         ({"rod-stress.mtx": "rod-nodes.txt"}, "rod-nodes.txt is no Matrix Market file"),
         ({"waist=0.066": "waist=66"}, "section waist at 66 is not between the start and the end, at 0.137"),
         ({"waist=0.066": "waist=half"}, "section waist = 'half' is no distance from the start"),
         ({"waist=0.066": "end=0.066"}, "section end is a point by its nodes, too"),
+        ({"waist=0.066": "mid=0.066"}, "section mid at 0.066 is not half-way"),
+        ({"waist=0.066": "2x=0.066"}, "'2x' is not a name"),
+        ({"waist=0.066": "waist"}, "--section 'waist' gives no value to a name"),
     ],
 )  # fmt: skip
 def test_what_is_refused_of_sections_and_stresses(changed, message):
@@ -205,7 +208,7 @@ def test_what_is_refused_of_sections_and_stresses(changed, message):
 @pytest.mark.parametrize(
     "changed, message",
     [
-        ({"start=big-eye.txt": "start=all.txt"}, "start and end are in one place"),
+        ({"start=big-eye.txt": "start=all.txt"}, "start and end have node 1201 in common"),
         ({"start=big-eye.txt": "start=none.txt"}, "none.txt cannot be read: No such file"),
         ({"start=big-eye.txt": "start=strange.txt"}, "strange.txt: there is no node 4711"),
         ({"start=big-eye.txt": "begin=big-eye.txt"}, "no point start"),
@@ -215,6 +218,10 @@ def test_what_is_refused_of_sections_and_stresses(changed, message):
         ({"rod-mass.mtx": "torn.mtx"}, "torn.mtx is no Matrix Market file"),
         ({"rod-stiffness.mtx": "lopsided.mtx"}, "lopsided.mtx is not symmetric"),
         ({"rod-stiffness.mtx": "rod-mass.mtx"}, "rod-mass.mtx resists a motion of the whole link along its axis by"),
+        ({"rod-mass.mtx": "rod-stiffness.mtx"}, "kg. Give the mass first, then the stiffness"),
+        ({"end=small-eye.txt": "end=big-eye.txt"}, "start and end have node 1 in common"),
+        ({"rod-nodes.txt": "empty.txt"}, "empty.txt holds no finite numbers"),
+        ({"rod-nodes.txt": "."}, ". cannot be read: it is a folder"),
         ({"end=small-eye.txt": "end=upper.txt"}, "not its own mirror image in its axis"),
         ({"rod.npz": "rod.txt"}, "not the name of a file of arrays"),
     ],
@@ -226,6 +233,7 @@ def test_what_is_refused(changed, message):
     np.savetxt("strange.txt", [4711.0])
     np.savetxt("corner.txt", numbers[[0], 0])
     mmwrite("short.mtx", np.eye(6))
+    Path("empty.txt").write_text("")
     Path("torn.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n3 3 9\n1 1 1.0\n")
     K = mmread("rod-stiffness.mtx").tolil()
     K[0, 7] += 1e9
@@ -234,6 +242,26 @@ def test_what_is_refused(changed, message):
     arguments = command(**({"rod.npz": "other.npz"} | changed))
     refused(cli(*arguments), message)
     assert not Path("other.npz").exists() and not Path("rod.txt").exists()
+
+
+def test_the_page_has_a_scene_of_it():
+    """Which runs, and whose forces act where the file has its points, also if the scene doesn't name them."""
+    assert cli(*recovering(), "--force").exit_code == 0
+    (text,) = re.findall(r"^```toml\n(# imported\.toml\n.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    Path("imported.toml").write_text(text)
+    assert cli("check", "imported.toml").exit_code == 0
+    push = '[loads]\npush = {force_on = "rod.waist", direction = [0, 1], value = "1 kN"}\n'
+    pushed = text.replace("[sensors]", f"{push}[sensors]")
+    named = pushed.replace('"rod-stress.npz"}', '"rod-stress.npz", points = {waist = ["66 mm", 0]}}')
+    for one, other in ((text, None), (pushed, named)):
+        Path("imported.toml").write_text(one)
+        found = kaneflex.simulate(kaneflex.load(kaneflex.read_scene("imported.toml"))).series
+        assert abs(found["waist"].values).max() > 1.0
+        if other is not None:
+            Path("imported.toml").write_text(other)
+            same = kaneflex.simulate(kaneflex.load(kaneflex.read_scene("imported.toml"))).series
+            for name in found:
+                np.testing.assert_array_equal(found[name].values, same[name].values)
 
 
 def test_units_of_other_programs():

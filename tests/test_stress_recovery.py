@@ -100,6 +100,24 @@ def test_an_exported_beam_recovers_its_edges_stresses(folder, tmp_path):
     assert series["start_lower"].values == pytest.approx(own.lower[0], rel=1e-4)
 
 
+def test_points_between_nodes_are_exported(tmp_path):
+    """Of a quadratic, axial and bending alike: what the beam reads at a point within an element its data do, too."""
+    sensors = """
+v = {displacement = "bar.mark", component = "y"}
+angle = {displacement = "bar.mark", component = "angle"}
+N = {axial_force = "bar.mark"}
+M = {bending_moment = "bar.mark"}"""
+    beam = SCENE.replace("[joints]", "{points}\n[joints]")
+    marked = BEAM.replace("{E", "{elements = 4, E").replace("length", 'points = {mark = ["0.2 m", 0]}, length', 1)
+    (tmp_path / "beam.toml").write_text(beam.format(of=marked, sensors=sensors, points=""))
+    assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
+    own = kaneflex.simulate(kaneflex.load(read_scene(scene_of(tmp_path, sensors)))).series
+    other = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "beam.toml"))).series
+    for name, bound in (("v", 1e-9), ("angle", 1e-9), ("N", 1e-3), ("M", 1e-3)):
+        largest = abs(other[name].values).max()
+        np.testing.assert_allclose(own[name].values, other[name].values, atol=bound * largest, err_msg=name)
+
+
 SPATIAL = """
 schema = 1
 [bodies]
@@ -210,7 +228,7 @@ def test_what_a_file_must_be(folder, change, message):
         ('{stress = "bar.above", component = "x"}', "component = 'x': no component of a stress"),
         ('{velocity = "bar.end", component = "xx"}', "component = 'xx': no component of a velocity"),
         ('{stress = "rod.above"}', "there is no such body"),
-        ('{axial_force = "bar.end"}', "bar.npz has no section forces there, nor anywhere. Import the link"),
+        ('{axial_force = "bar.end"}', "bar.npz has no section forces there, nor anywhere. Name a section"),
         ('{strain = "bar.end", fibre = "1 mm"}', "modal data don't know the area and the moment of inertia"),
     ],
 )

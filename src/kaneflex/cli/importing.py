@@ -39,11 +39,24 @@ class Elements:
         from kaneflex.fem.foreign_files import read_foreign
         from kaneflex.fem.recovery import read_stresses
 
-        named = dict(point.partition("=")[::2] for point in self.points)
-        cut = {name: _number(name, x) for name, _, x in (section.partition("=") for section in self.sections)}
+        named = _named("--point", self.points, "start=bore.txt")
+        cut = {name: _number(name, x) for name, x in _named("--section", self.sections, "waist=68.5").items()}
         units = UNITS[self.units]
         link = read_foreign(self.mass, self.stiffness, self.nodes, named, units, self.normal, self.space, cut)
         return link if self.stress is None else replace(link, stresses=read_stresses(link, *self.stress, units))
+
+
+def _named(option: str, given: tuple[str, ...], example: str) -> dict[str, str]:
+    """What NAME=VALUE says, each name once."""
+    found: dict[str, str] = {}
+    for text in given:
+        name, equal, value = text.partition("=")
+        if not equal or not value:
+            raise Fault(f"{option} {text!r} gives no value to a name", f"Write it like {option} {example}")
+        if name in found:
+            raise Fault(f"{option} gives {name} twice", "Give each its own name")
+        found[name] = value
+    return found
 
 
 def _number(section: str, text: str) -> float:

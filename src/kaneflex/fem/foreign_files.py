@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -14,6 +15,8 @@ from kaneflex.fem.matrices import read_matrix, read_table
 from kaneflex.fem.modal_files import Modes, has_modes, read_modes
 from kaneflex.support.errors import Fault
 
+_NONE = 1e-9
+"""Share of its entries that a mass adds up to at least."""
 _STILL = 1e-6
 """Share of the stiffness by which a rigid motion may be resisted."""
 
@@ -50,6 +53,8 @@ def read_foreign(
         It names the file and what is wrong with it.
     """
     length, weight = units
+    for name in (*points, *(sections or {})):
+        check_name(name)
     numbers, at = _nodes(nodes)
     modes = read_modes(stiffness) if has_modes(stiffness) else None
     turning = spatial and modes is None
@@ -59,6 +64,9 @@ def read_foreign(
     for name in ("start", "end"):
         if name not in chosen:
             raise Fault(f"no point {name}", f"Give the nodes of its {name}, like {name}=nodes.txt")
+    for one, other in combinations(chosen, 2):
+        if len(both := np.intersect1d(chosen[one], chosen[other])):
+            raise Fault(f"{one} and {other} have node {numbers[both[0]]} in common", "Give every point its own nodes")
     place, turn = _frame(length * at, chosen, np.array(normal, float), spatial)
     d = M.shape[0] // len(at)
     if spatial and d < 3:
@@ -79,6 +87,12 @@ def read_foreign(
     return found
 
 
+def check_name(name: str) -> None:
+    """Raise Fault unless scenes can call a point so."""
+    if not (name.isidentifier() and name.isascii()):
+        raise Fault(f"{name!r} is not a name", "Use letters, digits and underscores, a letter first")
+
+
 def _with_turns(matrix: csc_array, nodes: int) -> csc_array:
     """A matrix of translations as one of translations and rotations."""
     each = matrix.shape[0] // nodes
@@ -94,6 +108,8 @@ def _sections(link: Foreign, given: Mapping[str, float], length: float) -> dict[
     for name, x in given.items():
         if name in link.points:
             raise Fault(f"section {name} is a point by its nodes, too", "Give it another name")
+        if name == "mid" and abs(length * x - link.length / 2) > OPPOSITE * link.length:
+            raise Fault(f"section mid at {x:g} is not half-way", "Give it another name")
         if not 0.0 < length * x < link.length:
             told = f"section {name} at {x:g} is not between the start and the end, at {link.length / length:g}"
             raise Fault(told, "Give its distance from the start, in the unit of length of the files")
@@ -166,8 +182,8 @@ def _check(found: Foreign, mass: str, stiffness: str) -> None:
     """Raise Fault unless the link has mass, and nothing resists its rigid motions."""
     along = found.field(1.0, 0.0)
     total = along @ found.M @ along
-    if not total > 0.0:
-        raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give one that is above zero")
+    if not total > _NONE * abs(found.M).sum():  # a stiffness resists no motion of the whole
+        raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give the mass first, then the stiffness")
     if isinstance(found.K, Projected):  # which motions of the whole link are no part of
         return
     scale = abs(found.K).max()

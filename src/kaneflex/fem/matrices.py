@@ -14,6 +14,7 @@ A file says by its first lines or its ending what it is:
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -78,11 +79,16 @@ def read_table(path: str) -> np.ndarray:
     try:
         check_file(Path(path), LARGEST)
         text = Path(path).read_text(encoding="utf-8-sig").replace(",", " ")
-        found = np.loadtxt(io.StringIO(text), ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a file without numbers, which is an error below
+            found = np.loadtxt(io.StringIO(text), ndmin=2)
+    except Fault as fault:
+        raise Fault(f"{path} {fault.reason}", fault.cure) from None
     except OSError as error:
         raise Fault(f"{path} cannot be read: {error.strerror}", "Give a text file of numbers") from None
     except ValueError as error:
-        raise Fault(f"{path} is no table of numbers: {error}", "Give lines of numbers, and # before words") from None
+        reason = str(error).partition(";")[0].rstrip(".")  # what else numpy says is for who calls it
+        raise Fault(f"{path} is no table of numbers: {reason}", "Give lines of numbers, and # before words") from None
     if not found.size or not np.isfinite(found).all():
         raise Fault(f"{path} holds no finite numbers", "Give lines of numbers")
     return found

@@ -29,11 +29,16 @@ _AT = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in STRESSES[6
 
 
 def with_recovery(link: Foreign, shapes: np.ndarray, data: ModalData) -> ModalData:
-    """A link's data with the forces in its sections and its stresses, by the shapes (n_nodes d, n) of the data."""
+    """A link's data with the forces in its sections and its stresses, by the shapes (n_nodes d, n) of the data.
+
+    Of a link whose stiffness only its modes know no forces are known in sections.
+    """
     stresses = link.stresses
     if stresses is not None:
         rows = (stresses.matrix @ shapes).reshape(len(stresses.places), -1, shapes.shape[1])
         data = replace(data, stresses=Recovery(stresses.places, rows))
+    if isinstance(link.K, Projected):  # modes say little of what stands between two sections
+        return data
     pushed = (link.K @ shapes).reshape(len(link.nodes), link.motions, -1)
     nodes, forces = padded(link.nodes, range(link.axes), 3), padded(pushed, range(link.motions), max(3, link.motions))
     rows = np.array([section_forces(nodes, forces, x, _reach(link, x)) for x in link.sections.values()])
@@ -70,7 +75,7 @@ def section_forces(nodes: np.ndarray, forces: np.ndarray, x: float, over: float 
 
 def _reach(link: Foreign, x: float) -> float:
     """Length along the link of the longest element that touches a section [m]."""
-    of = coo_array(link.M if isinstance(link.K, Projected) else link.K)
+    of = coo_array(link.K)
     one, other = (link.nodes[at // link.motions, 0] for at in (of.row, of.col))
     touching = (one <= x) & (x <= other)
     return float((other - one)[touching].max(initial=0.0))
@@ -143,9 +148,10 @@ def _names(path: str) -> tuple[str, ...]:
     if not found:
         raise Fault(f"{path} has no name", "Give the name of each place, one a line")
     for name in found:
-        if "." in name or found.count(name) > 1:
-            reason = f"{path}: {name} is there twice" if "." not in name else f"{path}: {name} has a dot"
-            raise Fault(reason, "Give each place a name of its own, like fillet")
+        if not (name.isidentifier() and name.isascii()):
+            raise Fault(f"{path}: {name!r} is not a name", "Use letters, digits and underscores, a letter first")
+        if found.count(name) > 1:
+            raise Fault(f"{path}: {name} is there twice", "Give each place a name of its own, like fillet")
     return found
 
 

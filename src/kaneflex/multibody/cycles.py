@@ -183,6 +183,8 @@ class Cycles(ABC, Generic[Start, Cycle]):
         def unknown(why: str, floquet: np.ndarray | None = None) -> Verdict:
             return Verdict(Outcome.COMPLETED, f"{Outcome.COMPLETED.value}; {_UNKNOWN}: {why}", floquet)
 
+        if not len(self.missed(cycle)):  # everything is prescribed
+            return COMPLETED
         try:
             floquet, off = self.multipliers(cycle)
         except (ArithmeticError, np.linalg.LinAlgError):

@@ -49,13 +49,14 @@ _RIGID = ("mass", "mass_X", "mass_Y", "mass_X_X", "mass_X_Y", "mass_Y_Y", "inert
 
 
 def link_data(scene: Scene, link: Link, shapes: Shapes) -> ModalData:
-    """The arrays of finite elements without lumped masses, of points those that are on a node."""
-    points = {name: link.node_at(x) for name, (x, _) in scene.bodies[link.name].points_all.items()}
-    points = {name: node for name, node in points.items() if node is not None}
-    at = np.array(list(points.values()), dtype=int)
-    s, w = shapes.axial, shapes.transverse
+    """The arrays of finite elements without lumped masses, of the points on the link's axis."""
+    points = {name: x for name, (x, y) in scene.bodies[link.name].points_all.items() if y == 0.0}
+    H, axial = shapes.shortening(link), shapes.axial.shape[1]
+    rows, shortening = zip(*(shapes.at(link, x, H) for x in points.values()), strict=True)
+    found = np.array(rows)
     arrays = _link_moments(scene, link, shapes) | {
-        "X": link.nodes[at], "s": s[3 * at], "w": w[3 * at + 1], "psi": w[3 * at + 2], "H": shapes.shortening(link)[at],
+        "X": np.array(list(points.values())), "s": found[:, 0, :axial], "w": found[:, 1, axial:],
+        "psi": found[:, 2, axial:], "H": np.array(shortening),
     }  # fmt: skip
     both = ARRAYS | POINT_ARRAYS
     symmetric = {name: symmetrised(np.asarray(arrays[name], dtype=float), axes) for name, (axes, *_) in both.items()}

@@ -58,12 +58,12 @@ def slopes(
     middle = base.row(inputs)
     engine.demand(middle[None])
     steps = _steps(engine)
-    chosen = np.arange(len(steps)) if columns is None else np.asarray(columns)
+    chosen = np.arange(len(steps)) if columns is None else np.asarray(columns, dtype=int)
     rows = np.tile(middle, (4 * len(chosen) + 1, 1))
     for k, column in enumerate(chosen):
         rows[4 * k : 4 * k + 4, 1 + column] += OFFSETS * steps[column]
     found = engine.demand(rows)
-    moved = found[:-1].reshape(len(chosen), 4, -1)
+    moved = found[:-1].reshape(len(chosen), 4, found.shape[1])
     return found[-1], np.einsum("j,cjn->nc", WEIGHTS, moved) / steps[chosen]
 
 
@@ -112,6 +112,8 @@ def linear(engine: Engine, instant: Instant) -> Linear[Instant]:
 def at_rest(engine: Engine, t: float) -> tuple[np.ndarray, np.ndarray]:
     """M and K where the coordinates of the tables are, K of the strain of shapes and springs, whatever these carry."""
     n, which = len(engine.independent), engine.independent
+    if not n:  # everything is prescribed
+        return np.zeros((0, 0)), np.zeros((0, 0))
     still = Instant(t, engine.motion[0][which].copy(), np.zeros(n), np.zeros(n))
     M = slopes(engine, still, range(2 * n, 3 * n))[1]
     rows = np.tile(still.row(engine.inputs), (n + 1, 1))

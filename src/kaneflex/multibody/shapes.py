@@ -13,6 +13,7 @@ from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Frame, axial_modes, 
 from kaneflex.multibody.shape_families import family
 from kaneflex.scene import Scene
 
+_GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics
 _STILL = {"mean": 1, "free": 2}
 """How many of the lowest shapes deform nothing, by the kind of frame, which moves so itself: turn, displacement."""
 
@@ -58,6 +59,17 @@ class Shapes:
         along = np.zeros(len(w))
         along[0::3] = 1.0
         return found - (whole - beyond / (along @ link.part.matrices["M"].at({}) @ along))
+
+
+    def at(self, link: Link, x: float, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """u, v, theta (3, n) and the shortening (n_w, n_w) at x [m] from the start, ``H`` that of the nodes."""
+        node = link.node_at(x)
+        if node is not None:
+            return self.all[3 * node : 3 * node + 3], H[node]
+        e, local = link.locate(x)
+        rows = slice(3 * e, 3 * e + 6)
+        slopes = np.array([link.shape(e, 0.5 * local * (1 + at))[3] for at in _GAUSS[0]]) @ self.transverse[rows]
+        return link.shape(e, local)[:3] @ self.all[rows], H[e] + 0.5 * local * (slopes.T * _GAUSS[1]) @ slopes
 
 
 def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:

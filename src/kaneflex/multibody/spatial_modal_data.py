@@ -124,15 +124,14 @@ def _symmetric(array: np.ndarray) -> np.ndarray:
 
 
 def spatial_data(scene: Scene, shapes: SpatialShapes) -> ModalData:
-    """Modal data of a link in space without the scene's lumped masses, in its axes, of points that are on its nodes."""
+    """Modal data of a link in space without the scene's lumped masses, in its axes, of the points on its axis."""
     name, moments = shapes.link.name, shapes.moments
     body = spatial_mechanism_of(scene).bodies[name]
     x, y, z, xy, yz, zx = body.inertia
     J = np.array([[x, xy, zx], [xy, y, yz], [zx, yz, z]])
     second = 0.5 * np.trace(J) * np.eye(3) - J + body.mass * np.outer(body.centre, body.centre)
     all_points = {point: scene.vector(at) for point, at in scene.bodies[name].points_all.items()}
-    places = {point: at for point, at in all_points.items()
-              if not any(at[1:]) and shapes.link.node_at(at[0]) is not None}  # fmt: skip
+    places = {point: at for point, at in all_points.items() if not any(at[1:])}
     of_points = [shapes.at(at) for at in places.values()]
     found = {
         "mass": np.array(body.mass), "mass_r": body.mass * body.centre, "mass_r_r": second,

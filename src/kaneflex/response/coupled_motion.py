@@ -30,7 +30,6 @@ from kaneflex.scene.quantities import Address
 if TYPE_CHECKING:
     from kaneflex.multibody.trajectory import CoupledTrajectory
 
-_GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,15 +204,7 @@ class CoupledMotion(Motion):
         return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), modal.arrays["H"][k]
 
     def _along(self, link: str, x: float) -> tuple[np.ndarray, np.ndarray]:
-        own, shapes = self.system.links[link], self.system.shapes[link]
-        node = own.node_at(x)
-        if node is not None:
-            return shapes.all[3 * node : 3 * node + 3], self._shortening[link][node]
-        e, local = own.locate(x)
-        rows = slice(3 * e, 3 * e + 6)
-        slopes = np.array([own.shape(e, 0.5 * local * (1 + point))[3] for point in _GAUSS[0]]) @ shapes.transverse[rows]
-        H = self._shortening[link][e] + 0.5 * local * (slopes.T * _GAUSS[1]) @ slopes
-        return own.shape(e, local)[:3] @ shapes.all[rows], H
+        return self.system.shapes[link].at(self.system.links[link], x, self._shortening[link])
 
     @cached_property
     def _shortening(self) -> dict[str, np.ndarray]:

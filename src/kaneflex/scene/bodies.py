@@ -176,6 +176,11 @@ class Body(SceneTable):
         told = zip(modal.points, modal.places.tolist(), strict=True) if modal is not None else ()
         return own | {name: tuple(place) for name, place in told if name not in own} | self.points
 
+    @cached_property
+    def points_named(self) -> dict[str, Vector]:
+        """Those of them that not every body has."""
+        return {name: place for name, place in self.points_all.items() if name not in self._own_points()}
+
     @property
     def elastic(self) -> bool:
         return self.beam is not None

@@ -70,7 +70,7 @@ def section_problems(scene: Scene, key: str, sensor: Sensor, modal: ModalData) -
     elif address.point not in recovered:
         file, known = Path(str(scene.bodies[address.body].modal_data)).name, ", ".join(recovered)
         reason = f"{file} has no section forces there" + (f": it has those at {known}" if known else ", nor anywhere")
-        cure = "Import the link with --section there, or add the file's arrays sections and section_forces"
+        cure = "Name a section of the import, like --section waist=0.07, or add arrays sections and section_forces"
         yield Problem(key, str(address), reason, cure)
     elif scene.solve.preset == "rigid":
         yield Problem(key, str(address), "rigid bodies by modal data have none", "Take preset coupled, or leave it out")

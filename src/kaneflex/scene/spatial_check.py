@@ -41,13 +41,16 @@ def refuse_in_space(scene: Scene, key: str, what: str) -> None:
         raise SceneError(key, scene.name, f"{what} only planar scenes so far", "Take a planar scene")
 
 
+_IN_PLANE = "Give vectors three components, or import the body without --space"
+
+
 def _spatial_only(scene: Scene) -> Iterator[Problem]:
     """What only a scene in space has."""
     cure = "Give vectors three components, or leave it out"
     for name, body in scene.bodies.items():
         if body.modal is not None and body.modal.dimension == 3:
             reason = "the file is of a body in space"
-            yield Problem(f"bodies.{name}.modal_data", body.modal_data, reason, "Give vectors three components")
+            yield Problem(f"bodies.{name}.modal_data", body.modal_data, reason, _IN_PLANE)
             continue
         if isinstance(body.inertia, tuple):
             yield Problem(f"bodies.{name}.inertia", None, "a planar body turns about one axis", cure)

@@ -102,7 +102,7 @@ def _points(scene: Scene) -> dict[str, list[Any]]:
 
 
 def _is_named(scene: Scene, address: Address) -> bool:
-    points = scene.ground if address.body == "ground" else scene.bodies[address.body].points
+    points = scene.ground if address.body == "ground" else scene.bodies[address.body].points_named
     return address.point in points
 
 

@@ -108,6 +108,8 @@ def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray
     Free joints take part, so that a mechanism that turns freely has modes of zero frequency.
     """
     names, M, K = (_at_rest_in_space if model.scene.is_spatial else _at_rest_in_plane)(model, model.reference_time)
+    if not len(M):
+        return names, np.zeros(0), np.zeros((0, 0))
     squares, shapes = eigh(K, (M + M.T) / 2.0)
     largest = shapes[abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
     return names, np.sqrt(np.maximum(squares, 0.0)), shapes * np.sign(largest)

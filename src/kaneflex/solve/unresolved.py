@@ -35,7 +35,7 @@ def unresolved(solution: Solution) -> list[UnresolvedMode]:
     worth: omega^2 times the displacement allowed, which a slow mechanism's accelerations may not exceed by far.
     """
     model, trajectory = solution.model, solution.trajectory
-    if model.coupled is None or trajectory.steps == 0:
+    if model.coupled is None or not model.coupled.shape_columns or trajectory.steps == 0:
         return []
     from kaneflex.solve.coupled_linearisation import modes_at_rest
 
