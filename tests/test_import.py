@@ -272,7 +272,13 @@ def test_units_of_other_programs():
     table[:, 1:] *= 1e3
     np.savetxt("mm-rod-nodes.txt", table, fmt="%.12g")
     names = {name: f"mm-{name}" for name in FILES} | {"rod.npz": "mm.npz"}
-    assert cli(*command(**names), "--units", "mm-t").exit_code == 0
+    wrong = cli(*command(**names), "--force")
+    assert "Warning: waves would run along it at 6e+06 m/s, which no material does." in wrong.stderr
+    assert "Warning: it would weigh" not in wrong.stderr
+    right = cli(*command(**names), "--units", "mm-t", "--force")
+    assert right.exit_code == 0 and "Warning" not in right.stderr
+    assert "Warning: it would weigh 7.85e+15 kg/m^3 at least" in cli(*command(), "--units", "mm-t", "--force").stderr
+    assert cli(*command(), "--force").stderr == ""
     metric, other = (read_modal_data(name) for name in ("rod.npz", "mm.npz"))
     for name, array in metric.arrays.items():
         np.testing.assert_allclose(abs(other.arrays[name]), abs(array), rtol=1e-6, atol=1e-7 * abs(array).max())

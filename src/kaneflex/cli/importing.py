@@ -120,9 +120,12 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
     refuse_existing(output, force, "rod.npz")
     try:
         made = spatial_foreign_data if elements.space else foreign_data
-        data = made(elements.read(), modes, coupling == "rigid", damping)
+        link = elements.read()
+        data = made(link, modes, coupling == "rigid", damping)
     except Fault as fault:
         raise SceneError("import", None, fault.reason, fault.cure) from None
     data.save(output)
+    for doubt in link.doubts:
+        click.echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)
     click.echo(imported_table(data))
     click.echo(f"Written to {output}")

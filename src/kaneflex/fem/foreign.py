@@ -13,6 +13,7 @@ Of a link whose stiffness only its modes know, displacements are those of the mo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -30,6 +31,8 @@ TURNS = 6
 """Motions of a node that turns."""
 ALIKE = 1e-6
 """Share of the largest displacement that is another one's rounding."""
+_SPEEDS, _DENSEST = (300.0, 20e3), 25e3
+"""Of waves along a bar that can't contract, in anything from foam to diamond [m/s]; kg/m^3."""
 _PARITY = {"axial": ((1, 1), (-1, 1), (1, -1)), "transverse": ((-1, 1), (1, 1), (-1, -1))}
 """Signs of u, v, w under the mirrors Y -> -Y and Z -> -Z."""
 
@@ -163,6 +166,22 @@ class Foreign:
         if size > 0.0:
             turn[at, 0], turn[at, 1] = -place[:, 1] / size, place[:, 0] / size
         return along.ravel(), across.ravel(), turn.ravel()
+
+    @property
+    def doubts(self) -> list[str]:
+        """What no material is like: then a unit is wrong, most often.
+
+        A link that is stretched by one over its length stores energy as a bar does: E = k L / A, and E/rho = k L^2 / m.
+        """
+        stretched, along = self.field(self.nodes[:, 0], 0.0), self.field(1.0, 0.0)
+        mass, found = float(along @ self.M @ along), []
+        speed = math.sqrt(max(float(stretched @ (self.K @ stretched)), 0.0) / mass)
+        if not _SPEEDS[0] < speed < _SPEEDS[1]:
+            found.append(f"waves would run along it at {speed:.3g} m/s, which no material does")
+        around = float(np.prod(np.ptp(self.nodes, axis=0)))
+        if around > 0.0 and self.axes == 3 and not mass < _DENSEST * around:
+            found.append(f"it would weigh {mass / around:.3g} kg/m^3 at least, which no material does")
+        return found
 
     def held(self, point: str, motion: Motion) -> np.ndarray:
         """Rows (m, n_nodes d) of what a point is held by: u, v, or in space its displacement and its turn.

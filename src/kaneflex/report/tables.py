@@ -22,6 +22,7 @@ _MOST_POLES = 8
 _FOR_PEOPLE = {  # SI unit: (unit shown, factor)
     "m": ("mm", 1e3),
     "N": ("kN", 1e-3),
+    "Pa": ("MPa", 1e-6),
     "rad": ("deg", 180.0 / math.pi),
     "rad/s": ("deg/s", 180.0 / math.pi),
     "rad/s^2": ("deg/s^2", 180.0 / math.pi),
