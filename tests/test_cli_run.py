@@ -256,6 +256,13 @@ def test_interrupting_a_process_leaves_nothing(tmp_path, number):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_motion_that_repeats_is_drawn_also_if_disturbances_of_it_grow():
+    """A strut that is pulsated at twice its own frequency."""
+    result = cli("run", "pulsating-strut", "--set", "clock.speed=2517 rpm", "--set", "solve.modes=1", "-o", "out")
+    assert result.exit_code == 3 and "what is shown is the periodic motion" in result.stderr, result.output
+    assert Path("out/motion.png").exists() and "motion" in Path("out/report.html").read_text(encoding="utf-8")
+
+
 def test_a_run_that_becomes_unstable_keeps_what_came_before_and_exits_with_3():
     """A rod of rubber: spin softening exceeds its stiffness."""
     result = cli("run", "engine-transient", "--no-plots", "--set", "rod.E=1e7", "-o", "r")

@@ -40,7 +40,8 @@ def run_into(
     scene : Scene
         With all settings laid over it.
     target : Target
-        Its folder appears when it is complete; what stops the run leaves none. A run that stopped early is not drawn.
+        Its folder appears when it is complete; what stops the run leaves none. A run that stopped early is not drawn;
+        a motion that repeats is, whether or not disturbances of it grow.
     settings : sequence of str
         The settings, for the summary.
     after : Path, optional
@@ -82,7 +83,8 @@ def run_into(
                     found.labelled.to_netcdf(partial / SENSITIVITIES_FILE)
         pictures: list[Path] = []
         with writing(folder):
-            if summary.outcome == "completed":
+            repeats = summary.outcome == "unstable" and summary.stored > summary.steps
+            if summary.outcome == "completed" or repeats:
                 pictures = _show(solution, found, partial, target, waiting)
             _report(solution, summary, pictures, partial)
     return summary
