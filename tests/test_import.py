@@ -220,6 +220,7 @@ def test_what_is_refused_of_sections_and_stresses(changed, message):
         ({"rod-stiffness.mtx": "rod-mass.mtx"}, "rod-mass.mtx resists a motion of the whole link along its axis by"),
         ({"rod-mass.mtx": "rod-stiffness.mtx"}, "kg. Give the mass first, then the stiffness"),
         ({"end=small-eye.txt": "end=big-eye.txt"}, "start and end have node 1 in common"),
+        ({"rod-stiffness.mtx": "turned-round.mtx"}, "turned-round.mtx does not resist a stretch of the link"),
         ({"rod-nodes.txt": "empty.txt"}, "empty.txt holds no finite numbers"),
         ({"rod-nodes.txt": "."}, ". cannot be read: it is a folder"),
         ({"end=small-eye.txt": "end=upper.txt"}, "not its own mirror image in its axis"),
@@ -238,6 +239,7 @@ def test_what_is_refused(changed, message):
     K = mmread("rod-stiffness.mtx").tolil()
     K[0, 7] += 1e9
     mmwrite("lopsided.mtx", K.tocsr(), symmetry="general")
+    mmwrite("turned-round.mtx", -mmread("rod-stiffness.mtx"))
     np.savetxt("upper.txt", numbers[(numbers[:, 1] == L) & (numbers[:, 2] > 0.0), 0])
     arguments = command(**({"rod.npz": "other.npz"} | changed))
     refused(cli(*arguments), message)

@@ -186,6 +186,9 @@ def _check(found: Foreign, mass: str, stiffness: str) -> None:
         raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give the mass first, then the stiffness")
     if isinstance(found.K, Projected):  # which motions of the whole link are no part of
         return
+    stretched = found.field(found.nodes[:, 0], 0.0)
+    if not stretched @ (found.K @ stretched) > 0.0:
+        raise Fault(f"{stiffness} does not resist a stretch of the link", "Give the stiffness, with its own sign")
     scale = abs(found.K).max()
     for name, motion in found.whole.items():
         left = abs(found.K @ motion).max()

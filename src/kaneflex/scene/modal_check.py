@@ -22,6 +22,9 @@ def modal_problems(scene: Scene) -> Iterator[Problem]:
     if scene.damping is not None and not (scene.is_spatial and beams):
         reason = "links by modal data have their damping in the file"
         yield Problem("damping", None, reason, "Leave the table out")
+    if "modes" in scene.solve.model_fields_set and not beams:
+        reason = "links by modal data have the shapes of their file"
+        yield Problem("solve.modes", scene.solve.modes, reason, "Leave it out, and export or import with fewer")
     if not scene.is_spatial:
         yield from _planar_only(scene, beams, tuple(links))
     for key, address in _addresses(scene):

@@ -84,7 +84,7 @@ def fmu(scene: Scene, version: str = "2", progress: Callable[[str], None] = lamb
     if options.dynamics == "coupled" or options.integrator == "none":
         reason = "there is nothing to integrate, so that no FMU is made of it"
         if options.dynamics == "coupled":
-            reason = "an FMU is made of linear equations, which its are not"
+            reason = "an FMU is made of linear equations, and its own are nonlinear"
         cure = one_way_cure(scene, "export", integrated=True)
         raise SceneError("solve.preset", scene.solve.preset, reason, cure)
     made = c_model(scene, progress, "export")
