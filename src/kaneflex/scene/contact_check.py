@@ -101,6 +101,18 @@ def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: st
         raise SceneError(key, value, f"with joints.{name}.friction {reason}", cure)
 
 
+def refuse_bristles(scene: Scene, key: str, value: object) -> None:
+    """Raise SceneError where bristles hold something: a cycle begins without those of the one before."""
+    for name, friction in scene.frictions.items():
+        if friction.law != "lugre":
+            continue
+        owner = f"contacts.{name}" if name in scene.contacts else f"joints.{name}"
+        if name in scene.contacts and (joint := scene.contacts[name].joint) is not None:
+            owner = f"joints.{joint}.clearance"
+        reason = f"with {owner}.friction a cycle would begin without the bristles of the one before"
+        raise SceneError(key, value, reason, "Start from zero and run long enough, or take law stribeck")
+
+
 def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[Problem]:
     yield from address_problems(scene, key, side, ground=True)
     body = scene.bodies.get(side.body)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from kaneflex.scene import Scene
-from kaneflex.scene.contact_check import refuse_contacts
+from kaneflex.scene.contact_check import refuse_bristles, refuse_contacts
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import SceneError
 
@@ -325,13 +325,8 @@ def _check_contacts(scene: Scene, dynamics: str) -> None:
     if scene.solve.start == "quasistatic":
         reason = "its equilibrium is not that of free bodies"
         refuse_contacts(scene, "solve.start", "quasistatic", reason, "Start from zero, or from a given state")
-    bristles = next((name for name, friction in scene.frictions.items() if friction.law == "lugre"), None)
-    if scene.solve.start == "periodic" and bristles is not None:
-        owner = f"contacts.{bristles}" if bristles in scene.contacts else f"joints.{bristles}"
-        if bristles in scene.contacts and (joint := scene.contacts[bristles].joint) is not None:
-            owner = f"joints.{joint}.clearance"
-        reason = f"with {owner}.friction a cycle would begin without the bristles of the one before"
-        raise SceneError("solve.start", "periodic", reason, "Start from zero and run long enough, or take law stribeck")
+    if scene.solve.start == "periodic":
+        refuse_bristles(scene, "solve.start", "periodic")
 
 
 def _check_laws(scene: Scene, dynamics: str) -> None:
