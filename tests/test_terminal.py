@@ -3,6 +3,9 @@
 import sys
 import time
 
+import pytest
+
+import kaneflex
 from kaneflex.support import terminal
 
 
@@ -35,3 +38,21 @@ def test_a_terminal_shows_a_bar_that_moves_and_goes(capsys, monkeypatch):
         waiting.stage("writing")
         assert bar.tasks == []
     assert bar.finished and not bar.live.is_started
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings"),
+    [("spinning-top", ["solve.duration=0.1 s"]), ("double-pendulum", ["solve.preset=rigid"]),
+     ("spatial-slider-crank-elastic", ["solve.preset=coupled", "solve.start=zero", "solve.duration=5 ms"])],
+)  # fmt: skip
+def test_motions_that_are_integrated_while_loading_tell_their_share(monkeypatch, scene, settings):
+    told = []
+
+    def share_of(self, name):
+        self.stage(name)
+        return told.append
+
+    monkeypatch.setattr(terminal.Waiting, "share_of", share_of)
+    with terminal.Waiting() as waiting:
+        kaneflex.load(kaneflex.with_settings(kaneflex.read_scene(scene), settings), waiting)
+    assert told == sorted(told) and 0.99 < told[-1] <= 1.0

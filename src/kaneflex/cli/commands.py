@@ -150,7 +150,7 @@ def check(asked: SceneArguments) -> None:
 
     scene = asked.read()
     with Waiting() as waiting:
-        model = load(scene, waiting.stage)
+        model = load(scene, waiting)
     click.echo(description(model))
     for warning in warnings(model):
         click.echo(f"Warning: {warning}", err=True)
@@ -274,7 +274,7 @@ def modes(
         return
     scene = asked.read_at(at)
     with Waiting() as waiting:
-        found = found_modes(scene, count, waiting.stage)
+        found = found_modes(scene, count, waiting)
         too_few = mesh_hint(found)
     if too_few:
         click.echo(f"Warning: {too_few}", err=True)
@@ -293,7 +293,7 @@ def _export(scene: Scene, folder: Path, force: bool) -> None:
     if not any(body.elastic for body in scene.bodies.values()):
         raise SceneError("--export", str(folder), "no body has a beam: there are no shapes", "Give a body a beam")
     with Waiting() as waiting:
-        written = export(links_data(scene, waiting.stage), folder, force)
+        written = export(links_data(scene, waiting), folder, force)
     for path in written:
         click.echo(f"Written to {path}")
 

@@ -35,7 +35,7 @@ def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
     refuse_existing(output, force, "engine.fmu")
     scene = asked.read()
     with Waiting() as waiting:
-        made = fmu(scene, fmi, waiting.stage)
+        made = fmu(scene, fmi, waiting)
     write_bytes(output, made.content)
     click.echo(f"FMI {fmi}.0, {len(made.outputs)} outputs; can be set: {', '.join(made.inputs) or 'nothing'}")
     if made.unread:

@@ -93,7 +93,7 @@ def into(
     """
     folder = target.folder
     with whole_folder(folder, mark=mark, force=target.force) as partial, Waiting() as waiting:
-        found = compute(waiting.stage)
+        found = compute(waiting)
         waiting.stage("writing")
         with writing(folder):
             write(found, partial)

@@ -159,7 +159,7 @@ def linearise(
         check_picture(bode, force, "engine-bode.png")
     scene = asked.read_at(at)
     with Waiting() as waiting:
-        model = load(scene, waiting.stage)
+        model = load(scene, waiting)
         system = state_space(model, sensors=sensors or None)
     drawn = None if bode is None else _bode(system, bode.suffix[1:])
     system.save(output)
@@ -206,7 +206,7 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
         from kaneflex.multibody.binding import derivable
 
         with derivable(scene):
-            text = latex(scene, waiting.stage)
+            text = latex(scene, waiting)
     if output is None:
         click.echo(text, nl=False)
     else:
@@ -260,15 +260,15 @@ def derive(
         if tolerance is not None:
             from kaneflex.study.trade.choice import remembered_choice
 
-            choice = remembered_choice(scene, tolerance_of(tolerance), sensors or None, waiting.stage)
+            choice = remembered_choice(scene, tolerance_of(tolerance), sensors or None, waiting)
         waiting.stage("importing SymPy")
         from kaneflex.multibody.binding import coupled_text, generate_text, operation_count, pruned_text
 
         if choice is not None:
-            whole = generate_text(scene, waiting.stage)
-            text = pruned_text(with_settings(scene, choice.settings), waiting.stage)
+            whole = generate_text(scene, waiting)
+            text = pruned_text(with_settings(scene, choice.settings), waiting)
         else:
-            text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting.stage)
+            text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting)
     write_text(output, text)
     if choice is not None:
         click.echo(chosen_lines(choice))
@@ -292,7 +292,7 @@ def _derive_c(
     scene = read(name, list(changes))
     with whole_folder(output, mark="CMakeLists.txt", force=force) as partial, Waiting() as waiting:
         coupled = resolve_options(scene).dynamics == "coupled"
-        texts = coupled_in_c(scene, waiting.stage) if coupled else c_model(scene, waiting.stage).texts
+        texts = coupled_in_c(scene, waiting) if coupled else c_model(scene, waiting).texts
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8", newline="\n")
     click.echo(f"Written to {output}")

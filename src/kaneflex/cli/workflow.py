@@ -108,7 +108,7 @@ def uncollected() -> Iterator[None]:
 def _choose(scene: Scene, tolerance: float, sensors: Sequence[str] | None, waiting: Waiting) -> Choice:
     from kaneflex.study.trade.choice import remembered_choice
 
-    return remembered_choice(scene, tolerance, sensors, waiting.stage)
+    return remembered_choice(scene, tolerance, sensors, waiting)
 
 
 def _solve(
@@ -130,7 +130,7 @@ def _solve(
 
         check_differentiable(scene, continued=after is not None)
         find_parameters(scene, parameters)
-    model = load(scene, waiting.stage, pruned=choice is not None)
+    model = load(scene, waiting, pruned=choice is not None)
     waiting.stage("compiling the integrator, first time only")
     solution = solve(model, waiting.share_of("solving"), state)
     waiting.stage("writing the results")

@@ -129,7 +129,7 @@ class Foreign:
             x, y = self.nodes[:, 0], self.nodes[:, 1]
             turn = self.field(-y, x) / self.length
             return {"along its axis": self.field(1.0, 0.0), "across": self.field(0.0, 1.0), "turning": turn}
-        found = {}
+        found = dict[str, np.ndarray]()
         for name, axis in zip("xyz", np.eye(3), strict=True):
             along, about = self._still(2)
             along[:, :3], about[:, :3] = axis, np.cross(axis, self.nodes) / self.length

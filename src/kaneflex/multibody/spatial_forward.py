@@ -28,6 +28,7 @@ from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
+Share = Callable[[float], None]
 _GROWTH = 10.0
 """Largest dependent speed per independent one, in their measures, beyond which others are tried."""
 _ABSOLUTE = 1e-2
@@ -39,16 +40,18 @@ _MOST = 5_000_000
 
 
 def integrate(
-    system: SpatialSystem, start: State, module: SpatialModule, options: Options
+    system: SpatialSystem, start: State, module: SpatialModule, options: Options, share: Share = lambda done: None
 ) -> tuple[SpatialKinematics, Energy]:
     """The motion from a start over the duration of ``options``, by its method and tolerance, and its energy.
+
+    ``share`` is called with how much of it is done.
 
     Raises
     ------
     SceneError
         If the motion can't go on, or takes too many evaluations; it names the time.
     """
-    run = Run(system, options, start)
+    run = Run(system, options, start, share)
     run.go()
     return run.moving(module)
 
@@ -56,7 +59,10 @@ def integrate(
 class Run(Curve):
     """Steps of one integration from a start, and the curves between them."""
 
-    def __init__(self, system: SpatialSystem, options: Options, start: State) -> None:
+    def __init__(
+        self, system: SpatialSystem, options: Options, start: State, share: Share = lambda done: None
+    ) -> None:
+        self.share = share
         self.system, self.options, self.start, self.evaluations = system, options, start, 0
         self.ends: list[float] = []  # of the curves
         self.curves: list[tuple[Callable[[Any], np.ndarray], State]] = []
@@ -103,6 +109,7 @@ class Run(Curve):
                 self.knots += rows[:, 1].tolist()
                 self.works += list(rows[:, 2:4])
                 self.curves.append((_Piece(rows, choice, system.coordinates), state))
+            self.share(float(steps.t[0]) / options.duration)
             outcome = int(control[OUTCOME])
             if outcome not in (DONE, GROWN):
                 raise self._stopped(float(steps.t[0]), REASONS[outcome], outcome == OVERTURNED)
@@ -145,6 +152,7 @@ class Run(Curve):
                 raise self._stopped(before, self.reason or message or "the rates are not finite there")
             if self.evaluations > _MOST:
                 raise self._stopped(solver.t, f"{self.evaluations} evaluations bring it no further")
+            self.share(float(solver.t) / self.options.duration)
             self.ends.append(solver.t)
             self.knots.append(solver.t)
             self.curves.append((solver.dense_output(), state))

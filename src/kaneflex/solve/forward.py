@@ -42,8 +42,11 @@ def integrate_free_joints(
     module: ModuleType,
     parameters: np.ndarray,
     options: Options,
+    share: Callable[[float], None] = lambda done: None,
 ) -> tuple[RigidKinematics, Energy]:
     """Integrate the free joints over the duration of ``options``, by its method and tolerance.
+
+    ``share`` is called with how much of it is done.
 
     Returns
     -------
@@ -69,6 +72,7 @@ def integrate_free_joints(
     check_start(mechanism, standing(module, parameters, 0.0, start), epsilon[0], inertia(0.0, start))
     run = _Steps(scene, module, parameters, options, accelerations)
     for stretch in run.stretches(start):
+        share(times[-1] / options.duration)
         for t, state in stretch:
             times.append(t)
             states.append(state)

@@ -29,6 +29,7 @@ from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
+from kaneflex.support.terminal import share_of
 
 if TYPE_CHECKING:
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
@@ -122,8 +123,8 @@ def _moving(
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
     if module.FREE:
-        progress("forward dynamics of the rigid mechanism")
-        motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
+        share = share_of(progress, "forward dynamics of the rigid mechanism")
+        motion, energy = integrate_free_joints(scene, module, motion.parameters, options, share)
     return motion, energy
 
 

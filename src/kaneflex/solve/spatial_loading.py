@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -32,6 +32,7 @@ from kaneflex.solve.initial import laid_over, shape_dimensions
 from kaneflex.solve.loading import ONE_WAY, SWEEP, Progress, check_finite, check_springs, compiled_by, ignored_of, timed
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
+from kaneflex.support.terminal import share_of
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
@@ -100,18 +101,18 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
     if rigid:
         check_spatial_sensors(system.scene, open_reactions(system, [start]))
     if options.dynamics == "coupled":
-        progress("coupled dynamics")
+        share = share_of(progress, "coupled dynamics")
         if options.start == "quasistatic":
             start = _balanced(system, start)
         elif options.start == "given":
             start = _given(system, start)
-        run, verdict = _cycle(system, start, options) if options.start == "periodic" else (None, COMPLETED)
-        motion, energy = run.moving(module) if run else integrate(system, start, module, options)
+        run, verdict = _cycle(system, start, options, share) if options.start == "periodic" else (None, COMPLETED)
+        motion, energy = run.moving(module) if run else integrate(system, start, module, options, share)
         alone = build_spatial_system(system.scene, system.module, coupled=True)
         motion = replace(beside(motion, start, alone, start_of(alone)), verdict=verdict)
     elif module.FREE:
-        progress("forward dynamics of the rigid mechanism")
-        motion, energy = integrate(system, start, module, options)
+        share = share_of(progress, "forward dynamics of the rigid mechanism")
+        motion, energy = integrate(system, start, module, options, share)
     else:
         motion = SpatialKinematics(module, system.parameters, Followed(system, start))
         _check_bushings(motion, options)
@@ -132,7 +133,9 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
             raise SceneError(f"springs.{far[0]}.bushing", None, far[1], "Turn it less, or write a torque as a law")
 
 
-def _cycle(system: SpatialSystem, start: State, options: Options) -> tuple[Run, Verdict]:
+def _cycle(
+    system: SpatialSystem, start: State, options: Options, share: Callable[[float], None]
+) -> tuple[Run, Verdict]:
     """The cycle that repeats, and what is to be said of it.
 
     Raises SceneError where what acts doesn't repeat, and where the motion can't go on.
@@ -142,7 +145,7 @@ def _cycle(system: SpatialSystem, start: State, options: Options) -> tuple[Run, 
         start = balanced(system, start)
     except (ArithmeticError, np.linalg.LinAlgError):
         pass  # what moves fast needn't have an equilibrium near
-    run, verdict = SpatialCycles(system, options, start).repeated(start)
+    run, verdict = SpatialCycles(system, options, start).repeated(start, share)
     if verdict is None:
         assert run.stopped is not None
         raise run.stopped

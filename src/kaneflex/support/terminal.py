@@ -28,6 +28,12 @@ def log_warning(text: str) -> None:
     LOG.warning("Warning: %s", text)
 
 
+def share_of(progress: Callable[[str], None], name: str) -> Callable[[float], None]:
+    """Begin a stage; what then takes its finished share, 0 to 1, where ``progress`` is one to tell, as Waiting is."""
+    progress(name)
+    return progress.share_of(name) if isinstance(progress, Waiting) else lambda done: None
+
+
 class Waiting:
     """Names the stage that is under way, once it has lasted a second.
 
@@ -54,6 +60,9 @@ class Waiting:
             if self._bar is not None:
                 self._bar.stop()
                 self._bar = None
+
+    def __call__(self, name: str) -> None:
+        self.stage(name)
 
     def stage(self, name: str) -> None:
         """The stage before, if any, is over; ``name`` begins."""
