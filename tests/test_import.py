@@ -266,6 +266,14 @@ def test_the_page_has_a_scene_of_it():
                 np.testing.assert_array_equal(found[name].values, same[name].values)
 
 
+def test_a_point_that_is_called_mid_is_no_section():
+    numbers = np.loadtxt("rod-nodes.txt")
+    np.savetxt("middle.txt", numbers[np.isclose(numbers[:, 1], L / 2), 0], fmt="%d")
+    assert cli(*command(**{"rod.npz": "middle.npz"}), "--point", "mid=middle.txt").exit_code == 0
+    data = read_modal_data("middle.npz")
+    assert data.points == ("start", "end", "mid") and data.sections.places == ()
+
+
 def test_units_of_other_programs():
     """Millimetres, tonnes and newtons are the same link."""
     for name, factor in (("rod-mass.mtx", 1e-3), ("rod-stiffness.mtx", 1e-3)):

@@ -37,7 +37,7 @@ def with_recovery(link: Foreign, shapes: np.ndarray, data: ModalData) -> ModalDa
     if stresses is not None:
         rows = (stresses.matrix @ shapes).reshape(len(stresses.places), -1, shapes.shape[1])
         data = replace(data, stresses=Recovery(stresses.places, rows))
-    if isinstance(link.K, Projected):  # modes say little of what stands between two sections
+    if isinstance(link.K, Projected) or not link.sections:  # modes say little of what stands between two sections
         return data
     pushed = (link.K @ shapes).reshape(len(link.nodes), link.motions, -1)
     nodes, forces = padded(link.nodes, range(link.axes), 3), padded(pushed, range(link.motions), max(3, link.motions))

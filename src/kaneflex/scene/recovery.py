@@ -11,8 +11,6 @@ from kaneflex.support.errors import Fault
 
 STRESSES = {3: ("xx", "yy", "xy"), 6: ("xx", "yy", "zz", "xy", "yz", "zx")}
 """Components of stress in the body's axes by their number; in the plane three or six, in space six."""
-SECTION_FORCES = {3: ("N", "V", "M"), 6: ("N", "V_y", "V_z", "T", "M_y", "M_z")}
-"""The same of what the part beyond a section exerts; in the plane three, in space six."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +75,7 @@ class Recovered:
 
 STRESS = Recovered("stress_points", "stress", (3, 6), "Pa/m", of_points=False)
 SECTION = Recovered("sections", "section_forces", (3,), "N/m", of_points=True)
+"""N, V, M in the plane; N, V_y, V_z, T, M_y, M_z in space: what the part beyond a section exerts."""
 
 
 def finite_array(name: str, array: np.ndarray, shape: tuple[int, ...], unit: str, cure: str = "") -> np.ndarray:
