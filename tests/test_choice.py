@@ -423,7 +423,7 @@ def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_pa
     monkeypatch.setattr(choice_cache, "choose", lambda *arguments: found)
     path = tmp_path / "engine.py"
     result = cli("derive", "engine", "--tolerance", "0.01", "--sensor", "tip_axial", "-o", path)
-    assert result.exit_code == 0 and "247 operations, of 279 with every term\n" in result.stdout
+    assert result.exit_code == 0 and "201 operations, of 233 with every term\n" in result.stdout
     text = path.read_text()
     head = text[: text.index("import math")]
     assert "M q'' + (K_s + K_g) q = F" in head and "Without the terms spin, gyroscopic, euler, damping." in head

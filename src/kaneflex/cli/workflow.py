@@ -40,8 +40,7 @@ def run_into(
     scene : Scene
         With all settings laid over it.
     target : Target
-        Its folder appears when it is complete; what stops the run leaves none. A run that stopped early is not drawn;
-        a motion that repeats is, whether or not disturbances of it grow.
+        Its folder appears when it is complete; what stops the run leaves none. A run that stopped early is not drawn.
     settings : sequence of str
         The settings, for the summary.
     after : Path, optional
@@ -83,8 +82,7 @@ def run_into(
                     found.labelled.to_netcdf(partial / SENSITIVITIES_FILE)
         pictures: list[Path] = []
         with writing(folder):
-            repeats = summary.outcome == "unstable" and summary.stored > summary.steps
-            if summary.outcome == "completed" or repeats:
+            if summary.outcome == "completed" or summary.stored > summary.steps:  # else what stopped it early
                 pictures = _show(solution, found, partial, target, waiting)
             _report(solution, summary, pictures, partial)
     return summary

@@ -61,12 +61,7 @@ def read_foreign(
     M = read_matrix(mass, numbers, "m", turning) * weight
     K = None if modes is not None else read_matrix(stiffness, numbers, "k", turning) * weight
     chosen = {name: _chosen(path, numbers) for name, path in points.items()}
-    for name in ("start", "end"):
-        if name not in chosen:
-            raise Fault(f"no point {name}", f"Give the nodes of its {name}, like {name}=nodes.txt")
-    for one, other in combinations(chosen, 2):
-        if len(both := np.intersect1d(chosen[one], chosen[other])):
-            raise Fault(f"{one} and {other} have node {numbers[both[0]]} in common", "Give every point its own nodes")
+    _check_points(chosen, numbers)
     place, turn = _frame(length * at, chosen, np.array(normal, float), spatial)
     d = M.shape[0] // len(at)
     if spatial and d < 3:
@@ -85,6 +80,16 @@ def read_foreign(
         found = _of_modes(bare, modes, stiffness, numbers, turned)
     _check(found, mass, stiffness)
     return found
+
+
+def _check_points(points: Mapping[str, np.ndarray], numbers: np.ndarray) -> None:
+    """Raise Fault where an end is missing, or two points have a node in common."""
+    for name in ("start", "end"):
+        if name not in points:
+            raise Fault(f"no point {name}", f"Give the nodes of its {name}, like {name}=nodes.txt")
+    for one, other in combinations(points, 2):
+        if len(both := np.intersect1d(points[one], points[other])):
+            raise Fault(f"{one} and {other} have node {numbers[both[0]]} in common", "Give every point its own nodes")
 
 
 def check_name(name: str) -> None:
