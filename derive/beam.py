@@ -14,7 +14,7 @@ Sources: paper equations (28), (43), (44) with the single tilde of (41), (46), (
 Kane, Ryan and Banerjee (1987) for the geometric stiffness, which the paper leaves out.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -256,16 +256,15 @@ def slope_moments(shape: ShapeFunctions, tension: Expr) -> list[ImmutableMatrix]
     return [((x / length) ** k * square).applyfunc(integral).expand() for k in range(degree + 1)]
 
 
-def geometric_terms(shape: ShapeFunctions, tension: Expr) -> tuple[Term, ...]:
+def geometric_terms(tension: Expr, moments: Sequence[ImmutableMatrix]) -> tuple[Term, ...]:
     """K_g = int P H'^T H' dx by the scalars of P: the term that paper (46) leaves out.
 
     The axial force P works on the foreshortening -1/2 v'^2 dx of each slice (Kane, Ryan, Banerjee 1987), so
-    its generalised active force is -P H'^T H' q per length.
+    its generalised active force is -P H'^T H' q per length; ``moments`` are those of :func:`slope_moments`.
     """
-    moments = slope_moments(shape, tension)
 
     def weighted(part: Expr) -> ImmutableMatrix:
-        zero = ImmutableMatrix.zeros(shape.slope.cols)
+        zero = ImmutableMatrix.zeros(*moments[0].shape)
         return sum((c * length**k * moments[k] for (k,), c in Poly(part, x).terms()), zero).expand()
 
     parts = {
@@ -305,10 +304,10 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
     N = shape.displacement
     viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
     tension = axial_tension(equations, section)
-    geometric = geometric_terms(shape, tension)
+    moments = slope_moments(shape, tension)
+    geometric = geometric_terms(tension, moments)
     stiffness = elastic_terms(shape) + geometric
     powers = [(c * length**k).expand() for (k,), c in reversed(Poly(tension, x).terms())]
-    moments = slope_moments(shape, tension)
     by_tension = sum((c * of for c, of in zip(powers, moments, strict=True)), zeros(*moments[0].shape))
     by_motion = sum((term.scalar * term.matrix for term in geometric), zeros(*moments[0].shape))
     assert (by_tension - by_motion).expand().is_zero_matrix, "K_g by the tension is not K_g by the motion"

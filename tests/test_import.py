@@ -266,6 +266,30 @@ def test_the_page_has_a_scene_of_it():
                 np.testing.assert_array_equal(found[name].values, same[name].values)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ('start = "periodic"', "modes = 2", "solve.modes = 2: links by modal data have the shapes of their file"),
+        ('preset = "coupled"\nstart = "periodic"', 'preset = "rigid"', "rigid bodies by modal data have none"),
+        ('"rod.waist"', '"rod.end"', "has no section forces there: it has those at mid, waist. Name a section"),
+    ],
+)
+def test_what_a_scene_of_it_must_not_ask(before, after, message):
+    assert cli(*recovering(), "--force").exit_code == 0
+    (text,) = re.findall(r"^```toml\n(# imported\.toml\n.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    Path("imported.toml").write_text(text.replace(before, after))
+    refused(cli("check", "imported.toml"), message)
+
+
+def test_stresses_are_told_in_megapascal():
+    assert cli(*recovering(), "--force").exit_code == 0
+    (text,) = re.findall(r"^```toml\n(# imported\.toml\n.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    Path("imported.toml").write_text(text)
+    result = cli("run", "imported.toml", "--no-plots", "-o", "imported", "--force")
+    (row,) = re.findall(r"^top +MPa +(\S+)", result.stdout, re.MULTILINE)
+    assert -100.0 < float(row) < -10.0
+
+
 def test_a_point_that_is_called_mid_is_no_section():
     numbers = np.loadtxt("rod-nodes.txt")
     np.savetxt("middle.txt", numbers[np.isclose(numbers[:, 1], L / 2), 0], fmt="%d")

@@ -202,3 +202,62 @@ def test_a_point_of_one_node_turns_as_the_sections_do():
     rows = held_shapes(alone, (0.0, 0.0, 0.0), "").rows[alone.points.index("end")]
     found = rows @ (rows / alone.arrays["stiffness"]).T
     assert found[5, 1] == pytest.approx(L**2 / (2 * E * I_Z), rel=3e-2)
+
+
+def on_feet(legs):
+    """Files of the solid with so many beams on nodes of it, which meet in one beside it: names, feet, nodes' table."""
+    from closed_forms_spatial import mass, stiffness
+    from scipy.io import mmwrite
+    from scipy.sparse import csr_array
+
+    numbers = np.loadtxt("rod-nodes.txt")
+    count, tip = len(numbers), np.array([L / 2, 18e-3, 0.0])
+    wanted = ([L / 2, 10e-3, 6e-3], [L / 2, 10e-3, -6e-3], [0.0, 10e-3, 0.0])[:legs]
+    feet = [int(np.linalg.norm(numbers[:, 1:] - place, axis=1).argmin()) for place in wanted]
+    solid = (6 * np.arange(count)[:, None] + np.arange(3)).ravel()
+    for name, element in (("mass", mass), ("stiffness", stiffness)):
+        whole = np.zeros((6 * count + 6,) * 2)
+        whole[np.ix_(solid, solid)] = mmread(f"rod-{name}.mtx").toarray()
+        for foot in feet:
+            way = tip - numbers[foot, 1:]
+            length, x = np.linalg.norm(way), way / np.linalg.norm(way)
+            y = np.cross(x, [0.3, 0.5, 0.8])
+            turn = np.kron(np.eye(4), np.stack([x, y / np.linalg.norm(y), np.cross(x, y / np.linalg.norm(y))]))
+            numbers_of = (1e-6, 1e-12, length) if name == "mass" else (1e1, 1e-3, 1e-3, 1e-3, length)
+            at = np.concatenate([6 * node + np.arange(6) for node in (foot, count)])
+            whole[np.ix_(at, at)] += turn.T @ element(*numbers_of) @ turn
+        mmwrite(f"mixed-{name}.mtx", csr_array((whole + whole.T) / 2))
+    np.savetxt("mixed-nodes.txt", np.vstack([numbers, [count + 1, *tip]]), fmt="%.12g")
+    return ["mixed-mass.mtx", "mixed-stiffness.mtx", "mixed-nodes.txt"], feet, numbers
+
+
+def test_solid_elements_beside_some_that_bend(mesh):
+    """A soft tripod of three beams: nodes of the solid that bear none don't turn, and its data stay as they were."""
+    files, feet, numbers = on_feet(3)
+    count = len(numbers)
+    link = read_foreign(*files, ENDS, spatial=True)
+    assert np.flatnonzero(link.turning).tolist() == [*sorted(feet), count]
+    mixed, plain = (spatial_foreign_data(each, 4) for each in (link, mesh))
+    squares = [of.arrays["stiffness"] / np.einsum("aajj->j", of.arrays["mass_N_N"]) for of in (mixed, plain)]
+    np.testing.assert_allclose(*(np.sort(each)[:5] for each in squares), rtol=1e-5)
+    for name in ("mass", "mass_r", "mass_r_r"):
+        largest = abs(plain.arrays[name]).max()
+        np.testing.assert_allclose(mixed.arrays[name], plain.arrays[name], atol=1e-6 * largest)
+    for of in (mixed, plain):  # how the middle of a cantilever turns and moves
+        k = of.points.index("mid")
+        rows = held_shapes(of, (0.0, 0.0, 0.0), "")
+        end = rows.rows[of.points.index("end")]
+        yields = rows.rows[k] @ (end / of.arrays["stiffness"]).T
+        assert yields[1, 1] == pytest.approx(5 * L**3 / (48 * E * I_Z), rel=3e-2)
+        assert yields[5, 1] == pytest.approx(3 * L**2 / (8 * E * I_Z), rel=2e-2)
+    np.savetxt("lone.txt", [numbers[(numbers[:, 1] == L).argmax(), 0]], fmt="%d")
+    lone = read_foreign(*files, ENDS | {"end": "lone.txt"}, spatial=True)
+    assert len(lone.held("end", "any")) == 3  # a node of the solid has no turn of its own
+
+
+def test_a_beam_that_a_solid_does_not_hold_is_refused():
+    """On one foot it turns about that: solid elements resist no turn of a node."""
+    files, *_ = on_feet(1)
+    arguments = command(**dict(zip(FILES, files, strict=True)), **{"rod-space.npz": "hinged.npz"})
+    refused(cli(*arguments), "the stiffness leaves a motion free that no point holds")
+    assert not Path("hinged.npz").exists()

@@ -157,6 +157,7 @@ def test_in_the_plane_they_are_refused():
 
 
 def test_what_hangs_nowhere_is_refused():
+    """A part that is held to nothing, and one on a hinge."""
     K = np.asarray(mmread("stiffness.mtx")).copy()
     K[6 * COUNT - 6 : 6 * COUNT] = K[:, 6 * COUNT - 6 : 6 * COUNT] = 0.0
     mmwrite("loose.mtx", K + np.diag(np.repeat([0.0, 1.0, 0.0], [6 * COUNT - 6, 6, 6])), symmetry="symmetric")

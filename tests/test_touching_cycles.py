@@ -119,6 +119,18 @@ def test_where_the_table_rises_ever_faster_disturbances_grow():
     assert solution.trajectory.floquet[0].real > 1.2
 
 
+def test_a_contact_is_named_as_the_owner_of_its_bristles():
+    more = """bed = {law = "1e-3 * sin(40 * t)"}
+guide = {free = true, position = "10 mm"}
+[contacts.hit]
+point_on_line = ["block", "table"]
+normal = [0, 1]
+contact = {stiffness = 1e6, restitution = 0.5}
+friction = {law = "lugre", mu = 0.1, bristle_stiffness = "1e4 N/m"}"""
+    with pytest.raises(SceneError, match=r"with contacts\.hit\.friction a cycle would begin without the bristles"):
+        solved(OMEGA, **BALL, more=more)
+
+
 def test_bristles_are_not_carried_from_cycle_to_cycle():
     with pytest.raises(SceneError, match=r"with joints\.rail\.friction a cycle would begin without the bristles"):
         rubbing(8.0, 1.0, ', law = "lugre", bristle_stiffness = "1e4 N/m"')

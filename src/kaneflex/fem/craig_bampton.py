@@ -32,6 +32,8 @@ DEGREE, _PIECES, FINE = 5, 12, 4001
 """Of the spline that is the mean line, and the places at which its slopes are multiplied."""
 _FEW = 100
 """Coordinates of which all modes are found at once."""
+_LOOSE = "the stiffness leaves a motion free that no point holds"
+_LOOK = "Look for nodes without elements, and parts that hang on others by hinges or not at all"
 _NOTHING = 1e-9
 """Share of the largest stiffness, or of a shape's mass, that is none."""
 
@@ -62,8 +64,7 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     try:
         factors = splu(csc_array(bmat([[K, scale * csc_array(B).T], [scale * csc_array(B), None]])))
     except RuntimeError:
-        reason = "the stiffness leaves a motion free that no point holds"
-        raise Fault(reason, "Look for nodes without elements, or parts that hang together nowhere") from None
+        raise Fault(_LOOSE, _LOOK) from None
 
     def solved(load: np.ndarray) -> np.ndarray:
         return factors.solve(np.concatenate([load, np.zeros(held)]))[:count]
@@ -105,10 +106,11 @@ def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
     share, turned = eigh(mass)
     span = turned[:, share > _NOTHING] / np.sqrt(share[share > _NOTHING])
     resisting, found = eigh(span.T @ stiffness @ span)
-    elastic = resisting > _NOTHING * resisting.max()
-    shapes = shapes @ span @ found[:, elastic]
+    if resisting[0] <= _NOTHING * resisting[-1]:
+        raise Fault(_LOOSE, _LOOK)
+    shapes = shapes @ span @ found
     largest = abs(shapes).max(axis=0)
-    return Reduced(shapes / largest, 1.0 / largest**2, resisting[elastic] / largest**2)
+    return Reduced(shapes / largest, 1.0 / largest**2, resisting / largest**2)
 
 
 def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:

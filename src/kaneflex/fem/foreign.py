@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -109,6 +110,14 @@ class Foreign:
         """Translations of a node: two or three."""
         return self.nodes.shape[1]
 
+    @cached_property
+    def turning(self) -> np.ndarray:
+        """Which nodes turn about all axes, (n_nodes,): those of solid elements don't, beside others that bend."""
+        if self.motions < TURNS:
+            return np.zeros(len(self.nodes), bool)
+        assert not isinstance(self.K, Projected)  # whose nodes have translations alone
+        return np.asarray((self.K.diagonal().reshape(-1, TURNS)[:, 3:] > 0.0).all(axis=1))
+
     def _still(self, *several: int) -> np.ndarray:
         """Motions of nodes to be filled in, (..., n_nodes, d)."""
         return np.zeros((*several, len(self.nodes), self.motions))
@@ -186,8 +195,8 @@ class Foreign:
     def held(self, point: str, motion: Motion) -> np.ndarray:
         """Rows (m, n_nodes d) of what a point is held by: u, v, or in space its displacement and its turn.
 
-        A point of one node, or of nodes on a line, turns as these do in the mean where they turn at all. Raises Fault
-        where nodes that don't lie on one line, which leaves a turn open.
+        A point of one node, or of nodes on a line, turns as these do in the mean where all of them turn. Raises Fault
+        where nodes that don't turn lie on one line, which leaves a turn open.
         """
         if motion != "any":
             return self.means(point)[0 if motion == "axial" else 1][None]
@@ -197,7 +206,7 @@ class Foreign:
         found[[0, 1, 2], :, [0, 1, 2]] = share
         inertia = (place**2).sum() * np.eye(3) - place.T @ place
         on_line = np.linalg.eigvalsh(inertia)[0] <= ALIKE * (place**2).sum()
-        if on_line and self.motions == TURNS:
+        if on_line and self.turning[at].all():
             found[[3, 4, 5], :, [3, 4, 5]] = share
             return found.reshape(6, -1)
         if len(at) == 1:  # which has no turn of its own

@@ -92,10 +92,10 @@ def _check_points(points: Mapping[str, np.ndarray], numbers: np.ndarray) -> None
             raise Fault(f"{one} and {other} have node {numbers[both[0]]} in common", "Give every point its own nodes")
 
 
-def check_name(name: str) -> None:
+def check_name(name: str, where: str = "") -> None:
     """Raise Fault unless scenes can call a point so."""
     if not (name.isidentifier() and name.isascii()):
-        raise Fault(f"{name!r} is not a name", "Use letters, digits and underscores, a letter first")
+        raise Fault(f"{where}{name!r} is not a name", "Use letters, digits and underscores, a letter first")
 
 
 def _with_turns(matrix: csc_array, nodes: int) -> csc_array:

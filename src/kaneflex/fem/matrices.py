@@ -104,11 +104,17 @@ def _reader(path: str) -> Callable[[str, np.ndarray, str], tuple[csc_array, Labe
         return _matrix_market if file.read(2) == b"%%" else _abaqus
 
 
-def _matrix_market(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+def read_market(path: str) -> csc_array:
+    """The matrix of a Matrix Market file. Raises Fault, or OSError."""
+    check_file(Path(path), LARGEST)
     try:
-        found = csc_array(mmread(path))
+        return csc_array(mmread(path))
     except (ValueError, TypeError, OverflowError) as error:
         raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
+
+
+def _matrix_market(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+    found = read_market(path)
     count = len(numbers)
     if found.shape not in ((each * count, each * count) for each in (2, 3, _DIRECTIONS)):
         raise Fault(

@@ -7,18 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.io import mmread
 from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csc_array, eye_array, kron
 
 from kaneflex.fem.foreign import TURNS, Foreign, Projected, Stresses
+from kaneflex.fem.foreign_files import check_name
+from kaneflex.fem.matrices import read_market
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.recovery import STRESSES, Recovery
 from kaneflex.support.errors import Fault
 from kaneflex.support.reading import check_file
 
-LARGEST = 2**31
-"""Bytes of a file of stresses at most."""
 _STILL = 1e-6
 """Share of what its entries add up to that a motion of the whole link may leave of a stress."""
 _LAYER = 1e-6
@@ -110,12 +109,9 @@ def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, floa
     """
     places = _names(names)
     try:
-        check_file(Path(path), LARGEST)
-        found = csc_array(mmread(path))
+        found = read_market(path)
     except OSError as error:
         raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a file of a matrix") from None
-    except (ValueError, TypeError, OverflowError) as error:
-        raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
     count = 6 if link.axes == 3 else 3
     if found.shape != (shape := (count * len(places), len(link.nodes) * link.motions)):
         reason = f"{path} has the shape {found.shape}, with {len(places)} names in {names} not {shape}"
@@ -148,8 +144,7 @@ def _names(path: str) -> tuple[str, ...]:
     if not found:
         raise Fault(f"{path} has no name", "Give the name of each place, one a line")
     for name in found:
-        if not (name.isidentifier() and name.isascii()):
-            raise Fault(f"{path}: {name!r} is not a name", "Use letters, digits and underscores, a letter first")
+        check_name(name, f"{path}: ")
         if found.count(name) > 1:
             raise Fault(f"{path}: {name} is there twice", "Give each place a name of its own, like fillet")
     return found

@@ -137,12 +137,13 @@ class MeanSections:
         parts = [fields[a * len(x) : (a + 1) * len(x)] for a in range(3)]
         square = sum((part.T @ (m @ part)).toarray() for part in parts)
         side = sum(part.T @ (m @ shapes[:, a]) for a, part in enumerate(parts))
-        if shapes.shape[1] == TURNS:
-            weight = (_BESIDE * link.length) ** 2
-            turning = weight * (at.T @ m @ at).toarray()
-            square += block_diag(*[np.zeros_like(turning)] * 3, *[turning] * 3)
-            side += np.concatenate([np.zeros((3 * len(turning), shapes.shape[2])),
-                                    *(weight * (at.T @ (m @ shapes[:, 3 + a])) for a in range(3))])  # fmt: skip
+        if link.turning.any():
+            carried = (_BESIDE * link.length) ** 2 * np.asarray(m.sum(axis=0)).ravel() * link.turning
+            turned = at.T @ diags_array(carried)
+            own = (turned @ at).toarray()
+            square += block_diag(*[np.zeros_like(own)] * 3, *[own] * 3)
+            side += np.concatenate([np.zeros((3 * len(own), shapes.shape[2])),
+                                    *(turned @ shapes[:, 3 + a] for a in range(3))])  # fmt: skip
         found = np.split(np.linalg.lstsq(square, side, rcond=1e-12)[0], 6)
         u, v, w, *turns = (BSpline(knots, part, DEGREE) for part in found)
         return cls((u, v, w), tuple(turns), (float(x.min()), float(x.max())))
