@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.inner import once
-from kaneflex.multibody.tables import OPTIONS, apart, magnitude
+from kaneflex.multibody.tables import IN_ORDER, OPTIONS, apart, magnitude
 
 _DEFINITE = 1e-13
 """Least pivot of a definite matrix, as a share of what was on its diagonal."""
@@ -38,7 +38,7 @@ def factorise(a, at, n, pivots, first):
 
 
 @once
-@njit(**OPTIONS)
+@njit(**IN_ORDER)
 def substitute(a, at, n, pivots, first, x):
     """Solve with the factors of :func:`factorise`, in place: the right-hand side is at x."""
     apart()
@@ -86,7 +86,7 @@ def factorise_definite(a, at, n):
 
 
 @once
-@njit(**OPTIONS)
+@njit(**IN_ORDER)
 def substitute_definite(a, at, n, x):
     """Solve with the factors of :func:`factorise_definite`, in place: the right-hand side is at x."""
     apart()

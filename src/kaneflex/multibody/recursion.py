@@ -12,7 +12,7 @@ from numba import njit
 
 from kaneflex.multibody.tables import (
     BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGES, HINGE_SIZE,
-    INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT, POINT,
+    INBOARD, INERTIA, IN_ORDER, JACOBIAN, JACOBIANS, JOINT, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT, POINT,
     PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart, kernel, magnitude,
     of_body, turned,
 )  # fmt: skip
@@ -75,7 +75,7 @@ def factorise(m, h, A):
 
 
 # Compiled in one piece, as `solve` is: what their loops share are places and lengths, more than a loop has lines.
-@njit(**OPTIONS)
+@njit(**IN_ORDER)
 def _condense(A, ao, n, jacobians, w):
     """A body's square over its inboard section's twist in place of its frame's, its shapes eliminated: L D L^T of
     theirs with 1/D on the diagonal, rows 0..2 beyond column 3 the answer of the shapes to the twist."""
@@ -115,13 +115,14 @@ def _condense(A, ao, n, jacobians, w):
         if not magnitude(d) > 0.0 or not magnitude(d) < 1e300:
             return False
         A[row + i] = 1.0 / d
-    for k in range(3):
-        row = ao + n * k
-        for i in range(3, n):
-            total = A[row + i]
-            for j in range(3, i):
-                total -= A[ao + n * i + j] * A[row + j]
-            A[row + i] = total
+    for i in range(3, n):
+        row, e_0, e_1, e_2 = ao + n * i, A[ao + i], A[ao + n + i], A[ao + 2 * n + i]
+        for j in range(3, i):
+            known = A[row + j]
+            e_0 -= known * A[ao + j]
+            e_1 -= known * A[ao + n + j]
+            e_2 -= known * A[ao + 2 * n + j]
+        A[ao + i], A[ao + n + i], A[ao + 2 * n + i] = e_0, e_1, e_2
     for i in range(3, n):
         d, e_0, e_1, e_2 = A[ao + n * i + i], A[ao + i], A[ao + n + i], A[ao + 2 * n + i]
         A[ao] -= e_0 * d * e_0
@@ -131,14 +132,18 @@ def _condense(A, ao, n, jacobians, w):
         A[ao + n + 2] -= e_1 * d * e_2
         A[ao + 2 * n + 2] -= e_2 * d * e_2
     A[ao + n], A[ao + 2 * n], A[ao + 2 * n + 1] = A[ao + 1], A[ao + 2], A[ao + n + 2]
-    for k in range(3):
-        row = ao + n * k
-        for i in range(3, n):
-            A[row + i] *= A[ao + n * i + i]
-        for i in range(n - 1, 2, -1):
-            answer = A[row + i]
-            for j in range(3, i):
-                A[row + j] -= A[ao + n * i + j] * answer
+    for i in range(3, n):
+        d = A[ao + n * i + i]
+        A[ao + i] *= d
+        A[ao + n + i] *= d
+        A[ao + 2 * n + i] *= d
+    for i in range(n - 1, 2, -1):
+        row, e_0, e_1, e_2 = ao + n * i, A[ao + i], A[ao + n + i], A[ao + 2 * n + i]
+        for j in range(3, i):
+            known = A[row + j]
+            A[ao + j] -= known * e_0
+            A[ao + n + j] -= known * e_1
+            A[ao + 2 * n + j] -= known * e_2
     return True
 
 
@@ -270,7 +275,7 @@ def _small_solve(A, ao, n, r):
     return x_0, x_1, x_2
 
 
-@njit(**OPTIONS)
+@njit(**IN_ORDER)
 def _shapes(A, ao, n, r, v_0, v_1, v_2):
     """Rates of a body's shapes, whose forces are at r, with the twist of its inboard section."""
     apart()

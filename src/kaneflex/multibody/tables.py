@@ -29,6 +29,9 @@ ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True,
 """What those are made with that Python calls, by their addresses: see :mod:`kaneflex.multibody.library`."""
 OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 """What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
+IN_ORDER = OPTIONS | {"fastmath": OUTER["fastmath"] - {"reassoc"}}
+"""The same, with sums in the order of their text: of numbers that were just written one by one, which several at once
+would wait for."""
 
 SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 44, 8
 """Numbers of a section (x, y, theta and two rates), a frame (x, y, phi, cos, sin, then two rates of x, y, phi), a cut's
