@@ -104,19 +104,25 @@ class Joined:
             return columns, at_point(np.asarray(side.at))
         return columns[list(self.parts[side.body].place[node_of(self.links[side.body], side)])], np.eye(6)
 
+    @cached_property
+    def tied(self) -> np.ndarray:
+        """Which coordinates are at a point of some joint, in their order: no other one enters any row."""
+        points = [self.point(side) for joint in self.mechanism.joints.values() for side in joint.sides]
+        return np.unique(np.concatenate([np.zeros(0, int), *(point[0] for point in points if point is not None)]))
+
     def rows(self, motion: RigidMotion, joints: Collection[str] | None = None) -> tuple[Rates3, dict[str, slice]]:
-        """J and its rates at the instants of a motion, (3, n_times, rows, size), and which rows are a joint's.
+        """J and its rates at the instants of a motion, (3, n_times, rows, tied), and which rows are a joint's.
 
         ``joints``: those whose rows are computed, by default all; the others' are left at zero.
         """
         turned = {body: turning(motion, body) for body in (GROUND, *self.mechanism.bodies)}
-        J = np.zeros((3, len(motion.times), self.row_count, self.size), motion.values.dtype)
+        J = np.zeros((3, len(motion.times), self.row_count, len(self.tied)), motion.values.dtype)
         for name, joint in self.mechanism.joints.items():
             if joints is None or name in joints:
                 for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
                     point = self.point(side)
                     if point is not None:
-                        J[:, :, self.where[name], point[0]] += each @ point[1]
+                        J[:, :, self.where[name], np.searchsorted(self.tied, point[0])] += each @ point[1]
         return J, self.where
 
     @cached_property
@@ -143,36 +149,30 @@ class Joined:
         R_1, R_2 = (turned[side.body] for side in joint.sides)
         apart = place_of(motion, joint.sides[1]) - place_of(motion, joint.sides[0])
         stands = [self.mechanism.stands(side.body) for side in joint.sides]
-        blocks: list[tuple[Rates3, Rates3]] = []
-
-        def add(d_1: Rates3 | None, t_1: Rates3 | None, d_2: Rates3 | None, t_2: Rates3 | None) -> None:
-            """A row by its global vectors before displacements and rotations."""
-            one, two = (np.zeros((3, len(motion.times), 6), motion.values.dtype) for _ in range(2))
-            for out, R, d, t in ((one, R_1, d_1, t_1), (two, R_2, d_2, t_2)):
-                if d is not None:
-                    out[..., :3] = product(d[..., None, :], R)[..., 0, :]
-                if t is not None:
-                    out[..., 3:] = product(t[..., None, :], R)[..., 0, :]
-            blocks.append((one, two))
+        none = np.zeros((3, len(motion.times), 3))
+        rows: list[tuple[Rates3, Rates3, Rates3, Rates3]] = []
+        """Global vectors before displacement and rotation of the first point, and of the second."""
 
         def slides_not(n: Rates3) -> None:
-            add(-n, cross(n, apart), n, None)
+            rows.append((-n, cross(n, apart), n, none))
 
         def turns_not(axis: Rates3) -> None:
-            add(None, -axis, None, axis)
+            rows.append((none, -axis, none, axis))
 
         across = joint.across
         for axis in np.eye(3) if across is None else ():
-            constant = np.zeros((3, len(motion.times), 3))
+            constant = none.copy()
             constant[0] = axis
-            add(-constant, None, constant, None)
+            rows.append((-constant, none, constant, none))
         for axis in across or ():
             slides_not(turned_by(R_1, axis))
         for one, other in joint.parallel:
             turns_not(cross(turned_by(R_1, one), turned_by(R_2, stands[1].T @ stands[0] @ other)))
         for what, axis in joint.moves if freedoms else self._held(joint):
             (slides_not if what == "position" else turns_not)(turned_by(R_1, axis))
-        first, second = (np.stack(rows, axis=2) for rows in zip(*blocks, strict=True))
+        d_1, t_1, d_2, t_2 = (np.stack(part, axis=2) for part in zip(*rows, strict=True))
+        first, second = (np.concatenate([product(d, R), product(t, R)], axis=-1)
+                         for d, t, R in ((d_1, t_1, R_1), (d_2, t_2, R_2)))  # fmt: skip
         return first, second
 
     def parting(self, motion: RigidMotion) -> Rates3:
@@ -222,24 +222,25 @@ class Joined:
         SceneError
             If none do: the links then pass where they no longer say how the mechanism stands.
         """
-        J = self.rows(motion)[0][0] * self.measure
+        J = self.rows(motion)[0][0] * self.measure[self.tied]
         J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
         if still is not None:
-            J[:, :, still] = 0.0
+            J[:, :, still[self.tied]] = 0.0
         used = np.flatnonzero(abs(J).max(axis=(0, 2)) > ZERO)
-        dependent, left = _apart_at_all(J[:, used])
+        furthest, left = _apart_at_all(J[:, used])
         if left.any():
             raise SceneError(
                 "joints", ", ".join(self._named(used[left])), "with elastic bodies between them they don't hold the "
                 "mechanism in one way over the whole run: it passes a dead centre there",
                 "Limit the drives' range, or hold it otherwise",
             )  # fmt: skip
+        dependent = np.sort(self.tied[furthest])
         independent = np.setdiff1d(np.arange(self.size), dependent)
-        return Choice(used, np.sort(dependent), independent if still is None else independent[~still[independent]])
+        return Choice(used, dependent, independent if still is None else independent[~still[independent]])
 
     def independent_rows(self, motion: RigidMotion) -> np.ndarray:
         """Rows from which all others follow, as many at all instants of a motion."""
-        J = self.rows(motion)[0][0] * self.measure
+        J = self.rows(motion)[0][0] * self.measure[self.tied]
         J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
         return np.sort(_apart_at_all(J.transpose(0, 2, 1))[0])
 
@@ -247,21 +248,26 @@ class Joined:
         """The joints that have some rows."""
         return [name for name, own in self.where.items() if ((rows >= own.start) & (rows < own.stop)).any()]
 
-    def maps(self, motion: RigidMotion, choice: Choice) -> Rates3:
-        """L and its rates at the instants of a motion, springs' ends below, (3, n_times, rows, independent)."""
-        joints = self._named(choice.rows)
-        J = self.rows(motion, joints)[0][:, :, choice.rows] * self.measure
-        L = np.zeros((3, len(motion.times), self.size, len(choice.independent)))
-        L[0][:, choice.independent, np.arange(len(choice.independent))] = 1.0
+    def maps(self, motion: RigidMotion, choice: Choice, columns: np.ndarray | None = None) -> Rates3:
+        """L and its rates at the instants of a motion, springs' ends below, (3, n_times, rows, columns).
+
+        ``columns``: which of the independent coordinates' are computed, by default all.
+        """
+        independent = choice.independent if columns is None else choice.independent[columns]
+        L = np.zeros((3, len(motion.times), self.size, len(independent)))
+        L[0][:, independent, np.arange(len(independent))] = 1.0
+        at_joints = np.flatnonzero(np.isin(independent, self.tied))
         if len(choice.dependent):
-            held, given = J[..., choice.dependent], J[..., choice.independent]
+            J = self.rows(motion, self._named(choice.rows))[0][:, :, choice.rows] * self.measure[self.tied]
+            held = J[..., np.searchsorted(self.tied, choice.dependent)]
+            given = J[..., np.searchsorted(self.tied, independent[at_joints])]
             Q, R = np.linalg.qr(held[0])  # there may be more rows than they need
-            back = Q.transpose(0, 2, 1)
-            L_0 = -np.linalg.solve(R, back @ given[0])
-            L_1 = -np.linalg.solve(R, back @ (given[1] + held[1] @ L_0))
-            L_2 = -np.linalg.solve(R, back @ (given[2] + held[2] @ L_0 + 2.0 * held[1] @ L_1))
-            L[:, :, choice.dependent] = np.stack([L_0, L_1, L_2])
-        L *= self.measure[:, None] / self.measure[choice.independent]
+            back = np.linalg.solve(R, Q.transpose(0, 2, 1))
+            L_0 = -back @ given[0]
+            L_1 = -back @ (given[1] + held[1] @ L_0)
+            L_2 = -back @ (given[2] + held[2] @ L_0 + 2.0 * held[1] @ L_1)
+            L[:, :, choice.dependent[:, None], at_joints] = np.stack([L_0, L_1, L_2])
+        L *= self.measure[:, None] / self.measure[independent]
         return np.concatenate([L, product(self.parting(motion), L)], axis=2) if self.springs else L
 
 

@@ -328,7 +328,7 @@ def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
     joined, names = found.joined, set[str]()
     J, where = joined.rows(motion)
     for instant in range(len(motion.times)):
-        here = J[0, instant] * joined.measure
+        here = J[0, instant] * joined.measure[joined.tied]
         scale = np.maximum(abs(here).max(axis=1), 1e-300)
         for combination in null_space((here / scale[:, None]).T, rcond=1e-9).T:
             multipliers = combination / scale

@@ -119,12 +119,6 @@ class SpatialElasticMotion(ElasticMotion):
         """
         joined, rigid = self._map.joined, self.rigid
         residual = np.zeros((len(rigid.times), joined.size), rigid.values.dtype)
-        used = np.zeros(joined.size, dtype=bool)
-        for joint in joined.mechanism.joints.values():
-            for side in joint.sides:
-                point = joined.point(side)
-                if point is not None:
-                    used[point[0]] = True
         for name, part in joined.parts.items():
             columns = slice(joined.first[name], joined.first[name] + part.size)
             if name in self.model.links:
@@ -145,10 +139,11 @@ class SpatialElasticMotion(ElasticMotion):
             first = joined.first[name] - joined.size
             residual -= np.einsum("tki,kt->ti", parting[:, first : first + 4], self._spring_force(name, geometric=True))
         J, where = joined.rows(rigid)
-        rows, scale = self._map.rows, joined.measure[used]
+        rows, tied = self._map.rows, joined.tied
+        scale = joined.measure[tied]
         solve = self.solver or by_reflections
         found = np.zeros_like(J[0][:, :, 0])
-        found[:, rows] = solve((J[0][:, rows][:, :, used] * scale).transpose(0, 2, 1), residual[:, used] * scale)
+        found[:, rows] = solve((J[0][:, rows] * scale).transpose(0, 2, 1), residual[:, tied] * scale)
         exerted: dict[str, np.ndarray] = {}
         for name, own in where.items():
             wrench, drive = joined.exerted(rigid, name, found[:, own])

@@ -221,8 +221,6 @@ def _by_steps(read: _Read, richer: Sequence[tuple[str, Model]], done: Sequence[S
     """
     if len(done) == len(richer):
         return
-    if read.model.scene.is_spatial:
-        raise _Unknown("in space every richer model would follow the rigid motion anew, over all steps")
     options, trajectory = read.model.options, read.run.trajectory
     by_radau = isinstance(trajectory, Trajectory) and trajectory.solver.startswith("radau")
     same_steps = by_radau or options.integrator == "radau" or options.dynamics != "dynamic"
