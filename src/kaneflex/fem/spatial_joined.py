@@ -14,8 +14,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from graphlib import TopologicalSorter
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.spatial_bodies import at_point
@@ -106,9 +109,15 @@ class Joined:
 
     @cached_property
     def tied(self) -> np.ndarray:
-        """Which coordinates are at a point of some joint, in their order: no other one enters any row."""
-        points = [self.point(side) for joint in self.mechanism.joints.values() for side in joint.sides]
+        """Which coordinates are at a point of some joint or spring, in their order: no other one enters any row."""
+        sides = [side for joint in self.mechanism.joints.values() for side in joint.sides]
+        sides += [side for name in self.springs for side in self.mechanism.springs[name].sides]
+        points = map(self.point, sides)
         return np.unique(np.concatenate([np.zeros(0, int), *(point[0] for point in points if point is not None)]))
+
+    def places(self, columns: np.ndarray) -> np.ndarray:
+        """Where among :attr:`tied` some of them are."""
+        return np.searchsorted(self.tied, columns)
 
     def rows(self, motion: RigidMotion, joints: Collection[str] | None = None) -> tuple[Rates3, dict[str, slice]]:
         """J and its rates at the instants of a motion, (3, n_times, rows, tied), and which rows are a joint's.
@@ -122,7 +131,7 @@ class Joined:
                 for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
                     point = self.point(side)
                     if point is not None:
-                        J[:, :, self.where[name], np.searchsorted(self.tied, point[0])] += each @ point[1]
+                        J[:, :, self.where[name], self.places(point[0])] += each @ point[1]
         return J, self.where
 
     @cached_property
@@ -176,11 +185,12 @@ class Joined:
         return first, second
 
     def parting(self, motion: RigidMotion) -> Rates3:
-        """How far the ends of springs part by the coordinates, :data:`APART` of each, (3, n_times, rows, size).
+        """How far the ends of springs part by the coordinates, :data:`APART` of each, (3, n_times, rows, tied).
 
         The direction of a spring turns with its rigid points, one that needs none has none.
         """
-        found = np.zeros((3, len(motion.times), len(self.measures) - self.size, self.size), motion.values.dtype)
+        shape = (3, len(motion.times), len(self.measures) - self.size, len(self.tied))
+        found = np.zeros(shape, motion.values.dtype)
         unit = np.zeros((3, len(motion.times), 3, 3))
         unit[0] = np.eye(3)
         for name in self.springs:
@@ -193,7 +203,7 @@ class Joined:
                 point = self.point(side)
                 if point is not None:
                     moved = product(rows, turning(motion, side.body)) @ point[1][:3]
-                    found[:, :, first : first + 4, point[0]] += sign * moved
+                    found[:, :, first : first + 4, self.places(point[0])] += sign * moved
         return found
 
     def _held(self, joint: SpatialJoint) -> list[tuple[str, np.ndarray]]:
@@ -234,9 +244,36 @@ class Joined:
                 "mechanism in one way over the whole run: it passes a dead centre there",
                 "Limit the drives' range, or hold it otherwise",
             )  # fmt: skip
-        dependent = np.sort(self.tied[furthest])
+        furthest = np.sort(furthest)
+        if len(used) > len(furthest):
+            used = used[np.sort(_apart_at_all(J[:, used][..., furthest].transpose(0, 2, 1))[0])]
+        dependent = self.tied[furthest]
         independent = np.setdiff1d(np.arange(self.size), dependent)
-        return Choice(used, dependent, independent if still is None else independent[~still[independent]])
+        blocks = self._in_order(used, dependent)
+        return Choice(blocks, dependent, independent if still is None else independent[~still[independent]])
+
+    def _in_order(self, rows: np.ndarray, dependent: np.ndarray) -> tuple[Block, ...]:
+        """Rows with the coordinates that depend on others by them, each after those that these depend on themselves.
+
+        By where joints are alone, whatever the motion is: the triangular form of Dulmage and Mendelsohn (1958). In a
+        tree a block is one joint's, those that close a loop are in one.
+        """
+        ties = np.zeros((self.row_count, self.size), dtype=bool)
+        for name, joint in self.mechanism.joints.items():
+            for point in map(self.point, joint.sides):
+                if point is not None:
+                    ties[self.where[name], point[0]] = True
+        pattern = ties[np.ix_(rows, dependent)]
+        says = maximum_bipartite_matching(csr_array(pattern), "column")
+        needs = pattern[:, says]
+        count, of = connected_components(csr_array(needs), connection="strong")
+        before = {block: {*of[needs[of == block].any(axis=0)].tolist()} - {block} for block in range(count)}
+        found = []
+        for block in TopologicalSorter(before).static_order():
+            own, said = rows[of == block], dependent[says[of == block]]
+            given = np.setdiff1d(np.flatnonzero(ties[own].any(axis=0)), said)
+            found.append(Block(own, self.places(said), self.places(given)))
+        return tuple(found)
 
     def independent_rows(self, motion: RigidMotion) -> np.ndarray:
         """Rows from which all others follow, as many at all instants of a motion."""
@@ -248,34 +285,50 @@ class Joined:
         """The joints that have some rows."""
         return [name for name, own in self.where.items() if ((rows >= own.start) & (rows < own.stop)).any()]
 
-    def maps(self, motion: RigidMotion, choice: Choice, columns: np.ndarray | None = None) -> Rates3:
-        """L and its rates at the instants of a motion, springs' ends below, (3, n_times, rows, columns).
+    def maps(self, motion: RigidMotion, choice: Choice) -> Rates3:
+        """L and its rates at the instants of a motion, springs' ends below, (3, n_times, rows, independent)."""
+        found = self.tied_maps(motion, choice, np.arange(len(choice.independent)))
+        L = np.zeros((3, len(motion.times), len(self.measures), len(choice.independent)))
+        L[0][:, choice.independent, np.arange(len(choice.independent))] = 1.0
+        L[:, :, self.tied] = found[:, :, : len(self.tied)]
+        L[:, :, self.size :] = found[:, :, len(self.tied) :]
+        return L
 
-        ``columns``: which of the independent coordinates' are computed, by default all.
-        """
-        independent = choice.independent if columns is None else choice.independent[columns]
-        L = np.zeros((3, len(motion.times), self.size, len(independent)))
-        L[0][:, independent, np.arange(len(independent))] = 1.0
-        at_joints = np.flatnonzero(np.isin(independent, self.tied))
-        if len(choice.dependent):
-            J = self.rows(motion, self._named(choice.rows))[0][:, :, choice.rows] * self.measure[self.tied]
-            held = J[..., np.searchsorted(self.tied, choice.dependent)]
-            given = J[..., np.searchsorted(self.tied, independent[at_joints])]
-            Q, R = np.linalg.qr(held[0])  # there may be more rows than they need
-            back = np.linalg.solve(R, Q.transpose(0, 2, 1))
-            L_0 = -back @ given[0]
-            L_1 = -back @ (given[1] + held[1] @ L_0)
-            L_2 = -back @ (given[2] + held[2] @ L_0 + 2.0 * held[1] @ L_1)
-            L[:, :, choice.dependent[:, None], at_joints] = np.stack([L_0, L_1, L_2])
-        L *= self.measure[:, None] / self.measure[independent]
+    def tied_maps(self, motion: RigidMotion, choice: Choice, columns: np.ndarray) -> Rates3:
+        """Of L what is tied, springs' ends below, and of the independent coordinates these columns."""
+        independent, tied = choice.independent[columns], self.tied
+        rows = np.concatenate([np.zeros(0, int), *(block.rows for block in choice.blocks)])
+        J = self.rows(motion, self._named(rows))[0] * self.measure[tied]
+        L = np.zeros((3, len(motion.times), len(tied), len(columns)))
+        at = np.flatnonzero(np.isin(independent, tied))
+        L[0][:, self.places(independent[at]), at] = 1.0
+        for block in choice.blocks:
+            own, others = (J[:, :, block.rows[:, None], each] for each in (block.said, block.given))
+            given, back = product(others, L[:, :, block.given]), -np.linalg.inv(own[0])
+            L_0 = back @ given[0]
+            L_1 = back @ (given[1] + own[1] @ L_0)
+            L[:, :, block.said] = np.stack([L_0, L_1, back @ (given[2] + own[2] @ L_0 + 2.0 * own[1] @ L_1)])
+        L *= self.measure[tied][:, None] / self.measure[independent]
         return np.concatenate([L, product(self.parting(motion), L)], axis=2) if self.springs else L
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
-    """Rows that hold, and which coordinates depend on which others."""
+class Block:
+    """Rows of joints, as many coordinates that they say, and those that they say them of.
+
+    The coordinates are given by their places among the tied ones.
+    """
 
     rows: np.ndarray
+    said: np.ndarray
+    given: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Which coordinates depend on which others, and how they follow from these."""
+
+    blocks: tuple[Block, ...]
     dependent: np.ndarray
     independent: np.ndarray
 

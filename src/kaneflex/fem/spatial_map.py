@@ -16,7 +16,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 
 _VARY = 1e-9
 """Change of an entry of L over the run, in its own measure, that counts as none."""
-_AT_ONCE = 128
+_AT_ONCE = 256
 """Instants whose rows and maps are in memory together: more of them take it longer to have than to fill."""
 
 
@@ -67,12 +67,14 @@ class SpatialMap:
         """The scalars at the instants of a motion, (n_times, 3 n)."""
         if not len(self.varying):
             return np.zeros((len(motion.times), 0))
-        rows, (columns, places) = self.varying[:, 0], np.unique(self.varying[:, 1], return_inverse=True)
+        joined, rows = self.joined, self.varying[:, 0]
+        columns, column = np.unique(self.varying[:, 1], return_inverse=True)
+        row = np.where(rows < joined.size, joined.places(rows), rows - joined.size + len(joined.tied))
         found = np.empty((len(motion.times), len(rows), 3))
         for first in range(0, len(motion.times), _AT_ONCE):
             part = slice(first, first + _AT_ONCE)
             some = replace(motion, times=motion.times[part], values=motion.values[part])
-            found[part] = self.joined.maps(some, self.choice, columns)[:, :, rows, places].transpose(1, 2, 0)
+            found[part] = joined.tied_maps(some, self.choice, columns)[:, :, row, column].transpose(1, 2, 0)
         return found.reshape(len(motion.times), -1)
 
     def of(self, body: str) -> Affine:

@@ -24,12 +24,13 @@ from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, i
 
 from kaneflex.multibody.inner import Inner
 
-OUTER = {"error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+_EXACT_ENOUGH = {"nsz", "arcp", "contract", "afn"}
+OUTER = {"error_model": "numpy", "fastmath": _EXACT_ENOUGH | {"reassoc"}}
 ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True, "pipeline_class": Inner}
 """What those are made with that Python calls, by their addresses: see :mod:`kaneflex.multibody.library`."""
 OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 """What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
-IN_ORDER = OPTIONS | {"fastmath": OUTER["fastmath"] - {"reassoc"}}
+IN_ORDER = OPTIONS | {"fastmath": _EXACT_ENOUGH}
 """The same, with sums in the order of their text: of numbers that were just written one by one, which several at once
 would wait for."""
 

@@ -137,7 +137,8 @@ class SpatialElasticMotion(ElasticMotion):
         parting = joined.parting(rigid)[0]
         for name in joined.springs:
             first = joined.first[name] - joined.size
-            residual -= np.einsum("tki,kt->ti", parting[:, first : first + 4], self._spring_force(name, geometric=True))
+            force = self._spring_force(name, geometric=True)
+            residual[:, joined.tied] -= np.einsum("tki,kt->ti", parting[:, first : first + 4], force)
         J, where = joined.rows(rigid)
         rows, tied = self._map.rows, joined.tied
         scale = joined.measure[tied]
@@ -186,4 +187,3 @@ class SpatialElasticMotion(ElasticMotion):
         for key, series in (("M", q_accel), ("C", q_rate), ("K", q)):
             total += self.rigid.apply(own[key], series)
         return total
-
