@@ -65,7 +65,7 @@ def substitute(a, at, n, pivots, first, x):
 
 
 @once
-@njit(**OPTIONS)
+@njit(**IN_ORDER)
 def factorise_definite(a, at, n):
     """L D L^T of a symmetric matrix in place, 1/D on the diagonal; False unless it is positive definite."""
     apart()

@@ -237,14 +237,16 @@ def accelerations(m, k, choice, u, du, sizes):
     at = len(choice.dependent) ** 2 + len(choice.dependent)
     x = at + free * free
     for i in range(free):
-        A[x + i] = 0.0
+        asked = 0.0
         for s in range(speeds):
-            A[x + i] -= B[i, s] * k.h[s]
+            asked -= B[i, s] * k.h[s]
+        A[x + i] = asked
         weigh(B[i], k.M, choice.step)
-        for j in range(free):
-            A[at + free * i + j] = 0.0
+        for j in range(i + 1):
+            mass = 0.0
             for s in range(speeds):
-                A[at + free * i + j] += choice.step[s] * B[j, s]
+                mass += choice.step[s] * B[j, s]
+            A[at + free * i + j] = mass
     if not dense_lu.factorise_definite(A, at, free):
         return False
     dense_lu.substitute_definite(A, at, free, x)

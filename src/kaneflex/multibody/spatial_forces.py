@@ -107,16 +107,13 @@ def _add_mass(m, k, n):
         for t in range(count):
             own = t - first if first <= t < first + shapes else -1
             k.Y[i, t] = I[36 + shapes * i + own] if own >= 0 else 0.0
-        for j in range(6):
-            for t in range(count):
-                k.Y[i, t] += I[6 * i + j] * B[j, t]
+    pile(I[:36].reshape(6, 6), B, k.Y)
     pile(B, k.Y, k.M)
-    for j in range(shapes):
-        for t in range(shapes):
-            k.M[first + j, first + t] += I[36 + 6 * shapes + shapes * j + t]
-        for i in range(6):
-            for t in range(count):
-                k.M[first + j, t] += I[36 + shapes * i + j] * B[i, t]
+    if shapes:
+        for j in range(shapes):
+            for t in range(shapes):
+                k.M[first + j, first + t] += I[36 + 6 * shapes + shapes * j + t]
+        pile(I[36 : 36 + 6 * shapes].reshape(6, shapes), B, k.M[first : first + shapes])
 
 
 @njit(**OPTIONS)

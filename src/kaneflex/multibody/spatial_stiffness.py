@@ -50,9 +50,10 @@ def _reduced(choice, full, out, room):
     for e in range(f):
         weigh(B[e], full, room)
         for j in range(f):
-            out[e, j] = 0.0
+            total = 0.0
             for n in range(B.shape[1]):
-                out[e, j] += room[n] * B[j, n]
+                total += room[n] * B[j, n]
+            out[e, j] = total
 
 
 @njit(**OPTIONS)
