@@ -18,7 +18,7 @@ import numpy as np
 from kaneflex.mechanism.joints import Constraints, coordinate
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import GROUND, pose_at
+from kaneflex.mechanism.planar import GROUND, pose_at, wrapped
 from kaneflex.mechanism.position_analysis import larger_group, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
@@ -143,7 +143,7 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
         try:
             turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi, said)
             change = turn.poses[-1] - turn.poses[0]
-            change[:, 2] = np.remainder(change[:, 2] + math.pi, 2 * math.pi) - math.pi
+            change[:, 2] = wrapped(change[:, 2])
             if abs(change).max() < 1e-6 * max(1.0, follower.mechanism.size):
                 return turn
         except SceneError as error:

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.cycles import PIECES, propagated
 from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.linearisation import Instant, slopes
@@ -57,7 +58,7 @@ class Returning:
         ends = (self.coordinates(system, cycle.q[k], cycle.v[k]) for k in (-1, 0))
         gap = next(ends) - next(ends)
         turns = np.flatnonzero(self.turns)
-        gap[turns] -= 2.0 * np.pi * np.round(gap[turns] / (2.0 * np.pi))
+        gap[turns] -= whole_turns(gap[turns])
         return gap
 
     def monodromy(self, system: CoupledSystem, cycle: CoupledTrajectory, pieces: int = PIECES) -> np.ndarray:

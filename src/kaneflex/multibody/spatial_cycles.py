@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.cycles import REPEATS, Cycles, propagated
 from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.spatial_forward import Run
@@ -88,6 +89,6 @@ class SpatialCycles(Cycles[State, Run]):
                 found[s : s + 3] = (first.inv() * second).as_rotvec()
             elif kind in (TURN, SLIDE):
                 found[s] = other[k] - q[k]
-                found[s] -= 2.0 * np.pi * np.round(found[s] / (2.0 * np.pi)) * (kind == TURN)
+                found[s] -= whole_turns(found[s]) * (kind == TURN)
         found[self.system.modal_speeds] = (other - q)[self.system.modal_coordinates]
         return found

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.planar import GROUND, whole_turns
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.peers.exudyn_spatial import OF_BODIES, Bodies
@@ -160,8 +160,7 @@ class SpatialRecorder(Recorder):
             return slide_of(joint, first, second)
         angle, rate, accel = turn_of(joint, first, second, self.mechanism.relative(joint))
         angle = np.unwrap(angle)
-        whole = np.round((float(self.start[f"{name}.angle"][0]) - angle[0]) / (2.0 * np.pi))
-        return angle + 2.0 * np.pi * whole, rate, accel
+        return angle + whole_turns(self.start[f"{name}.angle"][0] - angle[0]), rate, accel
 
     def _position(self, sensor: Sensor) -> np.ndarray:
         return self._point(sensor, 0)

@@ -20,6 +20,7 @@ from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
+from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.response.dalembert import Balanced, balanced
@@ -242,7 +243,7 @@ class CoupledMotion(Motion):
         if loose.direction is None:
             return np.array([x, y, angle])
         along = rotate(np.cos(first[2]), np.sin(first[2]), loose.direction)
-        tilt = np.remainder(angle + np.pi, 2 * np.pi) - np.pi  # bodies may start whole turns apart
+        tilt = wrapped(angle)  # bodies may start whole turns apart
         return np.array([along[0] * x + along[1] * y, along[0] * y - along[1] * x, tilt])
 
     def friction(self, name: str) -> np.ndarray:

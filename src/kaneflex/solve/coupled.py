@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.cycles import REPEATS, Cycles
 from kaneflex.multibody.linearisation import prepare, settled
@@ -144,7 +145,7 @@ def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMo
         name, side = leading[0]
         base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
         wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
-        angle[other] += 2 * math.pi * round((wanted - angle[other]) / (2 * math.pi))
+        angle[other] += float(whole_turns(wanted - angle[other]))
         q[system.start[other] + 2] = angle[other]
         counted.add(other)
     return q
@@ -194,7 +195,7 @@ def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.
     assert system is not None
     q, v = rigid_states(system, model.motion.at(times))
     turns = [k + 2 for k in system.start.values()]
-    q[:, turns] += 2.0 * math.pi * np.round((first[turns] - q[0, turns]) / (2.0 * math.pi))
+    q[:, turns] += whole_turns(first[turns] - q[0, turns])
     return q, v
 
 
@@ -268,7 +269,7 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
     def end(self, cycle: CoupledTrajectory) -> Start:
         turns = np.array([k + 2 for k in self.system.start.values()])
         q = cycle.q[-1].copy()
-        q[turns] -= 2.0 * math.pi * np.round((q[turns] - cycle.q[0, turns]) / (2.0 * math.pi))
+        q[turns] -= whole_turns(q[turns] - cycle.q[0, turns])
         return q, cycle.v[-1].copy()
 
     def most_pieces(self, cycle: CoupledTrajectory) -> int:

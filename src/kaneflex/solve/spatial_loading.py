@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.building import build_model, reference_instant, rigid_model
 from kaneflex.multibody.cycles import COMPLETED, Verdict
@@ -164,7 +165,7 @@ def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None
         sizes.append(system.magnitudes(t, *np.array(known).reshape(-1, 2).T))
     turns = [system.mechanism.joints[name].kind != "prismatic" for name in system.driven]
     change = courses[1] - courses[0]
-    change[turns, 0] -= 2.0 * np.pi * np.round(change[turns, 0] / (2.0 * np.pi))
+    change[turns, 0] -= whole_turns(change[turns, 0])
     named = [*zip(system.driven, change, courses[0], strict=True)]
     named += zip(system.mechanism.loads, sizes[1] - sizes[0], sizes[0], strict=True)
     for name, changed, before in named:
