@@ -75,22 +75,32 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
     if not loops:
         return parameters
     sweep = _swept(scene, module, parameters, horizon)
-    position = {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
-    values, blocks, filled = parameters.copy(), [], len(parameters)
-    for closing, _, turning, sliding in loops:
-        columns = {f"bodies.{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
+    columns: dict[str, np.ndarray] = {}
+    for _, _, turning, sliding in loops:
+        columns |= {f"bodies.{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
         columns |= {f"joints.{joint}.seed_slide": sweep.slid(mechanism_of(scene).joints[joint]) for joint in sliding}
-        for path, column in columns.items():
-            block = Table(sweep.x, column).coefficients(sweep.period)
-            values[position[path]] = filled
-            blocks.append(block)
-            filled += len(block)
-        values[position[f"joints.{closing}.side"]] = 1.0
-    p = np.concatenate([values, *blocks])
+    blocks = {path: Table(sweep.x, column).coefficients(sweep.period) for path, column in columns.items()}
+    p, places = with_tables(module, parameters, blocks), _places(module)
+    sides = {closing: places[f"joints.{closing}.side"] for closing, *_ in loops}
+    p[[*sides.values()]] = 1.0
     first = RigidKinematics(module, p).at(0.0)
-    for closing, *_ in loops:
-        p[position[f"joints.{closing}.side"]] = math.copysign(1.0, first[f"{closing}.closure"][0])
+    for closing, side in sides.items():
+        p[side] = math.copysign(1.0, first[f"{closing}.closure"][0])
     return p
+
+
+def _places(module: ModuleType) -> dict[str, int]:
+    """Path of a parameter -> its place in p."""
+    return {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
+
+
+def with_tables(module: ModuleType, parameters: np.ndarray, blocks: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The kernels' argument p with tables' blocks behind it, where each path's parameter says that its block begins."""
+    values, filled, places = parameters.copy(), len(parameters), _places(module)
+    for path, block in blocks.items():
+        values[places[path]] = filled
+        filled += len(block)
+    return np.concatenate([values, *blocks.values()])
 
 
 @dataclass(frozen=True, eq=False)
