@@ -30,7 +30,17 @@ from kaneflex.scene.options import Options, acting
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.sensors import DRIVE_KINDS
 from kaneflex.solve.initial import laid_over, shape_dimensions
-from kaneflex.solve.loading import ONE_WAY, SWEEP, Progress, check_finite, check_springs, compiled_by, ignored_of, timed
+from kaneflex.solve.loading import (
+    ONE_WAY,
+    SWEEP,
+    Progress,
+    check_finite,
+    check_springs,
+    compiled_by,
+    ignored_of,
+    neighbour_options,
+    timed,
+)  # fmt: skip
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import share_of
@@ -82,10 +92,7 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
 
 def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
     """:func:`kaneflex.solve.loading.neighbour` of a mechanism in space."""
-    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
-    options = replace(model.options, duration=duration)
-    if options.integrator == "spectral":  # whose grid and corrections may differ from neighbour to neighbour
-        options = replace(options, integrator="radau")
+    options = neighbour_options(model, scene)
     scene = acting(scene, options)
     generated: ModuleType = model.module.system.module
     if options.dynamics == "coupled":
