@@ -227,13 +227,17 @@ class Run:
 
     def _turned(self) -> bool:
         """Whether other coordinates are dependent where the motion stands than were: then it may go on with them."""
-        before = sorted(self.engine.dependent.tolist())
-        self.engine.stand(self.here)
-        self.engine.choose(float(self.here[0]))
-        if sorted(self.engine.dependent.tolist()) == before or not self.engine.settle(float(self.here[0])):
+        if not self._chosen_anew() or not self.engine.settle(float(self.here[0])):
             return False
         self.step, self.length = first_step(self.engine.motion[2], self.scale, self.longest), 0.0
         return True
+
+    def _chosen_anew(self) -> bool:
+        """Choose the dependent coordinates where the motion stands; whether they are others than before."""
+        before = sorted(self.engine.dependent.tolist())
+        self.engine.stand(self.here)
+        self.engine.choose(float(self.here[0]))
+        return sorted(self.engine.dependent.tolist()) != before
 
     def _bound(self) -> None:
         """Take the errors allowed of speeds and accelerations from their largest values so far, by kind."""
@@ -266,10 +270,7 @@ class Run:
             self.impacts += impacts.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
         if ended == collocation.TURNED:
-            before = sorted(self.engine.dependent.tolist())
-            self.engine.stand(self.here)
-            self.engine.choose(float(self.here[0]))
-            self.patient = float(sorted(self.engine.dependent.tolist()) == before)
+            self.patient = float(not self._chosen_anew())
             return collocation.PAUSED
         if ended == collocation.RESTED:
             if self._rest():
