@@ -304,11 +304,6 @@ class CoupledMotion(Motion):
         clamped = interfaces.turned[node] in interfaces.clamped
         return [0, 1] * fixed + [2] * clamped
 
-    def _in_axes(self, body: str, moved: Rates) -> Rates:
-        """Of a global displacement its components in the rigid body's axes, and the rates of these."""
-        local = self.rigid.frame(body).components(*(part[:2] for part in moved))
-        return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
-
     @cached_property
     def coordinates(self) -> Rates:
         names = self.model.equations.coordinates
