@@ -17,7 +17,7 @@ import numpy as np
 
 from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.coefficients import RADAU, integrals
-from kaneflex.multibody.spatial_bushings import POWER, overturned
+from kaneflex.multibody.spatial_bushings import overturned
 from kaneflex.multibody.spatial_choice import choose_anew
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_dynamics import Choice
@@ -192,22 +192,10 @@ class Run(Curve):
                 if np.isfinite(y).all():
                     self.reason = str(reason)
                 return np.full(len(y), np.nan)
-            moved = self.system.coordinate_rates(found.q, found.u)
-            return np.concatenate([moved, found.du[found.choice.independent], self._powers(found)])
+            moved, powers = self.system.rates(found.choice)
+            return np.concatenate([moved, found.du[found.choice.independent], powers])
 
         return rates
-
-    def _powers(self, found: State) -> tuple[float, float]:
-        """Dissipated by dampers, supplied by loads and prescribed drives [W], where ``settle`` left ``work``."""
-        system, tables, k, given = self.system, self.system.tables, self.system.work, 0.0
-        lost = k.springs[:, 6].sum() + k.twists[:, 3].sum() + k.bushings[:, POWER].sum() + k.deforming[3]
-        for section, axis, load in tables.forces.tolist():
-            given += found.sizes[load] * (k.axes[axis] @ k.sections[section, 3:6])
-        for first, second, axis, load in tables.torques.tolist():
-            given += found.sizes[load] * (k.axes[axis] @ (k.sections[second, 9:12] - k.sections[first, 9:12]))
-        if len(found.choice.prescribed):
-            given += system.exerted(found)[found.choice.prescribed] @ found.u[found.choice.prescribed]
-        return lost, given
 
     def _settle(self, t: float, y: np.ndarray, like: State) -> State:
         """The state that an integrator's numbers stand for."""

@@ -33,6 +33,7 @@ from kaneflex.multibody.spatial_dynamics import advance, basis, close, coordinat
 from kaneflex.multibody.spatial_forces import demand
 from kaneflex.multibody.spatial_instant import DONE, GROWN, OPEN, complete, courses, settle
 from kaneflex.multibody.spatial_kinematics import partials, place
+from kaneflex.multibody.spatial_stiffness import powers
 from kaneflex.multibody.tables import OPTIONS, OUTER, apart, larger
 from kaneflex.support.fingerprint import made_of
 
@@ -157,6 +158,7 @@ def _computed(what, m, choice, k, law, times, given, out):
         basis(k, choice)
     elif what == RATES:
         coordinate_rates(m, k.q, k.u, out[0])
+        powers(m, choice, k, law.steps.C, out[1])
     elif what == ADVANCE:
         for i in range(len(given)):
             advance(m, out[i], given[i])

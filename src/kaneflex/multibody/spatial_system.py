@@ -171,12 +171,6 @@ class SpatialSystem:
         """How far off every row is where ``work`` stands, in rad or sizes of the mechanism."""
         return abs(self.work.rows[:, 0]) / self.row_measure
 
-    def exerted(self, state: State) -> np.ndarray:
-        """What is exerted along every speed beyond loads, springs and cuts, where ``work`` is as :meth:`settle` left
-        it."""
-        self._compute(EXERT, state.choice)
-        return self.work.along
-
     def passed_on(self, multipliers: np.ndarray) -> Instants:
         """What multipliers of the rows alone exert by joints, where ``work`` stands."""
         self.work.F[:] = 0.0  # no body asks for anything
@@ -190,12 +184,12 @@ class SpatialSystem:
         self._compute(DEMAND)
         return self.work.M
 
-    def coordinate_rates(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """q' of speeds."""
-        out = np.zeros((1, self.coordinates))
-        self.work.q[:], self.work.u[:] = q, u
-        self._compute(RATES, out=out)
-        return out[0]
+    def rates(self, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
+        """q', and what dampers dissipate and what loads and prescribed drives supply [W], where ``work`` is as
+        :meth:`settle` left it."""
+        out = np.zeros((2, max(self.coordinates, 2)))
+        self._compute(RATES, choice, out=out)
+        return out[0, : self.coordinates], out[1, :2]
 
     def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Coordinates (n, coordinates) of q moved by steps (n, speeds) of the speeds; a ball turns in its axes."""
@@ -264,11 +258,6 @@ class SpatialSystem:
     def modal_coordinates(self) -> np.ndarray:
         """Those of the bodies' shapes."""
         return self._shapes(COORDINATE)
-
-    @property
-    def modal_omega(self) -> np.ndarray:
-        """Circular frequencies of the bodies' shapes, each by itself [rad/s]."""
-        return np.concatenate([np.zeros(0), *(shapes.omega for shapes in self.layout.shapes.values())])
 
     def _shapes(self, what: int) -> np.ndarray:
         of = self.tables.nodes[self.tables.nodes[:, KIND] == SHAPES]
