@@ -38,7 +38,7 @@ _ITERATIONS = 10
 
 
 @njit(**OPTIONS)
-def _first_guess(m, k, choice, s, h):
+def _first_guess(m, choice, s, h):
     """Stages as the last step's polynomial goes on, or as the motion stands where that says nothing."""
     apart()
     c, length = s.table.nodes, s.control[LENGTH]
@@ -287,7 +287,7 @@ def collocate(m, choice, k, law, s, times, out):
         reaches = h >= left * (1.0 - 1e-9)
         end = aim if reaches else t + h
         h = end - t
-        _first_guess(m, k, choice, s, h)
+        _first_guess(m, choice, s, h)
         outcome = _iterate(m, choice, k, law, s, h)
         if outcome != DONE:
             failed, control[WANTED], control[LENGTH] = outcome, 0.4 * h, 0.0

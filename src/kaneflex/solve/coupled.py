@@ -91,7 +91,7 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
         q, v = laid_over(model.scene, start_dimensions(model), q, v)
         q = unwrapped(model.scene, system, q, first)
         check_closed(
-            system, 0.0, q, v, longest(model.scene), "solve.start", "a table of a state",
+            system, 0.0, q, longest(model.scene), "solve.start", "a table of a state",
             "Give the coordinates of all bodies, or shapes that leave the joints where they are",
         )  # fmt: skip
         return q, v
