@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.fem.spatial_bodies import skew
 from kaneflex.multibody.linear_equations import OFFSETS, STEP, WEIGHTS, Linear
 from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_curves import Curve
@@ -121,13 +122,8 @@ def _turning(system: SpatialSystem, u: np.ndarray) -> np.ndarray:
     """omega x of every ball, (speeds, speeds)."""
     found = np.zeros((system.speeds, system.speeds))
     for s in system.tables.nodes[system.tables.nodes[:, KIND] == BALL, SPEED].tolist():
-        found[s : s + 3, s : s + 3] = _cross(u[s : s + 3])
+        found[s : s + 3, s : s + 3] = skew(u[s : s + 3])
     return found
-
-
-def _cross(a: np.ndarray) -> np.ndarray:
-    """The matrix of a x."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
 def spinning(system: SpatialSystem, base: State) -> tuple[np.ndarray, np.ndarray]:
@@ -208,6 +204,6 @@ def _parts(
 
 def _turned(phi: np.ndarray) -> np.ndarray:
     """H of the rates H omega of a rotation vector, see :func:`kaneflex.multibody.spatial_bushings.cushion`."""
-    theta, cross = np.linalg.norm(phi), _cross(phi)
+    theta, cross = np.linalg.norm(phi), skew(phi)
     curved = (1.0 - 0.5 * theta / np.tan(0.5 * theta)) / theta**2 if theta > 1e-4 else 1.0 / 12.0
     return np.eye(3) - 0.5 * cross + curved * cross @ cross
