@@ -88,7 +88,7 @@ def test_a_stored_state_is_read_whatever_coordinates_the_loops_are_closed_by():
     q, v = beginning(kaneflex.load(scene("engine-torque-elastic", "drives.main.angle=0 deg")))
     system.fold(q, v)
     engine.choose(0.0)
-    assert engine.settle(0.0)
+    assert engine.project(0.0)
     row = engine.row(0.0)[None]
     good = system.unfold(row)
     names = [name for name, _ in engine.layout.coordinates]

@@ -296,12 +296,12 @@ def test_the_speeds_of_a_closed_loop_change_with_its_place():
     which = start.choice.independent
     u = start.u.copy()
     u[which] = np.linspace(1.5, -1.0, len(which))
-    beside = neighbours(system, system.settle(0.0, start.q, u, start.choice))
-    base = system.settle(0.0, beside.base.q, beside.base.u, beside.base.choice)
+    beside = neighbours(system, system.project(0.0, start.q, u, start.choice))
+    base = system.project(0.0, beside.base.q, beside.base.u, beside.base.choice)
     N = system.basis(base.choice).copy()
     found, h = growth(beside, N), 1e-4
     places = system.advanced(base.q, np.array([h, -h])[:, None] * base.u)
-    near = [system.basis(system.settle(0.0, q, base.u, base.choice).choice).copy() for q in places]
+    near = [system.basis(system.project(0.0, q, base.u, base.choice).choice).copy() for q in places]
     expected = (near[0] - near[1]).T / (2 * h)
     assert 0 < sum(name.startswith("shoulder.") for name in names_of(system, base)) < 3
     assert abs(expected).max() > 0.5

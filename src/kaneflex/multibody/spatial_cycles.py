@@ -69,14 +69,14 @@ class SpatialCycles(Cycles[State, Run]):
         which, (N, W), (y, rate) = self.choice.independent, self._moving(cycle.start), np.split(x, 2)
         u = cycle.start.u.copy()
         u[which] += rate + W @ y
-        return self.system.settle(0.0, self.system.advanced(cycle.start.q, (y @ N)[None])[0], u, self.choice)
+        return self.system.project(0.0, self.system.advanced(cycle.start.q, (y @ N)[None])[0], u, self.choice)
 
     def end(self, cycle: Run) -> State:
-        return self.system.settle(0.0, cycle.end.q, cycle.end.u, self.choice)
+        return self.system.project(0.0, cycle.end.q, cycle.end.u, self.choice)
 
     def _moving(self, start: State) -> tuple[np.ndarray, np.ndarray]:
         """N and W of :mod:`kaneflex.multibody.spatial_linear` at a state."""
-        return spinning(self.system, self.system.settle(start.t, start.q, start.u, self.choice))
+        return spinning(self.system, self.system.project(start.t, start.q, start.u, self.choice))
 
     def _apart(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
         """The step of all speeds from coordinates to others, whole turns apart, (speeds,)."""

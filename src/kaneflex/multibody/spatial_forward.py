@@ -116,12 +116,12 @@ class Run(Curve):
             if self.evaluations > _MOST:
                 raise self._stopped(float(steps.t[0]), f"{self.evaluations} evaluations bring it no further")
             if outcome == GROWN:
-                found, self.first = system.settle(float(steps.t[0]), steps.q, steps.u, choice), control[WANTED]
+                found, self.first = system.project(float(steps.t[0]), steps.q, steps.u, choice), control[WANTED]
                 better = self._better(found)
                 if better is not found:
                     return better
                 control[GROWTH] = self.growth
-        return system.settle(options.duration, steps.q, steps.u, choice)
+        return system.project(options.duration, steps.q, steps.u, choice)
 
     def _by_scipy(self, state: State) -> State:
         """The same, of rigid bodies."""
@@ -173,7 +173,7 @@ class Run(Curve):
             return found
         self.growth = 2.0 * grown  # where nothing is better others are not tried at every step
         try:
-            other = system.settle(found.t, found.q, found.u, choose_anew(system, found.q, choice))
+            other = system.project(found.t, found.q, found.u, choose_anew(system, found.q, choice))
         except ArithmeticError:
             return found
         if not _largest(system, other.choice) < 0.5 * grown:
@@ -185,7 +185,7 @@ class Run(Curve):
         def rates(t: float, y: np.ndarray) -> np.ndarray:
             self.evaluations += 1
             try:
-                found = self._settle(t, y, state)
+                found = self._projected(t, y, state)
                 if far := overturned(self.system.mechanism, self.system.work.bushings):
                     raise ArithmeticError(far[1])
             except ArithmeticError as reason:  # a shorter step may still find its way
@@ -197,15 +197,15 @@ class Run(Curve):
 
         return rates
 
-    def _settle(self, t: float, y: np.ndarray, like: State) -> State:
+    def _projected(self, t: float, y: np.ndarray, like: State) -> State:
         """The state that an integrator's numbers stand for."""
         u = np.zeros(self.system.speeds)
         u[like.choice.independent] = y[self.system.coordinates : -2]
-        return self.system.settle(t, y[: self.system.coordinates], u, like.choice)
+        return self.system.project(t, y[: self.system.coordinates], u, like.choice)
 
     def _at(self, t: float, y: np.ndarray, like: State) -> State:
         try:
-            return self._settle(t, y, like)
+            return self._projected(t, y, like)
         except ArithmeticError as reason:
             raise self._stopped(t, str(reason)) from None
 

@@ -73,11 +73,11 @@ class Neighbours(Curve):
 
 
 def neighbours(system: SpatialSystem, base: State, columns: Sequence[int] | np.ndarray | None = None) -> Neighbours:
-    """The neighbours of a settled state by all of y, y' and the inputs, or by some of these.
+    """The neighbours of a state on the constraints by all of y, y' and the inputs, or by some of these.
 
     Raises ArithmeticError where loops don't close about it.
     """
-    base = system.settle(base.t, base.q, base.u, base.choice)
+    base = system.project(base.t, base.q, base.u, base.choice)
     which, inputs = base.choice.independent, len(system.inputs)
     n, (N, W) = len(which), spinning(system, base)
     away = np.concatenate([_steps(system, base), _pushes(system, base)])
@@ -127,7 +127,7 @@ def _turning(system: SpatialSystem, u: np.ndarray) -> np.ndarray:
 
 
 def spinning(system: SpatialSystem, base: State) -> tuple[np.ndarray, np.ndarray]:
-    """N (n, speeds), the speeds of a unit of each y', and W (n, n), where ``work`` stands at a settled state."""
+    """N (n, speeds), the speeds of a unit of each y', and W (n, n), where ``work`` stands on the constraints."""
     N = system.basis(base.choice).copy()
     return N, (_turning(system, base.u) @ N.T)[base.choice.independent]
 
@@ -142,7 +142,7 @@ def linear(beside: Neighbours) -> Linear[State]:
     """The linear equations about a state by all of its neighbours."""
     system, base, which = beside.system, beside.base, beside.base.choice.independent
     n, found = len(which), system.instants(beside.found)
-    system.settle(base.t, base.q, base.u, base.choice)
+    system.project(base.t, base.q, base.u, base.choice)
     N, W = spinning(system, base)
     M = N @ system.mass(base.sizes) @ N.T
     f_y, f_v, f_p = np.split(beside.slopes(found.du[:, which]), [n, 2 * n], axis=1)
@@ -163,11 +163,11 @@ def at_rest(system: SpatialSystem, t: float, q: np.ndarray) -> tuple[tuple[str, 
     from scipy.linalg import block_diag
 
     choice, still = choose(system, q, prefer=True), np.zeros(system.speeds)
-    base = system.settle(t, q, still, choice)
+    base = system.project(t, q, still, choice)
     N, M = system.basis(choice).copy(), system.mass(base.sizes).copy()
     sections, axes, moved = system.work.sections.copy(), system.work.axes.copy(), []
     for row in N:
-        system.settle(t, base.q, row, choice)
+        system.project(t, base.q, row, choice)
         moved.append(system.work.sections - sections)
     K = np.zeros_like(M)
     K[np.ix_(system.modal_speeds, system.modal_speeds)] = block_diag(*(

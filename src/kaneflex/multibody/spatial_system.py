@@ -26,8 +26,8 @@ from kaneflex.multibody.spatial_rows import (
     NEAR,
     PASS_ON,
     PLACE,
+    PROJECT,
     RATES,
-    SETTLE,
     compute,
     compute_coupled,
 )  # fmt: skip
@@ -112,7 +112,7 @@ class SpatialSystem:
         q[:] = self.work.q
         return closes
 
-    def settle(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
+    def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
         """The state at t [s] near q with the independent ones of the speeds u; ``work`` stands and moves like that.
 
         Prescribed drives are put where they are, loops closed, dependent speeds tied: then loads know what they ask of
@@ -124,11 +124,11 @@ class SpatialSystem:
             If a loop does not close, or the rates are not determined; it says which.
         """
         self.work.q[:], self.work.u[:] = q, u
-        check(self._compute(SETTLE, choice, np.array([t])))
+        check(self._compute(PROJECT, choice, np.array([t])))
         return self.state(t, choice)
 
     def state(self, t: float, choice: Choice) -> State:
-        """Where ``work`` stands after it settled at t [s]."""
+        """Where ``work`` stands after :meth:`project` at t [s]."""
         k = self.work
         return State(t, k.q.copy(), k.u.copy(), k.du.copy(), k.sizes.copy(), choice)
 
@@ -147,7 +147,7 @@ class SpatialSystem:
         Raises
         ------
         ArithmeticError
-            As :meth:`settle` does; it has the time for a second argument.
+            As :meth:`project` does; it has the time for a second argument.
         """
         if self._compute(NEAR, choice, times, given, out) < len(times):
             t, outcome = self._laws.now.tolist()
@@ -159,7 +159,7 @@ class SpatialSystem:
         return compute_coupled(COLLOCATE, self.tables, choice, self.work, laws, times, _NO_ROWS, out)
 
     def row(self, state: State) -> np.ndarray:
-        """What is kept of an instant where ``work`` is as :meth:`settle` left it, (n,)."""
+        """What is kept of an instant where ``work`` is as :meth:`project` left it, (n,)."""
         self._compute(EXERT, state.choice)
         return self.work.kept.copy()
 
@@ -186,7 +186,7 @@ class SpatialSystem:
 
     def rates(self, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
         """q', and what dampers dissipate and what loads and prescribed drives supply [W], where ``work`` is as
-        :meth:`settle` left it."""
+        :meth:`project` left it."""
         out = np.zeros((2, max(self.coordinates, 2)))
         self._compute(RATES, choice, out=out)
         return out[0, : self.coordinates], out[1, :2]

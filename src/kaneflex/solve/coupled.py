@@ -14,7 +14,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.cycles import REPEATS, Cycles
-from kaneflex.multibody.linearisation import prepare, settled
+from kaneflex.multibody.linearisation import equilibrium, prepare
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.orbit import orbit_start
 from kaneflex.multibody.returning import Returning, returning
@@ -97,7 +97,7 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
         return q, v
     q = unwrapped(model.scene, system, q, first)
     _check_turns(model.scene, system, q)
-    return (_settled(model, q, first) if model.options.start == "quasistatic" else q), v
+    return (_deformed(model, q, first) if model.options.start == "quasistatic" else q), v
 
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
@@ -171,7 +171,7 @@ def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
     return base in counted and other not in counted
 
 
-def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
+def _deformed(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
     """q deformed as the rigid motion asks for."""
     free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
     if free:
@@ -182,7 +182,7 @@ def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
     system, t = model.coupled, float(rigid.times[0])
     assert system is not None
     engine = prepare(system, t, q, rigid_state(system, rigid)[1])
-    if settled(engine, t) is not None:
+    if equilibrium(engine, t) is not None:
         return system.unfold(engine.row(t)[None]).q[0]
     raise SceneError(
         "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"

@@ -199,7 +199,7 @@ def _given(system: SpatialSystem, start: State) -> State:
     q, u, at, rates = start.q.copy(), start.u.copy(), system.modal_coordinates, system.modal_speeds
     q[at], u[rates] = laid_over(system.scene, shape_dimensions(system), q[at], u[rates])
     try:
-        found = system.settle(start.t, q, u, start.choice)
+        found = system.project(start.t, q, u, start.choice)
         far, reason = abs(found.q - q)[at].max(initial=0.0), "with these shapes the loops don't close"
     except ArithmeticError as error:
         far, reason = np.inf, f"there {error}"
