@@ -92,24 +92,14 @@ def step_response(solution: Solution) -> float:
     return relative(solution.series["tip_transverse"].values, expected.series["tip_transverse"].values)
 
 
-def against(settings: tuple[str, ...], *sensors: str) -> Callable[[Solution], float]:
-    """Against another run by the same method: what scaling, symmetry or a limit says must be the same."""
-
-    def error(solution: Solution) -> float:
-        scene = solution.model.scene
-        method = next(value for value in METHODS.values() if _is_of(solution, value))
-        other = simulate(kaneflex.load(with_settings(kaneflex.read_scene(scene.name), [*method, *settings])))
-        return max(relative(solution.series[name].values, other.series[name].values) for name in sensors)
-
-    return error
-
-
-def against_scene(scene: str, *sensors: str) -> Callable[[Solution], float]:
-    """Against another shipped scene by the same method, which is its limit."""
+def against(settings: tuple[str, ...], *sensors: str, scene: str | None = None) -> Callable[[Solution], float]:
+    """Against another run by the same method, by default of the same scene: what scaling, symmetry or a limit says must
+    be the same."""
 
     def error(solution: Solution) -> float:
         method = next(value for value in METHODS.values() if _is_of(solution, value))
-        other = simulate(kaneflex.load(with_settings(kaneflex.read_scene(scene), list(method))))
+        beside = kaneflex.read_scene(scene or solution.model.scene.name)
+        other = simulate(kaneflex.load(with_settings(beside, [*method, *settings])))
         return max(relative(solution.series[name].values, other.series[name].values) for name in sensors)
 
     return error

@@ -8,7 +8,7 @@ import pytest
 from kaneflex import SceneError, load, simulate
 from kaneflex.report.contacts import contact_line
 from kaneflex.report.summary import summarise
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.quantities import CONTACT_RESULTS
 
 PLAY, SHAFT, WHEEL, SPEED = math.radians(0.5), 0.01, 0.02, 10.0
@@ -38,14 +38,12 @@ EXACT = '{stiffness = "1e6 N m/rad^1.5", restitution = 0.8}'
 FREE = ("drives.hub={speed='none', free=true, initial_speed='-5 rad/s'}", "solve.tolerance=1e-10")
 
 
-def read(tmp_path, contact, *settings):
-    path = tmp_path / "scene.toml"
-    path.write_text(SCENE.replace("CONTACT", contact))
-    return with_settings(read_scene(path), settings)
+def read(contact, *settings):
+    return with_settings(scene_of(SCENE.replace("CONTACT", contact)), settings)
 
 
-def solved(tmp_path, contact, *settings):
-    solution = simulate(load(read(tmp_path, contact, *settings)))
+def solved(contact, *settings):
+    solution = simulate(load(read(contact, *settings)))
     assert solution.outcome.name == "COMPLETED", solution.trajectory.message
     return solution
 
@@ -62,17 +60,17 @@ def swing(t, inertia, speed=SPEED, K=2e5):
 
 
 @pytest.mark.parametrize("integrator", ["gauss", "radau"])
-def test_a_wheel_between_elastic_flanks_comes_back_with_its_period(tmp_path, integrator):
-    solution = solved(tmp_path, ELASTIC, f"solve.integrator={integrator}", "solve.tolerance=1e-10")
+def test_a_wheel_between_elastic_flanks_comes_back_with_its_period(integrator):
+    solution = solved(ELASTIC, f"solve.integrator={integrator}", "solve.tolerance=1e-10")
     angle = solution.trajectory.q[:, 5]
     assert angle == pytest.approx(swing(solution.times, WHEEL), abs=1e-6 * PLAY)
     assert len(solution.impacts) > 20
     assert solution.trajectory.energy.drift < 1e-8
 
 
-def test_two_bodies_between_flanks_swing_by_their_reduced_inertia(tmp_path):
+def test_two_bodies_between_flanks_swing_by_their_reduced_inertia():
     """Both turn free: the play is crossed at the speed of the one against the other, what they have together stays."""
-    solution = solved(tmp_path, ELASTIC, *FREE)
+    solution = solved(ELASTIC, *FREE)
     angle, speed = solution.trajectory.q, solution.trajectory.v
     reduced = SHAFT * WHEEL / (SHAFT + WHEEL)
     assert angle[:, 5] - angle[:, 2] == pytest.approx(swing(solution.times, reduced), abs=1e-6 * PLAY)
@@ -82,9 +80,9 @@ def test_two_bodies_between_flanks_swing_by_their_reduced_inertia(tmp_path):
 
 @pytest.mark.parametrize("e", [0.05, 0.5, 0.99])
 @pytest.mark.parametrize(("n", "K"), [(1, "2e5 N m/rad"), (1.5, "1e6 N m/rad^1.5"), (2, "1e8 N m/rad^2")])
-def test_a_flank_returns_the_restitution_that_was_asked_for(tmp_path, n, K, e):
+def test_a_flank_returns_the_restitution_that_was_asked_for(n, K, e):
     contact = f'{{stiffness = "{K}", exponent = {n}, restitution = {e}}}'
-    solution = solved(tmp_path, contact, "solve.duration=8 ms", "solve.steps=10", "solve.tolerance=1e-9")
+    solution = solved(contact, "solve.duration=8 ms", "solve.steps=10", "solve.tolerance=1e-9")
     first = solution.impacts[0]
     assert (first.contact, first.approach) == ("coupling_2", pytest.approx(SPEED, rel=1e-12))
     assert first.begin == pytest.approx(PLAY / SPEED, rel=1e-12)
@@ -93,9 +91,9 @@ def test_a_flank_returns_the_restitution_that_was_asked_for(tmp_path, n, K, e):
     assert first.lost == pytest.approx(0.5 * WHEEL * SPEED**2 * (1 - e**2), rel=1e-6)
 
 
-def test_rigid_flanks_are_met_at_instants_in_closed_form(tmp_path):
+def test_rigid_flanks_are_met_at_instants_in_closed_form():
     """By Newton's law: over the play at 10 e^k rad/s, k = 0, 1, ..."""
-    solution = solved(tmp_path, '{law = "newton", restitution = 0.8}', "solve.duration=50 ms")
+    solution = solved('{law = "newton", restitution = 0.8}', "solve.duration=50 ms")
     instants = PLAY / SPEED * (1 + 2 * np.cumsum([0.0, *0.8 ** -np.arange(1.0, 9.0)]))
     assert [impact.begin for impact in solution.impacts] == pytest.approx(instants, rel=1e-10)
     speeds = SPEED * 0.8 ** np.arange(1.0, 10.0)
@@ -103,7 +101,7 @@ def test_rigid_flanks_are_met_at_instants_in_closed_form(tmp_path):
     assert "play 0.5 deg, rigid, newton returns 0.8" in contact_line(solution.model.scene.contacts["coupling_1"])
 
 
-def test_flanks_of_an_elastic_arm_are_those_of_a_hub_that_is_welded_to_it(tmp_path):
+def test_flanks_of_an_elastic_arm_are_those_of_a_hub_that_is_welded_to_it():
     """A hub next to nothing: both arms turn with the same section, and feel the same torque, modes and all."""
     beam = 'beam = {material = "steel", section = {rectangle = ["10 mm", "8 mm"]}, elements = 6}'
     arm = f'arm = {{length = "0.4 m", {beam}}}'
@@ -118,11 +116,9 @@ tip = {displacement = "arm.end", component = "y"}"""
     hub = text.replace(wheel, f'wheel = {{mass = "1e-6 kg", inertia = "1e-9 kg m^2"}}\n{arm}')
     hub = hub.replace("[drives]", '[joints.fast]\nweld = ["wheel", "arm"]\n[drives]')
     found = []
-    for name, scene in (("own", own), ("hub", hub)):
-        path = tmp_path / f"{name}.toml"
-        path.write_text(scene)
+    for scene in (own, hub):
         settings = "solve.duration=14 ms", "solve.steps=280", "solve.modes=1"
-        found.append(simulate(load(with_settings(read_scene(path), settings))))
+        found.append(simulate(load(with_settings(scene_of(scene), settings))))
     one, other = found
     assert len(one.impacts) == len(other.impacts) > 1
     for impact, alike in zip(one.impacts, other.impacts, strict=True):
@@ -133,27 +129,27 @@ tip = {displacement = "arm.end", component = "y"}"""
     assert one.trajectory.energy.drift < 1e-6
 
 
-def test_a_law_may_jump_beside_contacts(tmp_path):
+def test_a_law_may_jump_beside_contacts():
     """A torque from 0.5 ms on: where and how fast it then meets the flank, and what of its speed comes back."""
     jump = "loads={push={torque_at='coupling', law='2*step(t - 0.0005)'}}"
-    first = solved(tmp_path, '{law = "newton", restitution = 0.8}', jump, "solve.duration=2 ms").impacts[0]
+    first = solved('{law = "newton", restitution = 0.8}', jump, "solve.duration=2 ms").impacts[0]
     speed = math.sqrt(SPEED**2 + 2 * (2 / WHEEL) * (PLAY - 0.0005 * SPEED))
     assert first.begin == pytest.approx(0.0005 + (speed - SPEED) / (2 / WHEEL), rel=1e-12)
     assert (first.approach, first.separation) == pytest.approx((speed, 0.8 * speed), rel=1e-10)
 
 
-def test_a_coupling_that_turns_fast_knocks_as_one_that_doesn_t(tmp_path):
+def test_a_coupling_that_turns_fast_knocks_as_one_that_doesn_t():
     """At 3000 rpm, after some turns: the play is small beside the angle of either body."""
     fast = "drives.hub={speed='3000 rpm'}", "drives.coupling.initial_speed=10 rad/s"
-    still, turning = (solved(tmp_path, EXACT, "solve.tolerance=1e-9", *settings) for settings in ((), fast))
+    still, turning = (solved(EXACT, "solve.tolerance=1e-9", *settings) for settings in ((), fast))
     assert len(still.impacts) == len(turning.impacts) > 8
     for one, other in zip(still.impacts[:8], turning.impacts[:8], strict=True):
         assert other.begin == pytest.approx(one.begin, rel=1e-6)
         assert other.separation == pytest.approx(one.separation, rel=1e-6)
 
 
-def test_units_are_those_of_angles_and_torques(tmp_path):
-    solution = solved(tmp_path, EXACT)
+def test_units_are_those_of_angles_and_torques():
+    solution = solved(EXACT)
     data = solution.dataset
     units = {"flank_gap": "rad", "flank_torque": "N m", "flank_impact_approach": "rad/s", "flank_impact_peak": "N m",
              "flank_impact_impulse": "N m s", "on": "N m", "room": "rad"}  # fmt: skip
@@ -183,24 +179,22 @@ def test_units_are_those_of_angles_and_torques(tmp_path):
     (EXACT, ("solve.preset=rigid",), "preset rigid has no equations of a joint with a clearance"),
     (EXACT, ("joints.coupling.clearance.radius=1 mm",), "has no meaning for"),
 ])  # fmt: skip
-def test_what_backlash_can_t_be_is_refused(tmp_path, contact, settings, message):
+def test_what_backlash_can_t_be_is_refused(contact, settings, message):
     with pytest.raises(SceneError, match=message):
-        load(read(tmp_path, contact, *settings))
+        load(read(contact, *settings))
 
 
-def test_play_may_lie_about_any_angle(tmp_path):
+def test_play_may_lie_about_any_angle():
     middle = "joints.coupling.clearance.middle=30 deg", "drives.coupling.angle=30 deg"
-    plain, turned = (solved(tmp_path, EXACT, *settings) for settings in ((), middle))
+    plain, turned = (solved(EXACT, *settings) for settings in ((), middle))
     assert turned.trajectory.q[:, 5] - math.pi / 6 == pytest.approx(plain.trajectory.q[:, 5], abs=1e-6 * PLAY)
 
 
-def test_bodies_whole_turns_apart_are_named(tmp_path):
+def test_bodies_whole_turns_apart_are_named():
     """Both have bearings of their own, the coupling no drive: only their angles say by how much they are turned."""
     text = SCENE.replace("CONTACT", EXACT).replace("coupling = {free", "bearing = {free")
     text = text.replace("[drives]", '[joints.bearing]\nrevolute = ["ground", "wheel"]\n[drives]')
-    path = tmp_path / "turned.toml"
-    path.write_text(text)
-    good = read_scene(path)
+    good = scene_of(text)
     assert simulate(load(good)).impacts
     with pytest.raises(SceneError, match="at the start it is 1 whole turns from the middle of its play"):
         simulate(load(with_settings(good, ["drives.bearing.angle=360 deg"])))

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from kaneflex.multibody.building import reference_modes
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 
@@ -40,13 +40,8 @@ STIFF = '{beam = {E = "71e12 Pa", elements = 2}}'
 
 
 @pytest.fixture(scope="module")
-def scenes(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("carried")
-    found = {}
-    for name, follower in (("rigid", RIGID), ("stiff", STIFF)):
-        (folder / f"{name}.toml").write_text(SCENE.replace("FOLLOWER", follower))
-        found[name] = read_scene(folder / f"{name}.toml")
-    return found
+def scenes():
+    return {name: scene_of(SCENE.replace("FOLLOWER", of)) for name, of in (("rigid", RIGID), ("stiff", STIFF))}
 
 
 def test_a_hinged_body_has_one_coordinate(scenes):
@@ -119,12 +114,11 @@ STIFF_TIP = (
 )
 
 
-def test_a_body_at_the_tip_of_a_rotating_beam(tmp_path):
+def test_a_body_at_the_tip_of_a_rotating_beam():
     """Its centrifugal force turns with nothing but acts on a turned arm: K_g of the body itself."""
     found = {}
     for name, tip in (("rigid", RIGID_TIP), ("stiff", STIFF_TIP)):
-        (tmp_path / f"{name}.toml").write_text(ROTATING.replace("TIP", tip))
-        found[name] = simulate(load(read_scene(tmp_path / f"{name}.toml"))).series
+        found[name] = simulate(load(scene_of(ROTATING.replace("TIP", tip)))).series
     for sensor in ("arm_end", "arm_turn", "tip_end"):
         rigid, stiff = (found[name][sensor].values.mean() for name in ("rigid", "stiff"))
         assert rigid == pytest.approx(stiff, rel=1e-3), sensor
@@ -132,7 +126,7 @@ def test_a_body_at_the_tip_of_a_rotating_beam(tmp_path):
     assert found["rigid"]["root_moment"].values.mean() == pytest.approx(7.0, rel=1e-3)
     assert found["rigid"]["hub_torque"].values.mean() == pytest.approx(-7.0, rel=1e-3)
     # What the arm's end carries is what the body needs to turn with it, at any instant.
-    scene = with_settings(read_scene(tmp_path / "rigid.toml"), ["solve.preset=quasistatic"])
+    scene = with_settings(scene_of(ROTATING.replace("TIP", RIGID_TIP)), ["solve.preset=quasistatic"])
     series = simulate(load(scene)).series
     assert series["flange_moment"].values == pytest.approx(-series["end_moment"].values, rel=1e-9)
 
@@ -140,14 +134,13 @@ def test_a_body_at_the_tip_of_a_rotating_beam(tmp_path):
 LUMPED = ROTATING.replace("tip = TIP\n", "").replace('flange = {weld = ["arm.end", "tip.start"]}\n', "")
 
 
-def test_a_lumped_mass_at_the_tip_of_a_rotating_beam(tmp_path):
+def test_a_lumped_mass_at_the_tip_of_a_rotating_beam():
     """At rest in the turning axes its centrifugal force meets the axis, too: only the push is left at the hub."""
     sensors = '[sensors]\nroot_moment = {bending_moment = "arm.start"}\nhub_torque = {drive_torque = "hub"}\n\n'
     text = LUMPED[: LUMPED.index("[sensors]")] + sensors + LUMPED[LUMPED.index("[damping]") :]
     text = text.replace("tip.end", "arm.end") + '\n[masses]\nweight = {at = "arm.end", mass = "0.5 kg"}\n'
-    (tmp_path / "lumped.toml").write_text(text)
     for preset, exact in (("quasistatic", 1e-9), ("stiffened", 1e-3)):
-        scene = with_settings(read_scene(tmp_path / "lumped.toml"), [f"solve.preset={preset}"])
+        scene = with_settings(scene_of(text), [f"solve.preset={preset}"])
         series = simulate(load(scene)).series
         assert series["root_moment"].values.mean() == pytest.approx(5.0, rel=exact)
         assert series["hub_torque"].values.mean() == pytest.approx(-5.0, rel=exact)

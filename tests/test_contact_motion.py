@@ -22,7 +22,7 @@ from kaneflex.plots import motion, sensors
 from kaneflex.plots.style import styled
 from kaneflex.report.checked import description
 from kaneflex.report.summary import summarise
-from kaneflex.scene.read import read_scene
+from kaneflex.scene import scene_of
 
 G = 9.81
 GROUND, ZERO = BodyPoint("ground", "base", (0.0, 0.0)), (0.0, 0.0)
@@ -34,7 +34,7 @@ DRIVE = 'hinge_{k} = {{free = true, angle = "150 deg"}}\n'
 
 
 @pytest.fixture(scope="module")
-def scenes(tmp_path_factory):
+def scenes():
     """One body, and two, hinged to the ground by their ends; their mass is at their start."""
     found = {}
     for count in (1, 2):
@@ -43,9 +43,7 @@ def scenes(tmp_path_factory):
         text += 'duration = "1 s"\n' + "".join(
             f"[{table}]\n{''.join(lines)}" for table, lines in zip(("bodies", "joints", "drives"), parts, strict=True)
         )
-        path = tmp_path_factory.mktemp("contacts") / "bodies.toml"
-        path.write_text(text)
-        found[count] = read_scene(path)
+        found[count] = scene_of(text)
     return found
 
 
@@ -234,10 +232,8 @@ steps = 200
 """
 
 
-def test_impacts_are_on_the_solution_in_its_summary_and_its_results(tmp_path):
-    path = tmp_path / "ball.toml"
-    path.write_text(BOUNCING)
-    solution = simulate(load(read_scene(path)))
+def test_impacts_are_on_the_solution_in_its_summary_and_its_results():
+    solution = simulate(load(scene_of(BOUNCING)))
     last = solution.impacts[-1]
     summary = summarise(solution).contacts["floor"]
     assert (summary.impacts, summary.rests_since_s) == (len(solution.impacts), last.begin)
@@ -257,10 +253,8 @@ def test_impacts_are_on_the_solution_in_its_summary_and_its_results(tmp_path):
     assert half.series["air"].values == pytest.approx(solution.series["air"].values[::2], abs=1e-12)
 
 
-def test_the_picture_of_a_contact_marks_the_peak_of_every_impact(tmp_path):
-    path = tmp_path / "ball.toml"
-    path.write_text(BOUNCING)
-    solution = simulate(load(read_scene(path)))
+def test_the_picture_of_a_contact_marks_the_peak_of_every_impact():
+    solution = simulate(load(scene_of(BOUNCING)))
     with styled():
         figure, followed = sensors.figures(solution)["sensors"], motion.figures(solution)["motion"]
         labelled = {line.get_label(): line for axes in figure.axes for line in axes.lines}
@@ -274,11 +268,9 @@ def test_the_picture_of_a_contact_marks_the_peak_of_every_impact(tmp_path):
     assert "shapes      none: all bodies are rigid" in description(solution.model)
 
 
-def test_a_sensor_names_a_contact(tmp_path):
-    path = tmp_path / "ball.toml"
-    path.write_text(BOUNCING.replace('contact_gap = "floor"', 'contact_gap = "flor"'))
+def test_a_sensor_names_a_contact():
     with pytest.raises(SceneError, match=r"sensors.air.contact_gap = 'flor': no contact of that name.*'floor'"):
-        read_scene(path)
+        scene_of(BOUNCING.replace('contact_gap = "floor"', 'contact_gap = "flor"'))
 
 
 def test_a_cascade_without_time_between_stops_with_its_name(scenes):
@@ -324,13 +316,11 @@ steps = 90
 """
 
 
-def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says(tmp_path):
+def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says():
     """Flores, Leine & Glocker 2010, Multibody Syst. Dyn. 23, 165: the slider's height over its clearance, as the
     package Siconos has published it, by steps of 0.1 ms and with a friction of 0.01; and its touches of the upper face.
     """
-    path = tmp_path / "slider.toml"
-    path.write_text(SLIDING)
-    solution = simulate(load(read_scene(path)))
+    solution = simulate(load(scene_of(SLIDING)))
     height = dict(zip(np.round(1e3 * solution.times, 6), solution.series["y"].values / 1e-3, strict=True))
     for t, there in ((2.0, 0.4871), (4.0, 0.7758), (8.0, 0.9525), (12.0, 0.9993), (15.0, 0.9993), (18.0, 0.9686)):
         assert height[t] == pytest.approx(there, abs=0.05)
@@ -341,10 +331,9 @@ def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says(tmp_path):
     assert solution.trajectory.energy.drift < 1e-6
 
 
-def test_a_run_stops_where_a_contacts_force_passes_a_value(tmp_path):
+def test_a_run_stops_where_a_contacts_force_passes_a_value():
     """Between stored instants the contact stands as beside them."""
-    path = tmp_path / "ball.toml"
-    path.write_text(BOUNCING + '[events]\nlanded = {sensor = "push", value = 5, direction = "up", stop = true}\n')
-    solution = simulate(load(read_scene(path)))
+    event = '[events]\nlanded = {sensor = "push", value = 5, direction = "up", stop = true}\n'
+    solution = simulate(load(scene_of(BOUNCING + event)))
     assert "the event landed ended the run" in solution.message
     assert solution.series["push"].values[-1] == pytest.approx(5, rel=1e-6)

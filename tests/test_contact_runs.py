@@ -12,7 +12,7 @@ from kaneflex.generated import contact
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.peers.buildable import check_buildable
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import scene_of, with_settings
 from kaneflex.study.sensitivity.report import check_differentiable
 
 G = 9.81
@@ -65,10 +65,8 @@ steps = 550
 """
 
 
-def solved(tmp_path, text, *settings):
-    path = tmp_path / "scene.toml"
-    path.write_text(text)
-    found = simulate(load(with_settings(read_scene(path), settings)))
+def solved(text, *settings):
+    found = simulate(load(with_settings(scene_of(text), settings)))
     assert found.outcome.name == "COMPLETED", found.trajectory.message
     return found
 
@@ -113,30 +111,30 @@ def bounces(law, p, count, mass=1.0):
 
 
 @pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
-def test_a_ball_bounces_as_its_law_says(tmp_path, tolerance):
+def test_a_ball_bounces_as_its_law_says(tolerance):
     """Instants and heights of the tops, with the weight that acts during an impact, too."""
-    solution = solved(tmp_path, BALL, f"solve.tolerance={tolerance}")
+    solution = solved(BALL, f"solve.tolerance={tolerance}")
     tops = flights(solution)
     assert len(tops) == 5
     assert tops == pytest.approx(bounces(*own(solution, "floor"), 4), abs=100 * tolerance)
     assert solution.trajectory.energy.drift < 1e-7
 
 
-def test_a_stiff_ball_bounces_as_in_textbooks(tmp_path):
+def test_a_stiff_ball_bounces_as_in_textbooks():
     """Heights e^2k h and instants of a rigid ball; what is missed is the impact's duration, K^(-2/5) for n = 1.5."""
     first, missed = math.sqrt(2 / G), []
     k = np.arange(5)
     tops = np.append(0.0, first * (1 + 2 * np.cumsum(0.7 ** k[1:]) - 0.7 ** k[1:]))
     for stiffness in (1e7, 1e12):
-        found = flights(solved(tmp_path, BALL, f"floor.contact.stiffness={stiffness}"))
+        found = flights(solved(BALL, f"floor.contact.stiffness={stiffness}"))
         missed.append([abs(found[:, 0] - tops).max(), abs(found[:, 1] - 0.7 ** (2 * k)).max()])
     assert np.log10(np.divide(*missed)) / 5 == pytest.approx([0.4, 0.4], abs=0.01)
     assert max(missed[1]) < 1e-4
 
 
-def test_bounces_without_end_come_to_rest(tmp_path):
+def test_bounces_without_end_come_to_rest():
     """After (1 + e)/(1 - e) times the first fall there is none more: the ball lies as deep as its weight presses."""
-    solution = solved(tmp_path, BALL, "solve.duration=4 s", "floor.contact.stiffness=1e12")
+    solution = solved(BALL, "solve.duration=4 s", "floor.contact.stiffness=1e12")
     ended = math.sqrt(2 / G) * (1 + 0.7) / (1 - 0.7)
     y, times = solution.series["height"].values, solution.times
     assert y[times > ended + 0.01] == pytest.approx(-((G / 1e12) ** (2 / 3)), abs=1e-9)
@@ -146,12 +144,12 @@ def test_bounces_without_end_come_to_rest(tmp_path):
 
 @pytest.mark.parametrize("n", [1.0, 1.5, 2.0])
 @pytest.mark.parametrize("asked", [0.05, 0.5, 0.99])
-def test_what_flies_at_a_wall_comes_back_with_the_restitution_asked_for(tmp_path, asked, n):
+def test_what_flies_at_a_wall_comes_back_with_the_restitution_asked_for(asked, n):
     text = BALL.replace('gravity = [0, "-9.81 m/s^2"]', "")
     text = text.replace('position = "1 m"', 'position = "10 mm", initial_speed = -3')
     settings = ["solve.duration=0.02 s", "solve.steps=20", f"floor.contact.restitution={asked}"]
     text = text.replace("stiffness = 1e9", f"stiffness = 1e10, exponent = {n}")
-    assert solved(tmp_path, text, *settings).trajectory.v[-1, 1] == pytest.approx(3 * asked, abs=3e-6)
+    assert solved(text, *settings).trajectory.v[-1, 1] == pytest.approx(3 * asked, abs=3e-6)
 
 
 def loose_slider_crank(law, p, times):
@@ -194,21 +192,21 @@ def loose_slider_crank(law, p, times):
     return slide, impacts
 
 
-def test_a_slider_crank_knocks_as_its_own_two_equations_say(tmp_path):
+def test_a_slider_crank_knocks_as_its_own_two_equations_say():
     """Three impacts; the fourth is slower than its loads press, and taken for no impact."""
-    solution = solved(tmp_path, LOOSE, "solve.tolerance=1e-10")
+    solution = solved(LOOSE, "solve.tolerance=1e-10")
     slide, impacts = loose_slider_crank(*own(solution, "wrist"), solution.times)
     assert impacts == 3
     assert solution.series["slide"].values == pytest.approx(slide, abs=1e-11)
 
 
-def test_a_clearance_that_vanishes_leaves_the_tight_joints_answer(tmp_path):
+def test_a_clearance_that_vanishes_leaves_the_tight_joints_answer():
     """The slide of a pin that stays in touch is off by the clearance, which a mechanism in line passes on as it is."""
     tight = LOOSE[: LOOSE.index("clearance")] + LOOSE[LOOSE.index("[drives]") :]
     tight = "\n".join(line for line in tight.splitlines() if not line.startswith(("pin = {free", "bore = {free")))
-    right, missed = solved(tmp_path, tight).series["slide"].values, []
+    right, missed = solved(tight).series["slide"].values, []
     for room in (1e-4, 1e-5, 1e-6):
-        found = solved(tmp_path, LOOSE, f"wrist.clearance.radial={room}", "wrist.clearance.contact.stiffness=1e13")
+        found = solved(LOOSE, f"wrist.clearance.radial={room}", "wrist.clearance.contact.stiffness=1e13")
         missed.append(abs(found.series["slide"].values - right).max())
     assert np.divide(missed, (1e-4, 1e-5, 1e-6)) == pytest.approx([1, 1, 1.2], rel=0.25)  # depths of microns, too
 
@@ -243,15 +241,15 @@ steps = 1000
 """
 
 
-def test_section_forces_know_what_touches_the_link(tmp_path):
+def test_section_forces_know_what_touches_the_link():
     """At rest on hinge and stop: w l^2/8 in the middle, w l/2 at the end; before the impact the stop says nothing."""
-    resting = solved(tmp_path, BAR)
+    resting = solved(BAR)
     weight = 7850 * 2e-4 * G
     series = {name: found.values for name, found in resting.series.items()}
     assert series["moment"][-1] == pytest.approx(weight * 0.5**2 / 8, rel=1e-2)
     assert abs(series["shear"][-1]) == pytest.approx(weight * 0.5 / 2, rel=1e-2)
     assert resting.trajectory.contacts.force[-1, 0] == pytest.approx(weight * 0.5 / 2, rel=1e-2)
-    falling = solved(tmp_path, BAR, "contacts.stop=none")
+    falling = solved(BAR, "contacts.stop=none")
     touched = resting.trajectory.contacts.impacts[0].begin
     before = resting.times < touched - 1e-3
     assert 20 < before.sum() < len(before)
@@ -261,31 +259,29 @@ def test_section_forces_know_what_touches_the_link(tmp_path):
     assert resting.trajectory.energy.drift < 1e-5
 
 
-def test_sides_that_start_in_each_other_are_named(tmp_path):
+def test_sides_that_start_in_each_other_are_named():
     with pytest.raises(SceneError) as caught:
-        solved(tmp_path, BALL, "drives.fall.position=-3 mm")
+        solved(BALL, "drives.fall.position=-3 mm")
     assert str(caught.value) == (
         "contacts.floor: at the start its sides lie 3 mm in each other. "
         "Start them apart, as by the angle or position of free drives."
     )
-    solved(tmp_path, BALL, "drives.fall.position=0 mm", "solve.duration=1 ms")
+    solved(BALL, "drives.fall.position=0 mm", "solve.duration=1 ms")
 
 
-def test_no_start_from_an_equilibrium(tmp_path):
+def test_no_start_from_an_equilibrium():
     for text, which in ((BALL, "contacts.floor"), (LOOSE, "joints.wrist.clearance")):
         with pytest.raises(SceneError, match=f"with {re.escape(which)} its equilibrium is not that of free bodies"):
-            solved(tmp_path, text, "solve.start=quasistatic")
+            solved(text, "solve.start=quasistatic")
 
 
-def test_scipys_integrator_is_refused(tmp_path):
+def test_scipys_integrator_is_refused():
     with pytest.raises(SceneError, match=r"with contacts\.floor it would step over what changes there"):
-        solved(tmp_path, BALL, "solve.integrator=scipy")
+        solved(BALL, "solve.integrator=scipy")
 
 
-def test_what_needs_a_smooth_motion_refuses_contacts(tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text(BALL)
-    scene = read_scene(path)
+def test_what_needs_a_smooth_motion_refuses_contacts():
+    scene = scene_of(BALL)
     with pytest.raises(SceneError, match=r"with contacts\.floor the equations are others while bodies touch"):
         linearise(load(scene))
     with pytest.raises(SceneError, match=r"with contacts\.floor the instants of the impacts would move"):

@@ -10,7 +10,7 @@ from kaneflex.fem.mobility import count_freedom
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.report.presentation import parts
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.contact_law import cylinders
 from kaneflex.scene.options import resolve_options
 
@@ -59,24 +59,22 @@ BORE = 'bore = {prismatic = ["ground", "piston"], direction = [1, 0]'
 BLOCK = BORE + ', clearance = {gap = "80 um", length = "60 mm", height = "50 mm", ' + WRIST + "}"
 
 
-def written(tmp_path, *changes):
+def written(*changes):
     text = LOOSE
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
-    path = tmp_path / "loose.toml"
-    path.write_text(text)
-    return read_scene(path)
+    return scene_of(text)
 
 
-def refused(tmp_path, *changes):
+def refused(*changes):
     with pytest.raises(SceneError) as caught:
-        written(tmp_path, *changes)
+        written(*changes)
     return str(caught.value).splitlines()
 
 
-def test_a_joint_with_a_clearance_is_a_contact_and_no_constraint(tmp_path):
-    scene = written(tmp_path)
+def test_a_joint_with_a_clearance_is_a_contact_and_no_constraint():
+    scene = written()
     assert list(scene.joints) == ["main", "pin", "bore"] and list(scene.contacts) == ["stop", "wrist"]
     mechanism = mechanism_of(scene)
     assert (count_freedom(mechanism).mobility, count_freedom(mechanism).left) == (3, 0)
@@ -88,8 +86,8 @@ def test_a_joint_with_a_clearance_is_a_contact_and_no_constraint(tmp_path):
     assert numbers_of(stop)[:5] == (0.0, 1.0, 0.0, 1e9, 1.5)
 
 
-def test_settings_and_copies_know_the_clearance_as_it_is_written(tmp_path):
-    scene = written(tmp_path)
+def test_settings_and_copies_know_the_clearance_as_it_is_written():
+    scene = written()
     wider = with_settings(scene, ["wrist.clearance.radial=0.2 mm", "stop.contact.restitution=0.7"])
     assert wider.contacts["wrist"].reach == 0.2e-3 and wider.contacts["stop"].contact.restitution == 0.7
     assert wider.structure_hash() == scene.structure_hash()
@@ -100,10 +98,10 @@ def test_settings_and_copies_know_the_clearance_as_it_is_written(tmp_path):
 
 
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, -1.0), (0.6, 0.8)])
-def test_a_block_touches_the_faces_of_its_guide_by_its_corners(tmp_path, direction):
+def test_a_block_touches_the_faces_of_its_guide_by_its_corners(direction):
     """Moved and turned so far that a corner touches, by the rectangle's own geometry."""
     scene = written(
-        tmp_path, (BORE, BLOCK.replace("[1, 0]", str(list(direction)))), ('x = {position = "bore"}', ""),
+        (BORE, BLOCK.replace("[1, 0]", str(list(direction)))), ('x = {position = "bore"}', ""),
         ('bore = {free = true, position = "459 mm"}\n', ""),
     )  # fmt: skip
     contacts = [contact for contact in mechanism_of(scene).contacts.values() if contact.joint == "bore"]
@@ -119,17 +117,17 @@ def test_a_block_touches_the_faces_of_its_guide_by_its_corners(tmp_path, directi
         assert contact.direction == pytest.approx([-math.copysign(1, y) * part for part in left], abs=1e-15)
 
 
-def test_hertz_of_spheres(tmp_path):
+def test_hertz_of_spheres():
     """Johnson 1985, eq. 4.22 to 4.24: a = (3 F R/(4 E*))^(1/3), d = a^2/R."""
     steel = 'contact = {materials = ["steel", "steel"], restitution = 0.9}'
     for radii, R in ((["10 mm", "30 mm"], 7.5e-3), (["10 mm", 10.1e-3], 10e-3 * 10.1e-3 / 0.1e-3)):
         kind = "circle_on_circle" if R < 0.01 else "circle_in_circle"
-        scene = written(tmp_path, ("point_on_line", kind), ("normal = [0, 2]", f"radii = {radii}"), (STOP, steel))
+        scene = written(("point_on_line", kind), ("normal = [0, 2]", f"radii = {radii}"), (STOP, steel))
         force = 300.0
         depth = (3 * force * R / (4 * STEEL)) ** (2 / 3) / R
         K, n = scene.contacts["stop"].pushing
         assert n == 1.5 and K * depth**n == pytest.approx(force, rel=1e-12)
-    ball = written(tmp_path, (STOP, 'radius = "10 mm"\n' + steel)).contacts["stop"]
+    ball = written((STOP, 'radius = "10 mm"\n' + steel)).contacts["stop"]
     assert ball.pushing == (pytest.approx(4 / 3 * STEEL * 0.1, rel=1e-12), 1.5) and ball.reach == 10e-3
 
 
@@ -259,34 +257,34 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named_with_its_cure(tmp_path, old, new, message):
-    assert message in refused(tmp_path, (old, new))
+def test_what_is_wrong_is_named_with_its_cure(old, new, message):
+    assert message in refused((old, new))
 
 
-def test_a_block_is_refused_where_it_can_not_be(tmp_path):
-    assert refused(tmp_path, (BORE, BLOCK)) == [
+def test_a_block_is_refused_where_it_can_not_be():
+    assert refused((BORE, BLOCK)) == [
         "drives.bore: bore has a clearance: nothing there can be driven. Leave the clearance out, or this.",
     ]
     tight_wrist = WRIST_JOINT, WRIST_JOINT.split("clearance")[0]
     free_wrist = 'bore = {free = true, position = "459 mm"}', "wrist = {free = true}"
-    assert refused(tmp_path, (BORE, BLOCK), tight_wrist, free_wrist, (", inertia = 2.7e-6", "")) == [
+    assert refused((BORE, BLOCK), tight_wrist, free_wrist, (", inertia = 2.7e-6", "")) == [
         "bodies.piston.inertia = 0: it turns in the clearance of bore, and has no moment of inertia. Give one."
     ]
     materials = BLOCK.replace(WRIST, 'contact = {materials = ["steel", "steel"], restitution = 0.9}')
-    assert refused(tmp_path, (BORE, materials)) == [
+    assert refused((BORE, materials)) == [
         "joints.bore.clearance.contact: Hertz's theory knows no contact of a corner without radius. "
         "Give contact.stiffness."
     ]
     beam = 'piston = {length = 1, beam = {material = "steel", section = {rectangle = [0.01, 0.01]}}}'
     assert "joints.bore.prismatic = 'piston.start': piston is elastic and would slide through its own deformation. " \
         "Let the guide hold a rigid body." in refused(
-        tmp_path, (BORE, BLOCK), ('piston = {mass = "76 g", inertia = 2.7e-6}', beam)
+        (BORE, BLOCK), ('piston = {mass = "76 g", inertia = 2.7e-6}', beam)
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "paper", "linear", "stiffened"])
-def test_one_way_presets_refuse_contacts_and_say_which_one_takes_them(tmp_path, preset):
-    scene = written(tmp_path, ('preset = "coupled"', f'preset = "{preset}"'))
+def test_one_way_presets_refuse_contacts_and_say_which_one_takes_them(preset):
+    scene = written(('preset = "coupled"', f'preset = "{preset}"'))
     with pytest.raises(SceneError) as caught:
         resolve_options(scene)
     assert str(caught.value) == f"contacts.stop: preset {preset} has no equations of a contact. Take preset coupled."
@@ -296,10 +294,10 @@ def test_one_way_presets_refuse_contacts_and_say_which_one_takes_them(tmp_path, 
     assert str(caught.value) == f"{expected}Take preset coupled."
 
 
-def test_a_scene_is_told_with_the_restitution_that_its_laws_return(tmp_path):
+def test_a_scene_is_told_with_the_restitution_that_its_laws_return():
     """Lankarani and Nikravesh's law, asked for 0.1, returns 0.665."""
     law = STOP.replace("restitution = 0.5", 'restitution = 0.1, law = "lankarani-nikravesh"')
-    lines = parts(written(tmp_path, (STOP, law))).splitlines()
+    lines = parts(written((STOP, law))).splitlines()
     assert "  stop   piston.start before the line through ground.floor, 1e+09 N/m^1.5, " \
         "lankarani-nikravesh returns 0.665, asked for 0.1" in lines  # fmt: skip
     assert "  wrist  circle about piston.start in that about rod.end, clearance 0.5 mm, 1e+09 N/m^1.5, " \

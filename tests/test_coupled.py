@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kaneflex
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"
@@ -126,10 +126,9 @@ steps = 1000
 """
 
 
-def test_a_pushed_cart_and_its_mast_take_up_the_impulse(tmp_path):
+def test_a_pushed_cart_and_its_mast_take_up_the_impulse():
     """Momentum of cart and mast against the integral of the force; the mast's from its nodes by Simpson's rule."""
-    (tmp_path / "cart.toml").write_text(CART)
-    solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "cart.toml")))
+    solution = kaneflex.simulate(kaneflex.load(scene_of(CART)))
     motion, mast = solution.motion, solution.model.links["mast"]
     v_x = np.array([motion.moving_place("mast", (node, 0.0))[1][0] for node in mast.nodes])
     weights = np.array([1, 4, 2, 4, 2, 4, 1]) / 18
@@ -171,11 +170,10 @@ wall = ["-1 m", 0]
 """
 
 
-def test_a_spring_and_its_damper_hold_the_cart(tmp_path):
+def test_a_spring_and_its_damper_hold_the_cart():
     """Tension k (L - L_0) + c L' of the cart's own slide, the cart's balance of forces, and that of the energy."""
     sensors = 'pull = {spring_force = "back"}\n[solve]'
-    (tmp_path / "cart.toml").write_text(CART.replace("[solve]", sensors) + SPRINGS)
-    solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "cart.toml")))
+    solution = kaneflex.simulate(kaneflex.load(scene_of(CART.replace("[solve]", sensors) + SPRINGS)))
     motion = solution.motion
     slide, speed, accel = (part[0] for part in motion.body("cart"))
     pull = solution.series["pull"].values

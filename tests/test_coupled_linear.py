@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 from command_line import cli
+from turned_inertia import CRANK, ROD, SLIDER, check_turned_inertia
 
 import kaneflex
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled_linearisation import linear_about, modes_at_rest
 
 
@@ -79,7 +80,6 @@ def test_modes_of_a_free_mechanism_begin_at_zero():
     assert len(data["coordinates"]) == len(data["mode_shapes"]) and "beam.transverse_0" in data["coordinates"]
 
 
-CRANK, ROD, SLIDER = 0.1, 0.31, 0.45
 """Lengths of the bars [m], and the slider's mass [kg]."""
 ENGINE = f"""
 schema = 1
@@ -110,34 +110,10 @@ modes = 1
 """
 
 
-def inertia(angle):
-    """Of all bodies at the crank, angle = 0 where it points along the guide; of a complex angle, too."""
-    s = CRANK / ROD * np.sin(angle)
-    turn = -CRANK / ROD * np.cos(angle) / np.sqrt(1 - s * s)  # of the rod, whose inclination has the sine -s
-    slider = -CRANK * np.sin(angle) - ROD * -s * turn
-    x, y = -CRANK * np.sin(angle) - ROD / 2 * -s * turn, CRANK * np.cos(angle) / 2
-    return 0.2 * CRANK**2 / 3 + 0.3 * (x * x + y * y + ROD**2 / 12 * turn * turn) + SLIDER * slider * slider
-
-
-def test_a_loop_turns_its_inertia(tmp_path):
+def test_a_loop_turns_its_inertia():
     """J(phi) phi'' + J' phi'^2 / 2 = T: M, C and K are its derivatives at the acceleration that the torque leaves."""
-    (tmp_path / "free.toml").write_text(ENGINE, encoding="utf-8")
-    model = kaneflex.load(read_scene(tmp_path / "free.toml"))
-    found = kaneflex.linearise(model, t=0.0)
-    angle, omega, step = np.radians(50), 20.0, 1e-4
-    J, first = inertia(angle), inertia(angle + 1e-30j).imag / 1e-30
-    second = (inertia(angle + step + 1e-30j) - inertia(angle - step + 1e-30j)).imag / 1e-30 / (2 * step)
-    acceleration = (3.0 - 0.05 * omega - first * omega**2 / 2) / J
-    assert found.states[0] == "main.angle" and found.inputs == ("motor",)
-    assert found.M[0, 0] == pytest.approx(J, rel=1e-8)
-    assert found.C_damping[0, 0] == pytest.approx(first * omega + 0.05, rel=1e-8)
-    assert found.K[0, 0] == pytest.approx(first * acceleration + second * omega**2 / 2, rel=1e-6)
-    gear = {name: row for name, row in zip(found.outputs, found.C, strict=True)}
-    n, s = len(found.M), CRANK / ROD * np.sin(angle)
-    rate = -CRANK * np.sin(angle) - ROD * s * CRANK / ROD * np.cos(angle) / np.sqrt(1 - s * s)
-    assert gear["place"][0] == pytest.approx(rate, rel=1e-9)
-    assert gear["place"][n:] == pytest.approx(0.0, abs=1e-12)
-    assert gear["speed"][n] == pytest.approx(rate, rel=1e-9)
+    model = kaneflex.load(scene_of(ENGINE))
+    check_turned_inertia(kaneflex.linearise(model, t=0.0), 1e-8, 1e-12)
 
 
 HELD = """
@@ -161,10 +137,9 @@ steps = 100
 """
 
 
-def test_springs_hold_modes_at_rest_by_their_stiffness_alone(tmp_path):
+def test_springs_hold_modes_at_rest_by_their_stiffness_alone():
     """k along the strut, k L^2 of the band, which pulls by its vector, and the coil's; no tension, which all have."""
-    (tmp_path / "held.toml").write_text(HELD, encoding="utf-8")
-    names, omega, _ = modes_at_rest(kaneflex.load(read_scene(tmp_path / "held.toml")))
+    names, omega, _ = modes_at_rest(kaneflex.load(scene_of(HELD)))
     end = np.array([np.cos(np.radians(20)), np.sin(np.radians(20))])
     strut, across = end - [0.4, -0.5], np.array([-end[1], end[0]])
     stiffness = 700.0 * (strut @ across) ** 2 / (strut @ strut) + 400.0 + 90.0
@@ -178,7 +153,7 @@ def test_a_steady_deformation_is_a_motion_that_the_equations_allow():
     found, engine = linear_about(model, 7e-3), model.coupled.engine
     y, v, a, _ = engine.motion
     y[engine.independent], v[engine.independent] = found.instant.y, found.instant.v
-    assert engine.settle(7e-3) and engine.shapes[engine.independent].all() and not found.instant.v.any()
+    assert engine.project(7e-3) and engine.shapes[engine.independent].all() and not found.instant.v.any()
     assert abs(a[engine.shapes]).max() < 1e-9 * abs(np.linalg.solve(found.M, found.K @ found.instant.y)).max()
 
 

@@ -12,7 +12,7 @@ from kaneflex.fem.links import build_link
 from kaneflex.multibody.run import rigid_state
 from kaneflex.multibody.shapes import link_shapes
 from kaneflex.multibody.system import build_system
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.read import _validated
 
 COUPLED = [
@@ -194,11 +194,10 @@ duration = "1 s"
 """
 
 
-def test_axial_frequencies_converge_with_modes(tmp_path):
+def test_axial_frequencies_converge_with_modes():
     """Of a rod held at one end, (2 k - 1) / 4 sqrt(E / rho) / L, where something pulls at the other one."""
-    (tmp_path / "rod.toml").write_text(ROD)
     exact = (2 * np.arange(1, 5) - 1) / 4 * math.sqrt(2.1e11 / 7850) / 0.5
-    errors, linear = [], with_settings(read_scene(tmp_path / "rod.toml"), ["solve.preset=linear"])
+    errors, linear = [], with_settings(scene_of(ROD), ["solve.preset=linear"])
     module = kaneflex.load(linear).motion.module
     for modes in (3, 6, 12):
         scene = with_settings(linear, ["solve.preset=coupled", f"solve.modes={modes}"])

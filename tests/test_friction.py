@@ -8,7 +8,7 @@ import pytest
 from kaneflex import SceneError, linearise, load, simulate
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.report.summary import summarise
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.quantities import FRICTION_RESULTS
 
 G, SLOPE = 9.81, math.radians(30)
@@ -53,10 +53,8 @@ steps = 100
 """
 
 
-def solved(tmp_path, text, *settings, outcome=Outcome.COMPLETED):
-    path = tmp_path / "scene.toml"
-    path.write_text(text)
-    found = simulate(load(with_settings(read_scene(path), settings)))
+def solved(text, *settings, outcome=Outcome.COMPLETED):
+    found = simulate(load(with_settings(scene_of(text), settings)))
     assert found.outcome is outcome, found.trajectory.message
     if outcome is Outcome.COMPLETED:
         energy = found.trajectory.energy
@@ -78,9 +76,9 @@ def slid(t, start, speed, mu):
 
 @pytest.mark.parametrize("integrator", ["radau", "gauss"])
 @pytest.mark.parametrize(("mu", "speed"), [(0.3, 0.0), (0.3, -1.0), (0.8, -1.0), (0.8, 0.0), (0.57, 0.0), (0.58, 0.0)])
-def test_a_block_slides_down_stops_and_turns_round_as_in_textbooks(tmp_path, mu, speed, integrator):
+def test_a_block_slides_down_stops_and_turns_round_as_in_textbooks(mu, speed, integrator):
     settings = [f"slide.friction.mu={mu}", f"drives.slide.initial_speed={speed}", f"solve.integrator={integrator}"]
-    found = solved(tmp_path, BLOCK, *settings)
+    found = solved(BLOCK, *settings)
     place, stop = slid(found.times, 0.0, speed, mu)
     assert found.series["x"].values == pytest.approx(place, abs=1e-12)
     held = G * min(math.sin(SLOPE), mu * math.cos(SLOPE))
@@ -90,10 +88,10 @@ def test_a_block_slides_down_stops_and_turns_round_as_in_textbooks(tmp_path, mu,
     assert (stuck[after] == (mu > math.tan(SLOPE))).all() and not stuck[found.times < stop].any()
 
 
-def test_what_slides_on_the_level_stops_in_time_and_place(tmp_path):
+def test_what_slides_on_the_level_stops_in_time_and_place():
     """v^2 / (2 mu g) and v / (mu g); what is lost is its energy."""
     level = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]")
-    found = solved(tmp_path, level, "drives.slide.initial_speed=2")
+    found = solved(level, "drives.slide.initial_speed=2")
     stop, last = 2 / (0.3 * G), 4 / (2 * 0.3 * G)
     assert found.series["x"].values[-1] == pytest.approx(last, rel=1e-12)
     moving = found.times < stop
@@ -102,13 +100,13 @@ def test_what_slides_on_the_level_stops_in_time_and_place(tmp_path):
     assert found.trajectory.frictions.lost[-1, 0] == pytest.approx(4.0, rel=1e-12)
 
 
-def test_a_block_on_an_incline_sticks_for_ever(tmp_path):
+def test_a_block_on_an_incline_sticks_for_ever():
     """After 100,000 steps, pushed and shaken by less than what holds it, it has not moved by a rounding."""
     text = BLOCK.replace("[sensors]", """[loads]
 shake = {force_on = "block", direction = [1, 0], law = "1.5 * sin(700 * t)"}
 [sensors]""")
     settings = ["slide.friction.mu=0.7", "drives.slide.position=0.37 m", "solve.duration=100 s", "solve.steps=100000"]
-    found = solved(tmp_path, text, *settings)
+    found = solved(text, *settings)
     assert found.trajectory.steps >= 10**5
     assert abs(found.series["x"].values - 0.37).max() == 0.0
     assert (found.trajectory.frictions.mode == 2).all() and found.trajectory.frictions.lost[-1, 0] == 0.0
@@ -164,13 +162,13 @@ def test_two_feet_of_a_block_let_go_together(tmp_path, contact, static):
     assert solution.trajectory.energy.drift < 1e-9
 
 
-def test_what_holds_is_more_than_what_drags(tmp_path):
+def test_what_holds_is_more_than_what_drags():
     """A force that grows breaks the block loose at mu_static N; then mu N resists."""
     text = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}", "gravity = [0")
     text = text.replace("mu = 0.3", "mu = 0.2, mu_static = 0.5")
     pull = '[loads]\npull = {force_on = "block", direction = [1, 0], law = "20 * t"}\n[sensors]'
     text = text.replace("[sensors]", pull)
-    found = solved(tmp_path, text)
+    found = solved(text)
     N = 2 * G * math.cos(SLOPE)
     loose, t = 0.5 * N / 20, found.times
     s = np.maximum(t - loose, 0.0)
@@ -178,19 +176,19 @@ def test_what_holds_is_more_than_what_drags(tmp_path):
     assert found.series["drag"].values == pytest.approx(np.where(t < loose, -20 * t, -0.2 * N), rel=1e-9)
 
 
-def test_a_flywheel_runs_down_linearly(tmp_path):
-    found = solved(tmp_path, HINGE)
+def test_a_flywheel_runs_down_linearly():
+    found = solved(HINGE)
     slower = (0.2 * 0.01 * G + 0.005) / 0.02
     t = np.minimum(found.times, 3 / slower)
     assert found.series["angle"].values == pytest.approx(3 * t - slower * t**2 / 2, abs=1e-12)
     assert found.trajectory.frictions.lost[-1, 0] == pytest.approx(0.09, rel=1e-12)
 
 
-def test_a_pendulum_loses_twice_what_its_dry_torque_turns(tmp_path):
+def test_a_pendulum_loses_twice_what_its_dry_torque_turns():
     """A preload alone: the energy falls by it times the angle swept, swing by swing, and it stops within its reach."""
     text = HINGE.replace('wheel = {mass = "1 kg",', 'wheel = {mass = "1 kg", centre = ["0.1 m", 0],')
     text = text.replace("mu = 0.2, radius = \"10 mm\", ", "").replace("0.005 N m", "0.05 N m")
-    found = solved(tmp_path, text, "solve.duration=20 s", "solve.steps=4000", "drives.hinge.angle=-20 deg")
+    found = solved(text, "solve.duration=20 s", "solve.steps=4000", "drives.hinge.angle=-20 deg")
     angle = found.series["angle"].values
     swept = abs(np.diff(found.trajectory.frictions.lost[:, 0])) / 0.05
     assert swept.sum() >= abs(np.diff(angle)).sum() * (1 - 1e-9)
@@ -244,11 +242,11 @@ steps = 3000
 
 
 @pytest.mark.parametrize("angle", [60, 120])
-def test_painleves_rod_jams_by_its_floors_stiffness_and_not_otherwise(tmp_path, angle):
+def test_painleves_rod_jams_by_its_floors_stiffness_and_not_otherwise(angle):
     """Pushed before its centre of mass a slender rod has no rigid solution above mu = 4/3: it presses the floor in."""
     peaks = []
     for mu in (0.0001, 0.3, 1.0, 1.5, 2.0):
-        found = solved(tmp_path, ROD, f"floor.friction.mu={mu}", f"rod.free.angle={angle} deg")
+        found = solved(ROD, f"floor.friction.mu={mu}", f"rod.free.angle={angle} deg")
         record = found.trajectory.frictions
         assert np.isfinite(found.trajectory.q).all()
         assert (abs(record.force) <= mu * record.pressed * (1 + 1e-9) + 1e-12).all()
@@ -259,7 +257,7 @@ def test_painleves_rod_jams_by_its_floors_stiffness_and_not_otherwise(tmp_path, 
 
 @pytest.mark.parametrize("friction", ["mu", "lugre"])
 @pytest.mark.parametrize("angle", [50, 60, 70, 120])
-def test_painleves_paradox_is_named_where_a_rod_is_in_it(tmp_path, angle, friction):
+def test_painleves_paradox_is_named_where_a_rod_is_in_it(angle, friction):
     """m A = 1 + 3 cos(a) (cos(a) - mu sin(a)), what a force on its end opens, is below zero (Painleve 1895)."""
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     least = (1 / (3 * c) + c) / s
@@ -267,7 +265,7 @@ def test_painleves_paradox_is_named_where_a_rod_is_in_it(tmp_path, angle, fricti
     for mu in ((0.98 * least, 1.02 * least) if c > 0 else (0.5, 2.0)):
         text = ROD.replace("friction = {mu = 1.0}", f"friction = {{{bristles}mu = {mu}}}")
         settings = f"rod.free.angle={angle} deg", "solve.duration=0.001 s", "solve.steps=100"
-        found = solved(tmp_path, text, *settings)
+        found = solved(text, *settings)
         (jams,) = found.trajectory.frictions.jams
         said = [text for text in found.warnings if "Painleve" in text]
         assert len(said) == (mu > least > 0) and all("friction at floor" in text for text in said)
@@ -301,9 +299,9 @@ steps = 200
 """
 
 
-def test_a_mechanism_whose_joints_all_rub_comes_to_rest(tmp_path):
+def test_a_mechanism_whose_joints_all_rub_comes_to_rest():
     """All four joints stand still at one instant, and what any of them holds the others hold, too."""
-    found = solved(tmp_path, CRANK)
+    found = solved(CRANK)
     record = found.trajectory.frictions
     assert abs(record.speed[-1]).max() < 1e-10 and (record.mode[-1] == 2).any()
     assert record.lost[-1].sum() == pytest.approx(found.trajectory.energy.dissipated[-1], rel=1e-12)
@@ -342,9 +340,9 @@ steps = 400
 """
 
 
-def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor(tmp_path):
+def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor():
     """While it slides friction has mu times the normal impulse, which is what weight and fall have; then it sticks."""
-    found = solved(tmp_path, FALLING, "solve.duration=0.6 s")
+    found = solved(FALLING, "solve.duration=0.6 s")
     t, v, record = found.times, found.trajectory.v, found.trajectory.frictions
     names = [name for name, _ in found.model.coupled.coordinates]
     x, y = (v[:, names.index(name)] for name in ("carriage.x", "block.y"))
@@ -353,21 +351,19 @@ def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor(tmp_path):
     assert 3 * (x - 3) == pytest.approx(-0.2 * normal, rel=1e-8, abs=1e-8)
     sliding = record.pressed[:, 0] > 0
     assert record.force[sliding, 0] == pytest.approx(0.2 * record.pressed[sliding, 0], rel=1e-12)  # to the left
-    long = solved(tmp_path, FALLING, "solve.duration=3 s")
+    long = solved(FALLING, "solve.duration=3 s")
     assert long.trajectory.frictions.mode[-1, 0] == 2
     assert (long.series["x"].values[long.times > 2.5] == long.series["x"].values[-1]).all()
     assert long.trajectory.frictions.lost[-1, 0] == pytest.approx(13.5, rel=1e-7)
 
 
-def test_the_one_way_presets_name_what_has_friction(tmp_path):
+def test_the_one_way_presets_name_what_has_friction():
     with pytest.raises(SceneError, match=r"joints\.slide\.friction: preset rigid has no equations.*coupled"):
-        solved(tmp_path, BLOCK, "solve.preset=rigid")
+        solved(BLOCK, "solve.preset=rigid")
     with pytest.raises(SceneError, match=r"with joints\.slide\.friction it would step over what changes there"):
-        solved(tmp_path, BLOCK, "solve.integrator=scipy")
-    path = tmp_path / "scene.toml"
-    path.write_text(BLOCK)
+        solved(BLOCK, "solve.integrator=scipy")
     with pytest.raises(SceneError, match=r"with joints\.slide\.friction the equations are others"):
-        linearise(load(read_scene(path)))
+        linearise(load(scene_of(BLOCK)))
 
 
 @pytest.mark.parametrize(("scene", "written", "instead", "says"), [
@@ -382,9 +378,9 @@ def test_the_one_way_presets_name_what_has_friction(tmp_path):
     (HINGE, "0.005 N m", "5 N", "preload.*torque"),
     (HINGE, "friction_torque", "friction_force", "Measure its friction_torque"),
 ])  # fmt: skip
-def test_what_a_friction_lacks_is_named(tmp_path, scene, written, instead, says):
+def test_what_a_friction_lacks_is_named(scene, written, instead, says):
     with pytest.raises(SceneError, match=says):
-        solved(tmp_path, scene.replace(written, instead))
+        solved(scene.replace(written, instead))
 
 
 KLEIN = """
@@ -414,11 +410,9 @@ steps = 100
 
 
 @pytest.mark.parametrize("mu", [0.05, 1.0])
-def test_two_blocks_on_guides_with_a_rod_between_them_slide_to_rest(tmp_path, mu):
+def test_two_blocks_on_guides_with_a_rod_between_them_slide_to_rest(mu):
     """Painleve and Klein's (Klein 1909, Z. Math. Phys. 58, 186): m a = P - R cos(b), m a = R cos(b) - mu R sin(b)."""
-    path = tmp_path / "klein.toml"
-    path.write_text(KLEIN)
-    found = simulate(load(with_settings(read_scene(path), [f"floor.friction.mu={mu}"])))
+    found = simulate(load(with_settings(scene_of(KLEIN), [f"floor.friction.mu={mu}"])))
     c, s = 0.5, math.sqrt(0.75)
     R = 10 / (2 * c - mu * s)
     a, t = 10 - R * c, found.times
@@ -428,12 +422,10 @@ def test_two_blocks_on_guides_with_a_rod_between_them_slide_to_rest(tmp_path, mu
 
 
 @pytest.mark.parametrize("law, reached", [("10", 0.0), ("400 * (t - 0.02)", 0.02)])
-def test_friction_that_no_reaction_agrees_with_ends_the_run(tmp_path, law, reached):
+def test_friction_that_no_reaction_agrees_with_ends_the_run(law, reached):
     """mu tan(b) > 2: while they slide, a rod that is pushed against the rough guide has no force (Painleve 1895)."""
-    path = tmp_path / "klein.toml"
-    path.write_text(KLEIN)
     settings = ["floor.friction.mu=2", f'push.law="{law}"', "floor.initial_speed=5 m/s"]
-    found = simulate(load(with_settings(read_scene(path), settings)))
+    found = simulate(load(with_settings(scene_of(KLEIN), settings)))
     assert found.outcome in (Outcome.PARADOX, Outcome.SINGULAR) and "no way to stick or slip" in found.message
     assert found.times[-1] == pytest.approx(reached, abs=0.004)
 
@@ -462,7 +454,7 @@ steps = 500
 
 def test_a_block_that_is_stuck_in_a_slot_that_turns_stays_where_it_stuck(tmp_path):
     """Its steps are curved, and what is left of their errors doesn't grow; the arm swings as with a welded block."""
-    found = solved(tmp_path, ARM)
+    found = solved(ARM)
     assert abs(found.series["way"].values - 0.6).max() < 3e-10
     assert (found.trajectory.frictions.mode == 2).all()
     welded = ARM.replace('prismatic = ["arm", "block"], direction = [1, 0], friction = {preload = "100 N"}',
@@ -488,13 +480,13 @@ def write(tmp_path, text):
          lambda v: 2 * G * (0.1 + 0.3 * math.exp(-((v / 0.3) ** 2))) + v),
     ],
 )  # fmt: skip
-def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(tmp_path, friction, force):
+def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(friction, force):
     """Against scipy's integrator of m v' = -f(v), up to where it stops."""
     from scipy.integrate import solve_ivp
 
     level = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]")
     level = level.replace("friction = {mu = 0.3}", f"friction = {{{friction}}}")
-    found = solved(tmp_path, level, "drives.slide.initial_speed=1", "solve.duration=0.5 s")
+    found = solved(level, "drives.slide.initial_speed=1", "solve.duration=0.5 s")
     exact = solve_ivp(
         lambda t, y: [y[1], -force(y[1]) / 2 if y[1] > 0 else 0.0], (0, 0.5), [0.0, 1.0], "DOP853", found.times,
         rtol=1e-12, atol=1e-13,
@@ -505,20 +497,20 @@ def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(tmp_path
 
 
 @pytest.mark.parametrize("name", ["pin", "pin_torque", "friction_lost"])
-def test_no_sensor_has_the_name_of_a_result_of_friction(tmp_path, name):
+def test_no_sensor_has_the_name_of_a_result_of_friction(name):
     with pytest.raises(SceneError, match=rf"sensors.{name}: the results of friction have this name"):
-        solved(tmp_path, HINGE.replace("drag =", f"{name} ="))
+        solved(HINGE.replace("drag =", f"{name} ="))
 
 
-def test_results_have_torques_of_pins_apart_from_forces(tmp_path):
-    hinge = solved(tmp_path, HINGE)
+def test_results_have_torques_of_pins_apart_from_forces():
+    hinge = solved(HINGE)
     found = hinge.dataset
     assert "friction_force" not in found and found["pin"].values.tolist() == ["hinge"]
     others = {"time", "drive_angle_hinge", "state", "last_state", "last_rate"}
     assert set(found.variables) - set(hinge.series) - others == {each for each in FRICTION_RESULTS if "pin" in each}
     assert (found["pin_torque"].attrs["units"], found["pin_speed"].attrs["units"]) == ("N m", "rad/s")
     assert (found["pin_torque"].values[:, 0] == hinge.series["drag"].values).all()
-    slide = solved(tmp_path, BLOCK)
+    slide = solved(BLOCK)
     found = slide.dataset
     assert "pin_torque" not in found and found["friction_force"].attrs["units"] == "N"
     assert (found["friction_force"].values[:, 0] == slide.series["drag"].values).all()

@@ -196,14 +196,13 @@ steps = 2
 """
 
 
-def test_a_cylinder_raises_a_boom_with_an_elastic_jib(tmp_path):
+def test_a_cylinder_raises_a_boom_with_an_elastic_jib():
     """Three rigid bodies that one drive places: a triangle of 400, 500 and 300 mm, and the jib's weight on the boom.
 
     cos phi = 0.8 at the heel, a right angle at the eye: the cylinder stands upright below the lug, with the weight
     m g at 1.5 m along the boom and its own lever of 0.4 m.
     """
-    (tmp_path / "boom.toml").write_text(BOOM)
-    series = simulate(load(read_scene(tmp_path / "boom.toml"))).series
+    series = simulate(load(scene_of(BOOM))).series
     weight = 7850 * 400e-6 * 9.81
     assert series["push"].values == pytest.approx(np.full(3, weight * 1.5 * 0.8 / 0.4), rel=1e-5)
     assert abs(series["root_moment"].values) == pytest.approx(np.full(3, weight * 0.5 * 0.8), rel=1e-5)

@@ -12,7 +12,7 @@ import kaneflex
 from kaneflex.cli import main
 from kaneflex.multibody.inertia_integrals import link_data
 from kaneflex.response.modal_data import modal_data
-from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, read_modal_data
 from kaneflex.solve.coupled_linearisation import modes_at_rest
 from kaneflex.support.errors import SceneError
@@ -226,9 +226,8 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
     change(data)
     (tmp_path / "data").mkdir()
     np.savez(tmp_path / "data" / "rod.npz", **data)
-    (tmp_path / "scene.toml").write_text(WITH_DATA)
     with pytest.raises(SceneError) as error:
-        read_scene(tmp_path / "scene.toml")
+        scene_of(WITH_DATA, tmp_path)
     assert str(error.value).startswith("bodies.rod.modal_data = ") and message in str(error.value)
 
 

@@ -11,7 +11,7 @@ import kaneflex
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.reach import followed
 from kaneflex.report.presentation import parts
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import scene_of, with_settings
 from kaneflex.support.errors import SceneError
 
 PEAUCELLIER = """
@@ -94,15 +94,13 @@ duration = "5 s"
 """
 
 
-def scene(tmp_path, text):
-    path = tmp_path / "machine.toml"
-    path.write_text(text)
-    return read_scene(path)
+def scene(text):
+    return scene_of(text)
 
 
-def test_peaucelliers_pen_draws_a_straight_line_though_an_arm_of_it_is_a_beam(tmp_path):
+def test_peaucelliers_pen_draws_a_straight_line_though_an_arm_of_it_is_a_beam():
     """At (L^2 - l^2) / (2 r). No elastic stage can follow it: the rigid run says so in place of its errors."""
-    solution = kaneflex.simulate(kaneflex.load(scene(tmp_path, PEAUCELLIER.replace("PRESET", "rigid"))))
+    solution = kaneflex.simulate(kaneflex.load(scene(PEAUCELLIER.replace("PRESET", "rigid"))))
     assert solution["x"].values == pytest.approx((0.3**2 - 0.12**2) / 0.2, abs=1e-12)
     assert np.ptp(solution["y"].values) > 0.15
     errors, why = solution.errors
@@ -118,15 +116,15 @@ def test_show_does_not_advise_the_preset_that_is_taken(tmp_path):
     assert "least at main = -28.6479 deg" in shown.stdout  # which swings, and is never at 331 deg
 
 
-def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_to_do(tmp_path):
+def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_to_do():
     """Friction and a spring at the spindle, once by a law and once as a spring and damper of preset rigid.
 
     The wiper's sweep is between the crank's two dead centres, by the law of cosines.
     """
     law = '[loads]\nrub = {torque_at = "spindle", law = "-0.3*spindle_speed - 2*(spindle - 1)"}\n'
     spring = '[springs]\nrub = {torsional_at = "spindle", stiffness = 2, angle = 1, damping = 0.3}\n'
-    told = kaneflex.simulate(kaneflex.load(scene(tmp_path, WIPER + law)))
-    known = kaneflex.simulate(kaneflex.load(with_settings(scene(tmp_path, WIPER + spring), ["solve.preset=rigid"])))
+    told = kaneflex.simulate(kaneflex.load(scene(WIPER + law)))
+    known = kaneflex.simulate(kaneflex.load(with_settings(scene(WIPER + spring), ["solve.preset=rigid"])))
     for name in ("torque", "link"):
         right = known[name].values
         assert told[f"{name}_rigid"].values == pytest.approx(right, abs=1e-8 * abs(right).max()), name
@@ -137,34 +135,34 @@ def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_t
     assert known["wipe"].long_name == "position of joint spindle, turn"
 
 
-def test_a_cylinder_that_dwells_is_followed(tmp_path):
+def test_a_cylinder_that_dwells_is_followed():
     """At rest the tangent step is zero, and what Newton's method corrects is rounding, not a lock."""
-    boom = scene(tmp_path, BOOM.replace("WAY", 'near = {boom = "6 deg"}'))
+    boom = scene(BOOM.replace("WAY", 'near = {boom = "6 deg"}'))
     courses = followed(boom, place(boom))
     eye = 2.5 * np.exp(1j * courses["boom"][2])
     assert abs(eye - (0.6 - 0.4j))[[0, -1]] == pytest.approx([2.0, 2.6], abs=1e-9)
     assert "closes a loop, boom near 6 deg" in parts(boom)
 
 
-def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given(tmp_path):
+def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given():
     said = "the loop closes in 2 ways at the start, and branch chooses in loops of two bodies only: boom "
     with pytest.raises(SceneError, match=re.escape(said)):
-        place(scene(tmp_path, BOOM.replace("WAY", 'branch = "+"')))
+        place(scene(BOOM.replace("WAY", 'branch = "+"')))
 
 
-def test_the_speed_of_a_joint_is_refused_by_the_name_that_was_written(tmp_path):
+def test_the_speed_of_a_joint_is_refused_by_the_name_that_was_written():
     text = BOOM.replace("WAY", 'near = {boom = "6 deg"}').replace('{position = "cylinder"', '{velocity = "cylinder"')
     said = (
         "sensors.stroke.velocity = 'cylinder': it is a joint, of which this sensor reads nothing here. Read the "
         "position of cylinder, or the velocity of a body's point."
     )
     with pytest.raises(SceneError, match=re.escape(said)):
-        scene(tmp_path, text)
+        scene(text)
 
 
-def test_a_point_of_the_users_where_a_joint_is_does_not_lie_there_by_chance(tmp_path):
+def test_a_point_of_the_users_where_a_joint_is_does_not_lie_there_by_chance():
     named = WIPER.replace('mass = "0.15 kg"', 'mass = "0.15 kg", points = {eye = ["235 mm", 0]}')
-    machine = scene(tmp_path, named)
+    machine = scene(named)
     from kaneflex.mechanism.reach import reach_lines
 
     assert "on each other" not in reach_lines(machine, followed(machine, place(machine)))

@@ -8,7 +8,7 @@ from command_line import cli
 
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.reach import courses_of, followed, reach_lines
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.support.errors import SceneError
 
@@ -59,35 +59,33 @@ duration = "1 ms"
 """
 
 
-def four_bar(tmp_path, way: str):
-    (tmp_path / "folded.toml").write_text(FOLDED.replace("WAY", way))
-    return read_scene(tmp_path / "folded.toml")
+def four_bar(way: str):
+    return scene_of(FOLDED.replace("WAY", way))
 
 
 @pytest.mark.parametrize(("degrees", "branch"), [(50.0, "+"), (-70.0, "-")])
-def test_near_chooses_between_the_two_places_of_a_dyad(tmp_path, degrees, branch):
+def test_near_chooses_between_the_two_places_of_a_dyad(degrees, branch):
     """A parallelogram's rocker is parallel to the crank, at 60 degrees; crossed it is not."""
-    found = with_branches(four_bar(tmp_path, f'near = {{rocker = "{degrees:g} deg"}}'))
+    found = with_branches(four_bar(f'near = {{rocker = "{degrees:g} deg"}}'))
     assert found.joints["foot"].branch == branch
-    angle = {way: math.degrees(place(four_bar(tmp_path, f'branch = "{way}"')).poses["rocker"][2]) for way in "+-"}
+    angle = {way: math.degrees(place(four_bar(f'branch = "{way}"')).poses["rocker"][2]) for way in "+-"}
     assert math.remainder(angle["+"] - 60.0, 360.0) == pytest.approx(0.0, abs=1e-6)
     chosen = math.degrees(place(found).poses["rocker"][2])
     assert math.remainder(chosen - angle[branch], 360.0) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_place_between_both_is_refused_with_both(tmp_path):
-    scene = four_bar(tmp_path, 'near = {rocker = "60 deg"}')
-    rocker = [place(four_bar(tmp_path, f'branch = "{way}"')).poses["rocker"][2] for way in "+-"]
+def test_a_place_between_both_is_refused_with_both():
+    scene = four_bar('near = {rocker = "60 deg"}')
+    rocker = [place(four_bar(f'branch = "{way}"')).poses["rocker"][2] for way in "+-"]
     between = math.degrees(sum(rocker) / 2)
     with pytest.raises(SceneError, match="the loop closes in 2 ways at the start"):
         with_branches(with_settings(scene, [f"joints.foot.near.rocker={between} deg"]))
 
 
-def test_points_that_lie_on_each_other_are_named(tmp_path):
+def test_points_that_lie_on_each_other_are_named():
     """The crossed way of a rhombus lays the coupler on the crank: their far ends meet, and no joint says so."""
     text = FOLDED.replace("100 mm", "50 mm").replace("WAY", 'branch = "{way}"')
     for way, expected in (("+", None), ("-", "rocker.end")):
-        (tmp_path / "rhombus.toml").write_text(text.replace("{way}", way))
-        scene = read_scene(tmp_path / "rhombus.toml")
+        scene = scene_of(text.replace("{way}", way))
         meeting = reach_lines(scene, followed(scene, place(scene))).get("on each other", "")
         assert (expected or "") in meeting and bool(meeting) == (expected is not None)

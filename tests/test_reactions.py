@@ -9,7 +9,7 @@ from runs import run
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.response.deformation import Deformation, deform
 from kaneflex.response.least_squares import least_squares
-from kaneflex.scene import read_scene
+from kaneflex.scene import scene_of
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.solution import Solution
@@ -135,10 +135,9 @@ preset = "quasistatic"
 """
 
 
-def test_a_guide_on_a_moving_body_is_pushed_where_the_slider_is(tmp_path):
+def test_a_guide_on_a_moving_body_is_pushed_where_the_slider_is():
     """A block that slides along a driven arm: its push has a lever about the arm's bearing."""
-    (tmp_path / "swinging.toml").write_text(SWINGING)
-    solution = simulate(load(read_scene(tmp_path / "swinging.toml")))
+    solution = simulate(load(scene_of(SWINGING)))
     for name in ("torque", "bearing", "slot", "foot"):
         rigid = solution.series[f"{name}_rigid"].values
         # At 20 rad/s the rod is as good as rigid.

@@ -11,7 +11,7 @@ from kaneflex import SceneError, load, simulate
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.report.presentation import parts
 from kaneflex.report.summary import summarise
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 
 __all__ = ["scenes"]
 INERTIA = 0.1
@@ -227,15 +227,13 @@ steps = 400
 """
 
 
-def solved(tmp_path, text, *settings):
-    path = tmp_path / "scene.toml"
-    path.write_text(text)
-    return simulate(load(with_settings(read_scene(path), settings)))
+def solved(text, *settings):
+    return simulate(load(with_settings(scene_of(text), settings)))
 
 
-def test_a_ball_leaves_a_shaken_table_where_its_force_would_pull(tmp_path):
+def test_a_ball_leaves_a_shaken_table_where_its_force_would_pull():
     """Resting on A (1 - cos w t) it leaves at -A w^2 cos(w t) = g; the drive's work at the impacts is in the books."""
-    solution = solved(tmp_path, BALL, "solve.duration=0.3 s")
+    solution = solved(BALL, "solve.duration=0.3 s")
     first = solution.impacts[0]
     assert (first.begin, first.approach) == (0.0, 0.0)
     assert first.end == pytest.approx(math.acos(-G / 25) / 50, rel=1e-10)
@@ -247,14 +245,14 @@ def test_a_ball_leaves_a_shaken_table_where_its_force_would_pull(tmp_path):
     left, speed = 0.01 * (1 - math.cos(50 * first.end)), 0.5 * math.sin(50 * first.end)
     heights = left + speed * (flown - first.end) - G / 2 * (flown - first.end) ** 2
     assert solution.series["height"].values[np.isin(solution.times, flown)] == pytest.approx(heights, abs=1e-9)
-    long = solved(tmp_path, BALL).trajectory.energy
+    long = solved(BALL).trajectory.energy
     assert abs(long.gap).max() < 1e-6 * abs(long.supplied).max() and long.dissipated[-1] > 1.0
 
 
-def test_what_a_scene_says_of_newtons_law_is_in_its_check_summary_and_results(tmp_path):
+def test_what_a_scene_says_of_newtons_law_is_in_its_check_summary_and_results():
     law = BALL[BALL.index("lift = {law") : BALL.index("[contacts")]
     text = BALL.replace(law, "lift = {speed = 0}\n")
-    solution = solved(tmp_path, text, "fall.position=1 m", "floor.contact.restitution=0.2")
+    solution = solved(text, "fall.position=1 m", "floor.contact.restitution=0.2")
     summary, last = summarise(solution).contacts["floor"], solution.impacts[-1]
     assert summary.impacts == len(solution.impacts) and summary.rests_since_s == last.begin
     assert (summary.largest_force, summary.lost) == (pytest.approx(G, rel=1e-12), pytest.approx(G, rel=1e-9))
@@ -262,22 +260,22 @@ def test_what_a_scene_says_of_newtons_law_is_in_its_check_summary_and_results(tm
     assert "rigid, newton returns 0.2 at once" in parts(solution.model.scene)
 
 
-def test_newtons_law_refuses_what_has_no_meaning_for_rigid_sides(tmp_path):
+def test_newtons_law_refuses_what_has_no_meaning_for_rigid_sides():
     for key, value in (
         ("stiffness", "1e9"), ("exponent", "1.5"), ("materials", '["steel", "steel"]'), ("modulus", '"100 GPa"'),
         ("load", '"1 N"'), ("damping", "3"),
     ):  # fmt: skip
         with pytest.raises(SceneError, match=rf"floor\.contact\.{key}.*law newton has rigid sides"):
-            solved(tmp_path, BALL.replace('law = "newton"', f'law = "newton", {key} = {value}'))
+            solved(BALL.replace('law = "newton"', f'law = "newton", {key} = {value}'))
     with pytest.raises(SceneError, match="law newton needs a restitution"):
-        solved(tmp_path, BALL.replace(", restitution = 0.5", ""))
+        solved(BALL.replace(", restitution = 0.5", ""))
     with pytest.raises(SceneError, match=r"floor\.contact\.restitution = 1.5: more would come back"):
-        solved(tmp_path, BALL, "floor.contact.restitution=1.5")
+        solved(BALL, "floor.contact.restitution=1.5")
 
 
-def test_a_slider_in_a_wide_guide_rests_between_its_knocks(tmp_path):
+def test_a_slider_in_a_wide_guide_rests_between_its_knocks():
     """Both corners touch together; the energy that is lost is what the impacts list."""
-    solution = solved(tmp_path, SLIDING.replace("stiffness = 1e13", 'law = "newton"'))
+    solution = solved(SLIDING.replace("stiffness = 1e13", 'law = "newton"'))
     assert solution.outcome is Outcome.COMPLETED
     for impact, same in zip(solution.impacts[::2], solution.impacts[1::2], strict=True):
         assert (impact.begin, impact.impulse) == (same.begin, pytest.approx(same.impulse, rel=1e-6))
@@ -333,9 +331,9 @@ steps = 1000
 """
 
 
-def test_an_elastic_bar_jumps_in_all_its_shapes_and_comes_to_rest(tmp_path):
+def test_an_elastic_bar_jumps_in_all_its_shapes_and_comes_to_rest():
     """At rest on hinge and stop it bears w l/2; the books are closed over all impacts, in which shapes take part."""
-    solution = solved(tmp_path, BAR)
+    solution = solved(BAR)
     assert solution.outcome is Outcome.COMPLETED
     impacts, energy = solution.impacts, solution.trajectory.energy
     assert len(impacts) > 3 and impacts[-1].lasts
@@ -348,9 +346,9 @@ def test_an_elastic_bar_jumps_in_all_its_shapes_and_comes_to_rest(tmp_path):
     assert between.trajectory.contacts.force == pytest.approx(solution.trajectory.contacts.force[-3:], rel=1e-3)
 
 
-def test_backlash_with_rigid_flanks_rattles_by_its_closed_form(tmp_path):
+def test_backlash_with_rigid_flanks_rattles_by_its_closed_form():
     """The angle between two free wheels goes to and fro between flanks 2 a apart, at every impact e times as fast."""
-    solution = solved(tmp_path, PLAY)
+    solution = solved(PLAY)
     half, rate, begun = math.radians(2), 3.0, [math.radians(2) / 3]
     for _ in range(2):
         rate *= 0.5

@@ -10,7 +10,7 @@ import kaneflex
 from kaneflex.mechanism.affine import as_array
 from kaneflex.response.dalembert import balanced
 from kaneflex.response.sensors import sensor_values
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.sensors import Sensor
 
 MASS_AT_THE_TIP = """
@@ -46,13 +46,12 @@ def run(scene, *settings):
     return kaneflex.simulate(kaneflex.load(with_settings(scene, list(settings))))
 
 
-def test_lumped_masses_push_with_the_acceleration_of_the_deflected_axis(tmp_path):
+def test_lumped_masses_push_with_the_acceleration_of_the_deflected_axis():
     """The root carries what the wall exerts; 9.9 N m by the one-way equations, too, of which 4.8 N m are static.
 
     The tip carries what the mass feels there: force m (a - g), moment J epsilon.
     """
-    (tmp_path / "mass.toml").write_text(MASS_AT_THE_TIP)
-    scene = read_scene(tmp_path / "mass.toml")
+    scene = scene_of(MASS_AT_THE_TIP)
     found = {name: series.values for name, series in run(scene).series.items()}
     assert found["root_moment"] == pytest.approx(-found["wall_moment"], abs=1e-9)
     assert found["root_shear"] == pytest.approx(-found["wall_force"], abs=1e-9)

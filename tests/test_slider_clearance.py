@@ -17,7 +17,7 @@ import pytest
 from test_contact_motion import SLIDING
 
 from kaneflex import load, simulate
-from kaneflex.scene import read_scene
+from kaneflex.scene import read_scene, scene_of
 
 PUBLISHED = json.loads((Path(__file__).parent / "data/slider_clearance.json").read_text())
 MODEL, POINTS = PUBLISHED["model"], PUBLISHED["values"]
@@ -112,16 +112,14 @@ def test_the_published_trajectory_is_that_of_its_step():
 
 
 @pytest.mark.parametrize("mu", [0.0, MODEL["mu"]])
-def test_newtons_law_is_the_limit_of_shorter_steps(tmp_path, mu):
+def test_newtons_law_is_the_limit_of_shorter_steps(mu):
     """Its first impacts, too, to a published step; the first one is a step and 7 us before the published touch."""
     text = SLIDING.replace("stiffness = 1e13", 'law = "newton"').replace("steps = 90", "steps = 180")
     if mu:
         text = text.replace("restitution = 0.4}", f"restitution = 0.4}}\nfriction = {{mu = {mu}}}")
     angles = 'crank = {position = "main", component = "angle"}\nrod = {position = "rod", component = "angle"}'
     text = text.replace("[sensors]", f"[sensors]\n{angles}")
-    path = tmp_path / "slider.toml"
-    path.write_text(text)
-    solution = simulate(load(read_scene(path)))
+    solution = simulate(load(scene_of(text)))
     rows = [int(np.argmin(abs(solution.times - point["t_s"]))) for point in POINTS]
     assert solution.times[rows] == pytest.approx([point["t_s"] for point in POINTS], abs=1e-12)
     crank, rod, y = (solution.series[name].values[rows] for name in ("crank", "rod", "y"))

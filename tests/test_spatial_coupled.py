@@ -12,7 +12,7 @@ from cosserat_rod import tip_of_rod
 from lifting import lifted
 
 import kaneflex
-from kaneflex.scene import read_scene, scene_of, shipped_scenes
+from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.sections import torsion_constant
 from kaneflex.support.errors import SceneError, ValidityWarning
 
@@ -142,9 +142,7 @@ def _table() -> dict[int, tuple[float, float]]:
 
 
 def _solution(tmp_path: Path, text: str):
-    path = tmp_path / "scene.toml"
-    path.write_text(text)
-    return kaneflex.simulate(kaneflex.load(read_scene(path)))
+    return kaneflex.simulate(kaneflex.load(scene_of(text)))
 
 
 def test_the_princeton_beams_table_is_a_rod_that_is_stiffer_in_torsion():
@@ -155,26 +153,26 @@ def test_the_princeton_beams_table_is_a_rod_that_is_stiffer_in_torsion():
 
 
 @pytest.mark.parametrize(("beta", "stiffer"), [(30, STIFFER), (75, STIFFER), (75, 1.0)])
-def test_the_princeton_beam_as_eight_bodies(tmp_path, beta, stiffer):
+def test_the_princeton_beam_as_eight_bodies(beta, stiffer):
     """Each deflection as the table has it, with its J; and as the rod, with Saint-Venant's."""
     expected = _table()[beta] if stiffer > 1.0 else _rod(beta, TORSION)
-    found = _solution(tmp_path, _princeton(beta, J=stiffer * TORSION))
+    found = _solution(_princeton(beta, J=stiffer * TORSION))
     moved = np.array([found.series[axis].values for axis in "yz"])
     assert moved[:, 0] == pytest.approx(expected, rel=0.003)
     assert np.allclose(moved[:, -1], moved[:, 0], rtol=1e-6)  # at rest it stays
     assert not found.warnings
 
 
-def test_one_way_presets_warn_of_the_princeton_beam(tmp_path):
+def test_one_way_presets_warn_of_the_princeton_beam():
     with pytest.warns(ValidityWarning, match="displacements are taken as small"):
-        _solution(tmp_path, _princeton(75, "quasistatic", 1))
+        _solution(_princeton(75, "quasistatic", 1))
 
 
-def test_a_free_elastic_rod_keeps_energy_and_momenta(tmp_path):
+def test_a_free_elastic_rod_keeps_energy_and_momenta():
     free = ", free = {at = [0, 0, 0], velocity = [0.3, 0, -0.2], angular_velocity = [3, 20, 15]}"
     tail = '[sensors]\ntip = {position = "rod.end", component = "y"}\n\n'
     tail += '[solve]\npreset = "coupled"\nduration = "0.05 s"\n'
-    found = _solution(tmp_path, ROD.format(section=SQUARE, gravity=[0, 0, 0], free=free, more=tail))
+    found = _solution(ROD.format(section=SQUARE, gravity=[0, 0, 0], free=free, more=tail))
     energy, curve = found.model.energy, found.model.motion.curve
     assert abs(energy.stored - energy.stored[0]).max() < 1e-6 * energy.stored[0]
     assert energy.strain.max() > 1e-5  # the rod does deform
@@ -189,10 +187,10 @@ def test_a_free_elastic_rod_keeps_energy_and_momenta(tmp_path):
     assert abs(momenta - momenta[0]).max() < 1e-7 * abs(momenta[0]).max()
 
 
-def test_a_planar_run_lifted_into_space_is_the_same(tmp_path):
-    flat = _solution(tmp_path, ROD.format(section=SQUARE,
+def test_a_planar_run_lifted_into_space_is_the_same():
+    flat = _solution(ROD.format(section=SQUARE,
         gravity=[0, -9.81], free="", more=DRIVEN.format(axis="", push=[0, 1])))  # fmt: skip
-    deep = _solution(tmp_path, ROD.format(section=SQUARE,
+    deep = _solution(ROD.format(section=SQUARE,
         gravity=[0, -9.81, 0], free="", more=DRIVEN.format(axis=", axis = [0, 0, 1]", push=[0, 1, 0])))  # fmt: skip
     for name in ("tip", "short", "height", "force", "torque"):
         expected = flat.series[name].values
@@ -203,38 +201,38 @@ def test_a_planar_run_lifted_into_space_is_the_same(tmp_path):
     ("damping", "close"),
     [("", ()), ('[damping]\nrayleigh = {ratio = "5 %", at = ["4 Hz", "20 Hz"]}\n', ("force",))],
 )
-def test_a_link_that_turns_freely_is_the_planar_one(tmp_path, damping, close):
+def test_a_link_that_turns_freely_is_the_planar_one(damping, close):
     """Its axes follow its mean turn, whatever the number of its shapes, and damping acts against these.
 
     Undamped, the force at the hinge has the vibration along the strip, that of 0.2 um here: less than a step's error.
     """
-    flat = _solution(tmp_path, PENDULUM.format(gravity=[0, -9.81], axis="", damping=damping))
-    deep = _solution(tmp_path, PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping=damping))
+    flat = _solution(PENDULUM.format(gravity=[0, -9.81], axis="", damping=damping))
+    deep = _solution(PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping=damping))
     for name in ("angle", "bend", "height", *close):
         expected = flat.series[name].values
         assert abs(deep.series[name].values - expected).max() < (0.01 if name in close else 2e-5) * abs(expected).max()
 
 
 @pytest.mark.parametrize("damping", ['rayleigh = {ratio = 0.05, at = ["20 Hz", "300 Hz"]}', "modal = {ratio = 0.05}"])
-def test_damping_in_a_loop_is_the_planar_one(tmp_path, damping):
+def test_damping_in_a_loop_is_the_planar_one(damping):
     """Against the rod's chord, on whichever of its ends it hangs; against its tangent there, 1 and 3 % are missing."""
     text = shipped_scenes()["slider-crank-150"].read_text().partition("[solve]")[0]
     text = "\n".join(line for line in text.splitlines() if "axial_force" not in line)
     tail = f'\n\n[damping]\n{damping}\n\n[solve]\npreset = "coupled"\nduration = "10 ms"\nsteps = 100\n'
-    flat = _solution(tmp_path, text + tail)
+    flat = _solution(text + tail)
     given = lifted(flat.model.scene) | {"solve": flat.model.scene.raw["solve"]}
-    deep = _solution(tmp_path, tomlkit.dumps(given))
+    deep = _solution(tomlkit.dumps(given))
     expected = flat.series["mid_transverse"].values
     assert abs(deep.series["mid_transverse"].values - expected).max() < 1e-3 * abs(expected).max()
 
 
-def test_a_loop_with_an_elastic_rod_is_near_the_one_way_model(tmp_path):
+def test_a_loop_with_an_elastic_rod_is_near_the_one_way_model():
     """The slider-crank's connecting rod bends by 0.4 mm, so that it acts back on the motion by little."""
     text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
     left = ("_moment =", "_force =", "damping", "rayleigh")
     text = "\n".join(line for line in text.splitlines() if not any(word in line for word in left))
     tail = '\n\n[solve]\npreset = "{}"\nstart = "zero"\nduration = "30 ms"\nsteps = 300\n'
-    coupled, one_way = (_solution(tmp_path, text + tail.format(preset)) for preset in ("coupled", "stiffened"))
+    coupled, one_way = (_solution(text + tail.format(preset)) for preset in ("coupled", "stiffened"))
     energy = coupled.model.energy
     assert energy.drift < 1e-6
     for name in ("mid_y", "mid_z"):
@@ -243,7 +241,7 @@ def test_a_loop_with_an_elastic_rod_is_near_the_one_way_model(tmp_path):
 
 
 @pytest.mark.parametrize("axes", ["global", "body"])
-def test_section_forces_under_a_load_along_a_rod_are_the_planar_ones(tmp_path, axes):
+def test_section_forces_under_a_load_along_a_rod_are_the_planar_ones(axes):
     """Lifted into space and turned by any rotation; the tension has the ringing that Radau's method damps there."""
     more = DRIVEN.replace("[damping]\n", f"""[loads.wind]
 spread_on = "rod"
@@ -261,10 +259,10 @@ gauge = {{strain = "rod.mid", fibre = "2 mm"}}
 root_tension = {{axial_force = "rod.start"}}
 root_moment = {{bending_moment = "rod.start"}}
 """)
-    flat = _solution(tmp_path, ROD.format(section=SQUARE, gravity=[0, -9.81], free="",
+    flat = _solution(ROD.format(section=SQUARE, gravity=[0, -9.81], free="",
                                           more=more.format(axis="", push=[0, 1])))  # fmt: skip
     given = lifted(flat.model.scene) | {"solve": flat.model.scene.raw["solve"]}
-    deep = _solution(tmp_path, tomlkit.dumps(given))
+    deep = _solution(tomlkit.dumps(given))
     for name in given["sensors"]:
         expected = flat.series[name].values
         bound = 2e-3 if "tension" in name else 1e-5
@@ -279,20 +277,20 @@ def _ringing(start: str, duration: float, steps: int = 40) -> str:
 
 
 @pytest.mark.parametrize(("plane", "shape", "height"), [("y", 2, 12.3777e-3), ("z", 5, 3.2024e-3)])
-def test_a_cantilever_rings_from_the_shape_that_it_is_given(tmp_path, plane, shape, height):
+def test_a_cantilever_rings_from_the_shape_that_it_is_given(plane, shape, height):
     """Two periods of the first mode, whose frequency is that of Euler and Bernoulli's clamped-free beam."""
     omega = 1.8751040687**2 * math.sqrt(71.7e9 * height**2 / 12.0 / 2700.0) / 0.508**2
     start = f'{{displacements = {{"blade_0.shape_{shape}" = "10 um"}}}}'
-    found = _solution(tmp_path, _ringing(start, 4.0 * math.pi / omega))
+    found = _solution(_ringing(start, 4.0 * math.pi / omega))
     assert abs(found.series[plane].values - 1e-5 * np.cos(omega * found.times)).max() < 1e-3 * 1e-5
 
 
-def test_a_run_goes_on_from_the_state_of_another(tmp_path):
+def test_a_run_goes_on_from_the_state_of_another():
     start = '{displacements = {"blade_0.shape_2" = "20 mm"}, velocities = {"blade_0.shape_3" = "0.3 m/s"}}'
-    whole = _solution(tmp_path, _ringing(start, 0.1, 80))
+    whole = _solution(_ringing(start, 0.1, 80))
     half = tomlkit.inline_table()
     half.update(whole.state(40))
-    after = _solution(tmp_path, _ringing(half.as_string(), 0.05))
+    after = _solution(_ringing(half.as_string(), 0.05))
     expected = whole.series["y"].values[40:]
     assert abs(after.series["y"].values - expected).max() < 1e-6 * abs(expected).max()
 
@@ -304,35 +302,35 @@ def test_a_run_goes_on_from_the_state_of_another(tmp_path):
         ('{velocities = {"blade_0.shape_8" = "1 m/s"}}', r"velocities\.blade_0\.shape_8 = '1 m/s'"),  # it is twist
     ],
 )
-def test_states_that_there_are_not_are_refused_by_name(tmp_path, start, message):
+def test_states_that_there_are_not_are_refused_by_name(start, message):
     with pytest.raises(SceneError, match=message):
-        _solution(tmp_path, _ringing(start, 1e-3, 2))
+        _solution(_ringing(start, 1e-3, 2))
 
 
-def test_a_strip_askew_on_its_pin_is_warned_of(tmp_path):
+def test_a_strip_askew_on_its_pin_is_warned_of():
     text = PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping="")
     text = text.replace("modes = 6", "modes = 3")
     text = text.replace('length = "1 m"', 'rotation = {x = [1, 0, 0], y = [0, 0.99, 0.1411]}, length = "1 m"')
     with pytest.warns(ValidityWarning, match=r"strip bends by .* hangs on hinge"):
-        _solution(tmp_path, text)
+        _solution(text)
 
 
-def test_a_run_that_stops_names_its_cures(tmp_path):
+def test_a_run_that_stops_names_its_cures():
     """The coupler hangs on a universal joint: its third mode leaves turns on the spot no inertia, two serve."""
     text = shipped_scenes()["four-bar-misaligned"].read_text().partition("[solve]")[0]
     text = "\n".join(line for line in text.splitlines() if "bending_moment" not in line)
     tail = '\n\n[solve]\npreset = "coupled"\nstart = "zero"\nduration = "9 ms"\nsteps = 9\nmodes = {}\n'
     with pytest.raises(SceneError, match=r"can't go on after t = 0\.00799\d+ s: .* Give fewer solve\.modes"):
-        _solution(tmp_path, text + tail.format(3))
-    assert _solution(tmp_path, text + tail.format(2)).model.energy.drift < 1e-6
+        _solution(text + tail.format(3))
+    assert _solution(text + tail.format(2)).model.energy.drift < 1e-6
 
 
-def test_stiff_vibrations_set_no_steps(tmp_path):
+def test_stiff_vibrations_set_no_steps():
     """The rod vibrates along its axis at 4.3 and 15 kHz, unseen: a turn in 0.1 s takes few steps to a coarse tolerance,
     and with finer ones every sensor comes to the same."""
     text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
     tail = '\n[solve]\npreset = "coupled"\nstart = "quasistatic"\nsteps = 90\ntolerance = {}\n'
-    coarse, fine, finest = (_solution(tmp_path, text + tail.format(each)) for each in ("1e-5", "1e-7", "1e-10"))
+    coarse, fine, finest = (_solution(text + tail.format(each)) for each in ("1e-5", "1e-7", "1e-10"))
     steps = [len(each.model.motion.curve.knots) for each in (coarse, fine, finest)]
     assert steps[0] < 2 * 90 and steps[0] < steps[1] < steps[2] < 1500
     for name, series in finest.series.items():
@@ -348,10 +346,10 @@ def test_stiff_vibrations_set_no_steps(tmp_path):
         ('bounded = ["speeds"]', r"solve\.bounded = \['speeds'\]: in space solve\.tolerance bounds"),
     ],
 )
-def test_what_the_integration_in_space_does_not_know_is_refused(tmp_path, setting, message):
+def test_what_the_integration_in_space_does_not_know_is_refused(setting, message):
     text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
     with pytest.raises(SceneError, match=message):
-        _solution(tmp_path, text + f'\n[solve]\npreset = "coupled"\n{setting}\n')
+        _solution(text + f'\n[solve]\npreset = "coupled"\n{setting}\n')
 
 
 @pytest.mark.parametrize("axes", [

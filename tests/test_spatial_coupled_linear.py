@@ -7,11 +7,12 @@ import pytest
 import tomlkit
 from lifting import lifted
 from scipy.spatial.transform import Rotation
+from turned_inertia import CRANK, ROD, SLIDER, check_turned_inertia
 
 import kaneflex
 from kaneflex.multibody.spatial_linear import _turned, growth, names_of, neighbours
 from kaneflex.multibody.spatial_start import start_of
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled_linearisation import linear_about
 from kaneflex.solve.modes import modes
 from kaneflex.support.errors import SceneError
@@ -19,14 +20,12 @@ from kaneflex.support.errors import SceneError
 SHORT = "\n[solve]\npreset = \"coupled\"\nduration = \"1 ms\"\nsteps = 2\nmodes = {}\n"
 
 
-def _scene(tmp_path, text):
-    path = tmp_path / "scene.toml"
-    path.write_text(text)
-    return read_scene(path)
+def _scene(text):
+    return scene_of(text)
 
 
-def _space(tmp_path, text, t=0.0):
-    return kaneflex.linearise(kaneflex.load(_scene(tmp_path, text)), t=t)
+def _space(text, t=0.0):
+    return kaneflex.linearise(kaneflex.load(_scene(text)), t=t)
 
 
 BLADE = """
@@ -45,14 +44,14 @@ shaft = {{speed = {speed}}}
 """
 
 
-def test_a_blade_lags_and_flaps(tmp_path):
+def test_a_blade_lags_and_flaps():
     """Of every pair of modes lag^2 = flap^2 - omega^2, and the first flap is the one of Wright et al. 1982 (eta = 2 to
     12, no hub): 4.1373, 7.3604 and 13.170 times sqrt(E I / (rho A L^4)). What lags stretches by Coriolis' force, which
     is 5e-7 of so slender a blade."""
     unit = math.sqrt(70e9 / 2700.0) * 1e-3 / math.sqrt(12.0)
     for eta, expected in ((2.0, 4.1373), (6.0, 7.3604), (12.0, 13.170)):
         omega = eta * unit
-        poles = _space(tmp_path, BLADE.format(speed=omega) + SHORT.format(6)).poles
+        poles = _space(BLADE.format(speed=omega) + SHORT.format(6)).poles
         lag, flap = poles[:6:2].imag, poles[1:6:2].imag
         assert flap[0] / unit == pytest.approx(expected, rel=5e-4), eta
         assert lag**2 == pytest.approx(flap**2 - omega**2, rel=1e-6, abs=5e-7 * flap[-1] ** 2), eta
@@ -72,11 +71,11 @@ def test_flap_and_lag_are_near_those_of_the_stiffened_blade():
     assert coupled.poles[:4].imag == pytest.approx(expected, rel=3e-4)
 
 
-def test_a_planar_blade_lifted_and_turned_answers_as_it_does_in_the_plane(tmp_path):
+def test_a_planar_blade_lifted_and_turned_answers_as_it_does_in_the_plane():
     """Its poles are among those of space, and every sensor answers a force and the shaft's acceleration alike."""
     settings = ["solve.preset=coupled", "solve.modes=4", "solve.start=zero", "solve.duration=1 ms", "solve.steps=2"]
     flat = with_settings(read_scene("rotating-cantilever"), settings)
-    deep = _scene(tmp_path, tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]}))
+    deep = _scene(tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]}))
     plane, space = (kaneflex.linearise(kaneflex.load(scene), t=0.7e-3) for scene in (flat, deep))
     for pole in plane.poles[:5]:
         assert abs(space.poles - pole).min() < 1e-6 * abs(pole)
@@ -108,7 +107,7 @@ WHEEL = {"length": 0.06, "mass": 0.5, "polar": 4e-4, "across": 2e-4}
 
 
 @pytest.mark.parametrize("share", [0.999, 1.001, 3.0])
-def test_a_sleeping_top_stands_up_to_its_limit(tmp_path, share):
+def test_a_sleeping_top_stands_up_to_its_limit(share):
     """Above J^2 omega^2 = 4 I m g l it precesses and nutates at the roots of I s^2 - J omega s + m g l = 0 (Goldstein,
     Classical Mechanics, 1980, sec. 5-7), in axes that turn with it by omega less; below, it falls over."""
     length, shaft = WHEEL["length"], 100.0 * math.pi * 0.005**2 * WHEEL["length"]
@@ -116,7 +115,7 @@ def test_a_sleeping_top_stands_up_to_its_limit(tmp_path, share):
     I = WHEEL["across"] + WHEEL["mass"] * length**2 + shaft * length**2 / 3
     tipping = (WHEEL["mass"] + shaft / 2) * 9.81 * length
     omega = share * math.sqrt(4.0 * I * tipping) / J
-    found = _space(tmp_path, TOP.format(speed=omega, **WHEEL) + SHORT.format(1))
+    found = _space(TOP.format(speed=omega, **WHEEL) + SHORT.format(1))
     assert found.states[:3] == ("tip.turn_x", "tip.turn_y", "tip.turn_z")
     roots = np.roots([I, -J * omega, tipping]) - omega
     slow = np.linalg.eigvals(found.A)
@@ -142,10 +141,10 @@ plate = {{at = "bar.mid", mass = 2, inertia = [0.02, 0.05, 0.04]}}
 
 
 @pytest.mark.parametrize(("axis", "spun"), [("0, 0, 1", 0), ("1, 0, 0", 2)])
-def test_a_free_body_keeps_turning_about_its_outer_axes_alone(tmp_path, axis, spun):
+def test_a_free_body_keeps_turning_about_its_outer_axes_alone(axis, spun):
     """Euler's equations about a spin omega around axis 1: s^2 = (J_2 - J_1) (J_1 - J_3) / (J_2 J_3) omega^2, which is
     positive where J_1 lies between the others."""
-    found = _space(tmp_path, FREE.format(axis=axis) + SHORT.format(1))
+    found = _space(FREE.format(axis=axis) + SHORT.format(1))
     bar = 100.0 * math.pi * 0.005**2 * 0.2
     own = np.array([0.005**2 / 2, 0.2**2 / 12, 0.2**2 / 12])
     J = np.roll([0.02, 0.05, 0.04] + bar * own, -spun)
@@ -157,7 +156,6 @@ def test_a_free_body_keeps_turning_about_its_outer_axes_alone(tmp_path, axis, sp
     assert found.states[:6] == ("bar.x", "bar.y", "bar.z", "bar.turn_x", "bar.turn_y", "bar.turn_z")
 
 
-CRANK, ROD, SLIDER = 0.1, 0.31, 0.45
 ENGINE = f"""
 schema = 1
 gravity = [0, 0, 0]
@@ -192,32 +190,9 @@ speed = {{velocity = "slider.start", component = "x"}}
 """
 
 
-def _inertia(angle):
-    """Of all bodies at the crank, angle = 0 where it points along the guide; of a complex angle, too."""
-    s = CRANK / ROD * np.sin(angle)
-    turn = -CRANK / ROD * np.cos(angle) / np.sqrt(1 - s * s)  # of the rod, whose inclination has the sine -s
-    slider = -CRANK * np.sin(angle) + ROD * s * turn
-    x, y = -CRANK * np.sin(angle) + ROD / 2 * s * turn, CRANK * np.cos(angle) / 2
-    return 0.2 * CRANK**2 / 3 + 0.3 * (x * x + y * y + ROD**2 / 12 * turn * turn) + SLIDER * slider * slider
-
-
-def test_a_loop_turns_its_inertia(tmp_path):
+def test_a_loop_turns_its_inertia():
     """J(phi) phi'' + J' phi'^2 / 2 = T: M, C and K are its derivatives at the acceleration that the torque leaves."""
-    found = _space(tmp_path, ENGINE + SHORT.format(1))
-    angle, omega, step = np.radians(50), 20.0, 1e-4
-    J, first = _inertia(angle), _inertia(angle + 1e-30j).imag / 1e-30
-    second = (_inertia(angle + step + 1e-30j) - _inertia(angle - step + 1e-30j)).imag / 1e-30 / (2 * step)
-    acceleration = (3.0 - 0.05 * omega - first * omega**2 / 2) / J
-    assert found.states[0] == "main.angle" and found.inputs == ("motor",)
-    assert found.M[0, 0] == pytest.approx(J, rel=1e-7)
-    assert found.C_damping[0, 0] == pytest.approx(first * omega + 0.05, rel=1e-7)
-    assert found.K[0, 0] == pytest.approx(first * acceleration + second * omega**2 / 2, rel=1e-5)
-    gear = dict(zip(found.outputs, found.C, strict=True))
-    n, s = len(found.M), CRANK / ROD * np.sin(angle)
-    rate = -CRANK * np.sin(angle) - ROD * s * CRANK / ROD * np.cos(angle) / np.sqrt(1 - s * s)
-    assert gear["place"][0] == pytest.approx(rate, rel=1e-8)
-    assert gear["place"][n:] == pytest.approx(0.0, abs=1e-10)
-    assert gear["speed"][n] == pytest.approx(rate, rel=1e-8)
+    check_turned_inertia(_space(ENGINE + SHORT.format(1)), 1e-7, 1e-10)
 
 
 HELD = """
@@ -237,10 +212,10 @@ band = {between = ["ground.beside", "bar.end"], stiffness = "400 N/m"}
 """
 
 
-def test_springs_hold_modes_at_rest_by_their_stiffness_alone(tmp_path):
+def test_springs_hold_modes_at_rest_by_their_stiffness_alone():
     """A stiff bar on a bushing: six frequencies of its mass matrix about its start, with k along the strut and of the
     band in all directions; neither weight nor tension."""
-    found = modes(_scene(tmp_path, HELD + SHORT.format(1)), 6)
+    found = modes(_scene(HELD + SHORT.format(1)), 6)
     area = math.pi * 0.005**2
     m, polar = 3000 * area, 3000 * math.pi * 0.005**4 / 2
     M = np.diag([m, m, m, polar, m / 3, m / 3])
@@ -261,11 +236,11 @@ def test_a_bushing_that_is_turned_holds_by_the_rates_of_its_rotation_vector():
     assert _turned(phi) @ omega == pytest.approx((moved[0] - moved[1]) / (2.0 * h), abs=1e-9)
 
 
-def test_a_cantilever_has_the_modes_of_its_beam(tmp_path):
+def test_a_cantilever_has_the_modes_of_its_beam():
     """Euler and Bernoulli's clamped-free roots in both planes: 1.8751, 4.6941, 7.8548."""
     text = BLADE.format(speed=0.0).replace('"1 mm", "1 mm"', '"10 mm", "6 mm"')
     text = text.replace("revolute", "weld").replace(", axis = [0, 0, 1]", "").partition("[drives]")[0]
-    found = modes(_scene(tmp_path, text + SHORT.format(5)), 5).frequencies
+    found = modes(_scene(text + SHORT.format(5)), 5).frequencies
     roots = np.array([1.8751040687, 4.6940911330, 7.8547574382]) ** 2
     units = math.sqrt(70e9 / 2700.0 / 12.0) * np.array([[6e-3], [10e-3]]) / (2.0 * math.pi)
     assert found == pytest.approx(np.sort((units * roots).ravel())[:5], rel=1e-3)
@@ -280,9 +255,9 @@ def test_a_steady_deformation_is_a_motion_that_the_equations_allow():
     assert not state.u[shapes].any() and abs(state.du[shapes]).max() < 1e-8 * abs(unbalanced).max()
 
 
-def test_where_free_joints_go_is_not_known_beyond_the_run(tmp_path):
+def test_where_free_joints_go_is_not_known_beyond_the_run():
     with pytest.raises(SceneError, match=r"t = 0.1: where tip goes is known from 0 to 0\.001 s"):
-        _space(tmp_path, TOP.format(speed=1, **WHEEL) + SHORT.format(1), t=0.1)
+        _space(TOP.format(speed=1, **WHEEL) + SHORT.format(1), t=0.1)
 
 
 def test_one_way_equations_in_space_are_not_linearised():
@@ -314,19 +289,19 @@ steps = 2
 """
 
 
-def test_the_speeds_of_a_closed_loop_change_with_its_place(tmp_path):
+def test_the_speeds_of_a_closed_loop_change_with_its_place():
     """N' of a mechanism some of whose ball's speeds depend on others, against N a little before and after."""
-    system = kaneflex.load(_scene(tmp_path, ARM_ON_A_GUIDE)).motion.module.system
+    system = kaneflex.load(_scene(ARM_ON_A_GUIDE)).motion.module.system
     start = start_of(system)
     which = start.choice.independent
     u = start.u.copy()
     u[which] = np.linspace(1.5, -1.0, len(which))
-    beside = neighbours(system, system.settle(0.0, start.q, u, start.choice))
-    base = system.settle(0.0, beside.base.q, beside.base.u, beside.base.choice)
+    beside = neighbours(system, system.project(0.0, start.q, u, start.choice))
+    base = system.project(0.0, beside.base.q, beside.base.u, beside.base.choice)
     N = system.basis(base.choice).copy()
     found, h = growth(beside, N), 1e-4
     places = system.advanced(base.q, np.array([h, -h])[:, None] * base.u)
-    near = [system.basis(system.settle(0.0, q, base.u, base.choice).choice).copy() for q in places]
+    near = [system.basis(system.project(0.0, q, base.u, base.choice).choice).copy() for q in places]
     expected = (near[0] - near[1]).T / (2 * h)
     assert 0 < sum(name.startswith("shoulder.") for name in names_of(system, base)) < 3
     assert abs(expected).max() > 0.5

@@ -7,20 +7,19 @@ import pytest
 from scipy.optimize import brentq
 
 import kaneflex
-from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.scene import Scene, scene_of, with_settings
 from kaneflex.support.errors import SceneError
 
 L, E, I, A, RHO = 1.2, 2.1e11, 2e-9, 1e-4, 7850.0
 BEAM = f"length = {L}, beam = {{E = {E}, rho = {RHO}, A = {A}, I = {I}, elements = 4}}"
 
 
-def written(folder, text, *settings) -> Scene:
-    (folder / "scene.toml").write_text("schema = 1\n" + text)
-    return with_settings(read_scene(folder / "scene.toml"), list(settings))
+def written(text, *settings) -> Scene:
+    return with_settings(scene_of("schema = 1\n" + text), list(settings))
 
 
-def solved(folder, text, *settings):
-    return kaneflex.simulate(kaneflex.load(written(folder, text, *settings)))
+def solved(text, *settings):
+    return kaneflex.simulate(kaneflex.load(written(text, *settings)))
 
 
 FRAME = f"""
@@ -53,9 +52,9 @@ HINGED = 'left = {revolute = ["ground", "bar.start"]}\nright = {revolute = ["gro
     ("profile", "tip", "root", "total"),
     [([1, 1], 1 / 8, 1 / 2, 1.0), ([1, 0], 1 / 30, 1 / 6, 0.5), ([0, 1], 11 / 120, 1 / 3, 0.5)],
 )
-def test_cantilever(tmp_path, profile, tip, root, total):
+def test_cantilever(profile, tip, root, total):
     """Deflections and moments of the textbooks (e.g. Young & Budynas 2002, table 8.1)."""
-    found = solved(tmp_path, FRAME.replace("SUPPORTS", CLAMPED).replace("PROFILE", str(profile))).series
+    found = solved(FRAME.replace("SUPPORTS", CLAMPED).replace("PROFILE", str(profile))).series
     w = 40.0
     assert found["tip"].values == pytest.approx(-tip * w * L**4 / (E * I), rel=1e-9)
     assert found["root_moment"].values == pytest.approx(-root * w * L**2, rel=1e-9)
@@ -68,13 +67,13 @@ def test_cantilever(tmp_path, profile, tip, root, total):
     assert found["spot_shear"].values == pytest.approx(-shear, rel=1e-9)
 
 
-def test_simply_supported(tmp_path):
-    found = solved(tmp_path, FRAME.replace("SUPPORTS", HINGED).replace("PROFILE", "[1, 1]")).series
+def test_simply_supported():
+    found = solved(FRAME.replace("SUPPORTS", HINGED).replace("PROFILE", "[1, 1]")).series
     assert found["mid"].values == pytest.approx(-5 / 384 * 40 * L**4 / (E * I), rel=1e-9)
     assert found["mid_moment"].values == pytest.approx(40 * L**2 / 8, rel=1e-9)
 
 
-def test_a_column_buckles_under_its_own_weight_at_greenhills_load(tmp_path):
+def test_a_column_buckles_under_its_own_weight_at_greenhills_load():
     """q L^3 / E I = 7.8373 for a load along a column with a free top (Greenhill 1881)."""
     text = f"""
 [bodies]
@@ -90,13 +89,13 @@ duration = 1.0
 """
 
     def lowest(load: float) -> float:
-        scene = written(tmp_path, text, f"weight.value={load * E * I / L**3!r}", "column.elements=8")
+        scene = written(text, f"weight.value={load * E * I / L**3!r}", "column.elements=8")
         return float(np.linalg.eigvalsh(kaneflex.linearise(kaneflex.load(scene)).K)[0])
 
     assert brentq(lowest, 7.5, 8.2, xtol=1e-6) == pytest.approx(7.8373, rel=1e-4)
 
 
-def test_the_torque_that_carries_a_load_around(tmp_path):
+def test_the_torque_that_carries_a_load_around():
     """Of a rigid crank: int q X cos(phi) dX in fixed axes, int q X dX in the body's."""
     text = """
 [bodies]
@@ -113,7 +112,7 @@ torque = {drive_torque = "main"}
 preset = "rigid"
 """
     for axes in ("global", "body"):
-        solution = solved(tmp_path, text.replace("AXES", axes))
+        solution = solved(text.replace("AXES", axes))
         phi = solution.drive_angles["main"]
         arm = (20 + phi) * 0.5**2 * (2 + 2 * 0.5) / 6
         expected = arm * np.cos(phi) if axes == "global" else arm
@@ -163,20 +162,20 @@ w_3 = {spread_on = "hand", direction = [0, -1], value = 14.715}
     ("preset", "tolerance"),
     [("rigid", 1e-12), ("quasistatic", 1e-9), ("linear", 1e-8), ("stiffened", 1e-8), ("coupled", 1e-6)],
 )
-def test_weight_is_such_a_load(tmp_path, preset, tolerance):
+def test_weight_is_such_a_load(preset, tolerance):
     """Every sensor of an arm reads the same with gravity as with its weight spread along rigid and elastic bodies."""
     by_gravity = ARM.replace("GRAVITY", "[0, -9.81]").replace("LOADS", "")
     by_loads = ARM.replace("GRAVITY", "[0, 0]").replace("LOADS", WEIGHTS.replace("LOWER", repr(RHO * A * 9.81)))
     settings = [f"solve.preset={preset}"]
-    one, other = (solved(tmp_path, text, *settings).series for text in (by_gravity, by_loads))
+    one, other = (solved(text, *settings).series for text in (by_gravity, by_loads))
     for name, series in one.items():
         there = series.values
         assert abs(other[name].values - there).max() <= tolerance * max(1e-9, abs(there).max()), name
 
 
-def test_reduced_links_carry_it_too(tmp_path):
+def test_reduced_links_carry_it_too():
     text = ARM.replace("GRAVITY", "[0, 0]").replace("LOADS", WEIGHTS.replace("LOWER", "200 * sin(8 * t)"))
-    full, few = (solved(tmp_path, text, "solve.steps=1600", *more).series for more in ([], ["solve.modes=2"]))
+    full, few = (solved(text, "solve.steps=1600", *more).series for more in ([], ["solve.modes=2"]))
     for name in ("tip_y", "root", "inside", "wrist_force"):
         there = full[name].values
         # From half of the run on: its beginning shakes modes that are left out.
@@ -214,7 +213,7 @@ def test_reduced_links_carry_it_too(tmp_path):
         ),
     ],
 )
-def test_what_is_refused(tmp_path, load, message):
+def test_what_is_refused(load, message):
     text = f"""
 [bodies]
 hub = {{mass = 1}}
@@ -230,5 +229,5 @@ q = {load}
 duration = {math.tau}
 """
     with pytest.raises(SceneError) as error:
-        written(tmp_path, text)
+        written(text)
     assert message in str(error.value)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from kaneflex import load, read_scene, simulate
+from kaneflex import load, scene_of, simulate
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.plots.scheme import scheme
 from kaneflex.report.presentation import parts
@@ -23,13 +23,8 @@ DRIVEN = BAR + '[drives]\npivot = {speed = "100 rpm", cycle = "360 deg"}\n'
 RIGID = '[solve]\npreset = "rigid"\nsteps = 360\n'
 
 
-@pytest.fixture
-def solve(tmp_path):
-    def solved(text):
-        (tmp_path / "scene.toml").write_text(text)
-        return simulate(load(read_scene(tmp_path / "scene.toml")))
-
-    return solved
+def solve(text):
+    return simulate(load(scene_of(text)))
 
 
 def pull(theta, omega, at=(0.2, 0.6), length=0.5, k=2000.0, free=0.1, c=5.0):
@@ -41,7 +36,7 @@ def pull(theta, omega, at=(0.2, 0.6), length=0.5, k=2000.0, free=0.1, c=5.0):
     return tension, (y * d_x - x * d_y) / now
 
 
-def test_a_crank_drives_against_a_spring_to_the_ground(solve):
+def test_a_crank_drives_against_a_spring_to_the_ground():
     solution = solve(
         DRIVEN
         + """
@@ -64,7 +59,7 @@ side = {joint_force = "pivot"}
     np.testing.assert_allclose(series["side"], inertia + tension * d[0] / np.hypot(*d), atol=1e-9)
 
 
-def test_a_spring_may_name_its_points_in_either_order(solve):
+def test_a_spring_may_name_its_points_in_either_order():
     scene = DRIVEN + '[springs]\nvalve = {between = [%s], stiffness = 2000, length = 0.1, damping = 5}\n' + RIGID
     torques = [
         solve(scene % pair).rigid["pivot.drive"]
@@ -74,7 +69,7 @@ def test_a_spring_may_name_its_points_in_either_order(solve):
     np.testing.assert_allclose(*torques, atol=1e-9)
 
 
-def test_a_spring_without_free_length_pulls_through_the_point_where_its_ends_meet(solve):
+def test_a_spring_without_free_length_pulls_through_the_point_where_its_ends_meet():
     """k d, and with it the torque of the force k r on an arm of its own direction: none."""
     scene = DRIVEN.replace('["0.2 m", "0.6 m"]', '["0.5 m", 0]')
     spring = '[springs]\nband = {between = ["ground.post", "bar.end"], stiffness = 300%s}\n'
@@ -89,7 +84,7 @@ def test_a_spring_without_free_length_pulls_through_the_point_where_its_ends_mee
     )
 
 
-def test_a_torsional_spring_at_a_drive_counts_whole_turns(solve):
+def test_a_torsional_spring_at_a_drive_counts_whole_turns():
     spring = '[springs]\nhinge = {torsional_at = "pivot", stiffness = 12, angle = "20 deg", damping = 0.1}\n'
     solution = solve(DRIVEN.replace("360", "1080") + spring + '[sensors]\nm = {spring_torque = "hinge"}\n' + RIGID)
     theta = solution.rigid["pivot.angle"]
@@ -99,7 +94,7 @@ def test_a_torsional_spring_at_a_drive_counts_whole_turns(solve):
     np.testing.assert_allclose(solution.series["m"].values, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_a_hinged_bar_on_a_torsional_spring_rings_as_a_damped_oscillator(solve):
+def test_a_hinged_bar_on_a_torsional_spring_rings_as_a_damped_oscillator():
     k, c, inertia, start = 12.0, 0.3, 2.0 * 0.25 / 3, 0.7
     solution = solve(
         BAR
@@ -121,7 +116,7 @@ steps = 600
     np.testing.assert_allclose(solution.rigid["pivot.angle"], 0.2 + (start - 0.2) * swing, atol=1e-7)
 
 
-def test_a_free_bar_on_a_spring_keeps_its_energy(solve):
+def test_a_free_bar_on_a_spring_keeps_its_energy():
     solution = solve(
         BAR
         + """
@@ -151,7 +146,7 @@ preset = "rigid"
 """
 
 
-def test_a_spring_on_a_slider_of_a_linkage_turns_the_crank_by_virtual_work(solve):
+def test_a_spring_on_a_slider_of_a_linkage_turns_the_crank_by_virtual_work():
     """Torque x omega = power into the spring, beside the torque without it."""
     spring = 'between = ["ground", "piston"], stiffness = "20 kN/m", length = "150 mm", damping = "40 N s/m"'
     rigid, bare = solve(SLIDER % spring).rigid, solve('schema = 1\nlike = "engine"\n[solve]\npreset = "rigid"\n').rigid
@@ -160,7 +155,7 @@ def test_a_spring_on_a_slider_of_a_linkage_turns_the_crank_by_virtual_work(solve
     np.testing.assert_allclose(added, tension * rigid["piston.v_x"], atol=1e-6 * np.abs(added).max())
 
 
-def test_a_torsional_spring_at_a_pin_without_a_drive_works_between_its_bodies(solve):
+def test_a_torsional_spring_at_a_pin_without_a_drive_works_between_its_bodies():
     text = """
 schema = 1
 [bodies]
@@ -187,7 +182,7 @@ main = {speed = "600 rpm", cycle = "360 deg"}
 
 
 @pytest.mark.parametrize("preset", ["stiffened", "linear", "quasistatic"])
-def test_a_spring_on_the_driven_crank_of_an_elastic_engine_moves_its_torque_alone(solve, preset):
+def test_a_spring_on_the_driven_crank_of_an_elastic_engine_moves_its_torque_alone(preset):
     text = 'schema = 1\nlike = "engine"\n[ground]\npost = ["20 mm", "90 mm"]\n'
     spring = """[springs]
 valve = {between = ["ground.post", "crank.end"], stiffness = "20 kN/m", length = "10 mm", damping = "1 N s/m"}
@@ -208,7 +203,7 @@ recoil = {torsional_at = "main", stiffness = 3, angle = "20 deg", damping = 0.00
         np.testing.assert_allclose(held.series[name].values, expected, atol=1e-8 * scale, err_msg=name)
 
 
-def test_a_spring_at_the_root_of_a_driven_beam_moves_the_torque_of_its_drive_alone(solve):
+def test_a_spring_at_the_root_of_a_driven_beam_moves_the_torque_of_its_drive_alone():
     beam = 'length = "300 mm", beam = {material = "steel", A = "80 mm^2", I = "100 mm^4", elements = 3}'
     text = (
         "schema = 1\n[bodies]\narm = {%s}\n"
@@ -230,7 +225,7 @@ def test_a_spring_at_the_root_of_a_driven_beam_moves_the_torque_of_its_drive_alo
         np.testing.assert_allclose(held.series[name].values, bare.series[name].values + added, atol=1e-7)
 
 
-def test_springs_are_drawn_and_listed(tmp_path):
+def test_springs_are_drawn_and_listed():
     text = DRIVEN + """
 [springs]
 valve = {between = ["ground.post", "bar.end"], stiffness = 2000, length = 0.1, damping = 5}
@@ -239,8 +234,7 @@ hinge = {torsional_at = "pivot", stiffness = 12}
 pull = {spring_force = "valve"}
 twist = {spring_torque = "hinge"}
 """
-    (tmp_path / "scene.toml").write_text(text + RIGID)
-    scene = read_scene(tmp_path / "scene.toml")
+    scene = scene_of(text + RIGID)
     assert "2000 N/m, 5 N s/m, ground.post to bar.end, free length 100 mm" in parts(scene)
     assert "12 N m/rad, 0 N m s/rad, at pivot" in parts(scene)
     figure = scheme(scene, place(scene))

@@ -8,7 +8,7 @@ from runs import STENCIL, waving
 from scipy.optimize import brentq
 
 import kaneflex
-from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.scene import Scene, scene_of, with_settings
 from kaneflex.support.errors import SceneError
 
 L, E, I, A, RHO = 0.8, 2.1e11, 4e-10, 6e-5, 7850.0
@@ -16,13 +16,12 @@ BEAM = f"length = {L}, beam = {{E = {E}, rho = {RHO}, A = {A}, I = {I}, elements
 EI, MASS = E * I, RHO * A
 
 
-def written(folder, text, *settings) -> Scene:
-    (folder / "scene.toml").write_text("schema = 1\n" + text)
-    return with_settings(read_scene(folder / "scene.toml"), list(settings))
+def written(text, *settings) -> Scene:
+    return with_settings(scene_of("schema = 1\n" + text), list(settings))
 
 
-def loaded(folder, text, *settings):
-    return kaneflex.load(written(folder, text, *settings))
+def loaded(text, *settings):
+    return kaneflex.load(written(text, *settings))
 
 
 def frequencies(model) -> np.ndarray:
@@ -69,7 +68,7 @@ def scene_text(template, spring):
 
 @pytest.mark.parametrize("template", [HELD, WELDED], ids=["held", "standing"])
 @pytest.mark.parametrize("stiffness", [50.0, 3e3])
-def test_a_cantilever_with_a_spring_at_its_tip(tmp_path, template, stiffness):
+def test_a_cantilever_with_a_spring_at_its_tip(template, stiffness):
     """(1 + cos cosh) b^3 + kL^3/EI (cosh sin - sinh cos) = 0 (Blevins 1979, ch. 8); no tension at its free length."""
     spring = f'tip = {{between = ["ground.below", "bar.end"], stiffness = {stiffness}, length = 0.3}}'
     ratio = stiffness * L**3 / EI
@@ -82,11 +81,11 @@ def test_a_cantilever_with_a_spring_at_its_tip(tmp_path, template, stiffness):
     values = [characteristic(b) for b in grid]
     signs = np.flatnonzero(np.diff(np.sign(values)))[:2]
     roots = np.array([brentq(characteristic, grid[k], grid[k + 1]) for k in signs])
-    found = frequencies(loaded(tmp_path, scene_text(template, spring)))
+    found = frequencies(loaded(scene_text(template, spring)))
     assert found[:2] == pytest.approx(roots**2 * math.sqrt(EI / MASS) / L**2, rel=2e-4)
 
 
-def test_a_bar_on_a_torsional_spring(tmp_path):
+def test_a_bar_on_a_torsional_spring():
     """Hinged at a torsional spring, free at its end: kL/EI (1 + cos cosh) = b (sin cosh - cos sinh) (Blevins 1979)."""
     k = 3.0
     text = scene_text(STANDING.replace("JOINT", "revolute"), f'coil = {{torsional_at = "root", stiffness = {k}}}')
@@ -96,11 +95,11 @@ def test_a_bar_on_a_torsional_spring(tmp_path):
         return k * L / EI * (1 + c * ch) - b * (s * ch - c * sh)
 
     roots = np.array([brentq(characteristic, 0.2, 1.8), brentq(characteristic, 3.0, 5.0)])
-    found = frequencies(loaded(tmp_path, text))
+    found = frequencies(loaded(text))
     assert found[:2] == pytest.approx(roots**2 * math.sqrt(EI / MASS) / L**2, rel=2e-4)
 
 
-def test_a_stretched_spring_across_is_stiff_by_its_tension(tmp_path):
+def test_a_stretched_spring_across_is_stiff_by_its_tension():
     """A spring along the beam's axis holds its tip across by T / l alone, and pulls the beam itself straight.
 
     Tip force F on a cantilever under the tension P: v = F L^3/EI (u - tanh u) / u^3, u^2 = P L^2/EI (Timoshenko & Gere
@@ -115,12 +114,12 @@ def test_a_stretched_spring_across_is_stiff_by_its_tension(tmp_path):
     stiffened = 2 / (u**3 / (u - math.tanh(u)) * EI / L**3 + tension / 0.3)
     for geometric, expected in (("true", stiffened), ("false", 2 * L**3 / (3 * EI))):
         settings = ["solve.preset=quasistatic", "bar.elements=16", "solve.steps=4"]
-        model = loaded(tmp_path, text, *settings, f"solve.terms.geometric={geometric}")
+        model = loaded(text, *settings, f"solve.terms.geometric={geometric}")
         found = kaneflex.simulate(model).series["tip_y"].values
         assert found == pytest.approx(expected, rel=1e-5), geometric
 
 
-def test_a_spring_between_two_links(tmp_path):
+def test_a_spring_between_two_links():
     """Two equal cantilevers side by side, tips tied: in phase the spring rests, in antiphase it acts doubly."""
     text = f"""
 [bodies]
@@ -137,20 +136,20 @@ tie = {{between = ["one.end", "two.end"], stiffness = 700, length = 0.1}}
 duration = 1.0
 """
     tip = 'tip = {{between = ["ground.below", "bar.end"], stiffness = {}, length = 0.3}}'
-    found = frequencies(loaded(tmp_path, text))
-    alone, doubled = (frequencies(loaded(tmp_path, scene_text(WELDED, tip.format(k)))) for k in (1e-12, 1400))
+    found = frequencies(loaded(text))
+    alone, doubled = (frequencies(loaded(scene_text(WELDED, tip.format(k)))) for k in (1e-12, 1400))
     assert found[0] == pytest.approx(alone[0], rel=1e-9)
     assert found[1] == pytest.approx(doubled[0], rel=1e-9)
 
 
-def test_dampers_take_out_what_the_energy_loses(tmp_path):
+def test_dampers_take_out_what_the_energy_loses():
     """A cantilever let go from under a force: energy lost = int c v^2 dt of the damper at its tip."""
     tip = 'tip = {between = ["ground.below", "bar.end"], damping = 0.4, stiffness = 10, length = 0.3}'
     text = scene_text(WELDED, tip)
     text += "[loads]\npush = {force_on = 'bar.end', direction = [0, 1], law = '5 * exp(-400 * t)'}\n"
     text += "[sensors.pull]\nspring_force = 'tip'\n[sensors.speed]\nvelocity = 'bar.end'\ncomponent = 'y'\n"
     # gauss takes no energy of its own; radau damps what its steps hardly resolve, here by 1e-4 of what the damper takes
-    model = loaded(tmp_path, text, "solve.steps=20000", "solve.duration=0.5", "solve.integrator=gauss")
+    model = loaded(text, "solve.steps=20000", "solve.duration=0.5", "solve.integrator=gauss")
     solution = kaneflex.simulate(model)
     z, v, _ = solution.coordinates
     rigid = model.motion.at(0.0)
@@ -203,15 +202,15 @@ steps = 4000
 """
 
 
-def test_the_coupled_equations_agree(tmp_path):
+def test_the_coupled_equations_agree():
     """Deflections of some hundredths of the length: what is left is of second order, and modes beyond the third.
 
     The damping is nearly proportional to the stiffness alone: proportional to mass it acts on the payload, too, in the
     one-way equations, and on the links alone in the coupled ones.
     """
-    one_way = kaneflex.simulate(loaded(tmp_path, ARM)).series
+    one_way = kaneflex.simulate(loaded(ARM)).series
     coupled = ("solve.preset=coupled", "solve.modes=3", "solve.tolerance=1e-6")
-    both = kaneflex.simulate(loaded(tmp_path, ARM, *coupled)).series
+    both = kaneflex.simulate(loaded(ARM, *coupled)).series
     for name, tolerance in (
         ("mid", 5e-3), ("tip", 5e-3), ("root", 1e-2), ("torque", 1e-2), ("pull_band", 1e-3), ("pull_guy", 2e-3),
         ("twist", 2e-2), ("wrist", 2e-2), ("wrist_x", 3e-2), ("wrist_y", 2e-2),
@@ -220,7 +219,7 @@ def test_the_coupled_equations_agree(tmp_path):
         assert abs(one_way[name].values - there)[400:].max() < tolerance * abs(there).max(), name
 
 
-def test_a_damper_on_turning_links_feels_how_fast_its_ends_part(tmp_path):
+def test_a_damper_on_turning_links_feels_how_fast_its_ends_part():
     """k (l - l_0) + c l', l = e . (end - start) along the rigid mechanism's spring, which turns; of any deformation."""
     places = {"mid": "arm.mid", "hand": "hand.end"}
     table = ARM[ARM.index("[sensors]") : ARM.index("[solve]")]
@@ -228,7 +227,7 @@ def test_a_damper_on_turning_links_feels_how_fast_its_ends_part(tmp_path):
     for name, place in places.items():
         for axis in "xy":
             sensors += f"{name}_{axis} = {{position = '{place}', component = '{axis}', axes = 'global'}}\n"
-    model, h = loaded(tmp_path, ARM.replace(table, sensors), "solve.preset=linear"), 2e-3
+    model, h = loaded(ARM.replace(table, sensors), "solve.preset=linear"), 2e-3
     for instant in (0.15, 0.62):
         t = instant + h * np.arange(-4, 5)
         series = {name: one.values for name, one in waving(model, t, 0.25).series.items()}
@@ -246,9 +245,9 @@ def test_a_damper_on_turning_links_feels_how_fast_its_ends_part(tmp_path):
             assert series[f"pull_{spring}"][4] == pytest.approx(pull, rel=1e-9), (spring, instant)
 
 
-def test_the_drives_pay_for_what_springs_store_and_dampers_take(tmp_path):
+def test_the_drives_pay_for_what_springs_store_and_dampers_take():
     """Of the rigid arm: power of the drives = growth of energy + what the dampers take."""
-    solution = kaneflex.simulate(loaded(tmp_path, ARM, "solve.preset=rigid", "solve.steps=4000"))
+    solution = kaneflex.simulate(loaded(ARM, "solve.preset=rigid", "solve.steps=4000"))
     rigid, scene = solution.rigid, solution.model.scene
     power = rigid["shoulder.drive"] * rigid["arm.omega"]
     power = power + rigid["wrist.drive"] * (rigid["hand.omega"] - rigid["arm.omega"])
@@ -283,9 +282,9 @@ def test_the_drives_pay_for_what_springs_store_and_dampers_take(tmp_path):
         ),
     ],
 )
-def test_what_is_refused(tmp_path, change, message):
+def test_what_is_refused(change, message):
     text = scene_text(HELD, 'tip = {between = ["ground.below", "bar.end"], stiffness = 5, length = 0.3}')
     text = text.replace("elements = 8}", "elements = 8}, points = {eye = [0.1, 0.05]}").replace(*change)
     with pytest.raises(SceneError) as error:
-        loaded(tmp_path, text)
+        loaded(text)
     assert message in str(error.value)

@@ -8,7 +8,7 @@ import pytest
 from command_line import cli, refused
 
 from kaneflex import SceneError, load, simulate
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.study.trade.price import has_price, price, tightened
 
 SHORT = ("solve.duration=6 ms", "solve.steps=600", "rod.beam.elements=2")
@@ -66,10 +66,9 @@ def priced():
     return price(with_settings(read_scene("slider-crank-clearance"), SHORT))
 
 
-def test_what_is_compared_with_is_the_tight_mechanism(priced, tmp_path):
+def test_what_is_compared_with_is_the_tight_mechanism(priced):
     """Written by hand: its statistics are those without the clearance."""
-    (tmp_path / "tight.toml").write_text(TIGHT)
-    solution = simulate(load(read_scene(tmp_path / "tight.toml")))
+    solution = simulate(load(scene_of(TIGHT)))
     (found,) = priced.prices
     assert (found.part, set(found.gone)) == ("clearance of wrist", {"pin_force", "pin_x", "pin_y"})
     assert {change.sensor for change in found.changes} == set(solution.model.scene.sensors)
@@ -100,10 +99,9 @@ def test_a_smaller_clearance_changes_less():
     assert abs(found.changes[0].shares[0]) < 2e-5
 
 
-def test_backlash_is_compared_with_a_shaft_in_one_piece(tmp_path):
+def test_backlash_is_compared_with_a_shaft_in_one_piece():
     """Without play both turn as one: w' = torque/(sum of inertias)."""
-    (tmp_path / "coupling.toml").write_text(COUPLED)
-    scene = read_scene(tmp_path / "coupling.toml")
+    scene = scene_of(COUPLED)
     settings, gone = tightened(scene, ["coupling"])
     assert gone == ("play",)
     solution = simulate(load(with_settings(scene, settings)))

@@ -12,7 +12,7 @@ from kaneflex.derive import closure
 from kaneflex.mechanism.closure_continuation import seed_loops
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
-from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.scene import Scene, read_scene, scene_of, with_settings
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
@@ -80,9 +80,8 @@ MECHANISMS = {
 }
 
 
-def written(folder, text) -> Scene:
-    (folder / "scene.toml").write_text(text)
-    return read_scene(folder / "scene.toml")
+def written(text) -> Scene:
+    return scene_of(text)
 
 
 def gaps(scene, rigid):
@@ -97,16 +96,16 @@ def gaps(scene, rigid):
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_it_closes_and_balances(name, tmp_path):
-    scene = written(tmp_path, MECHANISMS[name])
+    scene = written(MECHANISMS[name])
     rigid = motion_of(scene, tmp_path)
     assert max(gaps(scene, rigid)) < 1e-12 * 0.35
     assert imbalance(scene, rigid) < 1e-10
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_rates_are_those_of_the_positions(name, tmp_path):
+def test_rates_are_those_of_the_positions(name):
     """Against central differences of fourth order in time."""
-    motion = kaneflex.load(written(tmp_path, MECHANISMS[name])).motion
+    motion = kaneflex.load(written(MECHANISMS[name])).motion
     t, h = np.linspace(0.0, 0.5, 50), 1e-4
     middle = motion.at(t)
     for body in ("rod", "platform", "left_rocker"):
@@ -118,9 +117,9 @@ def test_rates_are_those_of_the_positions(name, tmp_path):
             assert abs(found - exact).max() < 1e-7 * max(1.0, abs(exact).max()), (body, rate)
 
 
-def test_it_is_where_scipy_finds_it(tmp_path):
+def test_it_is_where_scipy_finds_it():
     """The four angles from the loops written out by hand, by MINPACK's hybrid method."""
-    scene = written(tmp_path, MECHANISMS["three rockers"])
+    scene = written(MECHANISMS["three rockers"])
     motion = kaneflex.load(scene).motion
     a, b, c, d = np.array([0.15, -0.04]), np.array([0.35, 0.0]), np.array([0.06, 0.07]), np.array([0.12, 0.0])
 
@@ -162,12 +161,12 @@ def test_a_four_bar_by_newton_is_the_one_in_closed_form(tmp_path, monkeypatch):
             assert abs(here[name] - there[name]).max() <= 1e-11 * max(1e-3, abs(there[name]).max()), name
 
 
-def test_the_order_of_the_bodies_does_not_matter(tmp_path):
-    one = kaneflex.load(written(tmp_path, MECHANISMS["three rockers"])).motion
+def test_the_order_of_the_bodies_does_not_matter():
+    one = kaneflex.load(written(MECHANISMS["three rockers"])).motion
     lines = HEAD.splitlines()
     bodies = [line for line in lines if line.startswith(("crank", "rod", "left_rocker"))]
     turned = "\n".join([line for line in lines if line not in bodies] + bodies[::-1]) + "\n"
-    other = kaneflex.load(written(tmp_path, turned + ROCKER + PLATE + JOINTS + RIGHT + DRIVE)).motion
+    other = kaneflex.load(written(turned + ROCKER + PLATE + JOINTS + RIGHT + DRIVE)).motion
     times = np.linspace(0.0, 1.0, 100)
     for name in one.column:
         there = one.at(times)[name]
@@ -175,22 +174,22 @@ def test_the_order_of_the_bodies_does_not_matter(tmp_path):
             assert other.at(times)[name] == pytest.approx(there, rel=1e-10, abs=1e-10 * abs(there).max()), name
 
 
-def test_two_drives(tmp_path):
+def test_two_drives():
     """A second crank moves the left rocker's foot: the seeds are then tabulated against time."""
     text = MECHANISMS["three rockers"].replace('"ground.left", "left', '"shaker.end", "left')
     shake = "[bodies.shaker]\nlength = '10 mm'\n[joints]\nshake = {revolute = ['ground.left', 'shaker.start']}"
     text = text.replace("[joints]", shake)
     text = text.replace("[drives]", "[drives]\nshake = {speed = '240 rpm', cycle = '720 deg'}")
-    scene = written(tmp_path, text)
+    scene = written(text)
     rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, scene.period, 300))
     assert max(gaps(scene, rigid)) < 1e-12 * 0.35
     assert imbalance(scene, rigid) < 1e-10
 
 
-def test_it_turns_by_itself_and_keeps_its_energy(tmp_path):
+def test_it_turns_by_itself_and_keeps_its_energy():
     text = MECHANISMS["three rockers"].split("[drives]")[0].replace("[1.0, -9.81]", "[0, 0]")
     text += "[drives]\nmain = {free = true, initial_speed = '60 rpm'}\n[solve]\npreset = 'rigid'\nduration = '3 s'\n"
-    scene = written(tmp_path, text)
+    scene = written(text)
     rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, 3.0, 400))
     energy = 0.0
     for name, body in scene.bodies.items():
@@ -225,10 +224,10 @@ def test_the_drive_does_no_work_over_a_turn():
     assert abs(values[:-1].mean()) < 1e-12 * abs(values).max()
 
 
-def test_show_places_the_same_assembly(tmp_path):
+def test_show_places_the_same_assembly():
     from kaneflex.mechanism.position_analysis import place as placed
 
-    scene = written(tmp_path, MECHANISMS["three rockers"])
+    scene = written(MECHANISMS["three rockers"])
     rigid = kaneflex.load(scene).motion.at(0.0)
     at = placed(scene)
     for name in scene.bodies:
@@ -261,9 +260,9 @@ def test_show_places_the_same_assembly(tmp_path):
         ),
     ],
 )
-def test_what_it_refuses(tmp_path, change, message):
+def test_what_it_refuses(change, message):
     with pytest.raises(SceneError) as error:
-        kaneflex.load(written(tmp_path, MECHANISMS["three rockers"].replace(*change)))
+        kaneflex.load(written(MECHANISMS["three rockers"].replace(*change)))
     assert message in str(error.value)
 
 
@@ -279,7 +278,7 @@ def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
 
 def test_addresses_of_the_gaps_are_those_of_the_scene(tmp_path):
     """The check above would pass on anything if the points were the wrong ones."""
-    scene = written(tmp_path, MECHANISMS["three rockers"])
+    scene = written(MECHANISMS["three rockers"])
     rigid = motion_of(scene, tmp_path)
     apart = place(scene, rigid, Address("rod", "end")) - place(scene, rigid, Address("platform", "start"))
     assert np.hypot(*apart).min() > 0.05

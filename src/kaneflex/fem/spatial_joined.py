@@ -232,8 +232,7 @@ class Joined:
         SceneError
             If none do: the links then pass where they no longer say how the mechanism stands.
         """
-        J = self.rows(motion)[0][0] * self.measure[self.tied]
-        J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
+        J = self._scaled_rows(motion)
         if still is not None:
             J[:, :, still[self.tied]] = 0.0
         used = np.flatnonzero(abs(J).max(axis=(0, 2)) > ZERO)
@@ -277,9 +276,12 @@ class Joined:
 
     def independent_rows(self, motion: RigidMotion) -> np.ndarray:
         """Rows from which all others follow, as many at all instants of a motion."""
+        return np.sort(_apart_at_all(self._scaled_rows(motion).transpose(0, 2, 1))[0])
+
+    def _scaled_rows(self, motion: RigidMotion) -> np.ndarray:
+        """The rows at the instants of a motion, (n_times, rows, tied), each by its largest entry."""
         J = self.rows(motion)[0][0] * self.measure[self.tied]
-        J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
-        return np.sort(_apart_at_all(J.transpose(0, 2, 1))[0])
+        return J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
 
     def _named(self, rows: np.ndarray) -> list[str]:
         """The joints that have some rows."""

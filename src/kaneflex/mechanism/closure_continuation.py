@@ -18,7 +18,7 @@ import numpy as np
 from kaneflex.mechanism.joints import Constraints, coordinate
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import GROUND, pose_at
+from kaneflex.mechanism.planar import GROUND, pose_at, wrapped
 from kaneflex.mechanism.position_analysis import larger_group, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
@@ -75,22 +75,32 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
     if not loops:
         return parameters
     sweep = _swept(scene, module, parameters, horizon)
-    position = {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
-    values, blocks, filled = parameters.copy(), [], len(parameters)
-    for closing, _, turning, sliding in loops:
-        columns = {f"bodies.{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
+    columns: dict[str, np.ndarray] = {}
+    for _, _, turning, sliding in loops:
+        columns |= {f"bodies.{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
         columns |= {f"joints.{joint}.seed_slide": sweep.slid(mechanism_of(scene).joints[joint]) for joint in sliding}
-        for path, column in columns.items():
-            block = Table(sweep.x, column).coefficients(sweep.period)
-            values[position[path]] = filled
-            blocks.append(block)
-            filled += len(block)
-        values[position[f"joints.{closing}.side"]] = 1.0
-    p = np.concatenate([values, *blocks])
+    blocks = {path: Table(sweep.x, column).coefficients(sweep.period) for path, column in columns.items()}
+    p, places = with_tables(module, parameters, blocks), _places(module)
+    sides = {closing: places[f"joints.{closing}.side"] for closing, *_ in loops}
+    p[[*sides.values()]] = 1.0
     first = RigidKinematics(module, p).at(0.0)
-    for closing, *_ in loops:
-        p[position[f"joints.{closing}.side"]] = math.copysign(1.0, first[f"{closing}.closure"][0])
+    for closing, side in sides.items():
+        p[side] = math.copysign(1.0, first[f"{closing}.closure"][0])
     return p
+
+
+def _places(module: ModuleType) -> dict[str, int]:
+    """Path of a parameter -> its place in p."""
+    return {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
+
+
+def with_tables(module: ModuleType, parameters: np.ndarray, blocks: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The kernels' argument p with tables' blocks behind it, where each path's parameter says that its block begins."""
+    values, filled, places = parameters.copy(), len(parameters), _places(module)
+    for path, block in blocks.items():
+        values[places[path]] = filled
+        filled += len(block)
+    return np.concatenate([values, *blocks.values()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +153,7 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
         try:
             turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi, said)
             change = turn.poses[-1] - turn.poses[0]
-            change[:, 2] = np.remainder(change[:, 2] + math.pi, 2 * math.pi) - math.pi
+            change[:, 2] = wrapped(change[:, 2])
             if abs(change).max() < 1e-6 * max(1.0, follower.mechanism.size):
                 return turn
         except SceneError as error:

@@ -72,6 +72,16 @@ def pose_at(
     return Pose(x, y, cos(phi), sin(phi), phi)
 
 
+def whole_turns(angle: float | np.ndarray) -> np.ndarray:
+    """As many whole turns as are nearest to an angle [rad]."""
+    return 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+
+
+def wrapped(angle: float | np.ndarray) -> np.ndarray:
+    """An angle less whole turns, from -pi to pi [rad]."""
+    return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
+
+
 def minus(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1]
 

@@ -17,7 +17,7 @@ import numpy as np
 from kaneflex.mechanism.joints import Constraints, Poses
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, cross, dot, minus, pose_at
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, cross, dot, minus, pose_at, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import parse_law
@@ -227,7 +227,7 @@ def _is_larger(group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
 def _same(one: Poses, other: Poses, group: tuple[str, ...], size: float) -> bool:
     """Whether two assemblies are one, whole turns left out."""
     change = np.array([one[name] - other[name] for name in group])
-    change[:, 2] = np.remainder(change[:, 2] + math.pi, 2 * math.pi) - math.pi
+    change[:, 2] = wrapped(change[:, 2])
     return bool((abs(change) < 1e-6 * np.array([size, size, 1.0])).all())
 
 
@@ -240,7 +240,7 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tup
 
     def off(poses: Poses) -> float:
         turns = np.array([poses[name][2] - angle for name, angle in near.items() if name in group])
-        return float((abs(np.remainder(turns + math.pi, 2 * math.pi) - math.pi)).max(initial=0.0))
+        return float(abs(wrapped(turns)).max(initial=0.0))
 
     strange = [name for name in near if name not in group]
     if strange:

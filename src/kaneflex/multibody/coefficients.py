@@ -35,9 +35,7 @@ TABLE = Handed("Table", **dict(zip(Table._fields, [N] * 7 + [Z] * 3, strict=True
 
 def collocation_table(nodes: np.ndarray) -> Table:
     """The collocation method with three nodes in (0, 1]."""
-    powers = np.arange(1, 4)
-    inverse = np.linalg.inv(np.vander(nodes, increasing=True))
-    A, b = (nodes[:, None] ** powers / powers) @ inverse, (1 / powers) @ inverse
+    A, b = _integrals(nodes, nodes), _integrals(nodes, np.ones(1))[0]
     values, T = np.linalg.eig(A)
     order = [int(abs(values.imag).argmin()), int(values.imag.argmax())]
     into, out = np.linalg.inv(T)[order], T.T[order]
@@ -45,6 +43,12 @@ def collocation_table(nodes: np.ndarray) -> Table:
         nodes, A, A @ A, b, b @ A, np.array([float(nodes[2] == 1.0)]), values[order[:1]].real.copy(),
         values[order[1:]].astype(complex), np.ascontiguousarray(into, complex), np.ascontiguousarray(out, complex),
     )  # fmt: skip
+
+
+def _integrals(nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Integrals from 0 to x (n,) of Lagrange's polynomials of the nodes, (n, 3)."""
+    powers = np.arange(1, 4)
+    return (x[:, None] ** powers / powers) @ np.linalg.inv(np.vander(nodes, increasing=True))
 
 
 _ROOT = math.sqrt(6.0)
@@ -61,6 +65,4 @@ def basis(c, x, i):
 
 def integrals(table: Table, x: np.ndarray) -> np.ndarray:
     """Integrals from 0 to x (n,) of Lagrange's polynomials of the nodes, (3, n)."""
-    powers = np.arange(1, 4)
-    inverse = np.linalg.inv(np.vander(table.nodes, increasing=True))
-    return ((x[:, None] ** powers / powers) @ inverse).T
+    return _integrals(table.nodes, x).T

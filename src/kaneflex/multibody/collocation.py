@@ -27,7 +27,7 @@ from numba.types import boolean, float64, int64
 from kaneflex.multibody import bending, contact_search, contacts, holds, sticking, yielding
 from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
 from kaneflex.multibody.coefficients import TABLE, basis
-from kaneflex.multibody.loops import NEAR, close, follow, follow_on, mend, middle, settle_now, worn
+from kaneflex.multibody.loops import NEAR, close, follow, follow_on, mend, middle, project_now, worn
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.rows import copy, give, row_size, works_at
 from kaneflex.multibody.tables import (
@@ -267,13 +267,13 @@ def _finish(m, table, h, end, here, A):
 
 
 @njit(**ENTRY)
-def settle(m, t):
+def project(m, t):
     """Put the dependent coordinates and rates where the loops close, and find accelerations and reactions of the cuts.
 
     The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts are closed where their sides overlap. False at
     a singular state.
     """
-    closed = settle_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
+    closed = project_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
     return closed and sticking.decide(m, t, m.real) == 0
 
 
@@ -372,7 +372,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
 
 
 ENTRIES = {
-    settle: boolean(MECHANISM, float64),
+    project: boolean(MECHANISM, float64),
     integrate: int64(MECHANISM, TABLE, N, N, N, int64, N, int64, N, N, N),
 }
 """What Python calls, and with which arguments."""

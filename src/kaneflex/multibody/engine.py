@@ -274,9 +274,9 @@ class Engine:
             raise ArithmeticError(f"no motion at t = {rows[done, 0]:.6g} s: its loops don't close")
         return out
 
-    def settle(self, t: float) -> bool:
-        """Close the loops where the independent coordinates are, and find accelerations and reactions there."""
-        return bool(self._call(collocation.settle, t))
+    def project(self, t: float) -> bool:
+        """Project onto the constraints where the independent coordinates are, and find accelerations and reactions."""
+        return bool(self._call(collocation.project, t))
 
     def move_on(self, t: float) -> bool:
         """Close the loops in place, speed and acceleration where the independent coordinates are; False: they don't."""

@@ -79,7 +79,7 @@ def _steps(engine: Engine) -> np.ndarray:
     return np.concatenate([STEP * own, 1e-2 * rate * own, acceleration * own, push])
 
 
-def settled(engine: Engine, t: float) -> Instant | None:
+def equilibrium(engine: Engine, t: float) -> Instant | None:
     """The motion whose shapes stand still, deformed as its loads and accelerations ask for, by Newton's method.
 
     Joints' independent coordinates and rates are those of the tables; they take the accelerations that the balance
@@ -171,7 +171,7 @@ def probes(system: CoupledSystem, found: Linear[Instant]) -> tuple[CoupledTrajec
             engine.motion[0][which] += x[:n]
             engine.motion[1][which] += x[n : 2 * n]
             engine.numbers(at.INPUT, engine.inputs)[:] = x[2 * n :]
-            state = system.unfold(engine.row(base.t)[None]) if engine.settle(base.t) else None
+            state = system.unfold(engine.row(base.t)[None]) if engine.project(base.t) else None
             engine.numbers(at.INPUT, engine.inputs)[:] = 0.0
             if state is None:
                 raise ArithmeticError(f"no motion beside that at t = {base.t:.6g} s: its loops don't close")

@@ -287,7 +287,7 @@ def mend(m, t, A, h, turns):
 
 @once
 @njit(**OPTIONS)
-def settle_now(m, t, A, h, turns):
+def project_now(m, t, A, h, turns):
     """Accelerations and reactions of the cuts where and as fast as the independent coordinates are; False: singular.
 
     ``h`` and ``turns``: see :func:`mend`.

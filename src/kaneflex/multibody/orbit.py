@@ -62,7 +62,7 @@ def orbit_start(
     try:
         z = search.found(precision)
         if z is not None:
-            start = search.settled(search.states(1), z[:, :1], rates(z, search.omega)[0][:, :1])
+            start = search.projected(search.states(1), z[:, :1], rates(z, search.omega)[0][:, :1])
             return start.q[0], start.v[0]
     except (ArithmeticError, np.linalg.LinAlgError):
         pass
@@ -116,7 +116,7 @@ class _Search:
         for _ in range(_STEPS):
             v, a = rates(z, self.omega)
             try:
-                rest = self.settled(states, z, v).a[:, self.modal].T - a - drag * v
+                rest = self.projected(states, z, v).a[:, self.modal].T - a - drag * v
                 tangent = tangent or _Tangent.of(self, states, z, v, a, drag)
             except ArithmeticError:
                 return z, None
@@ -137,7 +137,7 @@ class _Search:
         times = self.t0 + self.period / instants * np.arange(instants)
         return times, *self.bare(times)
 
-    def settled(self, states: tuple[np.ndarray, np.ndarray, np.ndarray], z: np.ndarray, v: np.ndarray) -> Unfolded:
+    def projected(self, states: tuple[np.ndarray, np.ndarray, np.ndarray], z: np.ndarray, v: np.ndarray) -> Unfolded:
         """The states with z and v (k, N) in their shapes, loops closed, as the equations have them."""
         times, q, rate = states
         q[:, self.modal], rate[:, self.modal] = z.T, v.T

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.cycles import PIECES, propagated
 from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.linearisation import Instant, slopes
@@ -47,7 +48,7 @@ class Returning:
         move, faster = np.split(x, 2)
         y[self.which] += move
         rate[self.which] += faster
-        found = system.unfold(engine.row(self.t)[None]) if engine.settle(self.t) else None
+        found = system.unfold(engine.row(self.t)[None]) if engine.project(self.t) else None
         if found is None:
             raise ArithmeticError("the loops don't close at the start of the next cycle")
         return found.q[0], found.v[0]
@@ -57,7 +58,7 @@ class Returning:
         ends = (self.coordinates(system, cycle.q[k], cycle.v[k]) for k in (-1, 0))
         gap = next(ends) - next(ends)
         turns = np.flatnonzero(self.turns)
-        gap[turns] -= 2.0 * np.pi * np.round(gap[turns] / (2.0 * np.pi))
+        gap[turns] -= whole_turns(gap[turns])
         return gap
 
     def monodromy(self, system: CoupledSystem, cycle: CoupledTrajectory, pieces: int = PIECES) -> np.ndarray:
@@ -77,7 +78,7 @@ class Returning:
         for begin, end in pairwise(ends):
             row = (begin + end) // 2
             system.fold(cycle.q[row], cycle.v[row])
-            engine.settle(float(times[row]))
+            engine.project(float(times[row]))
             base = Instant(float(times[row]), *(part[self.which].copy() for part in engine.motion[:3]))
             K, C, M = np.split(slopes(engine, base, range(3 * k))[1], 3, axis=1)
             yield times[end] - times[begin], state_matrix(M, C, K)

@@ -129,7 +129,7 @@ class Run:
             engine.take_impacts()
         system.fold(q, v)
         engine.choose(float(times[0]))
-        self.settled = engine.settle(float(times[0]))
+        self.projected = engine.project(float(times[0]))
         self.here = engine.row(float(times[0]))
         self.rows = np.zeros((len(times), len(self.here)))
         self.rows[0] = self.here
@@ -139,7 +139,7 @@ class Run:
 
     def go(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
         """Integrate to the end, or to where the motion can't go on."""
-        if not self.settled:
+        if not self.projected:
             rubs = ", or no way to stick or slip agrees with the friction there is" if len(self.engine.holds) else ""
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
         scipy = self.method.integrator == "scipy"
@@ -216,7 +216,7 @@ class Run:
     def _agrees(self) -> bool:
         """Whether friction and the reactions that it asks for agree where the motion stands."""
         self.engine.stand(self.here)
-        agrees = self.engine.settle(float(self.here[0]))
+        agrees = self.engine.project(float(self.here[0]))
         self.engine.stand(self.here)
         return agrees
 
@@ -227,13 +227,17 @@ class Run:
 
     def _turned(self) -> bool:
         """Whether other coordinates are dependent where the motion stands than were: then it may go on with them."""
-        before = sorted(self.engine.dependent.tolist())
-        self.engine.stand(self.here)
-        self.engine.choose(float(self.here[0]))
-        if sorted(self.engine.dependent.tolist()) == before or not self.engine.settle(float(self.here[0])):
+        if not self._chosen_anew() or not self.engine.project(float(self.here[0])):
             return False
         self.step, self.length = first_step(self.engine.motion[2], self.scale, self.longest), 0.0
         return True
+
+    def _chosen_anew(self) -> bool:
+        """Choose the dependent coordinates where the motion stands; whether they are others than before."""
+        before = sorted(self.engine.dependent.tolist())
+        self.engine.stand(self.here)
+        self.engine.choose(float(self.here[0]))
+        return sorted(self.engine.dependent.tolist()) != before
 
     def _bound(self) -> None:
         """Take the errors allowed of speeds and accelerations from their largest values so far, by kind."""
@@ -266,10 +270,7 @@ class Run:
             self.impacts += impacts.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
         if ended == collocation.TURNED:
-            before = sorted(self.engine.dependent.tolist())
-            self.engine.stand(self.here)
-            self.engine.choose(float(self.here[0]))
-            self.patient = float(sorted(self.engine.dependent.tolist()) == before)
+            self.patient = float(not self._chosen_anew())
             return collocation.PAUSED
         if ended == collocation.RESTED:
             if self._rest():
@@ -282,11 +283,11 @@ class Run:
         t, works = float(self.here[0]), self.engine.count(at.WORKS)
         self.engine.stand(self.here)
         self.engine.choose(t)
-        settled = self.engine.settle(t)
+        projected = self.engine.project(t)
         self.here[:-works], self.length = self.engine.row(t)[:-works], 0.0
         if self.rows[self.filled, 0] == t:
             self.rows[self.filled] = self.here
-        return settled
+        return projected
 
     def trajectory(
         self, rows: slice, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,

@@ -31,7 +31,7 @@ def by_scipy(run: Run, rows: slice) -> int:
         y[:] += (t - last) * v
         last = t
         y[free], v[free] = x[: len(free)], x[len(free) : 2 * len(free)]
-        if not engine.settle(t):
+        if not engine.project(t):
             raise np.linalg.LinAlgError
         row = engine.row(t)
         row[-works:] = x[2 * len(free) :]

@@ -21,7 +21,7 @@ from kaneflex.multibody import dense_lu
 from kaneflex.multibody.coefficients import basis
 from kaneflex.multibody.spatial_bushings import ANGLE, MOST
 from kaneflex.multibody.spatial_dynamics import coordinate_rates
-from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, TOO_SMALL, settle
+from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, TOO_SMALL, project
 from kaneflex.multibody.spatial_steps import EVALUATIONS, GROWTH, LENGTH, LONGEST, OUTCOME, ROW, WANTED
 from kaneflex.multibody.spatial_stiffness import powers, reduce
 from kaneflex.multibody.spatial_tables import BALL, COORDINATE, KIND, SPEED
@@ -38,7 +38,7 @@ _ITERATIONS = 10
 
 
 @njit(**OPTIONS)
-def _first_guess(m, k, choice, s, h):
+def _first_guess(m, choice, s, h):
     """Stages as the last step's polynomial goes on, or as the motion stands where that says nothing."""
     apart()
     c, length = s.table.nodes, s.control[LENGTH]
@@ -77,11 +77,11 @@ def _stand(choice, k, s, h, c, a_1, a_2):
 
 
 @njit(**OPTIONS)
-def _settled(m, choice, k, law, s, t):
+def _projected(m, choice, k, law, s, t):
     """What came of the instant t where ``_stand`` put everything."""
     apart()
     s.control[EVALUATIONS] += 1.0
-    outcome = settle(m, choice, k, law, t)
+    outcome = project(m, choice, k, law, t)
     for n in range(len(k.bushings)):
         if outcome == DONE and k.bushings[n, ANGLE] > MOST:
             outcome = OVERTURNED
@@ -94,7 +94,7 @@ def _stage(m, choice, k, law, s, h, i):
     apart()
     table, f = s.table, len(choice.independent)
     _stand(choice, k, s, h, table.nodes[i], table.a_1[i], table.a_2[i])
-    outcome = _settled(m, choice, k, law, s, s.t[0] + table.nodes[i] * h)
+    outcome = _projected(m, choice, k, law, s, s.t[0] + table.nodes[i] * h)
     coordinate_rates(m, k.q, k.u, s.D[i])
     for e in range(f):
         n = choice.independent[e]
@@ -236,7 +236,7 @@ def _finish(m, choice, k, law, s, h, end):
     apart()
     b_1 = s.table.b_1
     _stand(choice, k, s, h, 1.0, b_1, s.table.b_2)
-    outcome = _settled(m, choice, k, law, s, end)
+    outcome = _projected(m, choice, k, law, s, end)
     if outcome != DONE:
         return outcome
     for n in range(len(m.nodes)):
@@ -287,7 +287,7 @@ def collocate(m, choice, k, law, s, times, out):
         reaches = h >= left * (1.0 - 1e-9)
         end = aim if reaches else t + h
         h = end - t
-        _first_guess(m, k, choice, s, h)
+        _first_guess(m, choice, s, h)
         outcome = _iterate(m, choice, k, law, s, h)
         if outcome != DONE:
             failed, control[WANTED], control[LENGTH] = outcome, 0.4 * h, 0.0

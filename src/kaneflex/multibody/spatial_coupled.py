@@ -59,7 +59,7 @@ class CoupledKinematics(SpatialKinematics):
         found = self.curve(t)
         q, u = found.q.copy(), found.u.copy()
         q[system.modal_coordinates] = u[system.modal_speeds] = 0.0
-        return system.settle(t, q, u, choose(system, q, prefer=True))
+        return system.project(t, q, u, choose(system, q, prefer=True))
 
 
 def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
@@ -98,7 +98,7 @@ class _Beside(Curve):
     def __call__(self, t: float) -> State:
         found = self._given(np.array([t]))[0]
         n, start = self.system.coordinates, self.start
-        return self.system.settle(t, found[:n], found[n:], start.choice)
+        return self.system.project(t, found[:n], found[n:], start.choice)
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         given, out = self._given(times), np.full((len(times), len(self.system.work.kept)), np.nan)
@@ -140,7 +140,7 @@ def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
 
 
 def balanced(system: SpatialSystem, start: State) -> State:
-    """The state near one that is settled whose shapes neither move nor accelerate: deformed by what acts there.
+    """The state near one on the constraints whose shapes neither move nor accelerate: deformed by what acts there.
 
     Newton's method on the shapes' accelerations, which vanish with the forces; the load grows with the steps where
     these are long.
@@ -150,7 +150,7 @@ def balanced(system: SpatialSystem, start: State) -> State:
     which, still = start.choice.independent, start.u.copy()
     shapes = np.flatnonzero(np.isin(which, system.modal_speeds))
     still[which[shapes]] = 0.0
-    state = system.settle(start.t, start.q, still, start.choice)
+    state = system.project(start.t, start.q, still, start.choice)
     for _ in range(_STEPS):
         beside = neighbours(system, state, shapes)
         J = beside.slopes(system.instants(beside.found).du[:, which[shapes]])
@@ -158,7 +158,7 @@ def balanced(system: SpatialSystem, start: State) -> State:
         step[which[shapes]] = np.linalg.solve(J, -state.du[which[shapes]])
         largest = abs(step).max(initial=0.0) / system.mechanism.size
         step *= min(1.0, _LARGEST / max(largest, 1e-300))
-        state = system.settle(start.t, system.advanced(state.q, step[None])[0], still, start.choice)
+        state = system.project(start.t, system.advanced(state.q, step[None])[0], still, start.choice)
         if largest < _BALANCED:
             return state
     raise ArithmeticError("no deformation is found that balances what acts")

@@ -36,7 +36,7 @@ class Standing(Curve):
 
     def __call__(self, t: float) -> State:
         start = self.start
-        return self.system.settle(start.t, start.q, start.u, start.choice)
+        return self.system.project(start.t, start.q, start.u, start.choice)
 
 
 class Followed(Curve):
@@ -55,7 +55,7 @@ class Followed(Curve):
     def rows(self, times: np.ndarray) -> np.ndarray:
         out, done = np.zeros((len(times), len(self.system.work.kept))), 0
         state = self._before(times[0])
-        self.system.settle(state.t, state.q, state.u, state.choice)
+        self.system.project(state.t, state.q, state.u, state.choice)
         t, choice = state.t, state.choice
         while done < len(times):
             count, t, outcome = self.system.follow(t, choice, times[done:], out[done:])
@@ -64,7 +64,7 @@ class Followed(Curve):
                 if outcome == GROWN:
                     here = self.system.state(t, choice)
                     choice = choose_anew(self.system, here.q, choice)
-                    self.system.settle(t, here.q, here.u, choice)
+                    self.system.project(t, here.q, here.u, choice)
                 else:
                     check(outcome)
             except ArithmeticError as reason:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.cycles import REPEATS, Cycles, propagated
 from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.spatial_forward import Run
@@ -68,14 +69,14 @@ class SpatialCycles(Cycles[State, Run]):
         which, (N, W), (y, rate) = self.choice.independent, self._moving(cycle.start), np.split(x, 2)
         u = cycle.start.u.copy()
         u[which] += rate + W @ y
-        return self.system.settle(0.0, self.system.advanced(cycle.start.q, (y @ N)[None])[0], u, self.choice)
+        return self.system.project(0.0, self.system.advanced(cycle.start.q, (y @ N)[None])[0], u, self.choice)
 
     def end(self, cycle: Run) -> State:
-        return self.system.settle(0.0, cycle.end.q, cycle.end.u, self.choice)
+        return self.system.project(0.0, cycle.end.q, cycle.end.u, self.choice)
 
     def _moving(self, start: State) -> tuple[np.ndarray, np.ndarray]:
         """N and W of :mod:`kaneflex.multibody.spatial_linear` at a state."""
-        return spinning(self.system, self.system.settle(start.t, start.q, start.u, self.choice))
+        return spinning(self.system, self.system.project(start.t, start.q, start.u, self.choice))
 
     def _apart(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
         """The step of all speeds from coordinates to others, whole turns apart, (speeds,)."""
@@ -88,6 +89,6 @@ class SpatialCycles(Cycles[State, Run]):
                 found[s : s + 3] = (first.inv() * second).as_rotvec()
             elif kind in (TURN, SLIDE):
                 found[s] = other[k] - q[k]
-                found[s] -= 2.0 * np.pi * np.round(found[s] / (2.0 * np.pi)) * (kind == TURN)
+                found[s] -= whole_turns(found[s]) * (kind == TURN)
         found[self.system.modal_speeds] = (other - q)[self.system.modal_coordinates]
         return found

@@ -17,7 +17,7 @@ import numpy as np
 
 from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.coefficients import RADAU, integrals
-from kaneflex.multibody.spatial_bushings import POWER, overturned
+from kaneflex.multibody.spatial_bushings import overturned
 from kaneflex.multibody.spatial_choice import choose_anew
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_dynamics import Choice
@@ -116,12 +116,12 @@ class Run(Curve):
             if self.evaluations > _MOST:
                 raise self._stopped(float(steps.t[0]), f"{self.evaluations} evaluations bring it no further")
             if outcome == GROWN:
-                found, self.first = system.settle(float(steps.t[0]), steps.q, steps.u, choice), control[WANTED]
+                found, self.first = system.project(float(steps.t[0]), steps.q, steps.u, choice), control[WANTED]
                 better = self._better(found)
                 if better is not found:
                     return better
                 control[GROWTH] = self.growth
-        return system.settle(options.duration, steps.q, steps.u, choice)
+        return system.project(options.duration, steps.q, steps.u, choice)
 
     def _by_scipy(self, state: State) -> State:
         """The same, of rigid bodies."""
@@ -173,7 +173,7 @@ class Run(Curve):
             return found
         self.growth = 2.0 * grown  # where nothing is better others are not tried at every step
         try:
-            other = system.settle(found.t, found.q, found.u, choose_anew(system, found.q, choice))
+            other = system.project(found.t, found.q, found.u, choose_anew(system, found.q, choice))
         except ArithmeticError:
             return found
         if not _largest(system, other.choice) < 0.5 * grown:
@@ -185,39 +185,27 @@ class Run(Curve):
         def rates(t: float, y: np.ndarray) -> np.ndarray:
             self.evaluations += 1
             try:
-                found = self._settle(t, y, state)
+                found = self._projected(t, y, state)
                 if far := overturned(self.system.mechanism, self.system.work.bushings):
                     raise ArithmeticError(far[1])
             except ArithmeticError as reason:  # a shorter step may still find its way
                 if np.isfinite(y).all():
                     self.reason = str(reason)
                 return np.full(len(y), np.nan)
-            moved = self.system.coordinate_rates(found.q, found.u)
-            return np.concatenate([moved, found.du[found.choice.independent], self._powers(found)])
+            moved, powers = self.system.rates(found.choice)
+            return np.concatenate([moved, found.du[found.choice.independent], powers])
 
         return rates
 
-    def _powers(self, found: State) -> tuple[float, float]:
-        """Dissipated by dampers, supplied by loads and prescribed drives [W], where ``settle`` left ``work``."""
-        system, tables, k, given = self.system, self.system.tables, self.system.work, 0.0
-        lost = k.springs[:, 6].sum() + k.twists[:, 3].sum() + k.bushings[:, POWER].sum() + k.deforming[3]
-        for section, axis, load in tables.forces.tolist():
-            given += found.sizes[load] * (k.axes[axis] @ k.sections[section, 3:6])
-        for first, second, axis, load in tables.torques.tolist():
-            given += found.sizes[load] * (k.axes[axis] @ (k.sections[second, 9:12] - k.sections[first, 9:12]))
-        if len(found.choice.prescribed):
-            given += system.exerted(found)[found.choice.prescribed] @ found.u[found.choice.prescribed]
-        return lost, given
-
-    def _settle(self, t: float, y: np.ndarray, like: State) -> State:
+    def _projected(self, t: float, y: np.ndarray, like: State) -> State:
         """The state that an integrator's numbers stand for."""
         u = np.zeros(self.system.speeds)
         u[like.choice.independent] = y[self.system.coordinates : -2]
-        return self.system.settle(t, y[: self.system.coordinates], u, like.choice)
+        return self.system.project(t, y[: self.system.coordinates], u, like.choice)
 
     def _at(self, t: float, y: np.ndarray, like: State) -> State:
         try:
-            return self._settle(t, y, like)
+            return self._projected(t, y, like)
         except ArithmeticError as reason:
             raise self._stopped(t, str(reason)) from None
 

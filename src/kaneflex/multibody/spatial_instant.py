@@ -91,7 +91,7 @@ def courses(law, t):
 
 @once
 @njit(**OPTIONS)
-def settle(m, choice, k, law, t):
+def project(m, choice, k, law, t):
     """Prescribed drives where they are at t, loops closed, dependent speeds tied: then loads know what they ask of
     joints, and the rates of all speeds follow. What came of it."""
     apart()
@@ -125,7 +125,7 @@ def settle(m, choice, k, law, t):
 @once
 @njit(**OPTIONS)
 def complete(m, k):
-    """Accelerations of all that moves and the energies of what deforms, where ``settle`` came to an end."""
+    """Accelerations of all that moves and the energies of what deforms, where ``project`` came to an end."""
     apart()
     accelerate(m, k.u, k.du, k)
     deforming(m, k)

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.fem.spatial_bodies import skew
 from kaneflex.multibody.linear_equations import OFFSETS, STEP, WEIGHTS, Linear
 from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_curves import Curve
@@ -72,11 +73,11 @@ class Neighbours(Curve):
 
 
 def neighbours(system: SpatialSystem, base: State, columns: Sequence[int] | np.ndarray | None = None) -> Neighbours:
-    """The neighbours of a settled state by all of y, y' and the inputs, or by some of these.
+    """The neighbours of a state on the constraints by all of y, y' and the inputs, or by some of these.
 
     Raises ArithmeticError where loops don't close about it.
     """
-    base = system.settle(base.t, base.q, base.u, base.choice)
+    base = system.project(base.t, base.q, base.u, base.choice)
     which, inputs = base.choice.independent, len(system.inputs)
     n, (N, W) = len(which), spinning(system, base)
     away = np.concatenate([_steps(system, base), _pushes(system, base)])
@@ -121,17 +122,12 @@ def _turning(system: SpatialSystem, u: np.ndarray) -> np.ndarray:
     """omega x of every ball, (speeds, speeds)."""
     found = np.zeros((system.speeds, system.speeds))
     for s in system.tables.nodes[system.tables.nodes[:, KIND] == BALL, SPEED].tolist():
-        found[s : s + 3, s : s + 3] = _cross(u[s : s + 3])
+        found[s : s + 3, s : s + 3] = skew(u[s : s + 3])
     return found
 
 
-def _cross(a: np.ndarray) -> np.ndarray:
-    """The matrix of a x."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
-
-
 def spinning(system: SpatialSystem, base: State) -> tuple[np.ndarray, np.ndarray]:
-    """N (n, speeds), the speeds of a unit of each y', and W (n, n), where ``work`` stands at a settled state."""
+    """N (n, speeds), the speeds of a unit of each y', and W (n, n), where ``work`` stands on the constraints."""
     N = system.basis(base.choice).copy()
     return N, (_turning(system, base.u) @ N.T)[base.choice.independent]
 
@@ -146,7 +142,7 @@ def linear(beside: Neighbours) -> Linear[State]:
     """The linear equations about a state by all of its neighbours."""
     system, base, which = beside.system, beside.base, beside.base.choice.independent
     n, found = len(which), system.instants(beside.found)
-    system.settle(base.t, base.q, base.u, base.choice)
+    system.project(base.t, base.q, base.u, base.choice)
     N, W = spinning(system, base)
     M = N @ system.mass(base.sizes) @ N.T
     f_y, f_v, f_p = np.split(beside.slopes(found.du[:, which]), [n, 2 * n], axis=1)
@@ -167,11 +163,11 @@ def at_rest(system: SpatialSystem, t: float, q: np.ndarray) -> tuple[tuple[str, 
     from scipy.linalg import block_diag
 
     choice, still = choose(system, q, prefer=True), np.zeros(system.speeds)
-    base = system.settle(t, q, still, choice)
+    base = system.project(t, q, still, choice)
     N, M = system.basis(choice).copy(), system.mass(base.sizes).copy()
     sections, axes, moved = system.work.sections.copy(), system.work.axes.copy(), []
     for row in N:
-        system.settle(t, base.q, row, choice)
+        system.project(t, base.q, row, choice)
         moved.append(system.work.sections - sections)
     K = np.zeros_like(M)
     K[np.ix_(system.modal_speeds, system.modal_speeds)] = block_diag(*(
@@ -208,6 +204,6 @@ def _parts(
 
 def _turned(phi: np.ndarray) -> np.ndarray:
     """H of the rates H omega of a rotation vector, see :func:`kaneflex.multibody.spatial_bushings.cushion`."""
-    theta, cross = np.linalg.norm(phi), _cross(phi)
+    theta, cross = np.linalg.norm(phi), skew(phi)
     curved = (1.0 - 0.5 * theta / np.tan(0.5 * theta)) / theta**2 if theta > 1e-4 else 1.0 / 12.0
     return np.eye(3) - 0.5 * cross + curved * cross @ cross

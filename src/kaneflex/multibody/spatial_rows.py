@@ -31,8 +31,9 @@ from kaneflex.multibody import (
 from kaneflex.multibody.spatial_collocation import collocate
 from kaneflex.multibody.spatial_dynamics import advance, basis, close, coordinate_rates, exerted, pass_on
 from kaneflex.multibody.spatial_forces import demand
-from kaneflex.multibody.spatial_instant import DONE, GROWN, OPEN, complete, courses, settle
+from kaneflex.multibody.spatial_instant import DONE, GROWN, OPEN, complete, courses, project
 from kaneflex.multibody.spatial_kinematics import partials, place
+from kaneflex.multibody.spatial_stiffness import powers
 from kaneflex.multibody.tables import OPTIONS, OUTER, apart, larger
 from kaneflex.support.fingerprint import made_of
 
@@ -106,7 +107,7 @@ def followed(m, choice, k, law, times, out):
             reached = not steps > 1.0
             t = times[i] if reached else t + (times[i] - t) / steps
             taken += 1
-            law.now[0], law.now[1] = t, settle(m, choice, k, law, t)
+            law.now[0], law.now[1] = t, project(m, choice, k, law, t)
             if law.now[1] == DONE and _grown(choice, k.u):
                 law.now[1] = GROWN
             if law.now[1] != DONE:
@@ -125,14 +126,14 @@ def near(m, choice, k, law, times, given, out):
             k.q[j] = given[i, j]
         for j in range(len(k.u)):
             k.u[j] = given[i, len(k.q) + j]
-        law.now[0], law.now[1] = times[i], settle(m, choice, k, law, times[i])
+        law.now[0], law.now[1] = times[i], project(m, choice, k, law, times[i])
         if law.now[1] != DONE:
             return i
         store(m, choice, k, out[i])
     return len(times)
 
 
-PLACE, CLOSE, SETTLE, EXERT, PASS_ON, BASIS, RATES, ADVANCE, DEMAND, FOLLOW, NEAR, COLLOCATE = range(12)
+PLACE, CLOSE, PROJECT, EXERT, PASS_ON, BASIS, RATES, ADVANCE, DEMAND, FOLLOW, NEAR, COLLOCATE = range(12)
 """What :func:`compute` does."""
 
 
@@ -144,8 +145,8 @@ def _computed(what, m, choice, k, law, times, given, out):
         partials(m, k)
     elif what == CLOSE:
         return DONE if close(m, k.q, k, choice) else OPEN
-    elif what == SETTLE:
-        outcome = settle(m, choice, k, law, times[0])
+    elif what == PROJECT:
+        outcome = project(m, choice, k, law, times[0])
         if outcome == DONE:
             complete(m, k)
         return outcome
@@ -157,6 +158,7 @@ def _computed(what, m, choice, k, law, times, given, out):
         basis(k, choice)
     elif what == RATES:
         coordinate_rates(m, k.q, k.u, out[0])
+        powers(m, choice, k, law.steps.C, out[1])
     elif what == ADVANCE:
         for i in range(len(given)):
             advance(m, out[i], given[i])

@@ -40,7 +40,7 @@ def start_of(system: SpatialSystem) -> State:
     for k in choice.independent:
         u[k] = given.get(int(k), 0.0)
     try:
-        state = system.settle(0.0, q, u, choice)
+        state = system.project(0.0, q, u, choice)
     except ArithmeticError as reason:
         _check_inertia(system, choice)
         raise SceneError(

@@ -58,7 +58,7 @@ def _reduced(choice, full, out, room):
 
 @njit(**OPTIONS)
 def reduce(m, choice, k, s):
-    """M, K and C of the independent speeds where the mechanism settled."""
+    """M, K and C of the independent speeds where the mechanism was projected."""
     apart()
     x = k.x
     _reduced(choice, k.M, s.M, choice.step)
@@ -84,7 +84,7 @@ def reduce(m, choice, k, s):
 
 @njit(**OPTIONS)
 def powers(m, choice, k, C, out):
-    """Dissipated by dampers, supplied by loads and prescribed drives [W], where the mechanism settled.
+    """Dissipated by dampers, supplied by loads and prescribed drives [W], where the mechanism was projected.
 
     What bodies ask for along all speeds, as these go, is what prescribed drives give: joints do no work, and along
     independent speeds nothing is asked for. M x stands for the accelerations that were unknown when h was found.

@@ -26,8 +26,8 @@ from kaneflex.multibody.spatial_rows import (
     NEAR,
     PASS_ON,
     PLACE,
+    PROJECT,
     RATES,
-    SETTLE,
     compute,
     compute_coupled,
 )  # fmt: skip
@@ -112,7 +112,7 @@ class SpatialSystem:
         q[:] = self.work.q
         return closes
 
-    def settle(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
+    def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
         """The state at t [s] near q with the independent ones of the speeds u; ``work`` stands and moves like that.
 
         Prescribed drives are put where they are, loops closed, dependent speeds tied: then loads know what they ask of
@@ -124,11 +124,11 @@ class SpatialSystem:
             If a loop does not close, or the rates are not determined; it says which.
         """
         self.work.q[:], self.work.u[:] = q, u
-        check(self._compute(SETTLE, choice, np.array([t])))
+        check(self._compute(PROJECT, choice, np.array([t])))
         return self.state(t, choice)
 
     def state(self, t: float, choice: Choice) -> State:
-        """Where ``work`` stands after it settled at t [s]."""
+        """Where ``work`` stands after :meth:`project` at t [s]."""
         k = self.work
         return State(t, k.q.copy(), k.u.copy(), k.du.copy(), k.sizes.copy(), choice)
 
@@ -147,7 +147,7 @@ class SpatialSystem:
         Raises
         ------
         ArithmeticError
-            As :meth:`settle` does; it has the time for a second argument.
+            As :meth:`project` does; it has the time for a second argument.
         """
         if self._compute(NEAR, choice, times, given, out) < len(times):
             t, outcome = self._laws.now.tolist()
@@ -159,7 +159,7 @@ class SpatialSystem:
         return compute_coupled(COLLOCATE, self.tables, choice, self.work, laws, times, _NO_ROWS, out)
 
     def row(self, state: State) -> np.ndarray:
-        """What is kept of an instant where ``work`` is as :meth:`settle` left it, (n,)."""
+        """What is kept of an instant where ``work`` is as :meth:`project` left it, (n,)."""
         self._compute(EXERT, state.choice)
         return self.work.kept.copy()
 
@@ -170,12 +170,6 @@ class SpatialSystem:
     def gaps(self) -> np.ndarray:
         """How far off every row is where ``work`` stands, in rad or sizes of the mechanism."""
         return abs(self.work.rows[:, 0]) / self.row_measure
-
-    def exerted(self, state: State) -> np.ndarray:
-        """What is exerted along every speed beyond loads, springs and cuts, where ``work`` is as :meth:`settle` left
-        it."""
-        self._compute(EXERT, state.choice)
-        return self.work.along
 
     def passed_on(self, multipliers: np.ndarray) -> Instants:
         """What multipliers of the rows alone exert by joints, where ``work`` stands."""
@@ -190,12 +184,12 @@ class SpatialSystem:
         self._compute(DEMAND)
         return self.work.M
 
-    def coordinate_rates(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """q' of speeds."""
-        out = np.zeros((1, self.coordinates))
-        self.work.q[:], self.work.u[:] = q, u
-        self._compute(RATES, out=out)
-        return out[0]
+    def rates(self, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
+        """q', and what dampers dissipate and what loads and prescribed drives supply [W], where ``work`` is as
+        :meth:`project` left it."""
+        out = np.zeros((2, max(self.coordinates, 2)))
+        self._compute(RATES, choice, out=out)
+        return out[0, : self.coordinates], out[1, :2]
 
     def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Coordinates (n, coordinates) of q moved by steps (n, speeds) of the speeds; a ball turns in its axes."""
@@ -264,11 +258,6 @@ class SpatialSystem:
     def modal_coordinates(self) -> np.ndarray:
         """Those of the bodies' shapes."""
         return self._shapes(COORDINATE)
-
-    @property
-    def modal_omega(self) -> np.ndarray:
-        """Circular frequencies of the bodies' shapes, each by itself [rad/s]."""
-        return np.concatenate([np.zeros(0), *(shapes.omega for shapes in self.layout.shapes.values())])
 
     def _shapes(self, what: int) -> np.ndarray:
         of = self.tables.nodes[self.tables.nodes[:, KIND] == SHAPES]

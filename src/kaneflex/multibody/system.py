@@ -154,17 +154,6 @@ class CoupledSystem:
         frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
         return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps, frictions)
 
-    def settle(self, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded | None:
-        """The state at t [s] with its loops closed, accelerations and reactions; None at a singular state.
-
-        Of a state off the constraints the tree's independent coordinates are kept.
-        """
-        self.fold(q, v)
-        self.engine.choose(t)
-        if not self.engine.settle(t):
-            return None
-        return self.unfold(self.engine.row(t)[None])
-
     def held(
         self, times: np.ndarray, q: np.ndarray, v: np.ndarray, still: np.ndarray, begun: np.ndarray | None = None
     ) -> Unfolded:

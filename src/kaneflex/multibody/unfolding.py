@@ -11,7 +11,7 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody import holds, powers
 from kaneflex.multibody.acting import rests
 from kaneflex.multibody.contacts import stand_closed
-from kaneflex.multibody.loops import bent, follow, gradient, orientation, settle_now, stand
+from kaneflex.multibody.loops import bent, follow, gradient, orientation, project_now, stand
 from kaneflex.multibody.rows import give, row_size, standing, stands, take, works_at
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSES, CUT, CUTS, DRIVES,
@@ -164,7 +164,7 @@ def states(m, times, count, q, v, first, held, rows):
             k = m.plan[CONTACT] + CONTACT_SIZE * c
             if m.acts[m.plan[CONTACTS] + c, LAW] == NEWTON and (m.w[k + BEGUN_AT] != 0.0) != (m.w[k + SHUT] != 0.0):
                 return row
-        done = settle_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
+        done = project_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
         if not (done and (held or stand_closed(m, t, m.real))):
             return row
         give(m, t, out)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kaneflex.peers.buildable import check_buildable, cycles_to_steady_state, has_elastic
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.peers.exudyn_spatial import Built as SpatialBuilt
     from kaneflex.peers.exudyn_system import Built
+    from kaneflex.peers.readings import Recorder
     from kaneflex.scene import Scene
 
 _NEWTON_TOLERANCE = 1e-6
@@ -55,39 +56,27 @@ def solve(
     model = load(with_settings(scene, [f"solve.preset={preset}"]), progress)
     progress("building the scene in Exudyn")
     steps = resolution.steps or 4 * model.options.steps
+    build, recorder_of = _planar_or_spatial(scene)
+    built = build(exudyn, model, resolution)
+    recorder = recorder_of(model, built)
+    rigid = scene.is_spatial and not has_elastic(scene)
+    cycles = 1 if rigid else cycles_to_steady_state(scene, model.options)
+    progress("solving in Exudyn")
+    seconds = _run(built, model, steps, cycles)
+    values, missing = recorder.read((cycles - 1) * model.step * model.options.steps)
+    notes = built.notes if rigid else (*built.notes, *_run_notes(model, cycles))
+    return Curves(recorder.times, values, missing, notes, seconds)
+
+
+def _planar_or_spatial(scene: Scene) -> tuple[Callable[..., Any], Callable[..., Recorder]]:
+    """What builds a scene, and what reads its sensors."""
     if scene.is_spatial:
-        return _solve_in_space(exudyn, model, resolution, steps, progress)
-    from kaneflex.peers.exudyn_system import build
-    from kaneflex.peers.readings import Recorder
+        from kaneflex.peers import exudyn_spatial, spatial_readings
 
-    built = build(exudyn, model, resolution)
-    recorder = Recorder(model, built)
-    cycles = cycles_to_steady_state(scene, model.options)
-    progress("solving in Exudyn")
-    seconds = _run(built, model, steps, cycles)
-    values, missing = recorder.read((cycles - 1) * model.step * model.options.steps)
-    return Curves(recorder.times, values, missing, _notes(model, built, cycles), seconds)
+        return exudyn_spatial.build, spatial_readings.SpatialRecorder
+    from kaneflex.peers import exudyn_system, readings
 
-
-def _solve_in_space(
-    exudyn: ModuleType, model: Model, resolution: Resolution, steps: int, progress: Callable[[str], None]
-) -> Curves:
-    """:func:`solve` of a mechanism in space."""
-    from kaneflex.peers.exudyn_spatial import build
-    from kaneflex.peers.spatial_readings import SpatialRecorder
-
-    built = build(exudyn, model, resolution)
-    recorder = SpatialRecorder(model, built)
-    cycles = cycles_to_steady_state(model.scene, model.options) if built.links else 1
-    progress("solving in Exudyn")
-    seconds = _run(built, model, steps, cycles)
-    values, missing = recorder.read((cycles - 1) * model.step * model.options.steps)
-    notes = ["rigid bodies with Euler parameters, joints by multipliers at index 3, generalised-alpha"]
-    if built.links:
-        count = max(len(chain.elements) for chain in built.links.values())
-        notes += [f"{count} geometrically exact beam elements a link, which know shear and rotary inertia"]
-        notes += _run_notes(model, cycles)
-    return Curves(recorder.times, values, missing, tuple(notes), seconds)
+    return exudyn_system.build, readings.PlanarRecorder
 
 
 def check(scene: Scene) -> ModuleType:
@@ -101,12 +90,6 @@ def check(scene: Scene) -> ModuleType:
         raise SceneError("--with", "exudyn", "the package exudyn is not installed", cure) from None
     check_buildable(scene)
     return exudyn
-
-
-def _notes(model: Model, built: Built, cycles: int) -> tuple[str, ...]:
-    count = max(map(len, built.elements.values()), default=0)
-    elements = f"{count} ANCF cable elements a link, nonlinear, joints at index 3, generalised-alpha"
-    return (elements, *_run_notes(model, cycles))
 
 
 def _run_notes(model: Model, cycles: int) -> list[str]:

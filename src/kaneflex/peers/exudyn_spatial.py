@@ -87,6 +87,15 @@ class Built:
         """What carries a point, as :class:`Bodies` call it: a rigid body, or an elastic link's node there."""
         return f"{body}@{self.links[body].node_at(at[0])}" if body in self.links else body
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How it differs from the scene as it is written."""
+        rigid = "rigid bodies with Euler parameters, joints by multipliers at index 3, generalised-alpha"
+        if not self.links:
+            return (rigid,)
+        count = max(len(chain.elements) for chain in self.links.values())
+        return rigid, f"{count} geometrically exact beam elements a link, which know shear and rotary inertia"
+
 
 def build(exudyn: ModuleType, model: Model, resolution: Resolution) -> Built:
     """All of a scene in space in a system of its own, at the places and speeds of the rigid mechanism at t = 0."""
@@ -126,8 +135,7 @@ class _Builder:
 
     def _stands(self, body: str) -> np.ndarray:
         """Axes of a body at the start, (3, 3)."""
-        frame = self.start.frame(body)
-        return np.column_stack([frame.to_global(axis)[:, 0] for axis in np.eye(3)])
+        return SpatialFrame(self.start, body).axes[..., 0]
 
     def _place(self, side: Side) -> np.ndarray:
         return self.start.frame(side.body).place(side.at)[:, 0]

@@ -45,6 +45,12 @@ class Built:
     joints: dict[str, int]
     drives: dict[str, int]
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How it differs from the scene as it is written."""
+        count = max(map(len, self.elements.values()), default=0)
+        return (f"{count} ANCF cable elements a link, nonlinear, joints at index 3, generalised-alpha",)
+
 
 def build(exudyn: ModuleType, model: Model, resolution: Resolution) -> Built:
     """All of a scene in a system of its own, at the places and speeds of the rigid mechanism at t = 0."""

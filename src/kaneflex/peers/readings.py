@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -13,23 +13,66 @@ from kaneflex.scene.sensors import Sensor
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
+    from kaneflex.peers.exudyn_spatial import Built as SpatialBuilt
     from kaneflex.peers.exudyn_system import Built
 
 NO_COUNTERPART = "the peer has no counterpart"
+NOT_SHARED = "there is no rigid motion that both share"
 _RATES = ("Coordinates", "Coordinates_t", "Coordinates_tt")
 
 
 class Recorder:
-    """Puts Exudyn's sensors in before a run and evaluates the scene's sensors after it."""
+    """Puts Exudyn's sensors in before a run and evaluates the scene's sensors after it.
 
-    def __init__(self, model: Model, built: Built):
+    A subclass has a method ``_KIND`` for every kind of sensor that it reads: values (n_times,), or why there are none.
+    """
+
+    def __init__(self, model: Model, built: Built | SpatialBuilt):
         import exudyn.itemInterface as items
 
-        self.model, self.scene, self.built, self.items = model, model.scene, built, items
+        self.model, self.scene, self.items, self.system = model, model.scene, items, built.system
+        self.variables, self.recorded = built.exudyn.OutputVariableType, list[int]()
+        self.free = bool(self.scene.floating) or any(drive.kind == "free" for drive in self.scene.drives.values())
+        self.times, self.window = np.zeros(0), slice(None)
+
+    def _record(self, kind: type, variable: str, **where: object) -> int:
+        quantity = getattr(self.variables, variable)
+        item = kind(outputVariableType=quantity, storeInternal=True, writeToFile=False, **where)
+        self.recorded.append(self.system.AddSensor(item))
+        return self.recorded[-1]
+
+    def read(self, since: float) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+        """Values of the sensors from the time ``since`` [s] on, which becomes 0, and what can't be read and why."""
+        times = self.system.GetSensorStoredData(self.recorded[0])[:, 0]  # all are stored at the same instants
+        self.window = times >= since - 0.5 * self.model.step
+        self.times = times[self.window] - since
+        self.rigid: RigidMotion = self.model.motion.at(self.times)
+        values, missing = {}, {}
+        for name, sensor in self.scene.sensors.items():
+            found = self._read(sensor)
+            if isinstance(found, str):
+                missing[name] = found
+            else:
+                values[name] = found
+        return values, missing
+
+    def _read(self, sensor: Sensor) -> np.ndarray | str:
+        method = getattr(self, f"_{sensor.kind}", None)
+        return NO_COUNTERPART if method is None else cast("np.ndarray | str", method(sensor))
+
+    def _stored(self, number: int) -> np.ndarray:
+        return self.system.GetSensorStoredData(number)[self.window, 1:].T
+
+
+class PlanarRecorder(Recorder):
+    """Of a scene in the plane."""
+
+    def __init__(self, model: Model, built: Built):
+        super().__init__(model, built)
+        self.built, items = built, self.items
         kinds = {sensor.kind for sensor in self.scene.sensors.values()}
         rates = _RATES if kinds & {"velocity", "acceleration"} else _RATES[:1]
         cut = bool(kinds & {"axial_force", "bending_moment", "strain"})
-        self.free = any(drive.kind == "free" for drive in self.scene.drives.values())
         self.nodes = {
             (node, rate): self._record(items.SensorNode, rate, nodeNumber=node)
             for nodes in built.nodes.values()
@@ -51,8 +94,6 @@ class Recorder:
             item: self._record(items.SensorObject, "Force", objectNumber=item)
             for item in (*built.drives.values(), *revolute)
         }
-        self.times = np.zeros(0)
-        self.window = slice(None)
 
     def _size(self, link: str) -> float:
         return self._length(link) / len(self.built.elements[link])
@@ -62,33 +103,6 @@ class Recorder:
         assert length is not None
         return length
 
-    def _record(self, kind: type, variable: str, **where: object) -> int:
-        quantity = getattr(self.built.exudyn.OutputVariableType, variable)
-        item = kind(outputVariableType=quantity, storeInternal=True, writeToFile=False, **where)
-        return self.built.system.AddSensor(item)
-
-    def read(self, since: float) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-        """Values of the sensors from the time ``since`` [s] on, which becomes 0, and what can't be read and why."""
-        times = self.built.system.GetSensorStoredData(next(iter(self.nodes.values())))[:, 0]
-        self.window = times >= since - 0.5 * self.model.step
-        self.times = times[self.window] - since
-        self.rigid: RigidMotion = self.model.motion.at(self.times)
-        values, missing = {}, {}
-        for name, sensor in self.scene.sensors.items():
-            found = self._read(sensor)
-            if isinstance(found, str):
-                missing[name] = found
-            else:
-                values[name] = found
-        return values, missing
-
-    def _stored(self, number: int) -> np.ndarray:
-        return self.built.system.GetSensorStoredData(number)[self.window, 1:].T
-
-    def _read(self, sensor: Sensor) -> np.ndarray | str:
-        method = getattr(self, f"_{sensor.kind}", None)
-        return NO_COUNTERPART if method is None else method(sensor)
-
     # ---- motion -----------------------------------------------------------------------------------------------
 
     def _coordinates(self, node: int, order: int) -> np.ndarray:
@@ -96,9 +110,8 @@ class Recorder:
         stored = self._stored(self.nodes[node, _RATES[order]])
         if order:
             return stored
-        system = self.built.system
-        reference = system.GetNodeOutput(
-            node, self.built.exudyn.OutputVariableType.Coordinates, self.built.exudyn.ConfigurationType.Reference
+        reference = self.system.GetNodeOutput(
+            node, self.variables.Coordinates, self.built.exudyn.ConfigurationType.Reference
         )
         return stored + np.asarray(reference)[:, None]
 
@@ -148,8 +161,7 @@ class Recorder:
         if sensor.component == "angle":
             return NO_COUNTERPART
         if self.free:
-            no_frame = "there is no rigid motion that both share"
-            return self._off_chord(sensor) if sensor.relative_to == "chord" and sensor.axes == "body" else no_frame
+            return self._off_chord(sensor) if sensor.relative_to == "chord" and sensor.axes == "body" else NOT_SHARED
         gap = self._gap(address)
         if sensor.relative_to != "frame":
             start = self._gap(Address(address.body, "start"))

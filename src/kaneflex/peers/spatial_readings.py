@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.planar import GROUND, whole_turns
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.peers.exudyn_spatial import OF_BODIES, Bodies
-from kaneflex.peers.readings import NO_COUNTERPART, address_of
+from kaneflex.peers.readings import NOT_SHARED, Recorder, address_of
 from kaneflex.response.spatial_sensors import displacement_of, strain_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
@@ -23,15 +23,14 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.peers.exudyn_spatial import Built
 
-class SpatialRecorder:
-    """Puts Exudyn's sensors in before a run and evaluates the scene's sensors after it."""
+
+class SpatialRecorder(Recorder):
+    """Of a scene in space."""
 
     def __init__(self, model: Model, built: Built):
-        import exudyn.itemInterface as items
-
-        self.model, self.scene, self.built, self.items = model, model.scene, built, items
+        super().__init__(model, built)
+        self.built, items = built, self.items
         self.mechanism, self.start = spatial_mechanism_of(model.scene), model.motion.at(0.0)
-        self.free = bool(self.scene.floating) or any(drive.kind == "free" for drive in self.scene.drives.values())
         self.bodies = {
             (name, variable): self._record(
                 items.SensorBody, variable, bodyNumber=number, localPosition=-self.mechanism.bodies[name].centre
@@ -59,41 +58,24 @@ class SpatialRecorder:
             for quantity, there in (("ForceLocal", spring.joint is None), ("TorqueLocal", spring.joint is not None))
             if there or spring.is_bushing
         }
-        self.moved, self.window = Bodies(np.zeros(0)), slice(None)
 
-    def _record(self, kind: type, variable: str, **where: object) -> int:
-        quantity = getattr(self.built.exudyn.OutputVariableType, variable)
-        item = kind(outputVariableType=quantity, storeInternal=True, writeToFile=False, **where)
-        return self.built.system.AddSensor(item)
-
-    def read(self, since: float) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-        """Values of the sensors from the time ``since`` [s] on, which becomes 0, and what can't be read and why."""
-        first = next(iter((self.bodies | self.nodes).values()))
-        times = self.built.system.GetSensorStoredData(first)[:, 0]
-        self.window = times >= since - 0.5 * self.model.step
-        self.moved = Bodies(times[self.window] - since)
-        self.rigid = self.model.motion.at(self.moved.times)
+    @cached_property
+    def moved(self) -> Bodies:
+        """What Exudyn's bodies did."""
+        moved = Bodies(self.times)
         for body in self.built.bodies:
             if body != GROUND:
-                self.moved.put(body, partial(self._of_body, body))
+                moved.put(body, self._of(self.bodies, body))
         for link, node in {key[:2] for key in self.nodes}:
-            self.moved.put(f"{link}@{node}", partial(self._of_node, link, node), self.built.links[link].places[node])
-        values, missing = {}, {}
-        for name, sensor in self.scene.sensors.items():
-            found = self._read(sensor)
-            if isinstance(found, str):
-                missing[name] = found
-            else:
-                values[name] = found
-        return values, missing
+            moved.put(f"{link}@{node}", self._of(self.nodes, link, node), self.built.links[link].places[node])
+        return moved
+
+    def _of(self, numbers: Mapping[tuple, int], *what: object) -> Callable[[str], np.ndarray]:
+        return lambda variable: self._stored(numbers[*what, variable])
 
     def _read(self, sensor: Sensor) -> np.ndarray | str:
-        method = getattr(self, f"_{sensor.kind}", None)
-        if method is None:
-            return NO_COUNTERPART
-        if self.free and (sensor.kind == "displacement" or self._axes_of(sensor) in self.built.links):
-            return "there is no rigid motion that both share"
-        return cast(np.ndarray, method(sensor))
+        unknown = sensor.kind == "displacement" or self._axes_of(sensor) in self.built.links
+        return NOT_SHARED if self.free and unknown and hasattr(self, f"_{sensor.kind}") else super()._read(sensor)
 
     def _axes_of(self, sensor: Sensor) -> str | None:
         """The body whose axes a vector is read in."""
@@ -102,20 +84,6 @@ class SpatialRecorder:
         if sensor.kind == "joint_force":
             return sensor.body or self.scene.joints[str(sensor.target)].addresses[1].body
         return sensor.target.body if isinstance(sensor.target, Address) else None
-
-    def _of_body(self, body: str, variable: str) -> np.ndarray:
-        return self._stored(self.bodies[body, variable])
-
-    def _of_node(self, link: str, node: int, variable: str) -> np.ndarray:
-        return self._stored(self.nodes[link, node, variable])
-
-    def _stored(self, number: int) -> np.ndarray:
-        return self.built.system.GetSensorStoredData(number)[self.window, 1:].T
-
-    @property
-    def times(self) -> np.ndarray:
-        """Instants [s], (n_times,)."""
-        return self.moved.times
 
     def _frame(self, body: str, at: Sequence[float]) -> SpatialFrame:
         """The axes that carry a point of a body."""
@@ -192,8 +160,7 @@ class SpatialRecorder:
             return slide_of(joint, first, second)
         angle, rate, accel = turn_of(joint, first, second, self.mechanism.relative(joint))
         angle = np.unwrap(angle)
-        whole = np.round((float(self.start[f"{name}.angle"][0]) - angle[0]) / (2.0 * np.pi))
-        return angle + 2.0 * np.pi * whole, rate, accel
+        return angle + whole_turns(self.start[f"{name}.angle"][0] - angle[0]), rate, accel
 
     def _position(self, sensor: Sensor) -> np.ndarray:
         return self._point(sensor, 0)
@@ -208,11 +175,8 @@ class SpatialRecorder:
         """Axes of a joint's frame as its first and its second body carry them, columns of (3, 3, n_times)."""
         sides = self.mechanism.joints[name].sides
         return [np.einsum("ijt,jk->ikt", self._frame(side.body, side.at).axes,
-                          self._begins(side.body).T @ self.built.frames[name]) for side in sides]  # fmt: skip
-
-    def _begins(self, body: str) -> np.ndarray:
-        frame = self.start.frame(body)
-        return np.column_stack([frame.to_global(axis)[:, 0] for axis in np.eye(3)])
+                          SpatialFrame(self.start, side.body).axes[..., 0].T @ self.built.frames[name])
+                for side in sides]  # fmt: skip
 
     def _drive_torque(self, sensor: Sensor) -> np.ndarray:
         return -self._stored(self.joints[str(sensor.target), "TorqueLocal"])[0]

@@ -38,7 +38,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     rigid = model.motion.at(np.full(count, model.reference_time))
     still = rigid_outline(model.scene, rigid, fixed)
     positive, negative = (_deflected(model, rigid, fixed, sign * shapes, still) for sign in (1.0, -1.0))
-    figure, panels = _panels(count, fixed.size, (still, positive, negative), fixed)
+    figure, panels = _panels(count, (still, positive, negative), fixed)
     figure.suptitle(title_at_reference(solution))
     for k, axes in enumerate(panels):
         draw_scenery(axes, fixed)
@@ -68,7 +68,7 @@ def _shift(moved: Outline, still: Outline, link: str) -> np.ndarray:
     return np.hypot(*np.moveaxis(moved.links[link] - still.links[link], -1, 0)).max(axis=1)
 
 
-def _panels(count: int, size: float, outlines: tuple[Outline, ...], fixed) -> tuple[Figure, list]:
+def _panels(count: int, outlines: tuple[Outline, ...], fixed) -> tuple[Figure, list]:
     """Panels side by side or one above the other, whichever suits the mechanism's shape."""
     probe = Figure().subplots()
     width, height = frame_axes(probe, list(outlines), fixed)

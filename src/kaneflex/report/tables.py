@@ -90,13 +90,14 @@ def unit_and_factor(unit: str, largest: float) -> tuple[str, float]:
     return _FOR_PEOPLE.get(unit, (unit, 1.0))
 
 
+def _when(instant: Instant) -> str:
+    """The drive's angle [deg], or the time [s] where there is none."""
+    return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
+
+
 def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
     unit, number = unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))
-
-    def where(instant: Instant) -> str:
-        return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
-
-    lowest, highest = where(entry.at_min), where(entry.at_max)
+    lowest, highest = _when(entry.at_min), _when(entry.at_max)
     mean = 0.0 if abs(entry.mean) < _NOTHING * entry.rms else entry.mean
     return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(mean), number(entry.rms))
 
@@ -148,13 +149,10 @@ def friction_table(summary: Summary) -> str:
 
 def stress_table(summary: Summary) -> str:
     """The largest stress in every link, and where it is."""
-    when, rows = "s", []
+    rows, when = [], "deg" if any(each.at.drive_deg is not None for each in summary.stresses.values()) else "s"
     for name, stress in summary.stresses.items():
         share = "" if stress.utilisation is None else f"{100.0 * stress.utilisation:.3g}"
-        at = f"{stress.at.time_s:.5g}"
-        if stress.at.drive_deg is not None:
-            when, at = "deg", f"{stress.at.drive_deg:.1f}"
-        rows.append((name, f"{1e-6 * stress.largest:.4g}", f"{1e3 * stress.x_m:.5g}", at, share))
+        rows.append((name, f"{1e-6 * stress.largest:.4g}", f"{1e3 * stress.x_m:.5g}", _when(stress.at), share))
     head = ("link", "largest stress MPa", "at mm", f"at {when}", "% of yield_strength")
     held_against = any(stress.utilisation is not None for stress in summary.stresses.values())
     return table(head, rows) if held_against else table(head[:-1], [row[:-1] for row in rows])

@@ -20,6 +20,7 @@ from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
+from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.response.dalembert import Balanced, balanced
@@ -242,7 +243,7 @@ class CoupledMotion(Motion):
         if loose.direction is None:
             return np.array([x, y, angle])
         along = rotate(np.cos(first[2]), np.sin(first[2]), loose.direction)
-        tilt = np.remainder(angle + np.pi, 2 * np.pi) - np.pi  # bodies may start whole turns apart
+        tilt = wrapped(angle)  # bodies may start whole turns apart
         return np.array([along[0] * x + along[1] * y, along[0] * y - along[1] * x, tilt])
 
     def friction(self, name: str) -> np.ndarray:
@@ -302,11 +303,6 @@ class CoupledMotion(Motion):
         fixed = interfaces.displaced[node] in interfaces.fixed
         clamped = interfaces.turned[node] in interfaces.clamped
         return [0, 1] * fixed + [2] * clamped
-
-    def _in_axes(self, body: str, moved: Rates) -> Rates:
-        """Of a global displacement its components in the rigid body's axes, and the rates of these."""
-        local = self.rigid.frame(body).components(*(part[:2] for part in moved))
-        return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
 
     @cached_property
     def coordinates(self) -> Rates:

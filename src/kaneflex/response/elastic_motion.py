@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.deformation import Deformation, deform, follow
@@ -38,15 +37,6 @@ class ElasticMotion(Motion):
     solver: Solver | None = field(default=None, kw_only=True)
 
     @property
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.coordinates[:2]
-
-    @property
-    def energy(self) -> Energy | None:
-        """That of the rigid mechanism, where free joints were integrated."""
-        return self.model.energy
-
-    @property
     def has_rigid_forces(self) -> bool:
         """Not in a structure that stands still, whose supports may be redundant."""
         return not self.model.scene.is_frame
@@ -63,8 +53,7 @@ class ElasticMotion(Motion):
         if model.frame is None or body not in model.frame.bodies:
             return self._still()
         moved = follow(model, self.rigid, self._displaced.coordinates, model.frame.body_point(body, at))
-        local = self.rigid.frame(body).components(*(part[:2] for part in moved))
-        return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
+        return self._in_axes(body, moved)
 
     def nodes(self, link: str, rate: int = 0) -> np.ndarray:
         """As :meth:`Motion.nodes`; rate 1: their velocities there."""

@@ -45,14 +45,14 @@ class Motion(ABC):
         return self.rigid.times
 
     @property
-    @abstractmethod
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """What :func:`kaneflex.solve.initial.start_coordinates` names, and its rates, each (n, n_times)."""
+        return self.coordinates[:2]
 
     @property
-    @abstractmethod
     def energy(self) -> Energy | None:
-        """Energy of the run, where it was integrated with the motion."""
+        """Energy of the run, where it was integrated with the motion; of one-way presets the rigid mechanism's."""
+        return self.model.energy
 
     @property
     @abstractmethod
@@ -147,6 +147,11 @@ class Motion(ABC):
             return frame.place(at)
         d = self.displacement(body, at)[0][: len(at)]
         return frame.place(np.reshape(at, (-1, 1)) + d)
+
+    def _in_axes(self, body: str, moved: Rates) -> Rates:
+        """Of a global displacement its components in the rigid body's axes, and the rates of these."""
+        local = self.rigid.frame(body).components(*(part[:2] for part in moved))
+        return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
 
     def _still(self) -> Rates:
         """The displacement of what does not deform, nor is carried by what does."""

@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Rates, rotate_back
+from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate_back
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.section_forces import joint_force
 from kaneflex.scene.quantities import Address
@@ -112,9 +112,14 @@ class Reader:
         return self._moved[address]
 
     def _point(self, address: Address) -> Rates:
-        """Place of a displaced point in its body's axes and its rates there, (2, n_times)."""
-        d, d_rate, d_accel = (part[:2] for part in self._elastic(address))
-        return np.reshape(self.scene.point(address), (2, 1)) + d, d_rate, d_accel
+        """Place of a displaced point in its body's axes and its rates there, (2 or 3, n_times)."""
+        at = self.scene.point(address)
+        d, d_rate, d_accel = (part[: len(at)] for part in self._elastic(address))
+        return np.reshape(at, (-1, 1)) + d, d_rate, d_accel
+
+    def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
+        """What a displacement, or a rate of it, adds to a body's turn, global."""
+        return moved[2]
 
     def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
         """The component that a sensor reads of a global vector, or the angle."""
@@ -179,15 +184,15 @@ class Reader:
     def _velocity(self, sensor: Sensor) -> np.ndarray:
         frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
         velocity = frame.velocity(*self._point(address_of(sensor))[:2])
-        return self._component(sensor, velocity, frame.omega + moved[1][2])
+        return self._component(sensor, velocity, frame.omega + self._turn(frame, moved[1]))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
         """That of the displaced point; an accelerometer reads a - g."""
         frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
         acceleration = frame.acceleration(*self._point(address_of(sensor)))
         if sensor.reading == "accelerometer":
-            acceleration -= np.array(self.scene.gravity)[:, None]
-        return self._component(sensor, acceleration, frame.epsilon + moved[2][2])
+            acceleration = acceleration - np.reshape(self.scene.vector(self.scene.gravity), (-1, 1))
+        return self._component(sensor, acceleration, frame.epsilon + self._turn(frame, moved[2]))
 
     # ---- forces -----------------------------------------------------------------------------------------------
 

@@ -9,7 +9,6 @@ from typing import cast
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.spatial_motion import SpatialMotion
@@ -37,14 +36,6 @@ class SpatialCoupledMotion(Motion):
             np.array([self.rigid[f"{body}.shape_{k}{tail}"] for k in range(count)]).reshape(-1, len(self.times))
             for tail in ("", "_rate", "_accel")
         ))  # fmt: skip
-
-    @property
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.coordinates[:2]
-
-    @property
-    def energy(self) -> Energy | None:
-        return self.model.energy
 
     @property
     def has_rigid_forces(self) -> bool:

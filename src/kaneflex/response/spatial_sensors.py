@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.body_frame import BodyFrame, Rates
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_rates
 from kaneflex.multibody.spatial_motion import SpatialMotion
@@ -60,9 +60,8 @@ class SpatialReader(Reader):
     vectors, of which ``angle_x`` and so on are components.
     """
 
-    def _point(self, address: Address) -> Rates:
-        d, d_rate, d_accel = (part[:3] for part in self._elastic(address))
-        return np.reshape(self.scene.point(address), (3, 1)) + d, d_rate, d_accel
+    def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
+        return frame.to_global(moved[3:])
 
     def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
         """The component that a sensor reads of a global vector, or of a rotation's, global, too."""
@@ -147,21 +146,12 @@ class SpatialReader(Reader):
         return rigid[0] + change[0], rigid[1] + change[1], rigid[2] + change[2]
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
-        if address_of(sensor).body in self.scene.joints:
-            return self._joint(sensor)[1]
-        frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
-        velocity = frame.velocity(*self._point(address_of(sensor))[:2])
-        return self._component(sensor, velocity, frame.omega + frame.to_global(moved[1][3:]))
+        of_joint = address_of(sensor).body in self.scene.joints
+        return self._joint(sensor)[1] if of_joint else super()._velocity(sensor)
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
-        """That of the displaced point, of which an accelerometer reads a - g; or of a joint's coordinate."""
-        if address_of(sensor).body in self.scene.joints:
-            return self._joint(sensor)[2]
-        frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
-        acceleration = frame.acceleration(*self._point(address_of(sensor)))
-        if sensor.reading == "accelerometer":
-            acceleration = acceleration - np.reshape(self.scene.vector(self.scene.gravity), (3, 1))
-        return self._component(sensor, acceleration, frame.epsilon + frame.to_global(moved[2][3:]))
+        of_joint = address_of(sensor).body in self.scene.joints
+        return self._joint(sensor)[2] if of_joint else super()._acceleration(sensor)
 
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment about the joint's second point."""

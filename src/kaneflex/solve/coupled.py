@@ -11,9 +11,10 @@ from functools import partial
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.cycles import REPEATS, Cycles
-from kaneflex.multibody.linearisation import prepare, settled
+from kaneflex.multibody.linearisation import equilibrium, prepare
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.orbit import orbit_start
 from kaneflex.multibody.returning import Returning, returning
@@ -90,13 +91,13 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
         q, v = laid_over(model.scene, start_dimensions(model), q, v)
         q = unwrapped(model.scene, system, q, first)
         check_closed(
-            system, 0.0, q, v, longest(model.scene), "solve.start", "a table of a state",
+            system, 0.0, q, longest(model.scene), "solve.start", "a table of a state",
             "Give the coordinates of all bodies, or shapes that leave the joints where they are",
         )  # fmt: skip
         return q, v
     q = unwrapped(model.scene, system, q, first)
     _check_turns(model.scene, system, q)
-    return (_settled(model, q, first) if model.options.start == "quasistatic" else q), v
+    return (_deformed(model, q, first) if model.options.start == "quasistatic" else q), v
 
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
@@ -144,7 +145,7 @@ def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMo
         name, side = leading[0]
         base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
         wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
-        angle[other] += 2 * math.pi * round((wanted - angle[other]) / (2 * math.pi))
+        angle[other] += float(whole_turns(wanted - angle[other]))
         q[system.start[other] + 2] = angle[other]
         counted.add(other)
     return q
@@ -170,7 +171,7 @@ def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
     return base in counted and other not in counted
 
 
-def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
+def _deformed(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
     """q deformed as the rigid motion asks for."""
     free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
     if free:
@@ -181,7 +182,7 @@ def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
     system, t = model.coupled, float(rigid.times[0])
     assert system is not None
     engine = prepare(system, t, q, rigid_state(system, rigid)[1])
-    if settled(engine, t) is not None:
+    if equilibrium(engine, t) is not None:
         return system.unfold(engine.row(t)[None]).q[0]
     raise SceneError(
         "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"
@@ -194,7 +195,7 @@ def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.
     assert system is not None
     q, v = rigid_states(system, model.motion.at(times))
     turns = [k + 2 for k in system.start.values()]
-    q[:, turns] += 2.0 * math.pi * np.round((first[turns] - q[0, turns]) / (2.0 * math.pi))
+    q[:, turns] += whole_turns(first[turns] - q[0, turns])
     return q, v
 
 
@@ -268,7 +269,7 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
     def end(self, cycle: CoupledTrajectory) -> Start:
         turns = np.array([k + 2 for k in self.system.start.values()])
         q = cycle.q[-1].copy()
-        q[turns] -= 2.0 * math.pi * np.round((q[turns] - cycle.q[0, turns]) / (2.0 * math.pi))
+        q[turns] -= whole_turns(q[turns] - cycle.q[0, turns])
         return q, cycle.v[-1].copy()
 
     def most_pieces(self, cycle: CoupledTrajectory) -> int:

@@ -106,7 +106,7 @@ def _begun(model: Model) -> Run:
     else:
         q, v = beginning(model)
     run = Run(system, q, v, times, method_of(model), np.zeros(0))
-    if not run.settled:
+    if not run.projected:
         reason = "the mechanism is singular there"
         raise SceneError("solve.start", model.options.start, reason, "Start elsewhere")
     return run
@@ -145,7 +145,7 @@ def _engine(run: Run, name: str) -> dict[str, str]:
         own = body.kernels(*kind)
         kernels += [getattr(own, kernel) for kernel in at.BODY_KERNELS]
     printer = Printer(kernels, name)
-    entries = {"settle": collocation.settle, "integrate": collocation.integrate, "unfold": unfolding.unfold}
+    entries = {"project": collocation.project, "integrate": collocation.integrate, "unfold": unfolding.unfold}
     names = {key: printer.function(entry, ENTRIES[entry].args)[0] for key, entry in entries.items()}
     parts = (handed_structure(at.MECHANISM), handed_structure(TABLE), printer.structures(), REMAINDER)
     return {"engine": "\n".join([*parts, *printer.texts]), **names}
@@ -296,7 +296,7 @@ int {name}_accelerations({name}_state *state, double t, const double y[], const 
         m.w[m.plan[{Y}] + {name}_free[k]] = y[k];
         m.w[m.plan[{RATE}] + {name}_free[k]] = v[k];
     }}
-    if (!{settle}(&m, t))
+    if (!{project}(&m, t))
         return {NAME}_SINGULAR;
     for (int k = 0; k < {free}; k++)
         a[k] = m.w[m.plan[{ACCEL}] + {name}_free[k]];

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from kaneflex.multibody import spatial_linear
 from kaneflex.multibody.linear_equations import Linear
-from kaneflex.multibody.linearisation import Instant, at_rest, linear, prepare, probes, settled
+from kaneflex.multibody.linearisation import Instant, at_rest, equilibrium, linear, prepare, probes
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.run import rigid_state
 from kaneflex.multibody.spatial_coupled import CoupledKinematics, balanced
@@ -48,7 +48,7 @@ def _linear_in_plane(model: Model, t: float) -> Linear[Instant] | None:
     assert system is not None
     q, v = rigid_state(system, rigid)
     engine = prepare(system, t, unwrapped(model.scene, system, q, rigid), v)
-    found = settled(engine, t)
+    found = equilibrium(engine, t)
     return None if found is None else linear(engine, found)
 
 

@@ -56,14 +56,14 @@ class State:
         order = [self.names.index(name) for name in wanted]
         q, v = self.q[order], self.v[order]
         check_closed(
-            system, self.t, q, v, length, "after", self.source,
+            system, self.t, q, length, "after", self.source,
             "Continue with the lengths and drives that the state comes from",
         )  # fmt: skip
         return q, v
 
 
 def check_closed(
-    system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray, length: float, key: str, source: str, cure: str
+    system: CoupledSystem, t: float, q: np.ndarray, length: float, key: str, source: str, cure: str
 ) -> None:
     """Raise SceneError (key, source and cure are its own) if the joints at the time t [s] are not where q has them."""
     for name, gap in system.gaps(t, q).items():

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
+from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.energy import Energy, rigid_energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
@@ -239,9 +240,7 @@ def with_courses(module, parameters, times, states, epsilon) -> np.ndarray:
     """Append one block of cubics for each course; see ``kaneflex.scene.tables`` for the layout."""
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-    count = len(module.FREE)
-    position = {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
-    values, blocks, filled = parameters.copy(), [], len(parameters)
+    count, blocks = len(module.FREE), {}
     for k, name in enumerate(module.FREE):
         courses = {
             "angle_table": CubicHermiteSpline(times, states[k], states[count + k]),
@@ -250,7 +249,5 @@ def with_courses(module, parameters, times, states, epsilon) -> np.ndarray:
         }
         for course, cubic in courses.items():
             block = np.concatenate([[len(times) - 1, 0.0], times, cubic.c[::-1].T.ravel()])
-            values[position[f"drives.{name}.{course}"]] = filled
-            blocks.append(block)
-            filled += len(block)
-    return np.concatenate([values, *blocks])
+            blocks[f"drives.{name}.{course}"] = block
+    return with_tables(module, parameters, blocks)

@@ -9,6 +9,7 @@ import numpy as np
 
 from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
@@ -158,7 +159,7 @@ def _check_flank(scene: Scene, name: str, along: np.ndarray) -> None:
     contact = scene.contacts[name]
     assert isinstance(contact, ClearanceContact) and contact.clearance.angle is not None
     away = float(np.arctan2(along[1], along[0]).item()) - contact.clearance.middle
-    away -= 2.0 * np.pi * round(away / (2.0 * np.pi))
+    away -= float(whole_turns(away))
     if contact.joint in scene.drives:
         away = scene.drives[contact.joint].start - contact.clearance.middle
     if abs(away) > contact.clearance.angle + _TOUCHING:

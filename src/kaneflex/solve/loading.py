@@ -236,10 +236,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
 
         return neighbour_in_space(model, scene, frozen)
     scene = with_branches(scene)
-    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
-    options = replace(model.options, duration=duration)
-    if options.integrator == "spectral":  # whose grid and corrections may differ from neighbour to neighbour
-        options = replace(options, integrator="radau")
+    options = neighbour_options(model, scene)
     scene = acting(scene, options)
     if model.coupled is not None:
         from kaneflex.multibody.rigid_twin import build_twin
@@ -250,7 +247,15 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
         motion = _twin(scene, build_twin(scene, system, place(scene)), options)
         found = build_model(scene, options, motion, model if frozen else None, bare=model.bare)
         return replace(found, coupled=system)
-    return build_model(scene, options, _moved(model, scene, duration), model if frozen else None)
+    return build_model(scene, options, _moved(model, scene, options.duration), model if frozen else None)
+
+
+def neighbour_options(model: Model, scene: Scene) -> Options:
+    """Of a model of a scene that differs in numbers alone, its period among them."""
+    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
+    options = replace(model.options, duration=duration)
+    # A spectral grid and its corrections may differ from neighbour to neighbour.
+    return replace(options, integrator="radau") if options.integrator == "spectral" else options
 
 
 def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:

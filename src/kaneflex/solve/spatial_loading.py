@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.building import build_model, reference_instant, rigid_model
 from kaneflex.multibody.cycles import COMPLETED, Verdict
@@ -29,7 +30,17 @@ from kaneflex.scene.options import Options, acting
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.sensors import DRIVE_KINDS
 from kaneflex.solve.initial import laid_over, shape_dimensions
-from kaneflex.solve.loading import ONE_WAY, SWEEP, Progress, check_finite, check_springs, compiled_by, ignored_of, timed
+from kaneflex.solve.loading import (
+    ONE_WAY,
+    SWEEP,
+    Progress,
+    check_finite,
+    check_springs,
+    compiled_by,
+    ignored_of,
+    neighbour_options,
+    timed,
+)  # fmt: skip
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import share_of
@@ -81,10 +92,7 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
 
 def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
     """:func:`kaneflex.solve.loading.neighbour` of a mechanism in space."""
-    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
-    options = replace(model.options, duration=duration)
-    if options.integrator == "spectral":  # whose grid and corrections may differ from neighbour to neighbour
-        options = replace(options, integrator="radau")
+    options = neighbour_options(model, scene)
     scene = acting(scene, options)
     generated: ModuleType = model.module.system.module
     if options.dynamics == "coupled":
@@ -164,7 +172,7 @@ def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None
         sizes.append(system.magnitudes(t, *np.array(known).reshape(-1, 2).T))
     turns = [system.mechanism.joints[name].kind != "prismatic" for name in system.driven]
     change = courses[1] - courses[0]
-    change[turns, 0] -= 2.0 * np.pi * np.round(change[turns, 0] / (2.0 * np.pi))
+    change[turns, 0] -= whole_turns(change[turns, 0])
     named = [*zip(system.driven, change, courses[0], strict=True)]
     named += zip(system.mechanism.loads, sizes[1] - sizes[0], sizes[0], strict=True)
     for name, changed, before in named:
@@ -191,7 +199,7 @@ def _given(system: SpatialSystem, start: State) -> State:
     q, u, at, rates = start.q.copy(), start.u.copy(), system.modal_coordinates, system.modal_speeds
     q[at], u[rates] = laid_over(system.scene, shape_dimensions(system), q[at], u[rates])
     try:
-        found = system.settle(start.t, q, u, start.choice)
+        found = system.project(start.t, q, u, start.choice)
         far, reason = abs(found.q - q)[at].max(initial=0.0), "with these shapes the loops don't close"
     except ArithmeticError as error:
         far, reason = np.inf, f"there {error}"

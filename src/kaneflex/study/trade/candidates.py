@@ -59,7 +59,7 @@ def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
 
 def candidates_of(scene: Scene) -> tuple[Variant, ...]:
     """Candidates for a neutral scene: the presets first, then fewer elements, modes and steps, integrators, terms."""
-    return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_integrators(scene), *_without_terms(scene))))
+    return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_integrators(), *_without_terms(scene))))
 
 
 def _presets(scene: Scene) -> Iterator[Variant]:
@@ -93,7 +93,7 @@ def _coarser(scene: Scene) -> Iterator[Variant]:
                 yield Variant(f"{name}, {_count(fewer, 'step')}", coarse)
 
 
-def _integrators(scene: Scene) -> Iterator[Variant]:
+def _integrators() -> Iterator[Variant]:
     for integrator in ("newmark", "generalised-alpha"):
         yield Variant(f"stiffened, {integrator}", ("solve.preset=stiffened", f"solve.integrator={integrator}"))
 

@@ -29,7 +29,8 @@ from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.runs import Runs
-from kaneflex.support.errors import SceneError, nearest
+from kaneflex.study.trade.ranking import check_sensors
+from kaneflex.support.errors import SceneError
 
 _FINER = 0.1
 """Share of the tolerance of a step at which the statistics are taken once more."""
@@ -127,11 +128,7 @@ def price(
     SceneError
         For sensors that the scene doesn't have, and where it can't be run, or not without any one of its clearances.
     """
-    for name in sensors or ():
-        if name not in scene.sensors:
-            raise SceneError("--sensor", name, "the scene has no such sensor", nearest(name, scene.sensors))
-    if not scene.sensors:
-        raise SceneError("sensors", None, "the scene has none: there is nothing to measure", "Give it a sensor")
+    check_sensors(scene, sensors)
     runs, deadline = Runs(scene, progress), time.perf_counter() + budget
     whole, finer = runs.run(Variant("as it is", ())).curves, None
     if tolerance_of(scene) * _FINER >= _FINEST:

@@ -154,17 +154,22 @@ def trade(
     return Trade(scene, sensors, tolerance, reference, tuple(ranked), left_out)
 
 
+def check_sensors(scene: Scene, sensors: Sequence[str] | None) -> None:
+    """SceneError for sensors that count and are none, or where there is none at all."""
+    if not scene.sensors:
+        raise SceneError("sensors", None, "the scene has none: there is nothing to measure", "Give it a sensor")
+    for name in sensors or ():
+        if name not in scene.sensors:
+            raise SceneError("--sensor", name, "the scene has no such sensor", nearest(name, scene.sensors))
+
+
 def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:
     """The sensors that count; SceneError for what can't be asked, before anything is computed."""
     if not 0 < tolerance < 1:
         raise SceneError("--tolerance", tolerance, "a share of each sensor's peak", "Give one between 0 and 100 %")
     if not budget > 0:
         raise SceneError("--budget", budget, "no time to run anything in", "Give a positive time, like 60s")
-    if not scene.sensors:
-        raise SceneError("sensors", None, "the scene has none: there is nothing to measure", "Give it a sensor")
-    for name in sensors or ():
-        if name not in scene.sensors:
-            raise SceneError("--sensor", name, "the scene has no such sensor", nearest(name, scene.sensors))
+    check_sensors(scene, sensors)
     if isinstance(scene.solve.start, Start):
         raise SceneError(
             "solve.start", "a table of a state", "the models that are compared have different coordinates",
