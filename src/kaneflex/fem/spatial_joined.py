@@ -244,8 +244,9 @@ class Joined:
                 "Limit the drives' range, or hold it otherwise",
             )  # fmt: skip
         furthest = np.sort(furthest)
-        if len(used) > len(furthest):
-            used = used[np.sort(_apart_at_all(J[:, used][..., furthest].transpose(0, 2, 1))[0])]
+        enough = np.sort(_apart_at_all(J[:, used][..., furthest].transpose(0, 2, 1))[0])
+        if len(enough) == len(furthest):  # else no rows serve at all instants: all of them do
+            used = used[enough]
         dependent = self.tied[furthest]
         independent = np.setdiff1d(np.arange(self.size), dependent)
         blocks = self._in_order(used, dependent)
@@ -255,13 +256,17 @@ class Joined:
         """Rows with the coordinates that depend on others by them, each after those that these depend on themselves.
 
         By where joints are alone, whatever the motion is: the triangular form of Dulmage and Mendelsohn (1958). In a
-        tree a block is one joint's, those that close a loop are in one.
+        tree a block is one joint's, those that close a loop are in one. Where there are more rows than coordinates, all
+        are in one.
         """
         ties = np.zeros((self.row_count, self.size), dtype=bool)
         for name, joint in self.mechanism.joints.items():
             for point in map(self.point, joint.sides):
                 if point is not None:
                     ties[self.where[name], point[0]] = True
+        if len(rows) > len(dependent):
+            given = np.setdiff1d(self.tied, dependent)
+            return (Block(rows, self.places(dependent), self.places(given)),)
         pattern = ties[np.ix_(rows, dependent)]
         says = maximum_bipartite_matching(csr_array(pattern), "column")
         needs = pattern[:, says]
@@ -306,7 +311,8 @@ class Joined:
         L[0][:, self.places(independent[at]), at] = 1.0
         for block in choice.blocks:
             own, others = (J[:, :, block.rows[:, None], each] for each in (block.said, block.given))
-            given, back = product(others, L[:, :, block.given]), -np.linalg.inv(own[0])
+            given, square = product(others, L[:, :, block.given]), len(block.rows) == len(block.said)
+            back = -(np.linalg.inv if square else np.linalg.pinv)(own[0])
             L_0 = back @ given[0]
             L_1 = back @ (given[1] + own[1] @ L_0)
             L[:, :, block.said] = np.stack([L_0, L_1, back @ (given[2] + own[2] @ L_0 + 2.0 * own[1] @ L_1)])
@@ -316,7 +322,7 @@ class Joined:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Rows of joints, as many coordinates that they say, and those that they say them of.
+    """Rows of joints, coordinates that they say, as many or fewer, and those that they say them of.
 
     The coordinates are given by their places among the tied ones.
     """
