@@ -17,7 +17,7 @@ from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_bushings import FORCE, MOMENT, cushion
 from kaneflex.multibody.spatial_kinematics import add_cross, less, times
 from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED, Tables
-from kaneflex.multibody.tables import OPTIONS, apart, together
+from kaneflex.multibody.tables import OPTIONS, address, apart, together
 
 _OWN, _PAIR = len(laws.BODY), len(shape_laws.PAIR)
 """Numbers of a rigid body, behind which those of its shapes are, and of a pair of these."""
@@ -55,7 +55,8 @@ def demand(m, k, sizes, with_mass):
         laws.demand(m.p, own, x, 0, x, 9)
         if m.nodes[n, KIND] == SHAPES:
             q, u, shapes = m.nodes[n, COORDINATE], m.nodes[n, SPEED], m.nodes[n, COUNT]
-            shape_laws.shaped_demand(m.p, own + _OWN, shapes, x, 0, k.q, q, k.u, u, k.du, x, 9, k.h, u)
+            shape_laws.shaped_demand(address(m.p), own + _OWN, shapes, address(x), 0, address(k.q), q, address(k.u), u,
+                                     address(k.du), address(x), 9, address(k.h), u)  # fmt: skip
         times(R, x, 9, F, 0)
         times(R, x, 12, F, 3)
         if with_mass:
@@ -75,7 +76,8 @@ def _fill_inertia(m, k, n):
     shapes = m.nodes[n, COUNT] if m.nodes[n, KIND] == SHAPES else 0
     laws.inertia(m.p, m.nodes[n, BODY], k.I, 0)
     if shapes:
-        shape_laws.shaped_inertia(m.p, m.nodes[n, BODY] + _OWN, shapes, k.q, m.nodes[n, COORDINATE], k.I, 0)
+        q = m.nodes[n, COORDINATE]
+        shape_laws.shaped_inertia(address(m.p), m.nodes[n, BODY] + _OWN, shapes, address(k.q), q, address(k.I), 0)
     return shapes
 
 
@@ -129,7 +131,7 @@ def deforming(m, k):
         shapes, R, q, u = m.nodes[n, COUNT], k.R[n], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
         for i in range(36):
             I[i] = 0.0
-        shape_laws.shaped_inertia(m.p, m.nodes[n, BODY] + _OWN, shapes, k.q, q, I, 0)
+        shape_laws.shaped_inertia(address(m.p), m.nodes[n, BODY] + _OWN, shapes, address(k.q), q, address(I), 0)
         for i in range(3):
             x[i] = x[3 + i] = x[6 + i] = 0.0
             for j in range(3):

@@ -226,6 +226,16 @@ def shifted(typing, address, k):
     return address(address, types.intp), read
 
 
+@intrinsic
+def address(typing, array):
+    """Where the numbers of an array begin: read from there, no index is tested for counting from the end."""
+
+    def read(context, builder, sig, args):
+        return context.make_array(array)(context, builder, args[0]).data
+
+    return CPointer(array.dtype)(array), read
+
+
 N = CPointer(float64)
 _BITS = 64
 """Of an address."""
