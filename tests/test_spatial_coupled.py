@@ -141,7 +141,7 @@ def _table() -> dict[int, tuple[float, float]]:
     return dict(zip(stored["beta_deg"], zip(values["y"], values["z"], strict=True), strict=True))
 
 
-def _solution(tmp_path: Path, text: str):
+def _solution(text: str):
     return kaneflex.simulate(kaneflex.load(scene_of(text)))
 
 
