@@ -134,6 +134,13 @@ class CoupledMotion(Motion):
         seen = gap, velocity(-omega, gap, gap_rate), acceleration(-omega, -epsilon, gap, gap_rate, gap_accel)
         return tuple((t * part).sum(axis=0) for part in seen)
 
+    def slide(self, joint: str) -> np.ndarray:
+        return self.coordinate(joint)[0]
+
+    def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
+        carried = body != "ground" and not self.model.scene.bodies[body].deforms
+        return (self.floating if carried else self.rigid).frame(body).to_body(vector)
+
     @cached_property
     def quiet(self) -> CoupledMotion:
         """The same states with accelerations and reactions as if no link rang in tension.

@@ -148,6 +148,24 @@ class Motion(ABC):
         d = self.displacement(body, at)[0][: len(at)]
         return frame.place(np.reshape(at, (-1, 1)) + d)
 
+    def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
+        """Of a global vector, (2, n_times), the components in the axes that sensors on a body have.
+
+        Those of a body that deforms turn with the rigid motion, those of one that others carry with it.
+        """
+        x, y = self.rigid.frame(body).to_body(vector)
+        if body == "ground" or self.model.scene.bodies[body].deforms:
+            return np.array([x, y])
+        turned = self.displacement(body)[0][2]  # small, as all displacements are
+        return np.array([x + turned * y, y - turned * x])
+
+    def slide(self, joint: str) -> np.ndarray:
+        """Coordinate of a guide: how far its second body is along it [m]."""
+        of = self.model.scene.joints[joint]
+        (first, here), (second, there) = ((each.body, self.model.scene.point(each)) for each in of.addresses)
+        along = self.rigid.frame(first).to_global(of.direction)
+        return (along * (self.place(second, there) - self.place(first, here))).sum(axis=0)
+
     def _in_axes(self, body: str, moved: Rates) -> Rates:
         """Of a global displacement its components in the rigid body's axes, and the rates of these."""
         local = self.rigid.frame(body).components(*(part[:2] for part in moved))

@@ -101,7 +101,7 @@ class Reader:
         if sensor.kind in SPRING_KINDS:
             exerted = "tension" if sensor.kind == "spring_force" else "torque"
             return self.motion.rigid_forces[f"{sensor.target}.{exerted}"]
-        return self._joint_component(sensor, self.motion.rigid_forces.__getitem__)
+        return self._joint_component(sensor, self.motion.rigid_forces.__getitem__, True)
 
     # ---- motion of points -------------------------------------------------------------------------------------
 
@@ -126,7 +126,7 @@ class Reader:
         if sensor.component == "angle":
             return angle
         if sensor.axes == "body":
-            vector = self.rigid.frame(address_of(sensor).body).to_body(vector)
+            vector = self.motion.seen_from(address_of(sensor).body, vector)
         return vector["xy".index(sensor.component)]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
@@ -163,8 +163,7 @@ class Reader:
         first, second = joint.addresses
         if joint.kind != "prismatic":
             return self._angle(second) - self._angle(first)
-        gap = self._place(second) - self._place(first)
-        return (self.rigid.frame(first.body).to_global(joint.direction) * gap).sum(axis=0)
+        return self.motion.slide(name)
 
     def _clearance(self, sensor: Sensor, name: str) -> np.ndarray:
         """Of a pin in its bearing or a block in its guide."""
@@ -251,15 +250,18 @@ class Reader:
 
     _friction_torque = _friction_force
 
-    def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
-        """Force of a joint on ``sensor.body`` (by default the second), or its moment."""
+    def _joint_component(
+        self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool = False
+    ) -> np.ndarray:
+        """Force of a joint on ``sensor.body`` (by default the second), or its moment; that of the rigid mechanism."""
         name = str(sensor.joint_force)
         joint = self.scene.joints[name]
         first, second = (address.body for address in joint.addresses)
         sign = -1.0 if sensor.body == first else 1.0
         if sensor.component == "angle":
             return sign * reaction(f"{name}.moment") if joint.kind != "revolute" else np.zeros(self.steps)
-        force = joint_force(self.scene, self.rigid, name, reaction)
+        force = joint_force(self.scene, self.rigid if of_rigid else self.motion.scalars, name, reaction)
         if sensor.axes == "body":
-            force = self.rigid.frame(sensor.body or second).to_body(force)
+            on = sensor.body or second
+            force = self.rigid.frame(on).to_body(force) if of_rigid else self.motion.seen_from(on, force)
         return sign * force["xy".index(sensor.component)]

@@ -153,7 +153,9 @@ class SpatialReader(Reader):
         of_joint = address_of(sensor).body in self.scene.joints
         return self._joint(sensor)[2] if of_joint else super()._acceleration(sensor)
 
-    def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
+    def _joint_component(
+        self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool = False
+    ) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment about the joint's second point."""
         name = str(sensor.joint_force)
         first, second = (address.body for address in self.scene.joints[name].addresses)
