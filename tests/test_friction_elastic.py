@@ -13,21 +13,21 @@ DAMPED = ELASTIC.replace("[sensors]", "[damping.modal]\nratio = 0.01\n[sensors]"
 SHORT = "solve.duration=0.5 s", "solve.steps=500"
 
 
-def test_an_ever_stiffer_rod_comes_to_the_rigid_one_with_all_that_rubs(tmp_path):
+def test_an_ever_stiffer_rod_comes_to_the_rigid_one_with_all_that_rubs():
     """As its deformation does, with 1/E: 10^4 times as stiff, the crank has run down as with a rigid one."""
-    rigid = solved(tmp_path, ELASTIC.replace(f'rod = {{length = "0.3 m", {STEEL}}}', RIGID), *SHORT)
+    rigid = solved(ELASTIC.replace(f'rod = {{length = "0.3 m", {STEEL}}}', RIGID), *SHORT)
     missed = []
     for E in (2.1e5, 2.1e6):
-        stiff = solved(tmp_path, DAMPED, f'rod.E="{E} GPa"', *SHORT)
+        stiff = solved(DAMPED, f'rod.E="{E} GPa"', *SHORT)
         missed.append(abs(stiff.series["angle"].values - rigid.series["angle"].values).max())
         assert stiff.trajectory.frictions.lost[-1] == pytest.approx(rigid.trajectory.frictions.lost[-1], rel=100 / E)
     assert missed[0] < 4e-4 and missed[1] < 5e-6
 
 
 @pytest.mark.parametrize("integrator", ["gauss", "radau"])
-def test_an_elastic_rod_without_damping_lets_its_joints_stick_and_slip(tmp_path, integrator):
+def test_an_elastic_rod_without_damping_lets_its_joints_stick_and_slip(integrator):
     """It vibrates through every dead centre, where pins turn to and fro; forces keep to the law, energy to its sum."""
-    found = solved(tmp_path, ELASTIC, *SHORT, f"solve.integrator={integrator}", "solve.tolerance=1e-10")
+    found = solved(ELASTIC, *SHORT, f"solve.integrator={integrator}", "solve.tolerance=1e-10")
     record = found.trajectory.frictions
     limit, sliding = record.pressed * np.array([0.1, 0.1, 0.1, 0.15]), abs(record.speed) > 1e-9
     assert abs(record.force)[sliding] == pytest.approx(limit[sliding], rel=1e-9)
@@ -37,13 +37,13 @@ def test_an_elastic_rod_without_damping_lets_its_joints_stick_and_slip(tmp_path,
     assert record.lost[-1].sum() == pytest.approx(found.trajectory.energy.dissipated[-1], rel=1e-12)
 
 
-def test_stiff_bristles_regularise_the_same_motion(tmp_path):
+def test_stiff_bristles_regularise_the_same_motion():
     """Another law and other equations, without events: the same run, next to what bristles bend."""
     short = "solve.duration=0.05 s", "solve.steps=100"
-    dry, missed = solved(tmp_path, DAMPED, *short), []
+    dry, missed = solved(DAMPED, *short), []
     for size in (1e3, 1e5):
         text = DAMPED.replace("friction = {", f'friction = {{law = "lugre", bristle_stiffness = {size}, ')
-        found = solved(tmp_path, text, "bore.friction.bristle_stiffness=1e8", "solve.tolerance=1e-11", *short)
+        found = solved(text, "bore.friction.bristle_stiffness=1e8", "solve.tolerance=1e-11", *short)
         missed.append(abs(found.series["angle"].values - dry.series["angle"].values).max())
     assert 1e-5 < missed[0] < 1e-4 and missed[1] < 1e-5
 
@@ -74,13 +74,13 @@ start = "zero"
 """
 
 
-def test_a_block_that_is_stuck_at_the_tip_of_a_beam_vibrates_with_it_as_if_it_were_welded(tmp_path):
-    found = solved(tmp_path, TIP.replace("FRICTION", 'preload = "20 N"'))
+def test_a_block_that_is_stuck_at_the_tip_of_a_beam_vibrates_with_it_as_if_it_were_welded():
+    found = solved(TIP.replace("FRICTION", 'preload = "20 N"'))
     welded = TIP.replace('{prismatic = ["shoe", "block"], direction = [1, 0], friction = {FRICTION}}',
                          '{weld = ["shoe", "block"]}').replace("slot = {free = true}\n", "")  # fmt: skip
     for line in ('way = {position = "slot"}\n', 'drag = {friction_force = "slot"}\n'):
         welded = welded.replace(line, "")
-    other = solved(tmp_path, welded)
+    other = solved(welded)
     drop = other.series["drop"].values
     assert np.ptp(drop) > 0.005 and abs(found.series["drop"].values - drop).max() < 1e-8
     assert abs(found.series["way"].values).max() < 1e-12
@@ -88,11 +88,11 @@ def test_a_block_that_is_stuck_at_the_tip_of_a_beam_vibrates_with_it_as_if_it_we
     assert (record.mode == 2).all() and record.lost[-1, 0] == 0.0
 
 
-def test_a_block_on_a_beam_slides_where_it_is_too_steep_for_it(tmp_path):
+def test_a_block_on_a_beam_slides_where_it_is_too_steep_for_it():
     """The tip's slope comes to 0.012: a coefficient of 0.1 holds all but its first shocks, 0.001 next to nothing."""
     ways = []
     for mu in (0.1, 0.001):
-        found = solved(tmp_path, TIP.replace("FRICTION", f"mu = {mu}"))
+        found = solved(TIP.replace("FRICTION", f"mu = {mu}"))
         record = found.trajectory.frictions
         sliding = record.mode[:, 0] != 2
         assert abs(record.force)[sliding] == pytest.approx(mu * record.pressed[sliding], rel=1e-9)

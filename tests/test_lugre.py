@@ -85,11 +85,11 @@ def by_scipy(times, force, damping):
 )
 @pytest.mark.parametrize("integrator", ["gauss", "radau"])
 def test_a_block_creeps_slides_and_sticks_as_the_papers_equations_have_it(
-    tmp_path, law, force, damping, close, integrator
+    law, force, damping, close, integrator
 ):
     settings = [f"slide.friction.bristle_damping={damping}", f"solve.integrator={integrator}"]
     settings.append("solve.tolerance=1e-11")
-    found = solved(tmp_path, TABLE.replace("LAW", law), *settings)
+    found = solved(TABLE.replace("LAW", law), *settings)
     x, v, z, lost = by_scipy(tuple(found.times), force, damping)
     record = found.trajectory.frictions
     assert found.series["x"].values == pytest.approx(x, abs=close)
@@ -100,9 +100,9 @@ def test_a_block_creeps_slides_and_sticks_as_the_papers_equations_have_it(
     assert found.dataset["friction_bristles"].attrs["units"] == "m"
 
 
-def test_before_it_slides_its_way_is_a_hysteresis_loop(tmp_path):
+def test_before_it_slides_its_way_is_a_hysteresis_loop():
     """Force over way: returns along another branch, loses the loop's area every cycle, and ends as stiff as begun."""
-    found = solved(tmp_path, TABLE.replace("LAW", "0.9 * sin(3 * t)"), "solve.steps=4000")
+    found = solved(TABLE.replace("LAW", "0.9 * sin(3 * t)"), "solve.steps=4000")
     x, drag, lost = found.series["x"].values, -found.series["drag"].values, found.trajectory.frictions.lost[:, 0]
     cycle = np.searchsorted(found.times, 2 * math.pi / 3 * np.arange(1, 3))
     loops = [np.trapezoid(drag[a : b + 1], x[a : b + 1]) for a, b in itertools.pairwise(cycle)]
@@ -129,22 +129,22 @@ def lugre(text, stiffness, damping=0.0):
     ],
     ids=["guide", "pin", "loop", "contact", "Painleve's rod"],
 )
-def test_bristles_that_are_stiffer_come_closer_to_coulombs_law(tmp_path, text, settings, sensor, stiff, close):
+def test_bristles_that_are_stiffer_come_closer_to_coulombs_law(text, settings, sensor, stiff, close):
     """What is missed is about the way that bristles bend, N mu over their stiffness, every time things turn round."""
-    dry = solved(tmp_path, text, *settings).series[sensor].values
+    dry = solved(text, *settings).series[sensor].values
     missed = [
-        abs(solved(tmp_path, lugre(text, size), *settings).series[sensor].values - dry).max()
+        abs(solved(lugre(text, size), *settings).series[sensor].values - dry).max()
         for size in (stiff, 30 * stiff)
     ]
     assert missed[0] < close and missed[1] < 0.2 * missed[0]
 
 
-def test_a_pin_turns_by_its_equations_with_the_reaction_that_presses_it(tmp_path):
+def test_a_pin_turns_by_its_equations_with_the_reaction_that_presses_it():
     """A pendulum: m r^2 phi'' = m g r cos(phi) - M, and the pin's reaction, by which its friction is, from phi' too."""
     text = HINGE.replace('wheel = {mass = "1 kg", inertia = "0.02 kg m^2"}',
                          'wheel = {mass = "1 kg", centre = ["0.1 m", 0], inertia = "0.02 kg m^2"}')  # fmt: skip
     text = lugre(text.replace(', preload = "0.005 N m"', ""), "20", "0.02")
-    found = solved(tmp_path, text, "drives.hinge.initial_speed=0", "solve.duration=3 s", "solve.tolerance=1e-11")
+    found = solved(text, "drives.hinge.initial_speed=0", "solve.duration=3 s", "solve.tolerance=1e-11")
 
     def reaction(phi, omega, alpha):
         a_x = -0.1 * (alpha * math.sin(phi) + omega**2 * math.cos(phi))
@@ -168,8 +168,8 @@ def test_a_pin_turns_by_its_equations_with_the_reaction_that_presses_it(tmp_path
     assert names <= set(found.dataset.variables) and found.dataset["pin_bristles"].attrs["units"] == "rad"
 
 
-def test_damping_that_outweighs_what_presses_is_named_where_a_loop_has_no_force_for_it(tmp_path):
-    found = solved(tmp_path, lugre(CRANK, 1e4, 0.01), outcome=Outcome.UNSTABLE)
+def test_damping_that_outweighs_what_presses_is_named_where_a_loop_has_no_force_for_it():
+    found = solved(lugre(CRANK, 1e4, 0.01), outcome=Outcome.UNSTABLE)
     assert "bristle_damping times the speed" in found.message and "Give a smaller bristle_damping" in found.message
 
 
@@ -181,19 +181,19 @@ def test_damping_that_outweighs_what_presses_is_named_where_a_loop_has_no_force_
     ('stribeck_speed = "0.001 m/s"', "", "mu_static = 0.05 to mu = 0 by a stribeck_speed"),
     ('law = "lugre"', 'law = "stribeck"', "law stribeck has none"),
 ])  # fmt: skip
-def test_what_bristles_lack_is_named(tmp_path, written, instead, says):
+def test_what_bristles_lack_is_named(written, instead, says):
     with pytest.raises(SceneError, match=says):
-        solved(tmp_path, TABLE.replace("LAW", "1").replace(written, instead))
+        solved(TABLE.replace("LAW", "1").replace(written, instead))
 
 
 @pytest.mark.parametrize("e", [0.3, 0.7])
 @pytest.mark.parametrize("damping", [100, 1000])
-def test_a_disc_that_slides_as_it_bounces_on_bristles_is_slowed_by_coulombs_impulse(tmp_path, damping, e):
+def test_a_disc_that_slides_as_it_bounces_on_bristles_is_slowed_by_coulombs_impulse(damping, e):
     """Where its sides part nothing presses any more, and how bristles stand there is no matter of accuracy."""
     lugre = f'law = "lugre", mu = 0.1, bristle_stiffness = 1e6, bristle_damping = {damping}'
     text = DISC.replace('law = "newton"', "stiffness = 1e6").replace("{mu = 0.1}", f"{{{lugre}}}")
     text = text.replace("velocity = [2, 0]", "velocity = [20, 0]")
-    found = solved(tmp_path, text, f"floor.contact.restitution={e}", "solve.duration=0.45 s")
+    found = solved(text, f"floor.contact.restitution={e}", "solve.duration=0.45 s")
     (bounce,) = found.impacts
     assert found.times[-1] > bounce.end
     assert found.trajectory.v[-1][0] == pytest.approx(20 - 0.1 * bounce.impulse / 2, abs=3e-5)

@@ -37,11 +37,11 @@ steps = 40
 
 @pytest.mark.parametrize("mu", [0.01, 0.1, 0.28, 0.29, 0.35, 2.0])
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
-def test_a_disc_that_bounces_is_spun_by_its_floor(tmp_path, mu, e):
+def test_a_disc_that_bounces_is_spun_by_its_floor(mu, e):
     """mu (1 + e) v_n while it slips, else what ends the slip: v_t/(1/m + R^2/J) (Brach 1991, Mechanical Impact
     Dynamics, ch. 2).
     """
-    found = solved(tmp_path, DISC, f"floor.friction.mu={mu}", f"floor.contact.restitution={e}")
+    found = solved(DISC, f"floor.friction.mu={mu}", f"floor.contact.restitution={e}")
     (fallen, *_), v_n = found.impacts, math.sqrt(G)
     assert fallen.impulse - 2 * G * (0.4 - fallen.begin) * (e == 0) == pytest.approx(2 * (1 + e) * v_n, rel=1e-10)
     drag = min(mu * 2 * (1 + e) * v_n, 2 / (1 / 2 + 0.1**2 / 0.01))
@@ -85,9 +85,9 @@ steps = 100
 
 
 @pytest.mark.parametrize("integrator", ["radau", "gauss"])
-def test_a_block_that_is_thrown_on_a_table_stops(tmp_path, integrator):
+def test_a_block_that_is_thrown_on_a_table_stops(integrator):
     """A mass of 3 that a weight of 2 g brakes: v^2/(2 mu g 2/3), and there it stays."""
-    found = solved(tmp_path, BLOCK, f"solve.integrator={integrator}")
+    found = solved(BLOCK, f"solve.integrator={integrator}")
     slower = 0.3 * G * 2 / 3
     t = np.minimum(found.times, 2 / slower)
     assert found.series["x"].values == pytest.approx(2 * t - slower * t**2 / 2, abs=1e-12)
@@ -97,9 +97,9 @@ def test_a_block_that_is_thrown_on_a_table_stops(tmp_path, integrator):
     assert found.series["push"].values[1:] == pytest.approx(2 * G, rel=1e-12)
 
 
-def test_a_block_that_falls_as_it_slides_stops_by_all_its_impulses(tmp_path):
+def test_a_block_that_falls_as_it_slides_stops_by_all_its_impulses():
     """Bounces or not: while it slides friction has mu times the impulse of the floor."""
-    found = solved(tmp_path, BLOCK, "fall.position=50 mm", "floor.contact.restitution=0.6")
+    found = solved(BLOCK, "fall.position=50 mm", "floor.contact.restitution=0.6")
     names = [name for name, _ in found.model.coupled.coordinates]
     x, y = (found.trajectory.v[:, names.index(name)] for name in ("carriage.x", "block.y"))
     sliding = x > 1e-9
@@ -108,11 +108,11 @@ def test_a_block_that_falls_as_it_slides_stops_by_all_its_impulses(tmp_path):
 
 
 @pytest.mark.parametrize(("mu", "static"), [(0.49, 0.49), (0.51, 0.51), (0.4, 0.6)])
-def test_a_block_rests_on_an_incline_without_a_creep_or_slides_down(tmp_path, mu, static):
+def test_a_block_rests_on_an_incline_without_a_creep_or_slides_down(mu, static):
     """On a slope of 0.5, but for its carriage: it holds to mu_static, moves by mu."""
     text = BLOCK.replace('[0, "-9.81 m/s^2"]', f"[{G / 3}, {-G}]")
     text = text.replace("mu = 0.3", f"mu = {mu}, mu_static = {static}")
-    found = solved(tmp_path, text, "way.initial_speed=0 m/s")
+    found = solved(text, "way.initial_speed=0 m/s")
     if static >= 0.5:
         assert abs(found.series["x"].values).max() < 1e-15 and (found.trajectory.frictions.mode[1:] == 2).all()
         assert found.series["drag"].values[1:] == pytest.approx(G, rel=1e-12)  # to the left
@@ -146,9 +146,9 @@ steps = 10
 
 
 @pytest.mark.parametrize("mu", [0.0001, 0.5, 1.2, 1.4, 2.0])
-def test_a_guide_that_is_hit_rubs_by_its_own_impulse_or_jams(tmp_path, mu):
+def test_a_guide_that_is_hit_rubs_by_its_own_impulse_or_jams(mu):
     """Along 0.8, 0.6: p (c (c - mu s)/M + 1/m) = (1 + e) v; above c/s the block doesn't move."""
-    found = solved(tmp_path, STRUCK, f"guide.friction.mu={mu}")
+    found = solved(STRUCK, f"guide.friction.mu={mu}")
     along = max(0.8 - mu * 0.6, 0.0)
     p = 1.6 * 5 / (0.8 * along / 2 + 1)
     (impact,) = found.impacts
@@ -159,7 +159,7 @@ def test_a_guide_that_is_hit_rubs_by_its_own_impulse_or_jams(tmp_path, mu):
     assert lost == pytest.approx(mu * p * 0.6 * p * along / 4 if along else 0.0, rel=1e-9)
 
 
-def test_a_pin_that_is_hit_rubs_by_its_own_impulse(tmp_path):
+def test_a_pin_that_is_hit_rubs_by_its_own_impulse():
     """The rod turns by I w = p a - mu r |L|, L = M (l/2) w - p is what the pin has."""
     text = STRUCK[: STRUCK.index("[joints")].replace(
         'block = {mass = "2 kg"}', 'rod = {length = "1 m", mass = "3 kg", inertia = "0.25 kg m^2", centre = [0.5, 0]}'
@@ -177,7 +177,7 @@ contact = {law = "newton", restitution = 0.6}
 [sensors]
 turn = {position = "pin", component = "angle"}
 """ + STRUCK[STRUCK.index("[solve]") :]
-    found = solved(tmp_path, text)
+    found = solved(text)
     torque, a, inertia, moment = 0.5 * 0.2, 0.4, 1.0, 3 * 0.5
     per_p = (a - torque) / (inertia - torque * moment)
     p = 1.6 * 5 / (a * per_p + 1)
@@ -217,11 +217,11 @@ steps = 300
 """
 
 
-def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution(tmp_path):
+def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution():
     """Two corners land, rock and rest; the books are closed, and nothing that doesn't bounce for ever moves at last."""
     for mu, e in itertools.product((0.001, 0.3, 1.0, 2.0), (0.0, 0.3, 0.7, 1.0)):
         keys = f"contact.restitution={e}", f"friction.mu={mu}"
-        found = solved(tmp_path, BOX, *(f"contacts.{corner}.{key}" for corner in "abcd" for key in keys))
+        found = solved(BOX, *(f"contacts.{corner}.{key}" for corner in "abcd" for key in keys))
         v, record = found.trajectory.v, found.trajectory.frictions
         assert np.isfinite(v).all() and found.trajectory.contacts.gap.min() > -1e-12
         assert (abs(record.force) <= mu * record.pressed * (1 + 1e-9) + 1e-12).all()
@@ -231,7 +231,7 @@ def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution(tmp_path):
 
 
 @pytest.mark.parametrize(("mu", "e"), [*itertools.product((0.05, 0.3, 2.0), (0.0, 0.5))])
-def test_a_disc_jams_between_two_steep_walls(tmp_path, mu, e):
+def test_a_disc_jams_between_two_steep_walls(mu, e):
     """Above mu = 0.3 no impulses give what restitution asks for; nothing bounces then, all is held."""
     wall = DISC[DISC.index("[contacts") : DISC.index("[sensors]")]
     sides = ("left", 1), ("right", -1)
@@ -239,14 +239,14 @@ def test_a_disc_jams_between_two_steep_walls(tmp_path, mu, e):
     text = DISC.replace(wall, "".join(walls)).replace("[2, 0]}", "[0.3, 0], angular_speed = 5}")
     keys = f"friction.mu={mu}", f"contact.restitution={e}"
     settings = [f"contacts.{name}.{key}" for name in ("left", "right") for key in keys]
-    found = solved(tmp_path, text, "solve.duration=2 s", *settings)
+    found = solved(text, "solve.duration=2 s", *settings)
     assert abs(found.trajectory.v[-1]).max() < 1e-12 and (found.trajectory.frictions.mode[-1] == 2).all()
     push, drag = found.trajectory.contacts.force[-1], found.trajectory.frictions.force[-1]
     up = 2 * 0.3 / math.hypot(1, 0.3) * push.mean() + (drag[0] - drag[1]) / math.hypot(1, 0.3)
     assert up == pytest.approx(2 * G, rel=1e-9) and push.min() > 0
 
 
-def test_a_mechanism_whose_joints_rub_is_hit_until_it_stands(tmp_path):
+def test_a_mechanism_whose_joints_rub_is_hit_until_it_stands():
     """A ball in a lane knocks on the piston, which has no inertia of its own, without end of one, or by jamming."""
     text = CRANK.replace("[joints]", 'ball = {mass = "1 kg"}\n[joints]\nlane = {prismatic = ["ground", "ball"]}', 1)
     text = text.replace('"ball"]}', '"ball"], direction = [1, 0]}')
@@ -257,7 +257,7 @@ radii = ["10 mm", "10 mm"]
 contact = {law = "newton", restitution = 0.6}
 [sensors]""")
     for mu in (0.1, 1.0):
-        found = solved(tmp_path, text, "solve.duration=1 s", f"wrist.friction.mu={mu}", f"bore.friction.mu={mu}")
+        found = solved(text, "solve.duration=1 s", f"wrist.friction.mu={mu}", f"bore.friction.mu={mu}")
         record = found.trajectory.frictions
         assert len(found.impacts) > 1 and (np.diff(record.lost, axis=0) > -1e-9).all()
         assert (record.force * record.speed <= 1e-9).all()
@@ -267,31 +267,31 @@ RIGID_ROD = ROD.replace("stiffness = 1e7, restitution = 0.5", 'law = "newton", r
 
 
 @pytest.mark.parametrize("angle", [60, 120])
-def test_painleves_rod_is_stopped_by_its_first_impact_or_slides(tmp_path, angle):
+def test_painleves_rod_is_stopped_by_its_first_impact_or_slides(angle):
     """Pushed before its centre of mass, above mu = 4/3, the least impact has as much impulse as stops its end."""
     impulses = []
     for mu in (0.3, 1.0, 1.5, 2.0):
-        found = solved(tmp_path, RIGID_ROD, f"floor.friction.mu={mu}", f"rod.free.angle={angle} deg")
+        found = solved(RIGID_ROD, f"floor.friction.mu={mu}", f"rod.free.angle={angle} deg")
         assert np.isfinite(found.trajectory.q).all()
         impulses.append(found.impacts[0].impulse)
     assert (impulses[2] > 20 * impulses[1]) == (angle == 60)
 
 
 @pytest.mark.parametrize("mu", [1.0, 1.5])
-def test_a_rod_that_slides_and_has_no_force_is_named(tmp_path, mu):
+def test_a_rod_that_slides_and_has_no_force_is_named(mu):
     """Without an impact: (1/m + c (c - mu s) l^2/4 J) N = g has no N above zero (Painleve 1895)."""
     named = Outcome.PARADOX if mu > 4 / 3 else Outcome.COMPLETED
     settings = [f"floor.friction.mu={mu}", 'rod.free.at=[0, "0 m"]', "solve.duration=10 ms", "solve.steps=10"]
-    found = solved(tmp_path, RIGID_ROD, *settings, outcome=named)
+    found = solved(RIGID_ROD, *settings, outcome=named)
     if named is Outcome.COMPLETED:
         c, s = 0.5, math.sqrt(0.75)
         resists = 1 + c * (c - mu * s) * 0.25 / 0.0833333
         assert found.trajectory.contacts.force[1, 0] == pytest.approx(G / resists, rel=0.05)
 
 
-def test_friction_at_a_rigid_contact_is_checked_as_at_any(tmp_path):
+def test_friction_at_a_rigid_contact_is_checked_as_at_any():
     with pytest.raises(SceneError, match=r"floor.*friction\.radius.*no meaning at a contact"):
-        solved(tmp_path, DISC.replace("mu = 0.1", "mu = 0.1, radius = 0.1"))
+        solved(DISC.replace("mu = 0.1", "mu = 0.1, radius = 0.1"))
 
 
 def bristly(mu, damping):
@@ -299,11 +299,11 @@ def bristly(mu, damping):
 
 
 @pytest.mark.parametrize("damping", [0, 300])
-def test_bristles_give_way_in_an_impact(tmp_path, damping):
+def test_bristles_give_way_in_an_impact(damping):
     """Their force has a size by itself: a guide that is hit jumps as one that doesn't rub, and keeps its speed where
     nothing presses.
     """
-    found = solved(tmp_path, STRUCK.replace("mu = 0.5", bristly(0.5, damping)))
+    found = solved(STRUCK.replace("mu = 0.5", bristly(0.5, damping)))
     (impact,) = found.impacts
     p = 1.6 * 5 / (0.8**2 / 2 + 1)
     assert impact.impulse == pytest.approx(p, rel=1e-12)
@@ -312,10 +312,10 @@ def test_bristles_give_way_in_an_impact(tmp_path, damping):
 
 
 @pytest.mark.parametrize("integrator", ["radau", "gauss"])
-def test_a_disc_that_is_thrown_on_a_floor_of_bristles_comes_to_roll(tmp_path, integrator):
+def test_a_disc_that_is_thrown_on_a_floor_of_bristles_comes_to_roll(integrator):
     """Its own equations, by another integrator, from where it has fallen on."""
     settings = ["floor.contact.restitution=0", "solve.duration=1 s", f"solve.integrator={integrator}"]
-    found = solved(tmp_path, DISC.replace("mu = 0.1", bristly(0.1, 300)), *settings)
+    found = solved(DISC.replace("mu = 0.1", bristly(0.1, 300)), *settings)
     (fallen,), record = found.impacts, found.trajectory.frictions
 
     def rates(t, y):
@@ -334,8 +334,8 @@ def test_a_disc_that_is_thrown_on_a_floor_of_bristles_comes_to_roll(tmp_path, in
     assert (record.mode[after] == 4).all() and (record.mode[~after] == 0).all()
 
 
-def test_a_disc_that_bounces_on_bristles_keeps_its_spin_until_it_rests(tmp_path):
-    found = solved(tmp_path, DISC.replace("mu = 0.1", bristly(0.1, 0)), "solve.duration=1 s")
+def test_a_disc_that_bounces_on_bristles_keeps_its_spin_until_it_rests():
+    found = solved(DISC.replace("mu = 0.1", bristly(0.1, 0)), "solve.duration=1 s")
     rests = next(impact for impact in found.impacts if impact.lasts)
     before = found.times < rests.begin
     assert (found.trajectory.v[before][:, [0, 2]] == [2, 0]).all() and len(found.impacts) > 10
@@ -343,7 +343,7 @@ def test_a_disc_that_bounces_on_bristles_keeps_its_spin_until_it_rests(tmp_path)
     assert found.trajectory.v[-1, 0] == pytest.approx(2 - slowed, rel=1e-4)
 
 
-def test_a_block_on_its_corners_hangs_on_its_bristles(tmp_path):
+def test_a_block_on_its_corners_hangs_on_its_bristles():
     """Pulled by half of what makes it slide, it stays within its bristles' reach, its weight on two corners."""
     corner = '[contacts.NAME]\npoint_on_line = ["block.NAME", "ground"]\nnormal = [0, 1]\n'
     corner += f'contact = {{law = "newton", restitution = 0}}\nfriction = {{{bristly(0.5, 600)}}}\n'
@@ -359,7 +359,7 @@ pull = {force_on = "block", direction = [1, 0], law = "0.25 * 2 * 9.81"}
 """ + corner.replace("NAME", "left") + corner.replace("NAME", "right") + DISC[DISC.index("[sensors]") :].replace(
         'position = "disc"', 'position = "block"'
     )
-    found = solved(tmp_path, text, "solve.duration=1 s")
+    found = solved(text, "solve.duration=1 s")
     push, drag = found.trajectory.contacts.force[-1], found.trajectory.frictions.force[-1]
     assert drag.sum() == pytest.approx(0.25 * 2 * G, rel=1e-6)
     assert push == pytest.approx([G - 0.25 * 2 * G * 0.25, G + 0.25 * 2 * G * 0.25], rel=1e-6)  # arms 0.05 over 0.2
@@ -371,7 +371,7 @@ pull = {force_on = "block", direction = [1, 0], law = "0.25 * 2 * 9.81"}
 
 
 @pytest.mark.parametrize("mu", [0.1, 1.0])
-def test_a_mechanism_of_bristles_is_hit(tmp_path, mu):
+def test_a_mechanism_of_bristles_is_hit(mu):
     text = CRANK.replace("[joints]", 'ball = {mass = "1 kg"}\n[joints]\nlane = {prismatic = ["ground", "ball"]}', 1)
     text = text.replace('"ball"]}', '"ball"], direction = [1, 0]}')
     text = text.replace("mu = 0.15", bristly(mu, 0))
@@ -382,5 +382,5 @@ circle_on_circle = ["ball", "piston"]
 radii = ["10 mm", "10 mm"]
 contact = {law = "newton", restitution = 0.6}
 [sensors]""")
-    found = solved(tmp_path, text, "solve.duration=0.5 s")
+    found = solved(text, "solve.duration=0.5 s")
     assert found.impacts and np.isfinite(found.trajectory.q).all() and found.trajectory.contacts.gap.min() > -1e-12
