@@ -351,6 +351,9 @@ BAD = {
         "[solve]", "[solve]\nforward = {tolerance = 1e-15}",
         "solve.forward.tolerance = 1e-15: not from 1e-13, where rounding begins, to 1. "
         "Give a number between, like 1e-9."),
+    "a tolerance beyond rounding": (
+        "[solve]", "[solve]\ntolerance = 1e-16",
+        "solve.tolerance = 1e-16: not from 1e-13, where rounding begins, to 1. Give a number between, like 1e-9."),
     "unknown integrator": (
         "[solve]", '[solve]\nintegrator = "rk4"',
         "solve.integrator = 'rk4': must be 'spectral', 'radau', 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' "

@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from kaneflex.scene.contacts import Clearance, contacts_of
 from kaneflex.scene.friction import Friction, friction_in
@@ -41,7 +41,7 @@ from kaneflex.support.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE,
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened", "coupled")
 _TIGHTEST = 1e-13
-"""Tolerance of the forward dynamics below which rounding would stand in its way."""
+"""Tolerance below which rounding would stand in its way."""
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")
 
 
@@ -280,20 +280,22 @@ class Damping(SceneTable):
         return first_given(self, ("rayleigh", "modal", "viscous"))
 
 
+def _above_rounding(tolerance: float) -> float:
+    if not _TIGHTEST <= tolerance < 1:
+        raise Fault(f"not from {_TIGHTEST:g}, where rounding begins, to 1", "Give a number between, like 1e-9")
+    return tolerance
+
+
+Tolerance = Annotated[PositiveRatio, AfterValidator(_above_rounding)]
+
+
 class Forward(SceneTable):
     """How the motion of free joints is integrated, before anything deforms: `method` of scipy's `solve_ivp` and
     relative `tolerance` of a step.
     """
 
     method: Literal["DOP853", "RK45", "Radau", "LSODA"] = "DOP853"
-    tolerance: PositiveRatio = 1e-9
-
-    @field_validator("tolerance")
-    @classmethod
-    def _above_rounding(cls, tolerance: float) -> float:
-        if not _TIGHTEST <= tolerance < 1:
-            raise Fault(f"not from {_TIGHTEST:g}, where rounding begins, to 1", "Give a number between, like 1e-9")
-        return tolerance
+    tolerance: Tolerance = 1e-9
 
 
 class Solve(SceneTable):
@@ -312,7 +314,7 @@ class Solve(SceneTable):
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
     mode_angle: DriveCoordinate = 0.0
     terms: dict[str, bool] = Field(default={})
-    tolerance: PositiveRatio | None = Field(
+    tolerance: Tolerance | None = Field(
         default=None,
         description="1e-8 under preset coupled: error that ten periods of a vibration accumulate, as a share of the "
         "longest body; 1e-6 of integrator spectral: error of the motion, as a share of it",
