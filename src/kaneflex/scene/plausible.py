@@ -37,7 +37,7 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     """Warnings of what is read from the scene alone: numbers in a wrong unit, and tables' curves where no row is."""
     long = _long_links(scene)
     apart = () if long else _far_apart(scene)
-    found = (apart, _materials(scene), _speeds(scene), _gravity(scene), _inertias(scene))
+    found = (apart, _materials(scene), _speeds(scene), _gravity(scene), _inertias(scene), _damping(scene))
     return (*long, *(text for each in found for text in each), *_overshooting_tables(scene))
 
 
@@ -80,6 +80,20 @@ def _far_apart(scene: Scene) -> Iterator[str]:
         yield (
             f"bodies.{longest}.length is {times:.4g} times bodies.{shortest}.length, {lengths[longest]:.4g} m beside "
             f"{lengths[shortest]:.4g} m: look at the units of both"
+        )
+
+
+def _damping(scene: Scene) -> Iterator[str]:
+    """A warning where links are damped so much that they don't vibrate."""
+    damping = scene.damping
+    if damping is None or damping.viscous is not None:
+        return
+    given = damping.rayleigh.ratio if damping.rayleigh is not None else damping.modal and damping.modal.ratio
+    ratio = max(given, default=0.0) if isinstance(given, tuple) else 0.0 if isinstance(given, str) else given or 0.0
+    if ratio >= 1.0:
+        yield (
+            f"damping.{damping.kind}.ratio = {ratio:g} is {ratio:.0%} of the critical damping: nothing vibrates; "
+            "per cents are written with their sign, like '2 %'"
         )
 
 
