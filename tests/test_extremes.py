@@ -11,6 +11,8 @@ from extremes import METHODS, Case, Ending, attempt, judge
 from runs import derived_on_the_fly, model, run
 
 from kaneflex.response.undersampling import between_steps
+from kaneflex.scene import scene_of
+from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.validity import validity_warnings
 from kaneflex.support.errors import SceneError
@@ -88,6 +90,27 @@ def test_a_spike_between_all_instants_that_are_looked_at_is_named(tmp_path):
     table.write_text("deg,F\n" + "".join(f"{row:.4f},{1e5 * (row == 370.2537):g}\n" for row in rows))
     (said,) = between_steps(model("engine", f"gas.table={table}", "gas.column=F"))
     assert said.startswith("loads.gas comes and goes between two steps, by 100% of its largest value at t = 0.01028 s")
+
+
+BAR = """
+schema = 1
+[bodies]
+bar = {length = 0.5, beam = {material = "steel", section = {rectangle = [0.02, 0.02]}, elements = 2}}
+[joints]
+root = {weld = ["ground", "bar.start"]}
+[loads]
+push = {force_on = "bar.end", direction = [0, -1], law = "LAW"}
+[solve]
+preset = "coupled"
+duration = 0.1
+steps = 100
+modes = 1
+"""
+
+
+@pytest.mark.parametrize(("law", "count"), [("1 - step(t - 0.0305)", 0), ("exp(-((t - 0.0305) / 0.0001)**2)", 1)])
+def test_preset_coupled_sees_what_jumps_but_not_what_comes_and_goes(law, count):
+    assert len(between_steps(load(scene_of(BAR.replace("LAW", law))))) == count
 
 
 def test_a_table_whose_curve_overshoots_is_named(tmp_path):

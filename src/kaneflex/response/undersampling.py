@@ -22,7 +22,7 @@ def between_steps(model: Model) -> list[str]:
     """Warnings where loads or speeds of links come and go between two steps, or drives turn far within one.
 
     Looked at are the rows of the loads' tables, however close, and instants spread over the steps. Preset coupled
-    chooses its steps itself, but steps over what comes and goes between two instants of the scene, too.
+    chooses its steps itself, and sees what jumps, but steps over what comes and goes between two instants of the scene.
     """
     options, scene = model.options, model.scene
     if options.dynamics == "coupled" and (scene.floating or any(drive.free for drive in scene.drives.values())):
@@ -50,6 +50,10 @@ def between_steps(model: Model) -> list[str]:
     for thing, name in (varying | speeds).items():
         values = rigid[name]
         straight = np.interp(rigid.times, seen.times, seen[name])
+        if options.dynamics == "coupled":
+            before = np.clip(np.searchsorted(seen.times, rigid.times, "right") - 1, 0, steps - 1)
+            ends = seen[name][before], seen[name][before + 1]
+            straight = np.clip(values, np.minimum(*ends), np.maximum(*ends))
         largest = fastest if thing in speeds else abs(values).max()
         share = abs(values - straight).max() / max(largest, np.finfo(float).tiny)
         if share > _UNSEEN:
