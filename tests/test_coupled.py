@@ -180,7 +180,7 @@ def test_a_spring_and_its_damper_hold_the_cart():
     assert pull == pytest.approx(2000 * slide + 4 * speed, abs=1e-9)
     foot = motion.reactions["foot.force_x"]
     assert 2.0 * accel == pytest.approx(3 * np.sin(20 * solution.times) - pull - foot, abs=1e-7)
-    energy = motion.energy
+    energy = solution.energy
     assert energy.dissipated[-1] > 1e-3 * energy.strain.max() > 0
     assert energy.drift < 1e-6
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def figures(solution: Solution) -> dict[str, Figure]:
     """``energy``: of runs whose energy was integrated with the motion, instant by instant: preset coupled."""
-    energy = solution.motion.energy
+    energy = solution.energy
     if energy is None or len(energy.kinetic) != len(solution.times) or not energy.stored.any():
         return {}
     shown = view(solution)

@@ -275,7 +275,7 @@ def drive_degrees(solution: Solution) -> np.ndarray | None:
 
 
 def _energy(solution: Solution) -> EnergyBalance | None:
-    energy = solution.motion.energy
+    energy = solution.energy
     if energy is None or not len(solution.times):
         return None
     return EnergyBalance(

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+    from kaneflex.mechanism.energy import Energy
     from kaneflex.multibody.impacts import Impact
     from kaneflex.multibody.trajectory import CoupledTrajectory
     from kaneflex.response.sensors import Series
@@ -100,6 +101,12 @@ class Solution:
     def message(self) -> str:
         """How the run ended in words, with the time and the reason where it stopped early."""
         return self.trajectory.message
+
+    @property
+    def energy(self) -> Energy | None:
+        """Energies [J] at the steps and what of their balance is missing, where joints are free or the preset is
+        ``coupled``; else None, as the drives' motion is not integrated."""
+        return self.motion.energy
 
     @property
     def multipliers(self) -> np.ndarray | None:

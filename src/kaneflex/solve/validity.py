@@ -99,7 +99,7 @@ def _deformed(name: str, length: float, stretched: np.ndarray, share: float, cou
 
 def _unbalanced(solution: Solution) -> Iterator[str]:
     """A warning where the energy of what was integrated with free joints gets lost or comes from nowhere."""
-    energy, options = solution.motion.energy, solution.model.options
+    energy, options = solution.energy, solution.model.options
     if energy is None or energy.drift <= LARGEST_GAP:
         return
     missing = f"does not close: {energy.drift:.2g} of the energy turned over is missing or too much"
