@@ -77,6 +77,18 @@ def test_coordinates_follow_from_enough_rows_as_from_all(tmp_path):
         assert abs(by_enough[rate] - by_all[rate]).max() < 1e-9 * abs(by_all[rate]).max()
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+def test_coordinates_follow_from_those_before_them(backwards):
+    found = load(read_scene("robot-arm-elastic")).motion.deforming.map
+    rows = np.concatenate([block.rows for block in found.choice.blocks])
+    blocks = found.joined._in_order(np.sort(rows)[:: -1 if backwards else 1], found.choice.dependent)
+    said, dependent = set(), set(found.joined.places(found.choice.dependent).tolist())
+    for block in blocks:
+        assert not (dependent - said) & set(block.given.tolist())
+        said |= set(block.said.tolist())
+    assert said == dependent and len(blocks) == 6
+
+
 CANTILEVER = f"""
 schema = 1
 gravity = [0, 0, 0]
