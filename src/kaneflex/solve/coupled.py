@@ -13,6 +13,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.counted_turns import unwrapped
 from kaneflex.multibody.cycles import REPEATS, Cycles
 from kaneflex.multibody.linearisation import equilibrium, prepare
 from kaneflex.multibody.model import Model
@@ -124,33 +125,6 @@ def longest(scene: Scene) -> float:
     return max(lengths or [math.hypot(*at) for at in scene.ground.values()] or [1.0])
 
 
-def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
-    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn they prescribe.
-
-    Joints that laws know besides begin within half a turn of zero.
-    """
-    q, counted = q.copy(), {"ground"}
-    angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
-    turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
-    turns |= {name: float(rigid[f"{name}.angle"][0]) for name in scene.drives if scene.joints[name].kind == "revolute"}
-    near = {name: 0.0 for name in scene.observed if scene.joints[name].kind == "revolute"}
-    near |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at is not None}
-    near |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
-    turns |= {name: angle for name, angle in near.items() if name not in turns}  # what is prescribed comes first
-    while len(counted) < len(angle):
-        leading = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
-        if not leading:  # no joint prescribes the turn of what is left against what is counted
-            counted.add(next(name for name in angle if name not in counted))
-            continue
-        name, side = leading[0]
-        base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
-        wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
-        angle[other] += float(whole_turns(wanted - angle[other]))
-        q[system.start[other] + 2] = angle[other]
-        counted.add(other)
-    return q
-
-
 def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
     """Raise SceneError where drives have the bodies of a joint with backlash whole turns apart."""
     for name, joint in scene.joints.items():
@@ -163,12 +137,6 @@ def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
                     f"at the start it is {turns} whole turns from the middle of its play",
                     "Start the drives of its bodies without them, or give the middle with them",
                 )  # fmt: skip
-
-
-def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
-    """Whether a joint leads from a body that is counted, on this side of it, to one that is not."""
-    base, other = (scene.joints[joint].addresses[k].body for k in (side, 1 - side))
-    return base in counted and other not in counted
 
 
 def _deformed(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
