@@ -1,6 +1,7 @@
 """Runs that start from a state that the scene gives: `solve.start` as a table."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from runs import model, run
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import load
@@ -157,6 +158,78 @@ def test_a_coupled_state_of_a_later_turn_stands_where_the_drive_is():
     assert q[2] == pytest.approx(0.0, abs=1e-9)
     assert q[3:] == pytest.approx(first.trajectory.q[-1, 3:], rel=1e-12)
     assert v == pytest.approx(first.trajectory.v[-1], rel=1e-12)
+
+
+COILS = """
+schema = 1
+name = "disc"
+bodies = {wheel = {mass = 1.0, inertia = 0.1, points = {rim = [0.3, 0]}}, hand = {mass = 0.1, inertia = 0.01}}
+joints = {hinge = {revolute = ["ground", "wheel"]}, pin = {revolute = ["wheel.rim", "hand"]}}
+drives = {hinge = {free = true, initial_speed = 10.0}, pin = {free = true, initial_speed = -20.0}}
+springs = {coil = {torsional_at = "hinge", stiffness = 0.1}, hair = {torsional_at = "pin", stiffness = 0.01}}
+sensors.angle = {position = "hinge", component = "angle"}
+sensors.heading = {position = "hand", component = "angle"}
+sensors.coil = {spring_torque = "coil"}
+sensors.hair = {spring_torque = "hair"}
+solve = {preset = "coupled", duration = 1.0, steps = 100}
+"""
+
+
+FOUR_BAR = """
+schema = 1
+name = "four-bar"
+[ground]
+P = [0.28, 0]
+[bodies]
+crank = {length = 0.1, mass = 0.2}
+coupler = {length = 0.3, mass = 0.3}
+rocker = {length = 0.25, mass = 0.5}
+[joints]
+A = {revolute = ["ground", "crank.start"]}
+B = {revolute = ["crank.end", "coupler.start"]}
+D = {revolute = ["ground.P", "rocker.start"]}
+C = {revolute = ["coupler.end", "rocker.end"], branch = "+"}
+[drives]
+A = {free = true, angle = 1.0}
+[springs]
+coil = {torsional_at = "B", stiffness = 0.01}
+[sensors]
+angle = {position = "B", component = "angle"}
+heading = {position = "crank", component = "angle"}
+torque = {spring_torque = "coil"}
+[solve]
+preset = "coupled"
+duration = 0.1
+steps = 50
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "settings"), [(COILS, ()), (FOUR_BAR, ("drives.A.initial_speed=150",))], ids=["in a row", "in a loop"]
+)
+def test_a_state_keeps_the_turns_that_springs_count(text, settings):
+    """Coils wound by more than a turn, at free drives and at a pin that a loop turns."""
+    scene = with_settings(scene_of(text), settings)
+    first = kaneflex.simulate(load(scene))
+    wound = {name: series.values[-1] for name, series in first.series.items()}
+    assert max(map(abs, wound.values())) > math.tau
+    second = kaneflex.simulate(load(with_settings(scene, starting(first.state()))))
+    for name, value in wound.items():
+        assert second.series[name].values[0] == pytest.approx(value, rel=1e-9), name
+    for name, angles in first.drive_angles.items():
+        assert second.drive_angles[name][0] == pytest.approx(angles[-1], rel=1e-9)
+
+
+def test_turns_that_a_drive_takes_from_a_spring_are_refused():
+    """After two turns the drive begins at zero anew, and the spring at it would have lost them."""
+    driven = COILS.replace("hinge = {free = true, initial_speed = 10.0}", 'hinge = {speed = "2 rps"}')
+    state = kaneflex.simulate(load(scene_of(driven))).state()
+    with pytest.raises(SceneError, match=r"a torsional spring counts the turns of hinge, which is given at 720 deg: .*"
+                       r"at -?\d\S* deg\. Continue with --after"):  # fmt: skip
+        load(with_settings(scene_of(driven), starting(state)))
+    ahead = driven.replace('"2 rps"', '"2 rps", angle = "720 deg"')
+    found = kaneflex.simulate(load(with_settings(scene_of(ahead), starting(state))))
+    assert found.series["coil"].values[0] == pytest.approx(0.4 * math.pi, rel=1e-9)
 
 
 @pytest.mark.parametrize(

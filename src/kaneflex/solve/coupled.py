@@ -13,7 +13,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.counted_turns import unwrapped
+from kaneflex.multibody.counted_turns import check_turns_kept, unwrapped
 from kaneflex.multibody.cycles import REPEATS, Cycles
 from kaneflex.multibody.linearisation import equilibrium, prepare
 from kaneflex.multibody.model import Model
@@ -28,7 +28,7 @@ from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import State, check_closed
 from kaneflex.solve.events import happens
 from kaneflex.solve.forward import with_courses
-from kaneflex.solve.initial import laid_over, start_dimensions
+from kaneflex.solve.initial import given_start, laid_over, start_dimensions
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
@@ -90,11 +90,14 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     q, v = rigid_state(system, first)
     if model.options.start == "given":
         q, v = laid_over(model.scene, start_dimensions(model), q, v)
-        q = unwrapped(model.scene, system, q, first)
+        given = [name for name in system.start if f"{name}.phi" in given_start(model.scene).displacements]
+        before, q = q, unwrapped(model.scene, system, q, first, given)
         check_closed(
             system, 0.0, q, longest(model.scene), "solve.start", "a table of a state",
             "Give the coordinates of all bodies, or shapes that leave the joints where they are",
         )  # fmt: skip
+        check_turns_kept(model.scene, system, before, q, given)
+        _check_turns(model.scene, system, q)
         return q, v
     q = unwrapped(model.scene, system, q, first)
     _check_turns(model.scene, system, q)
