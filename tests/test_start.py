@@ -232,6 +232,79 @@ def test_turns_that_a_drive_takes_from_a_spring_are_refused():
     assert found.series["coil"].values[0] == pytest.approx(0.4 * math.pi, rel=1e-9)
 
 
+ELASTIC = FOUR_BAR.replace("mass = 0.3", 'beam = {material = "steel", section = {rectangle = [0.004, 0.02]}}')
+FOLLOWING = {"crank.phi": 1.0, "coupler.phi": -0.19469540, "rocker.phi": 0.20942362}
+"""Rates of the bodies of FOUR_BAR to that of the crank, by hand: the velocity polygon at A = 1 rad."""
+
+
+def rates_at_start(text, velocities, *settings):
+    """Of a scene in the plane, as a run begins with them."""
+    found = load(with_settings(scene_of(text), starting({"velocities": velocities}, *settings)))
+    trajectory = kaneflex.simulate(found).trajectory
+    assert beginning(found)[1] == pytest.approx(trajectory.v[0], rel=1e-9, abs=1e-9)
+    return {name: rate for (name, _), rate in zip(found.coupled.coordinates, trajectory.v[0], strict=True)}
+
+
+def test_the_velocity_polygon_is_that_of_the_loop():
+    """a e(crank) w_1 + b e(coupler) w_2 = c e(rocker) w_3, with the angles that close the loop."""
+    q, _ = beginning(load(scene_of(FOUR_BAR)))
+    angles, sizes = q[2::3], np.array([0.1, 0.3, -0.25])
+    columns = sizes * np.array([-np.sin(angles), np.cos(angles)])
+    followed = np.linalg.solve(columns[:, 1:], -columns[:, 0])
+    assert list(FOLLOWING.values()) == pytest.approx([1.0, *followed], rel=1e-6)
+
+
+@pytest.mark.parametrize("text", [FOUR_BAR, ELASTIC], ids=["rigid", "elastic"])
+@pytest.mark.parametrize(("body", "rate"), [("crank", 5.0), ("coupler", 2.0), ("rocker", -7.0)])
+def test_one_rate_moves_all_that_hangs_on_it(text, body, rate):
+    """A free linkage has one freedom: whichever body's rate is given, the others follow."""
+    found = rates_at_start(text, {f"{body}.phi": rate})
+    for name, share in FOLLOWING.items():
+        assert found[name] == pytest.approx(rate * share / FOLLOWING[f"{body}.phi"], rel=1e-6), name
+    assert all(found[name] == 0.0 for name in found if "axial" in name or "transverse" in name)
+
+
+def test_rates_of_shapes_are_kept_and_the_bodies_follow():
+    """The coupler stretches by its axial shape, one at its ends against each other: crank and rocker part by that."""
+    found = rates_at_start(ELASTIC, {"coupler.axial_0": "0.02 m/s", "coupler.transverse_1": 0.03, "crank.phi": 5.0})
+    kept = found["coupler.axial_0"], found["coupler.transverse_1"], found["crank.phi"]
+    assert kept == pytest.approx((0.02, 0.03, 5.0), rel=1e-12)
+    still = rates_at_start(ELASTIC, {"coupler.axial_0": 0.02}, "drives.A.initial_speed=5")
+    assert still["crank.phi"] == pytest.approx(5.0, rel=1e-9)
+    assert still["rocker.phi"] == pytest.approx(found["rocker.phi"], rel=1e-9) != 5.0 * FOLLOWING["rocker.phi"]
+
+
+def test_rates_that_are_not_given_are_those_of_the_rigid_mechanism():
+    """In a row of pins the wheel is given, the hand keeps its own rate of -10 rad/s, or its drive the speed it says."""
+    unsaid = COILS.replace(", initial_speed = -20.0", "")
+    found = rates_at_start(unsaid, {"wheel.phi": 3.0})
+    assert (found["wheel.phi"], found["hand.phi"], found["hand.y"]) == pytest.approx((3.0, 10.0, 0.9))
+    found = rates_at_start(COILS, {"wheel.phi": 3.0})
+    assert (found["wheel.phi"], found["hand.phi"]) == pytest.approx((3.0, -17.0))
+
+
+@pytest.mark.parametrize(
+    ("velocities", "message"),
+    [
+        ({"crank.phi": 5.0, "rocker.phi": "-7 rad/s"}, r"rocker\.phi = '-7 rad/s': with crank\.phi = 5 rad/s the "
+         r"joints make it 1\.04712 rad/s\. Give rates of as many bodies as the mechanism has freedoms"),
+        ({"coupler.phi": 100.0, "crank.phi": 5.0},
+         r"crank\.phi = 5\.0: with coupler\.phi = 100 rad/s the joints make it -513"),
+        ({"crank.x": 1.0}, r"crank\.x = 1\.0: joints and drives make it 0 m/s"),
+    ],
+)  # fmt: skip
+def test_rates_that_contradict_each_other_are_refused(velocities, message):
+    with pytest.raises(SceneError, match=rf"^solve\.start\.velocities\.{message}"):
+        rates_at_start(ELASTIC, velocities)
+
+
+def test_a_rate_that_a_drive_prescribes_is_refused_where_it_is_another_one():
+    driven = FOUR_BAR.replace("A = {free = true, angle = 1.0}", 'A = {speed = "5 rad/s", angle = 1.0}')
+    assert rates_at_start(driven, {"rocker.phi": 1.047})["rocker.phi"] == pytest.approx(1.0471175, rel=1e-6)
+    with pytest.raises(SceneError, match=r"crank\.phi = 4\.0: joints and drives make it 5 rad/s"):
+        rates_at_start(driven, {"crank.phi": 4.0})
+
+
 @pytest.mark.parametrize(
     ("start", "message"),
     [

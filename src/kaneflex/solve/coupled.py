@@ -13,6 +13,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody import start_rates
 from kaneflex.multibody.counted_turns import check_turns_kept, unwrapped
 from kaneflex.multibody.cycles import REPEATS, Cycles
 from kaneflex.multibody.linearisation import equilibrium, prepare
@@ -89,19 +90,30 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     assert system is not None
     q, v = rigid_state(system, first)
     if model.options.start == "given":
-        q, v = laid_over(model.scene, start_dimensions(model), q, v)
-        given = [name for name in system.start if f"{name}.phi" in given_start(model.scene).displacements]
-        before, q = q, unwrapped(model.scene, system, q, first, given)
-        check_closed(
-            system, 0.0, q, longest(model.scene), "solve.start", "a table of a state",
-            "Give the coordinates of all bodies, or shapes that leave the joints where they are",
-        )  # fmt: skip
-        check_turns_kept(model.scene, system, before, q, given)
-        _check_turns(model.scene, system, q)
-        return q, v
+        return _given(model, system, q, v)
     q = unwrapped(model.scene, system, q, first)
     _check_turns(model.scene, system, q)
     return (_deformed(model, q, first) if model.options.start == "quasistatic" else q), v
+
+
+def _given(
+    model: Model, system: CoupledSystem, rigid_q: np.ndarray, rigid_v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """q and v as the scene gives them, what it doesn't as the rigid mechanism has it; joints closed, rates included."""
+    scene, tables = model.scene, given_start(model.scene)
+    before, v = laid_over(scene, start_dimensions(model), rigid_q, rigid_v)
+    given = [name for name in system.start if f"{name}.phi" in tables.displacements]
+    q = unwrapped(scene, system, before, model.motion.at(0.0), given)
+    check_closed(
+        system, 0.0, q, longest(scene), "solve.start", "a table of a state",
+        "Give the coordinates of all bodies, or shapes that leave the joints where they are",
+    )  # fmt: skip
+    check_turns_kept(scene, system, before, q, given)
+    _check_turns(scene, system, q)
+    found = start_rates.closed(system, q, v)
+    if found is None:  # the run says so
+        return q, v
+    return found, start_rates.fitted(scene, system, found, v, tables.velocities)
 
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
