@@ -192,6 +192,45 @@ def test_a_run_goes_on_from_the_end_of_another(pendulum):
         assert rest.series[name].values == pytest.approx(pendulum.series[name].values[100:], abs=1e-7), name
 
 
+DISC = """
+schema = 1
+name = "disc"
+bodies = {wheel = {mass = 1.0, inertia = 0.1}}
+joints = {hinge = {revolute = ["ground", "wheel"]}}
+drives = {hinge = {free = true, initial_speed = 10.0}}
+springs = {coil = {torsional_at = "hinge", stiffness = 0.1}}
+[sensors]
+angle = {position = "hinge", component = "angle"}
+heading = {position = "wheel", component = "angle"}
+torque = {spring_torque = "coil"}
+[events.far]
+sensor = "angle"
+value = "9 rad"
+[solve]
+preset = "coupled"
+duration = 3.0
+steps = 300
+"""
+
+
+def test_a_run_that_goes_on_counts_turns_on(tmp_path):
+    """A disc on a coil, phi = 10 sin t: after a second it has turned by 8.41 rad, and passes 9 rad twice from there."""
+
+    def turned(seconds, after=None):
+        horizon = [f"solve.duration={seconds}", f"solve.steps={100 * seconds}"]
+        return kaneflex.simulate(kaneflex.load(with_settings(scene_of(DISC), horizon)), after=after)
+
+    whole, first = turned(3), turned(1)
+    first.labelled.to_netcdf(tmp_path / "results.nc")
+    for found in (turned(2, first), turned(2, kaneflex.read_state(tmp_path))):
+        for name in ("angle", "heading", "torque"):
+            assert found.series[name].values == pytest.approx(whole.series[name].values[100:], abs=1e-6), name
+        assert found.series["angle"].values[0] == pytest.approx(10.0 * math.sin(1.0), abs=1e-6)
+        assert found.drive_angles["hinge"] == pytest.approx(found.series["angle"].values, abs=1e-9)
+        assert found.events["far"] == pytest.approx([math.asin(0.9), math.pi - math.asin(0.9)], abs=1e-6)
+        assert found.at([1.5]).series["angle"].values == pytest.approx(10.0 * math.sin(1.5), abs=1e-6)
+
+
 def test_the_command_line_goes_on_from_a_result_folder(tmp_path, monkeypatch, pendulum):
     monkeypatch.chdir(tmp_path)
     options = [f"--set={setting}" for setting in settle_damping("solve.duration=0.25 s", "solve.steps=100")]

@@ -1,6 +1,7 @@
 """Runs that start from a state that the scene gives: `solve.start` as a table."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from runs import model, run
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import load
@@ -157,6 +158,151 @@ def test_a_coupled_state_of_a_later_turn_stands_where_the_drive_is():
     assert q[2] == pytest.approx(0.0, abs=1e-9)
     assert q[3:] == pytest.approx(first.trajectory.q[-1, 3:], rel=1e-12)
     assert v == pytest.approx(first.trajectory.v[-1], rel=1e-12)
+
+
+COILS = """
+schema = 1
+name = "disc"
+bodies = {wheel = {mass = 1.0, inertia = 0.1, points = {rim = [0.3, 0]}}, hand = {mass = 0.1, inertia = 0.01}}
+joints = {hinge = {revolute = ["ground", "wheel"]}, pin = {revolute = ["wheel.rim", "hand"]}}
+drives = {hinge = {free = true, initial_speed = 10.0}, pin = {free = true, initial_speed = -20.0}}
+springs = {coil = {torsional_at = "hinge", stiffness = 0.1}, hair = {torsional_at = "pin", stiffness = 0.01}}
+sensors.angle = {position = "hinge", component = "angle"}
+sensors.heading = {position = "hand", component = "angle"}
+sensors.coil = {spring_torque = "coil"}
+sensors.hair = {spring_torque = "hair"}
+solve = {preset = "coupled", duration = 1.0, steps = 100}
+"""
+
+
+FOUR_BAR = """
+schema = 1
+name = "four-bar"
+[ground]
+P = [0.28, 0]
+[bodies]
+crank = {length = 0.1, mass = 0.2}
+coupler = {length = 0.3, mass = 0.3}
+rocker = {length = 0.25, mass = 0.5}
+[joints]
+A = {revolute = ["ground", "crank.start"]}
+B = {revolute = ["crank.end", "coupler.start"]}
+D = {revolute = ["ground.P", "rocker.start"]}
+C = {revolute = ["coupler.end", "rocker.end"], branch = "+"}
+[drives]
+A = {free = true, angle = 1.0}
+[springs]
+coil = {torsional_at = "B", stiffness = 0.01}
+[sensors]
+angle = {position = "B", component = "angle"}
+heading = {position = "crank", component = "angle"}
+torque = {spring_torque = "coil"}
+[solve]
+preset = "coupled"
+duration = 0.1
+steps = 50
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "settings"), [(COILS, ()), (FOUR_BAR, ("drives.A.initial_speed=150",))], ids=["in a row", "in a loop"]
+)
+def test_a_state_keeps_the_turns_that_springs_count(text, settings):
+    """Coils wound by more than a turn, at free drives and at a pin that a loop turns."""
+    scene = with_settings(scene_of(text), settings)
+    first = kaneflex.simulate(load(scene))
+    wound = {name: series.values[-1] for name, series in first.series.items()}
+    assert max(map(abs, wound.values())) > math.tau
+    second = kaneflex.simulate(load(with_settings(scene, starting(first.state()))))
+    for name, value in wound.items():
+        assert second.series[name].values[0] == pytest.approx(value, rel=1e-9), name
+    for name, angles in first.drive_angles.items():
+        assert second.drive_angles[name][0] == pytest.approx(angles[-1], rel=1e-9)
+
+
+def test_turns_that_a_drive_takes_from_a_spring_are_refused():
+    """After two turns the drive begins at zero anew, and the spring at it would have lost them."""
+    driven = COILS.replace("hinge = {free = true, initial_speed = 10.0}", 'hinge = {speed = "2 rps"}')
+    state = kaneflex.simulate(load(scene_of(driven))).state()
+    with pytest.raises(SceneError, match=r"a torsional spring counts the turns of hinge, which is given at 720 deg: .*"
+                       r"at -?\d\S* deg\. Continue with --after"):  # fmt: skip
+        load(with_settings(scene_of(driven), starting(state)))
+    ahead = driven.replace('"2 rps"', '"2 rps", angle = "720 deg"')
+    found = kaneflex.simulate(load(with_settings(scene_of(ahead), starting(state))))
+    assert found.series["coil"].values[0] == pytest.approx(0.4 * math.pi, rel=1e-9)
+
+
+ELASTIC = FOUR_BAR.replace("mass = 0.3", 'beam = {material = "steel", section = {rectangle = [0.004, 0.02]}}')
+FOLLOWING = {"crank.phi": 1.0, "coupler.phi": -0.19469540, "rocker.phi": 0.20942362}
+"""Rates of the bodies of FOUR_BAR to that of the crank, by hand: the velocity polygon at A = 1 rad."""
+
+
+def rates_at_start(text, velocities, *settings):
+    """Of a scene in the plane, as a run begins with them."""
+    found = load(with_settings(scene_of(text), starting({"velocities": velocities}, *settings)))
+    trajectory = kaneflex.simulate(found).trajectory
+    assert beginning(found)[1] == pytest.approx(trajectory.v[0], rel=1e-9, abs=1e-9)
+    return {name: rate for (name, _), rate in zip(found.coupled.coordinates, trajectory.v[0], strict=True)}
+
+
+def test_the_velocity_polygon_is_that_of_the_loop():
+    """a e(crank) w_1 + b e(coupler) w_2 = c e(rocker) w_3, with the angles that close the loop."""
+    q, _ = beginning(load(scene_of(FOUR_BAR)))
+    angles, sizes = q[2::3], np.array([0.1, 0.3, -0.25])
+    columns = sizes * np.array([-np.sin(angles), np.cos(angles)])
+    followed = np.linalg.solve(columns[:, 1:], -columns[:, 0])
+    assert list(FOLLOWING.values()) == pytest.approx([1.0, *followed], rel=1e-6)
+
+
+@pytest.mark.parametrize("text", [FOUR_BAR, ELASTIC], ids=["rigid", "elastic"])
+@pytest.mark.parametrize(("body", "rate"), [("crank", 5.0), ("coupler", 2.0), ("rocker", -7.0)])
+def test_one_rate_moves_all_that_hangs_on_it(text, body, rate):
+    """A free linkage has one freedom: whichever body's rate is given, the others follow."""
+    found = rates_at_start(text, {f"{body}.phi": rate})
+    for name, share in FOLLOWING.items():
+        assert found[name] == pytest.approx(rate * share / FOLLOWING[f"{body}.phi"], rel=1e-6), name
+    assert all(found[name] == 0.0 for name in found if "axial" in name or "transverse" in name)
+
+
+def test_rates_of_shapes_are_kept_and_the_bodies_follow():
+    """The coupler stretches by its axial shape, one at its ends against each other: crank and rocker part by that."""
+    found = rates_at_start(ELASTIC, {"coupler.axial_0": "0.02 m/s", "coupler.transverse_1": 0.03, "crank.phi": 5.0})
+    kept = found["coupler.axial_0"], found["coupler.transverse_1"], found["crank.phi"]
+    assert kept == pytest.approx((0.02, 0.03, 5.0), rel=1e-12)
+    still = rates_at_start(ELASTIC, {"coupler.axial_0": 0.02}, "drives.A.initial_speed=5")
+    assert still["crank.phi"] == pytest.approx(5.0, rel=1e-9)
+    assert still["rocker.phi"] == pytest.approx(found["rocker.phi"], rel=1e-9) != 5.0 * FOLLOWING["rocker.phi"]
+
+
+def test_rates_that_are_not_given_are_those_of_the_rigid_mechanism():
+    """In a row of pins the wheel is given, the hand keeps its own rate of -10 rad/s, or its drive the speed it says."""
+    unsaid = COILS.replace(", initial_speed = -20.0", "")
+    found = rates_at_start(unsaid, {"wheel.phi": 3.0})
+    assert (found["wheel.phi"], found["hand.phi"], found["hand.y"]) == pytest.approx((3.0, 10.0, 0.9))
+    found = rates_at_start(COILS, {"wheel.phi": 3.0})
+    assert (found["wheel.phi"], found["hand.phi"]) == pytest.approx((3.0, -17.0))
+
+
+@pytest.mark.parametrize(
+    ("velocities", "message"),
+    [
+        ({"crank.phi": 5.0, "rocker.phi": "-7 rad/s"}, r"rocker\.phi = '-7 rad/s': with crank\.phi = 5 rad/s the "
+         r"joints make it 1\.04712 rad/s\. Give rates of as many bodies as the mechanism has freedoms"),
+        ({"coupler.phi": 100.0, "crank.phi": 5.0},
+         r"crank\.phi = 5\.0: with coupler\.phi = 100 rad/s the joints make it -513"),
+        ({"crank.x": 1.0}, r"crank\.x = 1\.0: joints and drives make it 0 m/s"),
+    ],
+)  # fmt: skip
+def test_rates_that_contradict_each_other_are_refused(velocities, message):
+    with pytest.raises(SceneError, match=rf"^solve\.start\.velocities\.{message}"):
+        rates_at_start(ELASTIC, velocities)
+
+
+def test_a_rate_that_a_drive_prescribes_is_refused_where_it_is_another_one():
+    driven = FOUR_BAR.replace("A = {free = true, angle = 1.0}", 'A = {speed = "5 rad/s", angle = 1.0}')
+    assert rates_at_start(driven, {"rocker.phi": 1.047})["rocker.phi"] == pytest.approx(1.0471175, rel=1e-6)
+    with pytest.raises(SceneError, match=r"crank\.phi = 4\.0: joints and drives make it 5 rad/s"):
+        rates_at_start(driven, {"crank.phi": 4.0})
 
 
 @pytest.mark.parametrize(

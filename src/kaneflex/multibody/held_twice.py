@@ -6,6 +6,8 @@ rows that moves nothing can be added to the reactions without any change of the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from kaneflex.mechanism.joints import coordinate, residuals
@@ -23,8 +25,11 @@ _NOTHING = 1e-7
 in it."""
 
 
-def jacobian(system: CoupledSystem, q: np.ndarray) -> np.ndarray:
-    """Derivatives of the rows of all ``reactions`` of a system by the speeds of all bodies at a state q (size,)."""
+def jacobian(system: CoupledSystem, q: np.ndarray, free: Sequence[str] = ()) -> np.ndarray:
+    """Derivatives of the rows of all ``reactions`` of a system by the speeds of all bodies at a state q (size,).
+
+    After them those of the coordinates of ``free`` drives.
+    """
     system.fold(q, np.zeros_like(q))
     engine, mechanism = system.engine, system.mechanism
     engine.openings(0.0)  # leaves W of the sections
@@ -39,8 +44,8 @@ def jacobian(system: CoupledSystem, q: np.ndarray) -> np.ndarray:
         first += engine.count(at.W_NOW)
         return slice(start, start + width), tables.w[first : first + 3 * width].reshape(3, width)
 
-    found = np.zeros((len(system.constraints), system.size))
-    row_of = {name: k for k, name in enumerate(system.constraints)}
+    row_of = {name: k for k, name in enumerate([*system.constraints, *(f"{name}.drive" for name in free)])}
+    found = np.zeros((len(row_of), system.size))
     for joint in mechanism.joints.values():
         keys = [(side.body, side.name) for side in joint.sides]
         poses: list[Pose] = [pose_at(*sections[engine.layout.sections[key], :3].tolist()) for key in keys]

@@ -79,7 +79,7 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
     scene, rigid = shown.solution.model.scene, shown.rigid
     driven = {address.body for name in scene.drives for address in scene.joints[name].addresses}
     names = [name for name in scene.bodies if name not in driven and np.ptp(rigid[f"{name}.s"]) > 1e-9]
-    angles = [(name, np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))) for name in names]
+    angles = [(name, shown.motion.turned(name)) for name in names]
     whose = f" of {names[0]}" if len(names) == 1 else ""
     return [
         (f"Angle{whose}", "angle", "rad", angles),

@@ -20,17 +20,21 @@ from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
-from kaneflex.mechanism.planar import wrapped
+from kaneflex.mechanism.planar import whole_turns, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.counted_turns import left_out
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.response.dalembert import Balanced, balanced
 from kaneflex.response.floating_scalars import FloatingScalars
 from kaneflex.response.motion import Motion, Section, beside_axis
 from kaneflex.scene.quantities import Address
+from kaneflex.support.kept import Kept
 
 if TYPE_CHECKING:
     from kaneflex.multibody.trajectory import CoupledTrajectory
 
+_LEFT_OUT: Kept[object, Mapping[str, float]] = Kept()
+"""Of a rigid twin the turns that sensors of its bodies leave out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +290,13 @@ class CoupledMotion(Motion):
         if frame is None or body in frame.bodies or self.model.scene.bodies[body].modal is not None:
             return self._in_axes(body, self._moved(body, at))
         return self._still()
+
+    def turned(self, body: str) -> np.ndarray:
+        """That of the rigid motion with the turns that the run has counted, those before it included."""
+        frame, twin = self.rigid.frame(body), self.model.module
+        angle = np.arctan2(frame.s, frame.c)
+        left = _LEFT_OUT.of(twin, lambda: left_out(self.model.scene, twin.start))[body]
+        return angle + whole_turns(self.body(body)[0][2] - left - angle)
 
     def _moved(self, body: str, at: tuple[float, float]) -> Rates:
         """Global displacement and rotation of a point against the rigid mechanism, (3, n_times)."""

@@ -13,6 +13,8 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody import start_rates
+from kaneflex.multibody.counted_turns import check_turns_kept, unwrapped
 from kaneflex.multibody.cycles import REPEATS, Cycles
 from kaneflex.multibody.linearisation import equilibrium, prepare
 from kaneflex.multibody.model import Model
@@ -27,7 +29,7 @@ from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import State, check_closed
 from kaneflex.solve.events import happens
 from kaneflex.solve.forward import with_courses
-from kaneflex.solve.initial import laid_over, start_dimensions
+from kaneflex.solve.initial import given_start, laid_over, start_dimensions
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
@@ -88,16 +90,30 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     assert system is not None
     q, v = rigid_state(system, first)
     if model.options.start == "given":
-        q, v = laid_over(model.scene, start_dimensions(model), q, v)
-        q = unwrapped(model.scene, system, q, first)
-        check_closed(
-            system, 0.0, q, longest(model.scene), "solve.start", "a table of a state",
-            "Give the coordinates of all bodies, or shapes that leave the joints where they are",
-        )  # fmt: skip
-        return q, v
+        return _given(model, system, q, v)
     q = unwrapped(model.scene, system, q, first)
     _check_turns(model.scene, system, q)
     return (_deformed(model, q, first) if model.options.start == "quasistatic" else q), v
+
+
+def _given(
+    model: Model, system: CoupledSystem, rigid_q: np.ndarray, rigid_v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """q and v as the scene gives them, what it doesn't as the rigid mechanism has it; joints closed, rates included."""
+    scene, tables = model.scene, given_start(model.scene)
+    before, v = laid_over(scene, start_dimensions(model), rigid_q, rigid_v)
+    given = [name for name in system.start if f"{name}.phi" in tables.displacements]
+    q = unwrapped(scene, system, before, model.motion.at(0.0), given)
+    check_closed(
+        system, 0.0, q, longest(scene), "solve.start", "a table of a state",
+        "Give the coordinates of all bodies, or shapes that leave the joints where they are",
+    )  # fmt: skip
+    check_turns_kept(scene, system, before, q, given)
+    _check_turns(scene, system, q)
+    found = start_rates.closed(system, q, v)
+    if found is None:  # the run says so
+        return q, v
+    return found, start_rates.fitted(scene, system, found, v, tables.velocities)
 
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
@@ -124,33 +140,6 @@ def longest(scene: Scene) -> float:
     return max(lengths or [math.hypot(*at) for at in scene.ground.values()] or [1.0])
 
 
-def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
-    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn they prescribe.
-
-    Joints that laws know besides begin within half a turn of zero.
-    """
-    q, counted = q.copy(), {"ground"}
-    angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
-    turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
-    turns |= {name: float(rigid[f"{name}.angle"][0]) for name in scene.drives if scene.joints[name].kind == "revolute"}
-    near = {name: 0.0 for name in scene.observed if scene.joints[name].kind == "revolute"}
-    near |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at is not None}
-    near |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
-    turns |= {name: angle for name, angle in near.items() if name not in turns}  # what is prescribed comes first
-    while len(counted) < len(angle):
-        leading = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
-        if not leading:  # no joint prescribes the turn of what is left against what is counted
-            counted.add(next(name for name in angle if name not in counted))
-            continue
-        name, side = leading[0]
-        base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
-        wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
-        angle[other] += float(whole_turns(wanted - angle[other]))
-        q[system.start[other] + 2] = angle[other]
-        counted.add(other)
-    return q
-
-
 def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
     """Raise SceneError where drives have the bodies of a joint with backlash whole turns apart."""
     for name, joint in scene.joints.items():
@@ -163,12 +152,6 @@ def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
                     f"at the start it is {turns} whole turns from the middle of its play",
                     "Start the drives of its bodies without them, or give the middle with them",
                 )  # fmt: skip
-
-
-def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
-    """Whether a joint leads from a body that is counted, on this side of it, to one that is not."""
-    base, other = (scene.joints[joint].addresses[k].body for k in (side, 1 - side))
-    return base in counted and other not in counted
 
 
 def _deformed(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from kaneflex.multibody import spatial_linear
+from kaneflex.multibody.counted_turns import unwrapped
 from kaneflex.multibody.linear_equations import Linear
 from kaneflex.multibody.linearisation import Instant, at_rest, equilibrium, linear, prepare, probes
 from kaneflex.multibody.model import Model
@@ -22,7 +23,7 @@ from kaneflex.response.sensors import sensor_values
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled import as_solution, unwrapped
+from kaneflex.solve.coupled import as_solution
 from kaneflex.support.errors import SceneError
 
 

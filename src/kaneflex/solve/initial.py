@@ -11,6 +11,7 @@ from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.scene.contacts import ClearanceContact
+from kaneflex.scene.start import Start
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
@@ -58,6 +59,13 @@ def shape_dimensions(system: SpatialSystem) -> dict[str, Dimension]:
     }
 
 
+def given_start(scene: Scene) -> Start:
+    """The tables of a scene that gives a state to start from."""
+    start = scene.solve.start
+    assert isinstance(start, Start)
+    return start
+
+
 def laid_over(
     scene: Scene, dimensions: Mapping[str, Dimension], z: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +76,7 @@ def laid_over(
     SceneError
         For a name that is no coordinate, and a quantity that is not its coordinate's; with all problems.
     """
-    start = scene.solve.start
+    start = given_start(scene)
     rates = {name: _RATES[dimension] for name, dimension in dimensions.items()}
     return (
         _filled(STATE[0], start.displacements, dimensions, z),

@@ -29,7 +29,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.sensors import DRIVE_KINDS
-from kaneflex.solve.initial import laid_over, shape_dimensions
+from kaneflex.solve.initial import given_start, laid_over, shape_dimensions
 from kaneflex.solve.loading import (
     ONE_WAY,
     SWEEP,
@@ -206,7 +206,19 @@ def _given(system: SpatialSystem, start: State) -> State:
     if not far <= _OPEN * system.mechanism.size:
         cure = "Give shapes that leave the joints where they are, as solution.state() has them"
         raise SceneError("solve.start", "a table of a state", reason, cure)
+    _check_rates(system, u, found.u)
     return found
+
+
+def _check_rates(system: SpatialSystem, asked: np.ndarray, found: np.ndarray) -> None:
+    """Raise SceneError where the loops make a given rate of a shape another one."""
+    given, largest = given_start(system.scene).velocities, abs(found / system.measure).max(initial=0.0)
+    for name, k in zip(shape_dimensions(system), system.modal_speeds, strict=True):
+        if name in given and abs(found[k] - asked[k]) > _OPEN * system.measure[k] * largest:
+            raise SceneError(
+                f"solve.start.velocities.{name}", given[name], f"joints and drives make it {found[k]:.6g} m/s or rad/s",
+                "Give rates of shapes that leave the joints as they move, as solution.state() has them",
+            )  # fmt: skip
 
 
 def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:

@@ -1,0 +1,177 @@
+"""Rates that a planar mechanism starts with, where a scene gives some of them: what joints and drives leave to these.
+
+Rates of shapes are as they are given, else zero. Those that are given of bodies come next, the others follow by the
+joints; what these leave open moves as in the rigid mechanism, joints with an initial speed first, then bodies from the
+ground outwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kaneflex.multibody.held_twice import jacobian
+from kaneflex.multibody.system import BODY, CoupledSystem
+from kaneflex.scene import Scene
+from kaneflex.support.errors import SceneError
+
+_RANK = 1e-9
+"""Share of the largest singular value of the joints' rows below which one follows from the others."""
+_OPEN = 1e-6
+"""Share of a unit rate that must be left to it, for it to be free."""
+_MISSED = 1e-3
+"""Share of the largest rate, measured in the mechanism's size or rad, by which joints may change one that is given."""
+_CURE = "Give rates of as many bodies as the mechanism has freedoms, that fit each other, or leave one out"
+
+
+def closed(system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
+    """q with its loops closed at t = 0; None where they can't be."""
+    system.compile()
+    system.fold(q, v)
+    system.engine.choose(0.0)
+    return system.unfold(system.engine.row(0.0)[None]).q[0] if system.engine.move_on(0.0) else None
+
+
+def fitted(
+    scene: Scene, system: CoupledSystem, q: np.ndarray, v: np.ndarray, given: Mapping[str, float | str]
+) -> np.ndarray:
+    """v (size,), which has the ``given`` rates, else those of the rigid mechanism, moved onto the joints at q.
+
+    Raises
+    ------
+    SceneError
+        For a given rate that joints, drives and the given ones before it make another one.
+    """
+    names = [name for name, _ in system.coordinates]
+    measure, frames = system.measure(system.mechanism.size or 1.0), np.zeros(system.size, bool)
+    for k in system.start.values():
+        frames[k : k + BODY] = True
+    speeds = {name: drive.initial_speed for name, drive in scene.drives.items()
+              if drive.kind == "free" and "initial_speed" in drive.model_fields_set}  # fmt: skip
+    rows, wanted = _rows(system, q, measure, list(speeds))
+    held, rate = len(system.constraints), v / measure
+    words = _Words(given, {name: (measure[k], f"{unit}/s") for k, (name, unit) in enumerate(system.coordinates)})
+    _fit_shapes(rows[:held], wanted[:held], rate, frames, words)
+    rest = wanted - rows[:, ~frames] @ rate[~frames]
+    free = _Free.of(rows[:held, frames], rest[:held])
+    place = {name: k for k, name in enumerate(np.array(names)[frames])}
+    for turn in (True, False):
+        for name in given:
+            if name in place and name.endswith(".phi") is turn:
+                _give(free, place[name], rate[names.index(name)], name, words)
+    for row, value, speed in zip(rows[held:, frames], rest[held:], speeds.values(), strict=True):
+        free.ask(row, value + speed)
+    for parts in (("phi",), ("x", "y")):
+        for name in (f"{body}.{part}" for body in system.engine.layout.bodies for part in parts):
+            free.ask(np.eye(1, len(place), place[name])[0], rate[names.index(name)])
+    rate[frames] = free.rate
+    return rate * measure
+
+
+def _rows(
+    system: CoupledSystem, q: np.ndarray, measure: np.ndarray, free: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What joints and prescribed drives ask of measured rates, then coordinates of ``free`` drives; and how much."""
+    rows = jacobian(system, q, free) * measure
+    driven = system.engine.layout.driven
+    speeds = dict(zip(driven, system.engine.courses(np.zeros(1))[0, 1::3], strict=True))
+    names = [*system.constraints, *(f"{name}.drive" for name in free)]
+    wanted = np.array([speeds.get(name.rpartition(".")[0], 0.0) * name.endswith(".drive") for name in names])
+    sizes = np.linalg.norm(rows[: len(system.constraints)], axis=1)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    rows[: len(sizes)] /= sizes[:, None]
+    wanted[: len(sizes)] /= sizes
+    return rows, wanted
+
+
+@dataclass(frozen=True)
+class _Words:
+    """Rates that are ``given``, as the scene says them, and of every coordinate what counts as one, and its unit."""
+
+    given: Mapping[str, float | str]
+    units: Mapping[str, tuple[float, str]]
+
+    def said(self, name: str, rate: float) -> str:
+        measure, unit = self.units[name]
+        return f"{rate * measure:.6g} {unit}"
+
+    def refused(self, name: str, reason: str, cure: str) -> SceneError:
+        return SceneError(f"solve.start.velocities.{name}", self.given[name], reason, cure)
+
+
+def _fit_shapes(
+    rows: np.ndarray, wanted: np.ndarray, rate: np.ndarray, frames: np.ndarray, words: _Words
+) -> None:
+    """Move shapes' rates where the frames alone can't follow them: those that are not given, before those that are."""
+    sums, sizes, _ = np.linalg.svd(rows[:, frames])
+    rank = int((sizes > _RANK * sizes.max(initial=0.0)).sum())
+    left = sums[:, rank:].T
+    A, shapes, names = left @ rows, np.flatnonzero(~frames), list(words.units)
+    for own in (False, True):
+        columns = [k for k in shapes if (names[k] in words.given) is own]
+        if not columns or not len(left):
+            continue
+        off = np.linalg.lstsq(A[:, columns], left @ wanted - A[:, shapes] @ rate[shapes], rcond=_RANK)[0]
+        if own and len(off) and abs(off).max() > _MISSED * max(abs(rate[shapes])):
+            most = int(abs(off).argmax())
+            name, found = names[columns[most]], rate[columns[most]] + off[most]
+            cure = "Give rates of shapes that leave the joints as they move, as solution.state() has them"
+            raise words.refused(name, f"joints and drives make it {words.said(name, found)}", cure)
+        rate[columns] += off
+
+
+def _give(free: _Free, k: int, value: float, name: str, words: _Words) -> None:
+    """Have the rate number k of the bodies' frames as it is given."""
+    row = np.eye(1, len(free.rate), k)[0]
+    if free.ask(row, value, name):
+        return
+    off = abs(free.rate[k] - value)
+    if off <= _MISSED * max(abs(value), abs(free.rate).max()):
+        return
+    others = [f"{other} = {words.said(other, rate)}" for other, rate in free.partners(row)]
+    by = f"with {', '.join(others)} the joints make it" if others else "joints and drives make it"
+    raise words.refused(name, f"{by} {words.said(name, float(free.rate[k]))}", _CURE)
+
+
+@dataclass
+class _Free:
+    """Rates of the frames, and what of them is still free: ``basis`` (n, ...) spans rows that are asked for already."""
+
+    rate: np.ndarray
+    basis: np.ndarray
+    joints: int
+    asked: dict[str, tuple[np.ndarray, float]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, rows: np.ndarray, wanted: np.ndarray) -> _Free:
+        """The least rates that the joints' rows ask for."""
+        rate = np.linalg.lstsq(rows, wanted, rcond=_RANK)[0]
+        _, sizes, shapes = np.linalg.svd(rows, full_matrices=False)
+        basis = shapes[sizes > _RANK * sizes.max(initial=0.0)].T
+        return cls(rate, basis, basis.shape[1])
+
+    def ask(self, row: np.ndarray, value: float, name: str = "") -> bool:
+        """Have a sum of the rates as asked for; False where what was asked for before determines it."""
+        own = row - self.basis @ (self.basis.T @ row)
+        own -= self.basis @ (self.basis.T @ own)
+        size = float(np.linalg.norm(own))
+        if size <= _OPEN * np.linalg.norm(row):
+            return False
+        self.rate = self.rate + own * ((value - row @ self.rate) / size**2)
+        self.basis = np.column_stack([self.basis, own / size])
+        if name:
+            self.asked[name] = row, value
+        return True
+
+    def partners(self, row: np.ndarray) -> list[tuple[str, float]]:
+        """Of the rates that were asked for by name those, with how much they are, on which a sum of rates depends."""
+        if not self.asked:
+            return []
+        joints = self.basis[:, : self.joints]
+        rows = np.array([row, *(asked for asked, _ in self.asked.values())]).T
+        rows = rows - joints @ (joints.T @ rows)
+        shares = np.linalg.lstsq(rows[:, 1:], rows[:, 0], rcond=None)[0]
+        return [(name, value) for (name, (_, value)), share in zip(self.asked.items(), shares, strict=True)
+                if abs(share) > _OPEN]  # fmt: skip
