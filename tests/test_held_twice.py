@@ -140,3 +140,64 @@ def test_what_no_rigid_motion_leads_keeps_the_balance_of_energy(tmp_path, text):
     energy = swung(tmp_path, text).trajectory.energy
     balance = energy.kinetic + energy.strain + energy.weight + energy.dissipated - energy.supplied
     assert abs(balance - balance[0]).max() < 1e-7 * energy.kinetic.max()
+
+
+SLED = """
+schema = 1
+gravity = ["-9.81 m/s^2", 0]
+ground = {h = [0, "0.2 m"]}
+[bodies]
+sled = {mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}}
+[joints]
+G = {prismatic = ["ground", "sled"], direction = [1, 0]}
+H = {prismatic = ["ground.h", "sled.up"], direction = [1, 0]}
+[drives]
+G = {free = true}
+[sensors]
+s = {position = "G"}
+[solve]
+preset = "coupled"
+duration = "0.5 s"
+steps = 50
+"""
+
+
+@pytest.mark.parametrize("direction", [(1, 0), (1, 1), (0.3, -0.7), (-0.6, 0.8)])
+def test_two_equal_guides_in_any_direction(tmp_path, direction):
+    """Rounding must not have the second guide's row for one of its own."""
+    solution = swung(tmp_path, SLED.replace("[1, 0]", str(list(direction))))
+    along = -9.81 * direction[0] / np.hypot(*direction)
+    assert solution.series["s"].values == pytest.approx(along * solution.times**2 / 2.0, abs=1e-9)
+
+
+TWICE_GUIDED = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+ground = {h = [0, "0.2 m"]}
+[bodies]
+crank = {length = "0.1 m", mass = "0.5 kg"}
+rod = {length = "0.3 m", mass = "0.4 kg"}
+slider = {mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}}
+[joints]
+A = {revolute = ["ground", "crank.start"]}
+B = {revolute = ["crank.end", "rod.start"]}
+C = {revolute = ["rod.end", "slider"]}
+G = {prismatic = ["ground", "slider"], direction = [1, 0], branch = "+"}
+H = {prismatic = ["ground.h", "slider.up"], direction = [1, 0]}
+[drives]
+A = {free = true, angle = 1.0, initial_speed = "2 rad/s"}
+[sensors]
+phi = {position = "A", component = "angle"}
+[solve]
+preset = "coupled"
+duration = "0.3 s"
+steps = 50
+"""
+
+
+@pytest.mark.parametrize("branch", ["+", "-"])
+def test_a_second_guide_on_a_slider_changes_nothing(tmp_path, branch):
+    text = TWICE_GUIDED.replace('branch = "+"', f'branch = "{branch}"')
+    single = text.replace('H = {prismatic = ["ground.h", "slider.up"], direction = [1, 0]}\n', "")
+    twice, once = (swung(tmp_path, each) for each in (text, single))
+    assert twice.series["phi"].values == pytest.approx(once.series["phi"].values, abs=1e-7)

@@ -31,6 +31,8 @@ _ALIKE = 0.02
 """Angles [rad] that two assemblies must differ by for one of them to be the nearer one."""
 _CLOSED = 1e-9
 """Largest gap of a closed joint, in sizes of the mechanism; angles in rad."""
+_PARALLEL = 1e-9
+"""Sine of the angle between two guides below which they have one direction."""
 _GROUND = np.zeros(3)
 
 
@@ -164,9 +166,29 @@ def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
 
 
 def _joints_of(mechanism: NumericMechanism, poses: Poses, group: Sequence[str]) -> list[Joint]:
-    """Joints between bodies of a group, or between the group and placed bodies."""
+    """Joints between bodies of a group, or between the group and placed bodies; of guides that hold the same, one."""
+    found: list[Joint] = []
+    for joint in sorted(_all_joints_of(mechanism, poses, group), key=lambda joint: joint.name not in mechanism.drives):
+        if joint.name in mechanism.drives or not any(_holds_as(other, joint) for other in found):
+            found.append(joint)
+    return [joint for joint in mechanism.joints.values() if joint in found]
+
+
+def _all_joints_of(mechanism: NumericMechanism, poses: Poses, group: Sequence[str]) -> list[Joint]:
     known, own = {*poses, *group}, {*group}
     return [joint for joint in mechanism.joints.values() if {*joint.bodies} <= known and {*joint.bodies} & own]
+
+
+def _holds_as(one: Joint, other: Joint) -> bool:
+    """Whether a guide or a weld lets two bodies do nothing that another one between them doesn't."""
+    if {*one.bodies} != {*other.bodies} or "revolute" in (one.kind, other.kind) or one.kind != other.kind:
+        return False
+    if one.kind == "weld":
+        return True
+    c, s = (math.cos(one.angle), math.sin(one.angle)) if one.first.body != other.first.body else (1.0, 0.0)
+    (x, y), direction = one.direction, other.direction
+    across = x * (s * direction[0] + c * direction[1]) - y * (c * direction[0] - s * direction[1])
+    return abs(across) <= _PARALLEL * math.hypot(*one.direction) * math.hypot(*direction)
 
 
 def _closing(joints: Sequence[Joint]) -> Joint | None:
@@ -180,7 +202,7 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
 
     mechanism = constraints.mechanism
     around = _joints_of(mechanism, poses, group)
-    joints = [joint.name for joint in around]
+    joints = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
     closing = ([joint for joint in around if joint.closes_loop] or around)[-1]
     many = _is_larger(group, around) or bool(closing.near)
     assemblies: list[dict[str, np.ndarray]] = []

@@ -152,6 +152,10 @@ def check_on_axes(scene: Scene) -> None:
         (key_of(name, contact), side)
         for name, contact in scene.contacts.items() for side in contact.sides if side.body != "ground"
     ]  # fmt: skip
+    points += [
+        (f"joints.{name}", address)
+        for name, joint in scene.joints.items() for address in joint.addresses if address.body != "ground"
+    ]  # fmt: skip
     for key, address in points:
         x, y = scene.point(address)
         body = scene.bodies[address.body]

@@ -81,6 +81,9 @@ def build_model(
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, stage.motion, stage.links, stage.parts, stage.bases, stage.interfaces, frame,
                   equations, equations, None, reference)  # fmt: skip
+    if scene.damping is None and options.reduction != "modal" and not has_modes(model):
+        place, reason, cure = _said_of_reference(model)
+        warnings = (*warnings, f"no modes at solve.mode_angle = {place}, {reason}: {cure[:1].lower()}{cure[1:]}")
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model, model if frozen is None else frozen)
         model = replace(model, equations=equations, reduced=equations)
@@ -299,6 +302,29 @@ def _loaded_rows(scene: Scene, link: Link) -> set[int]:
     return {row for node in nodes for row in link.part.place[node]}
 
 
+def has_modes(model: Model) -> bool:
+    """Whether there are equations, and the mechanism is no dead centre at the reference configuration."""
+    if not model.equations.size:
+        return False
+    rigid = model.motion.at(model.reference_time)
+    return all(np.isfinite(_at(part, rigid).data).all() for part in (model.equations.M, model.equations.K_s))
+
+
+def _said_of_reference(model: Model) -> tuple[str, str, str]:
+    """Where the reference configuration is, why it has no modes, and the cure."""
+    cure = "Choose another place by solve.mode_angle"
+    for name, at in model.reference_coordinates.items():
+        reason = f"a dead centre or a change point, where {name} does not say how the mechanism goes on"
+        return model.scene.written_coordinate(name, at), reason, cure
+    return "0", "a place where the mechanism locks", cure
+
+
+def no_modes(model: Model) -> SceneError:
+    """What is raised where modes are asked for at a reference configuration that has none."""
+    place, reason, cure = _said_of_reference(model)
+    return SceneError("solve.mode_angle", place, f"there are no modes at {reason}", cure)
+
+
 def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndarray]:
     """Undamped modes at the reference configuration: angular frequencies [rad/s] and shapes, one a column.
 
@@ -314,6 +340,8 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
             "solve.modes", modes, f"the mechanism has {size} degrees of freedom",
             "Ask for fewer modes, or give the links more elements",
         )  # fmt: skip
+    if size and not has_modes(model):
+        raise no_modes(model)
     square = _at(stiffness, rigid)
     return lowest_modes((square + square.T) * 0.5, _at(model.equations.M, rigid), count)
 

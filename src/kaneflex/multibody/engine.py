@@ -26,6 +26,8 @@ _HUGE = 1e9
 _FIRM, _RANK = 1e-4, 1e-9
 """Shares of a row's largest derivative: a joint's coordinate with a larger one is dependent before any shape; below the
 second one a row follows from the others."""
+_ROUNDED = 1e-5
+"""Of where everything is: a row that changes by less than this times _RANK changes by rounding alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,11 +135,13 @@ class Engine:
         self.openings(t)
         n, rows = self.size, self.count(at.REACTIONS)
         joints, shapes = self._free_columns
-        gradient = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)
+        measure = self.numbers(at.MEASURE, n)
+        gradient = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * measure
+        extent = max(abs(self.sections[:, :2]).max(initial=0.0), measure[~self.turns].max(initial=0.0))
         sizes = [1.0] * n
         G = gradient.tolist()  # few numbers: below numpy's calls would take longer than the work
         for row in G:
-            most = max([_RANK, *(abs(row[k]) for k in joints)])
+            most = max([_ROUNDED * extent, 1e-300, *(abs(row[k]) for k in joints)])
             row[:] = [value / most for value in row]
         cut_rows = self.count(at.JOINT_ROWS)
         resting = self._rest()

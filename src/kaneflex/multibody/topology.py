@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -198,6 +198,13 @@ def _build_bodies(
     return _Bodies(bodies, sections, coordinates, hold, row, square, jacobian)
 
 
+def _from(base: str, joints: Sequence[Joint], openness: Callable[[Joint], int]) -> list[tuple[str, Joint, int]]:
+    """What the joints of a body or of the ground lead to, the least open first."""
+    near = sorted((joint for joint in joints if base in joint.bodies), key=openness)
+    sides = [1 if joint.first.body == base else 0 for joint in near]
+    return [(joint.sides[child].body, joint, child) for joint, child in zip(near, sides, strict=True)]
+
+
 def _named(
     body: str, joint: Joint | None, units: Sequence[str], axial: int, transverse: int
 ) -> Iterator[tuple[str, str]]:
@@ -241,10 +248,12 @@ def _order(mechanism: NumericMechanism) -> list[Branch]:
     """Every body with its branch of the tree.
 
     From the ground outwards, over the joints that leave least open first: prescribed ones and welds, pins, guides. What
-    no joint connects with the ground hangs on it by a free joint, at the body of it that the scene places. Joints with
-    friction become cuts: what their reactions are is then an unknown of the equations, by which friction is.
+    no joint connects with the ground hangs on it by a free joint, at the body of it that the scene places. A body
+    without mass that is free at its joint carries the next one, where it can: no leaf of a tree may be without. Joints
+    with friction become cuts: what their reactions are is then an unknown of the equations, by which friction is.
     """
     joints = [joint for name, joint in mechanism.joints.items() if name not in mechanism.frictions]
+    lumped = {mass.point.body for mass in mechanism.masses.values()}
 
     def openness(joint: Joint) -> int:
         drive = mechanism.drives.get(joint.name)
@@ -252,19 +261,24 @@ def _order(mechanism: NumericMechanism) -> list[Branch]:
             return 0
         return 1 if drive is not None else 2
 
+    def light(name: str) -> bool:
+        body = mechanism.bodies[name]
+        return not (body.elastic or body.mass or body.inertia or name in lumped)
+
     found: list[Branch] = []
     reached = [GROUND]
     waiting = list(mechanism.bodies)
     while waiting:
         for base in reached:  # grows while it is gone through: breadth first
-            near = [joint for joint in joints if base in joint.bodies]
-            for joint in sorted(near, key=openness):
-                child = 1 if joint.first.body == base else 0
-                body = joint.sides[child].body
+            todo = _from(base, joints, openness)
+            for body, joint, child in todo:  # grows, too, beyond bodies without mass
                 if body in waiting:
                     waiting.remove(body)
                     reached.append(body)
                     found.append((body, joint, child))
+                    if openness(joint) and light(body):
+                        onwards = [branch for branch in _from(body, joints, openness) if branch[0] in waiting]
+                        todo += sorted(onwards, key=lambda branch: light(branch[0]))[:1]
         if waiting:
             body = next((name for name in waiting if mechanism.bodies[name].free is not None), waiting[0])
             waiting.remove(body)

@@ -133,6 +133,7 @@ def frame_axes(
     for outline in outlines:
         parts += [*outline.links.values(), *outline.bars.values(), *outline.boxes.values()]
     points = np.concatenate([part.reshape(-1, 2) for part in parts])
+    points = points[np.isfinite(points).all(axis=1)]  # at some instants the rigid mechanism may have no place
     margin = room * fixed.size
     lower, upper = MM * (points.min(axis=0) - margin), MM * (points.max(axis=0) + margin)
     axes.set_xlim(lower[0], upper[0])

@@ -77,8 +77,12 @@ class Outline:
 
 
 def scenery(model: Model) -> Scenery:
-    """Pivots, guides and extent of a scene."""
-    return rigid_scenery(model.scene, model.motion.at(np.linspace(0.0, model.options.duration, _SWEEP, endpoint=False)))
+    """Pivots, guides and extent of a scene, instants left out at which the rigid mechanism has no place."""
+    rigid = model.motion.at(np.linspace(0.0, model.options.duration, _SWEEP, endpoint=False))
+    placed = np.all([np.isfinite(rigid[f"{name}.x"] + rigid[f"{name}.c"]) for name in model.scene.bodies], axis=0)
+    if not placed.all():
+        rigid = model.motion.at(rigid.times[placed])
+    return rigid_scenery(model.scene, rigid)
 
 
 def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import Outline, grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
@@ -30,7 +30,7 @@ SMALL = 1e-9
 def figures(solution: Solution) -> dict[str, Figure]:
     """``modes``: up to six, each at the largest positive and negative deflection, frequency in the title."""
     model = solution.model
-    if model.frame is None or model.equations.size == 0:
+    if model.frame is None or not has_modes(model):
         return {}
     count = min(MOST, model.equations.size)
     omega, shapes = reference_modes(model, count)

@@ -13,11 +13,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.plots.sensors import in_clearance
 from kaneflex.plots.style import GREY, PALETTE, legend_above, legend_beside, new_figure, plot_curves, readable
 from kaneflex.plots.view import View, view
 from kaneflex.solve.coupled_linearisation import modes_at_rest
+from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
@@ -238,9 +239,13 @@ def marked(solution: Solution, reach: float) -> list[tuple[float, str, str | Non
 def _natural(model: Model) -> np.ndarray:
     """Natural frequencies [rad/s] but those of joints that turn freely."""
     if model.coupled is not None and model.module.FREE:
-        found = modes_at_rest(model)[1]
+        try:
+            found = modes_at_rest(model)[1]
+        except SceneError:  # of a dead centre, which the model warns of
+            return np.zeros(0)
         return found[found > _STIFF * found.max(initial=0.0)]
-    return np.array(reference_modes(model, min(_NATURAL, model.equations.size))[0] if model.frame is not None else [])
+    shown = model.frame is not None and has_modes(model)
+    return np.array(reference_modes(model, min(_NATURAL, model.equations.size))[0] if shown else [])
 
 
 def _last_above(frequencies: np.ndarray, amplitudes: np.ndarray) -> float:

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.plots.animation import recording, title
 from kaneflex.plots.drawing import MM
 from kaneflex.plots.mechanism import ALONG_LINK
@@ -95,7 +95,7 @@ def deformed(solution: Solution) -> dict[str, Figure]:
 def modes(solution: Solution) -> dict[str, Figure]:
     """``modes``: up to six, at their largest deflection, beside the mechanism at the reference place."""
     model = solution.model
-    if model.frame is None or model.equations.size == 0:
+    if model.frame is None or not has_modes(model):
         return {}
     count = min(MOST, model.equations.size)
     omega, shapes = reference_modes(model, count)

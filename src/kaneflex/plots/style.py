@@ -129,8 +129,8 @@ def as_file(figure: Figure, kind: str) -> bytes:
 
 
 def readable(unit: str, *values: np.ndarray) -> tuple[float, str]:
-    """Factor from the SI ``unit`` and label of the unit in which all of ``values`` are read at ease."""
-    largest = max((float(np.abs(part).max(initial=0.0)) for part in values), default=0.0)
+    """Factor from the SI ``unit`` and label of the unit in which all of ``values``, NaN left out, are read at ease."""
+    largest = max((float(np.fmax.reduce(np.abs(part), axis=None, initial=0.0)) for part in values), default=0.0)
     choices = _READ_AS[unit]
     if largest == 0.0:
         return choices[0][1], choices[0][0]

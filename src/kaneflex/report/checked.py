@@ -11,7 +11,7 @@ from kaneflex.fem.mobility import count_freedom, mobility_by_rank
 from kaneflex.mechanism.dead_centres import Closing, closings
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.reach import Courses, courses_of, instants
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_motion import SpatialKinematics, firmness
@@ -104,7 +104,7 @@ def _lowest(model: Model) -> dict[str, str]:
 
 def _lowest_hz(model: Model) -> float | None:
     """The lowest natural frequency [Hz] at the reference configuration; None where nothing vibrates."""
-    if model.options.dynamics != "dynamic" or not model.equations.size:
+    if model.options.dynamics != "dynamic" or not has_modes(model):
         return None
     (omega,), _ = reference_modes(model, 1)
     return float(omega) / (2.0 * math.pi) or None

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from kaneflex.multibody import spatial_linear
+from kaneflex.multibody.building import no_modes
 from kaneflex.multibody.counted_turns import unwrapped
 from kaneflex.multibody.linear_equations import Linear
 from kaneflex.multibody.linearisation import Instant, at_rest, equilibrium, linear, prepare, probes
@@ -106,9 +107,13 @@ def _beside_in_space(model: Model, found: Linear[State]) -> tuple[Motion, np.nda
 def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Undamped modes at the reference configuration, from strain and mass alone: coordinates, omega [rad/s], shapes.
 
-    Free joints take part, so that a mechanism that turns freely has modes of zero frequency.
+    Free joints take part, so that a mechanism that turns freely has modes of zero frequency. Raises SceneError where
+    the mechanism stands at a dead centre there.
     """
-    names, M, K = (_at_rest_in_space if model.scene.is_spatial else _at_rest_in_plane)(model, model.reference_time)
+    try:
+        names, M, K = (_at_rest_in_space if model.scene.is_spatial else _at_rest_in_plane)(model, model.reference_time)
+    except ArithmeticError:
+        raise no_modes(model) from None
     if not len(M):
         return names, np.zeros(0), np.zeros((0, 0))
     squares, shapes = eigh(K, (M + M.T) / 2.0)

@@ -168,6 +168,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     from kaneflex.multibody.rigid_twin import build_twin
     from kaneflex.multibody.run import rigid_state
     from kaneflex.multibody.system import build_system, with_stretch
+    from kaneflex.multibody.weightless import check_weighty
 
     mechanism = mechanism_of(scene)
     spare = check_determined(mechanism, twice=True)
@@ -179,6 +180,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     if spare:
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
+    check_weighty(coupled, placement)
     scene = with_stretch(scene)
     twin = build_twin(scene, coupled, placement)
     compiled = compiled_by(progress, coupled.compile, twin.rigid.compile)

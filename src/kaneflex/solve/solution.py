@@ -133,9 +133,9 @@ class Solution:
     @cached_property
     def frequencies(self) -> tuple[float, ...]:
         """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, the MOST_FREQUENCIES lowest at most."""
-        from kaneflex.multibody.building import reference_modes
+        from kaneflex.multibody.building import has_modes, reference_modes
 
-        count = min(self.model.equations.size, MOST_FREQUENCIES)
+        count = min(self.model.equations.size, MOST_FREQUENCIES) if has_modes(self.model) else 0
         omega = reference_modes(self.model, count)[0] if count else ()
         return tuple(float(value) / (2.0 * math.pi) for value in omega)
 

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from kaneflex.solve.solution import Solution
+from kaneflex.support.errors import SceneError
 from kaneflex.support.plain_table import PlainTable
 
 FEWEST_STEPS = 3
@@ -40,7 +41,10 @@ def unresolved(solution: Solution) -> list[UnresolvedMode]:
     from kaneflex.solve.coupled_linearisation import modes_at_rest
 
     step = float(trajectory.times[-1] - trajectory.times[0]) / trajectory.steps
-    names, omega, shapes = modes_at_rest(model)
+    try:
+        names, omega, shapes = modes_at_rest(model)
+    except SceneError:  # of a dead centre, which the model warns of
+        return []
     deforming = [k for k, name in enumerate(names) if name.split(".")[1].startswith(("axial", "transverse"))]
     found = []
     for mode in np.flatnonzero(omega * step * FEWEST_STEPS > 2.0 * math.pi):

@@ -6,7 +6,7 @@ import numpy as np
 
 from kaneflex.fem.assembly import spin_or_euler
 from kaneflex.mechanism.affine import Affine
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import buckling
 from kaneflex.scene import Scene, with_settings
@@ -91,7 +91,7 @@ def _change(model: Model, times: np.ndarray, z: np.ndarray, term: np.ndarray) ->
 
 def _speed_ratio(model: Model) -> float | None:
     speeds = [abs(drive.speed or 0.0) for name, drive in model.scene.drives.items() if not model.scene.slides(name)]
-    lowest = float(reference_modes(model, 1)[0][0])
+    lowest = float(reference_modes(model, 1)[0][0]) if has_modes(model) else 0.0
     return max(speeds, default=0.0) / lowest if lowest > 0 else None
 
 
