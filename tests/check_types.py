@@ -21,7 +21,7 @@ BASELINE = {
     "report": 6,
     "response": 42,
     "scene": 74,
-    "solve": 33,
+    "solve": 31,
     "study": 84,
     "support": 5,
 }

@@ -1,4 +1,4 @@
-"""Ten lines of a user's own: they check clean under mypy --strict (see tests/types_baseline.py)."""
+"""Ten lines of a user's own: they check clean under mypy --strict (see tests/check_types.py)."""
 
 import numpy as np
 
