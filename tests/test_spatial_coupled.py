@@ -307,6 +307,27 @@ def test_states_that_there_are_not_are_refused_by_name(start, message):
         _solution(_ringing(start, 1e-3, 2))
 
 
+def test_a_rate_that_the_joints_leave_no_shape_is_refused():
+    """Between two pins that don't give way a rod can't stretch: the first of its shapes does."""
+    tail = """
+[ground]
+far = [1, 0, 0]
+[joints]
+pin = {revolute = ["ground", "rod.start"], axis = [0, 0, 1]}
+held = {spherical = ["ground.far", "rod.end"]}
+[drives]
+pin = {free = true}
+[solve]
+preset = "coupled"
+modes = 2
+duration = "1 ms"
+steps = 2
+start = {velocities = {"rod.shape_0" = "0.1 m/s"}}
+"""
+    with pytest.raises(SceneError, match=r"velocities\.rod\.shape_0 = '0\.1 m/s': joints and drives make it 0 m/s"):
+        _solution(ROD.format(section=SQUARE, gravity=[0, 0, 0], free="", more=tail))
+
+
 def test_a_strip_askew_on_its_pin_is_warned_of():
     text = PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping="")
     text = text.replace("modes = 6", "modes = 3")

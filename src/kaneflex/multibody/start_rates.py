@@ -23,6 +23,8 @@ _OPEN = 1e-6
 """Share of a unit rate that must be left to it, for it to be free."""
 _MISSED = 1e-3
 """Share of the largest rate, measured in the mechanism's size or rad, by which joints may change one that is given."""
+_NOTHING = 1e-12
+"""A rate [sizes of the mechanism or rad a second] that is told as zero."""
 _CURE = "Give rates of as many bodies as the mechanism has freedoms, that fit each other, or leave one out"
 
 
@@ -95,7 +97,7 @@ class _Words:
 
     def said(self, name: str, rate: float) -> str:
         measure, unit = self.units[name]
-        return f"{rate * measure:.6g} {unit}"
+        return f"{rate * measure if abs(rate) > _NOTHING else 0.0:.6g} {unit}"
 
     def refused(self, name: str, reason: str, cure: str) -> SceneError:
         return SceneError(f"solve.start.velocities.{name}", self.given[name], reason, cure)
@@ -109,12 +111,15 @@ def _fit_shapes(
     rank = int((sizes > _RANK * sizes.max(initial=0.0)).sum())
     left = sums[:, rank:].T
     A, shapes, names = left @ rows, np.flatnonzero(~frames), list(words.units)
+    least = _RANK * max(1.0, abs(A[:, shapes]).max(initial=0.0))  # what shapes don't bear is rounding
     for own in (False, True):
         columns = [k for k in shapes if (names[k] in words.given) is own]
-        if not columns or not len(left):
+        size = np.linalg.norm(A[:, columns], 2) if columns and len(left) else 0.0
+        if size <= least:
             continue
-        off = np.linalg.lstsq(A[:, columns], left @ wanted - A[:, shapes] @ rate[shapes], rcond=_RANK)[0]
-        if own and len(off) and abs(off).max() > _MISSED * max(abs(rate[shapes])):
+        missing = left @ wanted - A[:, shapes] @ rate[shapes]
+        off = np.linalg.pinv(A[:, columns], rcond=least / size) @ missing
+        if own and abs(off).max() > _MISSED * max(abs(rate[shapes])):
             most = int(abs(off).argmax())
             name, found = names[columns[most]], rate[columns[most]] + off[most]
             cure = "Give rates of shapes that leave the joints as they move, as solution.state() has them"

@@ -44,6 +44,7 @@ from kaneflex.solve.loading import (
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import share_of
+from kaneflex.support.units import ANGLE
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
@@ -213,10 +214,11 @@ def _given(system: SpatialSystem, start: State) -> State:
 def _check_rates(system: SpatialSystem, asked: np.ndarray, found: np.ndarray) -> None:
     """Raise SceneError where the loops make a given rate of a shape another one."""
     given, largest = given_start(system.scene).velocities, abs(found / system.measure).max(initial=0.0)
-    for name, k in zip(shape_dimensions(system), system.modal_speeds, strict=True):
+    for (name, dimension), k in zip(shape_dimensions(system).items(), system.modal_speeds, strict=True):
         if name in given and abs(found[k] - asked[k]) > _OPEN * system.measure[k] * largest:
+            made = f"{found[k] + 0.0:.6g} {'rad/s' if dimension is ANGLE else 'm/s'}"
             raise SceneError(
-                f"solve.start.velocities.{name}", given[name], f"joints and drives make it {found[k]:.6g} m/s or rad/s",
+                f"solve.start.velocities.{name}", given[name], f"joints and drives make it {made}",
                 "Give rates of shapes that leave the joints as they move, as solution.state() has them",
             )  # fmt: skip
 
