@@ -346,3 +346,11 @@ def test_a_cycle_without_a_freedom_repeats():
     text = text.replace('"zero"\nduration = "20 ms"', '"periodic"')
     solution = kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text)))
     assert solution.outcome is Outcome.COMPLETED
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_a_free_joint_is_where_it_went_however_few_instants_are_stored(steps):
+    scene = with_settings(kaneflex.read_scene("elastic-pendulum"), ["solve.duration=0.1 s"])
+    few, many = (kaneflex.simulate(kaneflex.load(with_settings(scene, [f"solve.steps={n}"]))) for n in (steps, 20))
+    for name in ("angle", "tip_bend"):
+        assert few[name].values[-1] == pytest.approx(many[name].values[-1], rel=1e-6)

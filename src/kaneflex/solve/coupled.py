@@ -119,7 +119,7 @@ def _given(
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
     """A coupled trajectory with the rigid mechanism beside it, whose free drives follow the coupled motion."""
     free = model.module.FREE  # its order, which need not be the scene's
-    if free and len(trajectory.times) > 3:
+    if free and len(trajectory.times) > 1:
         bare = CoupledMotion(model, model.motion.at(trajectory.times), trajectory)
         courses = [bare.coordinate(name) for name in free]
         states = np.array([[course[0] for course in courses], [course[1] for course in courses]])
