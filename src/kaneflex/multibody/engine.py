@@ -230,6 +230,12 @@ class Engine:
         return self.tables.plan[first : first + self.count(at.KEPT)]
 
     @property
+    def kept_rows(self) -> np.ndarray:
+        """Rows of cuts and resting contacts from which all others follow."""
+        first = self.count(at.ROW_OF)
+        return self.tables.plan[first : first + self.count(at.KEPT)]
+
+    @property
     def independent(self) -> np.ndarray:
         """Coordinates that neither drives nor loops determine."""
         joints, shapes = self._free_columns

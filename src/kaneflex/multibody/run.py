@@ -233,11 +233,15 @@ class Run:
         return True
 
     def _chosen_anew(self) -> bool:
-        """Choose the dependent coordinates where the motion stands; whether they are others than before."""
-        before = sorted(self.engine.dependent.tolist())
+        """Choose kept rows and dependent coordinates where the motion stands; whether they are others than before."""
+        before, t = self._chosen, float(self.here[0])
         self.engine.stand(self.here)
-        self.engine.choose(float(self.here[0]))
-        return sorted(self.engine.dependent.tolist()) != before
+        self.engine.choose(t)
+        return self._chosen != before
+
+    @property
+    def _chosen(self) -> tuple[list[int], list[int]]:
+        return self.engine.kept_rows.tolist(), sorted(self.engine.dependent.tolist())
 
     def _bound(self) -> None:
         """Take the errors allowed of speeds and accelerations from their largest values so far, by kind."""
@@ -270,7 +274,10 @@ class Run:
             self.impacts += impacts.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
         if ended == collocation.TURNED:
+            rows = self.engine.kept_rows.tolist()
             self.patient = float(not self._chosen_anew())
+            if self.engine.kept_rows.tolist() != rows and not self._projected():
+                return collocation.SINGULAR
             return collocation.PAUSED
         if ended == collocation.RESTED:
             if self._rest():
@@ -280,9 +287,13 @@ class Run:
 
     def _rest(self) -> bool:
         """Go on where others rest by Newton's law than before, with other dependent coordinates; False: singular."""
-        t, works = float(self.here[0]), self.engine.count(at.WORKS)
         self.engine.stand(self.here)
-        self.engine.choose(t)
+        self.engine.choose(float(self.here[0]))
+        return self._projected()
+
+    def _projected(self) -> bool:
+        """Go on from where the motion stands, with the reactions of the rows that are kept now; False: singular."""
+        t, works = float(self.here[0]), self.engine.count(at.WORKS)
         projected = self.engine.project(t)
         self.here[:-works], self.length = self.engine.row(t)[:-works], 0.0
         if self.rows[self.filled, 0] == t:
