@@ -201,3 +201,58 @@ def test_a_second_guide_on_a_slider_changes_nothing(tmp_path, branch):
     single = text.replace('H = {prismatic = ["ground.h", "slider.up"], direction = [1, 0]}\n', "")
     twice, once = (swung(tmp_path, each) for each in (text, single))
     assert twice.series["phi"].values == pytest.approx(once.series["phi"].values, abs=1e-7)
+
+
+THREE_LEGS = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+ground = {g2 = ["0.3 m", 0], g3 = ["0.15 m", "0.2 m"]}
+[bodies.plate]
+mass = "3 kg"
+inertia = "0.05 kg m^2"
+centre = ["0.15 m", "0.05 m"]
+points = {p1 = [0, 0], p2 = ["0.3 m", 0], p3 = ["0.15 m", "0.2 m"]}
+[bodies]
+c1 = {length = "0.1 m", mass = "0.5 kg"}
+c2 = {like = "c1"}
+c3 = {like = "c1"}
+[joints]
+g_1 = {revolute = ["ground", "c1.start"]}
+g_2 = {revolute = ["ground.g2", "c2.start"]}
+g_3 = {revolute = ["ground.g3", "c3.start"]}
+p_1 = {revolute = ["c1.end", "plate.p1"]}
+p_2 = {revolute = ["c2.end", "plate.p2"], near = {c2 = 1.0}}
+p_3 = {revolute = ["c3.end", "plate.p3"], near = {c3 = 1.0}}
+[drives]
+g_1 = {free = true, angle = 1.0, initial_speed = "3 rad/s"}
+[sensors]
+phi = {position = "g_1", component = "angle"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 200
+tolerance = 1e-9
+"""
+
+
+def test_rows_that_come_to_say_the_same_are_changed_for_others(tmp_path):
+    """Two of the three cranks are in line with their plate at 0 deg, where the third one leads on."""
+    from scipy.integrate import solve_ivp
+
+    solution = swung(tmp_path, THREE_LEGS)
+    m, M, l, g = 0.5, 3.0, 0.1, 9.81
+    inertia = m * l**2 + M * l**2
+    found = solve_ivp(
+        lambda t, x: [x[1], -g * (1.5 * m + M) * l * np.cos(x[0]) / inertia], (0.0, 1.0), [1.0, 3.0], "DOP853",
+        solution.times, rtol=1e-11, atol=1e-11,
+    )  # fmt: skip
+    assert found.y[0].max() > 1.0 and found.y[0].min() < -3.0
+    assert solution.series["phi"].values == pytest.approx(found.y[0], abs=1e-6)
+
+
+def test_driven_cranks_pass_their_change_points(tmp_path):
+    """A row that is small all over must not be kept for one that is not."""
+    free, driven = '{free = true, angle = 1.0, initial_speed = "3 rad/s"}', '{speed = "20 rad/s", angle = 1.0}'
+    text = THREE_LEGS.replace(free, driven)
+    solution = swung(tmp_path, text.replace("[sensors]", '[sensors]\nx = {position = "plate", component = "x"}'))
+    assert solution.series["x"].values == pytest.approx(0.1 * np.cos(1.0 + 20.0 * solution.times), abs=1e-9)

@@ -7,9 +7,11 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+import numpy as np
 from numba.types import FunctionType, float64
 
 from kaneflex.multibody.inner import compiling
+from kaneflex.multibody.tables import Handle
 
 
 @cache
@@ -31,3 +33,15 @@ def kernel_of_c(kernel: Any, of: FunctionType) -> Callable[..., None]:
 def _compiled(kernel: Any, of: FunctionType) -> Any:
     with compiling():
         return kernel.get_compile_result(of.signature)
+
+
+def by_address(value: Any) -> Any:
+    """What an array or a handle is handed over by; anything else is as it is."""
+    if isinstance(value, Handle):
+        return value.address
+    if not isinstance(value, np.ndarray):
+        return value
+    assert value.flags.c_contiguous
+    if value.size and value.flags.writeable:
+        return ctypes.addressof(ctypes.c_char.from_buffer(value.data))  # in a third of the time that .ctypes.data takes
+    return value.ctypes.data

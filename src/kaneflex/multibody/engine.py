@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -16,7 +15,7 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.addresses import kernel_address
+from kaneflex.multibody.addresses import by_address, kernel_address
 from kaneflex.multibody.library import library
 from kaneflex.multibody.tables import Handle
 from kaneflex.multibody.topology import Layout, build_tables
@@ -124,13 +123,13 @@ class Engine:
         self._call(unfolding.openings, t, out)
         return out
 
-    def choose(self, t: float, spared: Sequence[int] = ()) -> np.ndarray:
+    def choose(self, t: float, spared: Sequence[int] = (), even: bool = False) -> np.ndarray:
         """Choose the dependent coordinates at the place of the coordinates; rows that follow from others are dropped.
 
         Joints' coordinates come first, the one with the largest share in a row at a time; shapes where those are too
         few, as in a frame that can't move. Joints' coordinates ``spared`` stay independent where others can follow from
         them. Contacts that rest by Newton's law are rows, too, after those of the cuts. Returns the rows that are
-        dropped.
+        dropped. Rows count by their largest derivative; ``even``, and where some are dropped, all of them alike.
         """
         self.openings(t)
         n, rows = self.size, self.count(at.REACTIONS)
@@ -140,8 +139,9 @@ class Engine:
         extent = max(abs(self.sections[:, :2]).max(initial=0.0), measure[~self.turns].max(initial=0.0))
         sizes = [1.0] * n
         G = gradient.tolist()  # few numbers: below numpy's calls would take longer than the work
-        for row in G:
-            most = max([_ROUNDED * extent, 1e-300, *(abs(row[k]) for k in joints)])
+        units = np.where(self._sides[:, :2].any(axis=1), extent, 1.0).tolist() if even else [_ROUNDED * extent] * rows
+        for row, unit in zip(G, units, strict=True):
+            most = max([unit, 1e-300, *(abs(row[k]) for k in joints if not even)])
             row[:] = [value / most for value in row]
         cut_rows = self.count(at.JOINT_ROWS)
         resting = self._rest()
@@ -171,6 +171,8 @@ class Engine:
                         share = G[other][j] / pivot[j]
                         G[other] = [a - share * b for a, b in zip(G[other], pivot, strict=True)]
             dropped += left
+        if dropped and not even:  # what is left of a row must not make it as good as another one
+            return self.choose(t, spared, even=True)
         self._depend(sorted(zip(kept, dependent, strict=True)), resting)
         return np.array(dropped, int)
 
@@ -184,6 +186,12 @@ class Engine:
             plan[first : first + len(chosen)] = numbers
         plan[at.KEPT], plan[at.BENDS] = len(chosen), not set(self._free_columns[1]).isdisjoint(dependent)
         plan[at.LED] = bisect_right(self._last_columns, min(dependent, default=self.size))
+
+    @property
+    def _sides(self) -> np.ndarray:
+        """What a unit of every row exerts on the cut's first side: force and moment, (rows, 3)."""
+        rows = self.numbers(at.CUT, at.ROW_SIZE * self.count(at.REACTIONS)).reshape(-1, at.ROW_SIZE)
+        return rows[:, 3:6]
 
     @cached_property
     def _cut_rows(self) -> list[int]:
@@ -227,6 +235,12 @@ class Engine:
     def dependent(self) -> np.ndarray:
         """Coordinates that follow from the loops."""
         first = self.count(at.DEPENDENT)
+        return self.tables.plan[first : first + self.count(at.KEPT)]
+
+    @property
+    def kept_rows(self) -> np.ndarray:
+        """Rows of cuts and resting contacts from which all others follow."""
+        first = self.count(at.ROW_OF)
         return self.tables.plan[first : first + self.count(at.KEPT)]
 
     @property
@@ -353,7 +367,7 @@ class Engine:
 
     def _call(self, function: Any, *values: Any) -> Any:
         """Call one of the library's entries with this engine's handle; arrays and handles go by their addresses."""
-        return self._entries[function](self._handle.address, *map(_by_address, values))
+        return self._entries[function](self._handle.address, *map(by_address, values))
 
     @cached_property
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:
@@ -371,17 +385,6 @@ class Engine:
         return Handle(
             t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, np.array(pointers), self.p, self.real, self.pair
         )
-
-
-def _by_address(value: Any) -> Any:
-    if isinstance(value, Handle):
-        return value.address
-    if not isinstance(value, np.ndarray):
-        return value
-    assert value.flags.c_contiguous
-    if value.size and value.flags.writeable:
-        return ctypes.addressof(ctypes.c_char.from_buffer(value.data))  # in a third of the time that .ctypes.data takes
-    return value.ctypes.data
 
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:

@@ -18,11 +18,11 @@ from kaneflex.multibody.inner import once
 from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.rows import copy
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BENDS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_OF, CUT, CUT_OF, CUT_ROWS, DEMAND, DEPENDENT,
-    DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, LAST, LED, LOOP,
-    LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC,
-    RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y,
-    YIELDING, apart, kernel, larger, of_body, of_holds, turned,
+    ACCEL, ACTS, AT, BENDS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_OF, CUT, CUTS, CUT_OF, CUT_ROWS, DEMAND,
+    DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, HOLDS, INBOARD, JACOBIAN, JACOBIANS, JOINT, JOINT_ROWS,
+    KEPT, LAST, LED, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT,
+    PIVOTS, POINT, PRISMATIC, RATE, REACTION, REACTIONS, REVOLUTE, ROW_AT, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS,
+    SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y, YIELDING, apart, kernel, larger, of_body, of_holds, turned,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe
 
@@ -203,6 +203,52 @@ def stand(m, t):
 
 
 @njit(**OPTIONS)
+def _largest(m, row):
+    """Of the derivatives at ``row``, by what counts as one in each coordinate."""
+    size = 0.0
+    for i in range(m.plan[COORDINATES]):
+        size = larger(size, abs(m.w[row + i]) * m.w[m.plan[MEASURE] + i])
+    return size
+
+
+@once
+@njit(**OPTIONS)
+def _outgrown(m):
+    """Whether a cut's row that is dropped follows from the kept ones by far more of one of them than there is of it.
+
+    Where two of them come to say the same, a third one that follows from both no longer does.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    count, n = plan[KEPT], plan[COORDINATES]
+    out, most = plan[GRADIENT] + n * count, 0.0
+    for r in range(count):
+        most = larger(most, _largest(m, plan[GRADIENT] + n * r))
+    for cut in range(plan[CUTS], plan[HOLDS]):
+        last = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[HOLDS] else plan[JOINT_ROWS]
+        for row in range(m.acts[cut, ROW_AT], last):
+            kept = False
+            for r in range(count):
+                kept = kept or plan[plan[ROW_OF] + r] == row
+            if kept:
+                continue
+            for i in range(n):
+                w[out + i] = 0.0
+            gradient(m, row, cut, plan[BENDS] != 0, out)
+            least = WORN * larger(_largest(m, out), 1e-6 * most)
+            for r in range(count):
+                for k in range(count):
+                    w[plan[SIDE] + k] = 1.0 if k == r else 0.0
+                dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+                share = 0.0
+                for k in range(count):
+                    share += w[out + plan[plan[DEPENDENT] + k]] * w[plan[SIDE] + k]
+                if abs(share) * _largest(m, plan[GRADIENT] + n * r) > least:
+                    return True
+    return False
+
+
+@njit(**OPTIONS)
 def worn(m):
     """Whether an independent joint's coordinate should take the place of a dependent one that moves far more than it.
 
@@ -214,6 +260,8 @@ def worn(m):
     count, n = plan[KEPT], plan[COORDINATES]
     if count == 0:
         return False
+    if count < plan[JOINT_ROWS] and _outgrown(m):
+        return True
     for b in range(plan[BODIES]):
         if m.bodies[b, COURSE_OF] >= 0:
             continue

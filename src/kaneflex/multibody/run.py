@@ -128,7 +128,8 @@ class Run:
         if self.touching:
             engine.take_impacts()
         system.fold(q, v)
-        engine.choose(float(times[0]))
+        dropped = engine.choose(float(times[0]))
+        self.twice = tuple(dict.fromkeys(self._joint_of(row) for row in dropped.tolist()))
         self.projected = engine.project(float(times[0]))
         self.here = engine.row(float(times[0]))
         self.rows = np.zeros((len(times), len(self.here)))
@@ -156,7 +157,8 @@ class Run:
                 most = max(1, min(growth * most, int((self.tried - tried) * _QUICK / seconds)))
             if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
                 outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
-                return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")
+                said = f"; held twice there: what {', '.join(self.twice)} and others hold" if self.twice else ""
+                return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + said
             if len(self.engine.holds) and self.step < _TINY * self.longest and not self._agrees():
                 outcome, words = _ENDED[collocation.PARADOX]
                 return outcome, words.format(at=f"t = {self.here[0]:.6g} s")
@@ -208,10 +210,13 @@ class Run:
         row = int(apart.argmax())
         if apart[row] <= _AGREE:
             return ""
-        acts = engine.tables.acts[: engine.count(at.HOLDS), at.ROW_AT]
-        joint = engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
-        return (f"over-constrained after t = {t:.6g} s: {joint} holds what other joints hold already, and misses it by "
-                f"{apart[row]:.2g} of the mechanism's size")  # fmt: skip
+        return (f"over-constrained after t = {t:.6g} s: {self._joint_of(row)} holds what other joints hold already, "
+                f"and misses it by {apart[row]:.2g} of the mechanism's size")  # fmt: skip
+
+    def _joint_of(self, row: int) -> str:
+        """The joint whose cut a row is of; of a contact that rests the last one."""
+        acts = self.engine.tables.acts[: self.engine.count(at.HOLDS), at.ROW_AT]
+        return self.engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
 
     def _agrees(self) -> bool:
         """Whether friction and the reactions that it asks for agree where the motion stands."""
@@ -233,11 +238,15 @@ class Run:
         return True
 
     def _chosen_anew(self) -> bool:
-        """Choose the dependent coordinates where the motion stands; whether they are others than before."""
-        before = sorted(self.engine.dependent.tolist())
+        """Choose kept rows and dependent coordinates where the motion stands; whether they are others than before."""
+        before, t = self._chosen, float(self.here[0])
         self.engine.stand(self.here)
-        self.engine.choose(float(self.here[0]))
-        return sorted(self.engine.dependent.tolist()) != before
+        self.engine.choose(t)
+        return self._chosen != before
+
+    @property
+    def _chosen(self) -> tuple[list[int], list[int]]:
+        return self.engine.kept_rows.tolist(), sorted(self.engine.dependent.tolist())
 
     def _bound(self) -> None:
         """Take the errors allowed of speeds and accelerations from their largest values so far, by kind."""
@@ -270,7 +279,10 @@ class Run:
             self.impacts += impacts.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
         if ended == collocation.TURNED:
+            rows = self.engine.kept_rows.tolist()
             self.patient = float(not self._chosen_anew())
+            if self.engine.kept_rows.tolist() != rows and not self._projected():
+                return collocation.SINGULAR
             return collocation.PAUSED
         if ended == collocation.RESTED:
             if self._rest():
@@ -280,9 +292,13 @@ class Run:
 
     def _rest(self) -> bool:
         """Go on where others rest by Newton's law than before, with other dependent coordinates; False: singular."""
-        t, works = float(self.here[0]), self.engine.count(at.WORKS)
         self.engine.stand(self.here)
-        self.engine.choose(t)
+        self.engine.choose(float(self.here[0]))
+        return self._projected()
+
+    def _projected(self) -> bool:
+        """Go on from where the motion stands, with the reactions of the rows that are kept now; False: singular."""
+        t, works = float(self.here[0]), self.engine.count(at.WORKS)
         projected = self.engine.project(t)
         self.here[:-works], self.length = self.engine.row(t)[:-works], 0.0
         if self.rows[self.filled, 0] == t:

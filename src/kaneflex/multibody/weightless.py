@@ -17,7 +17,7 @@ _NOTHING = 1e-14
 def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     """What the joint that a body of the tree hangs on lets it do must be resisted by masses, its cuts left out.
 
-    Bodies count as rigid here: articulated inertias (Featherstone 1983), of twists as the ground's origin sees them.
+    Bodies count as rigid here: articulated inertias (Featherstone 1983), each of a twist as its body's start sees it.
 
     Raises
     ------
@@ -26,42 +26,46 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     """
     tables, layout = system.engine.tables, system.engine.layout
     owners = tables.sections[:, at.OWNER]
-    inertias = [_inertia(tables.w[k : k + 4], placement.poses[body])
+    inertias = [_inertia(tables.w[k : k + 4], placement.poses[body][2])
                 for k, body in zip(tables.bodies[:, at.BLOCK], layout.bodies, strict=True)]  # fmt: skip
     least = _NOTHING * sum(each[0, 0] for each in inertias) * max(1.0, system.mechanism.size) ** 2
     for b in range(len(inertias) - 1, -1, -1):
         (hung, child), row, own = layout.inboard[b], tables.bodies[b], inertias[b]
+        here, parent = placement.poses[layout.bodies[b]], owners[row[at.PARENT]]
         if hung is None:
             if np.linalg.eigvalsh(own)[0] <= least:
                 raise _missing(system, layout.bodies[b], own, None)
             continue
         joint = system.mechanism.joints[hung]
         if joint.kind != "weld" and row[at.COURSE_OF] < 0:
-            axis = _axis(joint, child, placement)
+            axis = _axis(joint, child, placement, here)
             resists = own @ axis
             if axis @ resists <= least:
                 raise _missing(system, layout.bodies[b], own, joint)
             own = own - np.outer(resists, resists) / (axis @ resists)
-        if owners[row[at.PARENT]] >= 0:
-            inertias[owners[row[at.PARENT]]] = inertias[owners[row[at.PARENT]]] + own
+        if parent >= 0:
+            inertias[parent] = inertias[parent] + _seen(own, here - placement.poses[layout.bodies[parent]])
 
 
-def _inertia(moments: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """Of a twist v_x, v_y of the origin and omega, by mass, its first moments and its second about the body's start."""
-    mass, first, (x, y, phi) = moments[0], moments[1:3], pose
+def _inertia(moments: np.ndarray, phi: float) -> np.ndarray:
+    """Of a twist v_x, v_y of a body's start and omega, by its mass, first moments and second about its start."""
     turn = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
-    first = turn @ first
-    second = moments[3] + 2.0 * (x * first[0] + y * first[1]) + mass * (x * x + y * y)
-    first = first + mass * np.array([x, y])
-    return np.array([[mass, 0.0, -first[1]], [0.0, mass, first[0]], [-first[1], first[0], second]])
+    mass, (x, y), second = moments[0], turn @ moments[1:3], moments[3]
+    return np.array([[mass, 0.0, -y], [0.0, mass, x], [-y, x, second]])
 
 
-def _axis(joint: Joint, child: int, placement: Placement) -> np.ndarray:
-    """Twist that a pin or a guide leaves to a body."""
+def _seen(inertia: np.ndarray, away: np.ndarray) -> np.ndarray:
+    """The same of a twist as another point sees it, from which the first one is ``away``."""
+    moved = np.array([[1.0, 0.0, -away[1]], [0.0, 1.0, away[0]], [0.0, 0.0, 1.0]])
+    return moved.T @ inertia @ moved
+
+
+def _axis(joint: Joint, child: int, placement: Placement, here: np.ndarray) -> np.ndarray:
+    """Twist of a body's start that a pin or a guide leaves to it."""
     if joint.kind == "revolute":
         side = joint.sides[child]
         x, y = placement.pose(side.body).place(side.at)
-        return np.array([y, -x, 1.0])
+        return np.array([y - here[1], here[0] - x, 1.0])
     return np.array([*placement.pose(joint.first.body).turn(joint.direction), 0.0])
 
 
