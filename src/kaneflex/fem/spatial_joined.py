@@ -244,9 +244,10 @@ class Joined:
                 "Limit the drives' range, or hold it otherwise",
             )  # fmt: skip
         furthest = np.sort(furthest)
-        enough = np.sort(_apart_at_all(J[:, used][..., furthest].transpose(0, 2, 1))[0])
-        if len(enough) == len(furthest):  # else no rows serve at all instants: all of them do
-            used = used[enough]
+        if len(used) > len(furthest):
+            enough = np.sort(_apart_at_all(J[:, used][..., furthest].transpose(0, 2, 1))[0])
+            if len(enough) == len(furthest):  # else no rows serve at all instants: all of them do
+                used = used[enough]
         dependent = self.tied[furthest]
         independent = np.setdiff1d(np.arange(self.size), dependent)
         blocks = self._in_order(used, dependent)

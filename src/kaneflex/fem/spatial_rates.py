@@ -57,7 +57,7 @@ def product(a: Rates3, b: Rates3) -> Rates3:
 def cross(a: Rates3, b: Rates3) -> Rates3:
     """a x b and its rates."""
 
-    def x(a: np.ndarray, b: np.ndarray) -> np.ndarray:  # np.cross takes three times as long for so few
+    def x(a: np.ndarray, b: np.ndarray) -> np.ndarray:  # np.cross takes 1.7 times as long
         return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
 
     return np.stack([x(a[0], b[0]), x(a[1], b[0]) + x(a[0], b[1]), x(a[2], b[0]) + 2.0 * x(a[1], b[1]) + x(a[0], b[2])])

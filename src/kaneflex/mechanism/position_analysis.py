@@ -181,7 +181,7 @@ def _all_joints_of(mechanism: NumericMechanism, poses: Poses, group: Sequence[st
 
 def _holds_as(one: Joint, other: Joint) -> bool:
     """Whether a guide or a weld lets two bodies do nothing that another one between them doesn't."""
-    if {*one.bodies} != {*other.bodies} or "revolute" in (one.kind, other.kind) or one.kind != other.kind:
+    if {*one.bodies} != {*other.bodies} or one.kind != other.kind or one.kind == "revolute":
         return False
     if one.kind == "weld":
         return True

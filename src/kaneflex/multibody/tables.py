@@ -24,13 +24,14 @@ from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, i
 
 from kaneflex.multibody.inner import Inner
 
-_EXACT_ENOUGH = {"nsz", "arcp", "contract", "afn"}
-OUTER = {"error_model": "numpy", "fastmath": _EXACT_ENOUGH | {"reassoc"}}
+_AS_WRITTEN = {"nsz", "arcp", "contract", "afn"}
+"""What the compiler may do to a sum without changing the order of its terms."""
+OUTER = {"error_model": "numpy", "fastmath": _AS_WRITTEN | {"reassoc"}}
 ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True, "pipeline_class": Inner}
 """What those are made with that Python calls, by their addresses: see :mod:`kaneflex.multibody.library`."""
 OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 """What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
-IN_ORDER = OPTIONS | {"fastmath": _EXACT_ENOUGH}
+IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """The same, with sums in the order of their text: of numbers that were just written one by one, which several at once
 would wait for."""
 

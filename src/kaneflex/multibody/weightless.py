@@ -11,7 +11,7 @@ from kaneflex.multibody.system import CoupledSystem
 from kaneflex.support.errors import SceneError
 
 _NOTHING = 1e-14
-"""Share of what all bodies' masses resist, below which nothing resists."""
+"""Share of what all bodies' masses resist where they are as far away as the mechanism is large; less is nothing."""
 
 
 def check_weighty(system: CoupledSystem, placement: Placement) -> None:
@@ -28,19 +28,20 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     owners = tables.sections[:, at.OWNER]
     inertias = [_inertia(tables.w[k : k + 4], placement.poses[body][2])
                 for k, body in zip(tables.bodies[:, at.BLOCK], layout.bodies, strict=True)]  # fmt: skip
-    least = _NOTHING * sum(each[0, 0] for each in inertias) * max(1.0, system.mechanism.size) ** 2
+    least, size = _NOTHING * sum(each[0, 0] for each in inertias), system.mechanism.size or 1.0
+    units = np.array([1.0, 1.0, size])
     for b in range(len(inertias) - 1, -1, -1):
         (hung, child), row, own = layout.inboard[b], tables.bodies[b], inertias[b]
         here, parent = placement.poses[layout.bodies[b]], owners[row[at.PARENT]]
         if hung is None:
-            if np.linalg.eigvalsh(own)[0] <= least:
+            if np.linalg.eigvalsh(own / np.outer(units, units))[0] <= least:
                 raise _missing(system, layout.bodies[b], own, None)
             continue
         joint = system.mechanism.joints[hung]
         if joint.kind != "weld" and row[at.COURSE_OF] < 0:
             axis = _axis(joint, child, placement, here)
             resists = own @ axis
-            if axis @ resists <= least:
+            if axis @ resists <= least * (size if joint.kind == "revolute" else 1.0) ** 2:
                 raise _missing(system, layout.bodies[b], own, joint)
             own = own - np.outer(resists, resists) / (axis @ resists)
         if parent >= 0:
