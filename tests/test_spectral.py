@@ -9,7 +9,8 @@ from scipy.sparse import csr_array
 import kaneflex
 from kaneflex import load, simulate
 from kaneflex.integrate.disturbances import monodromy
-from kaneflex.integrate.fourier import to_harmonics, to_instants, turns
+from kaneflex.integrate.fourier import ORDER, interpolate, to_harmonics, to_instants, turns
+from kaneflex.integrate.lanes import aligned
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.integrate.spectral import Grid, periodic_orbit
@@ -71,26 +72,80 @@ def test_a_motion_made_up_is_found_to_rounding(shift):
 
 
 @njit
-def there_and_back(x, circle, eighths, signals, found, back):
-    """Harmonics of row 1; then the row times 1 + i is brought back."""
-    to_harmonics(x, 1, circle, eighths, signals)
-    re, im = signals[0], signals[1]
+def there_and_back(x, circle, across, signals, found, back):
+    """Harmonics of rows 1 and 2 as parts of one signal; then these, turned by a quarter, are brought back."""
+    to_harmonics(x, (1, 2), circle, across, signals[0], signals[1])
+    re, im = signals[0, 0], signals[0, 1]
     for b in range(len(re)):
         for k in range(8):
             found[0, b, k], found[1, b, k] = re[b, k], im[b, k]
-            re[b, k], im[b, k] = re[b, k] - im[b, k], im[b, k] + re[b, k]
-    to_instants(signals, circle, eighths, 0, back[0], back[1])
+            re[b, k], im[b, k] = -im[b, k], re[b, k]
+    to_instants(signals[0], signals[1], circle, across, back, (1, 0))
 
 
 @pytest.mark.parametrize("count", [8, 16, 24, 64, 96, 128, 192, 2048])
-def test_a_row_in_lanes_is_transformed_and_back(count):
+def test_rows_in_lanes_are_transformed_and_back(count):
     x, blocks = np.random.default_rng(1).standard_normal((count // 8, 3, 8)), count // 8
-    found, back = np.empty((2, blocks, 8)), np.empty((2, blocks, 1, 8))
-    there_and_back(x, *turns(count), np.empty((4, blocks, 8)), found, back)
-    row = x[:, 1].T.ravel()  # lane after lane
-    np.testing.assert_allclose((found[0] + 1j * found[1]).ravel(), np.fft.fft(row), rtol=0, atol=1e-14 * count)
-    for part in back:
-        np.testing.assert_allclose(part[:, 0].T.ravel(), count * row, rtol=0, atol=1e-14 * count**1.5)
+    found, back = np.empty((2, blocks, 8)), np.empty((blocks, 2, 8))
+    circle, across = turns(count)
+    there_and_back(x, circle, across, np.empty((2, 2, blocks, 8)), found, back)
+    row = (x[:, 1] + 1j * x[:, 2]).T.ravel()  # lane after lane
+    orders = circle[ORDER].astype(int).ravel()
+    np.testing.assert_allclose((found[0] + 1j * found[1]).ravel(), np.fft.fft(row)[orders], rtol=0, atol=1e-14 * count)
+    turned = (back[:, 1] + 1j * back[:, 0]).T.ravel()
+    np.testing.assert_allclose(turned, 1j * count * row, rtol=0, atol=1e-14 * count**1.5)
+
+
+@njit
+def carried(n, coarse, its_circle, fine, circle, across, signals):
+    interpolate(n, coarse, its_circle, fine, circle, across, signals)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_a_motion_is_carried_to_a_finer_grid(n):
+    """Also its highest harmonic, of which the coarse instants see the cosine alone."""
+
+    def at(count):
+        """In lanes, (count / 8, n, 8)."""
+        t = np.arange(count) / count
+        parts = [0.3 + np.cos(2 * np.pi * (3 * t - 0.1 * i)) + i * np.cos(64 * np.pi * t) for i in range(n)]
+        return np.ascontiguousarray(np.reshape(parts, (n, 8, -1)).transpose(2, 0, 1))
+
+    fine = np.empty((12, n, 8))
+    carried(n, at(64), turns(64)[0], fine, *turns(96), np.empty((2, 2, 12, 8)))
+    np.testing.assert_allclose(fine, at(96), rtol=0, atol=1e-13)
+
+
+def test_nothing_is_read_that_was_not_written(monkeypatch):
+    """Memory comes with whatever was left in it."""
+
+    def spoilt(*shape):
+        found = aligned(*shape)
+        found[...] = np.nan
+        return found
+
+    for shift in (0.0, -80.0):
+        system, table, _ = made_up(shift)
+        expected = periodic_orbit(system, table, 0.4, PERIOD, 1e-9)
+        with monkeypatch.context() as patched:
+            patched.setattr("kaneflex.integrate.spectral.aligned", spoilt)
+            patched.setattr("kaneflex.integrate.disturbances.aligned", spoilt)
+            found = periodic_orbit(system, table, 0.4, PERIOD, 1e-9)
+            np.testing.assert_array_equal(found.z, expected.z)
+            np.testing.assert_array_equal(monodromy(found.grid), monodromy(expected.grid))
+
+
+def test_memory_is_used_again_only_when_nobody_holds_it():
+    held = [aligned(2, 2**14) for _ in range(4)]
+    for number, array in enumerate(held):
+        array[...] = number
+    where = held[2].__array_interface__["data"][0]
+    del array, held[2]
+    again = aligned(2**13, 4)
+    assert again.__array_interface__["data"][0] == where
+    again[...] = -1.0
+    assert [each[1, -1] for each in held] == [0, 1, 3]
+    assert not np.shares_memory(aligned(2**15), again)
 
 
 def test_a_cycle_of_held_equations_is_that_of_time_steps():

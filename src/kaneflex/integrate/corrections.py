@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from kaneflex.integrate import fourier, instants, lanes, matrices
-from kaneflex.integrate.fourier import HIGH, ODD, ONCE, ORDER, to_harmonics, to_instants
+from kaneflex.integrate.fourier import HIGH, ODD, ONCE, ORDER, interpolate, to_harmonics, to_instants
 from kaneflex.integrate.instants import multiply, multiply_upper, solve_lower, solve_upper
 from kaneflex.integrate.lanes import (
     FASTMATH,
@@ -15,6 +15,7 @@ from kaneflex.integrate.lanes import (
     absolute,
     lane_sum,
     load,
+    mirrored,
     root,
     stay_apart,
     store,
@@ -24,8 +25,8 @@ from kaneflex.support.fingerprint import made_of
 
 FOUND, NO_MOTION, TOO_SLOW = 0, 1, 2
 """How corrections ended."""
-VECTORS, SIGNALS = 4, 4
-"""Motions, and rows of signals, that a correction works with."""
+VECTORS, SIGNALS = 4, 3
+"""Motions, and pairs of signals, that a correction works with."""
 PATIENCE = 8
 """Corrections over which their contraction counts."""
 # Compiled loops that take the equations and their work arrays one by one, however many: numba hands over tuples of
@@ -34,27 +35,28 @@ PATIENCE = 8
 
 @compiled
 def _fill_gains(modes, omega, circle, gains):
-    """What each mode answers to a unit load in every harmonic: real and imaginary part, (2 m, blocks, LANES)."""
-    count = LANES * gains.shape[1]
+    """Half of what each mode answers to a unit load in every harmonic: its two parts, (m, 2, blocks, LANES)."""
+    blocks = gains.shape[2]
     for k in range(modes.shape[1]):
         mass, damping, stiffness = modes[0, k], modes[1, k], modes[2, k]
-        for b in range(gains.shape[1]):
+        still_part, moved_part = gains[k, 0], gains[k, 1]
+        for b in range(blocks):
             rate = omega * load(circle, (ORDER, b))
             still, moved = stiffness - mass * rate * rate, damping * omega * load(circle, (ODD, b))
-            size = 1.0 / (count * (still * still + moved * moved))
-            store(gains, (2 * k, b), still * size)
-            store(gains, (2 * k + 1, b), 0.0 - moved * size)
+            size = 0.5 / (LANES * blocks * (still * still + moved * moved))
+            store(still_part, b, still * size)
+            store(moved_part, b, 0.0 - moved * size)
 
 
 @compiled
-def _answer(n, w, factor, shapes, gains, circle, eighths, rest, taken, signals):
+def _answer(n, w, factor, shapes, gains, circle, across, rest, taken, signals):
     """What the mean equations answer to the loads `rest`, in y, in their place.
 
     Those modes of them that are not in `shapes`, (n, m), answer at once, as if they had no mass.
     """
     stay_apart()
-    m = shapes.shape[1]
-    for b in range(len(rest)):
+    blocks, m = len(rest), shapes.shape[1]
+    for b in range(blocks):
         solve_lower(n, w, factor, b, rest)
         for k in range(m):
             total = 0.0 * load(rest, (b, 0))
@@ -64,15 +66,21 @@ def _answer(n, w, factor, shapes, gains, circle, eighths, rest, taken, signals):
             if m < n:  # what is left of the loads when these modes' share is taken away
                 for i in range(n):
                     store(rest, (b, i), load(rest, (b, i)) - shapes[i, k] * total)
-    re, im = signals[0], signals[1]
-    for k in range(m):
-        to_harmonics(taken, k, circle, eighths, signals)
-        for b in range(len(rest)):
-            x, y, c, s = load(re, b), load(im, b), load(gains, (2 * k, b)), load(gains, (2 * k + 1, b))
-            store(re, b, c * x - s * y)
-            store(im, b, c * y + s * x)
-        to_instants(signals, circle, eighths, k, taken, taken[:0])
-    for b in range(len(rest)):
+    found, answer = signals[0], signals[1]
+    re, im, to_re, to_im = found[0], found[1], answer[0], answer[1]
+    for k in range(0, m, 2):
+        other = min(k + 1, m - 1)
+        own, beside = gains[k], gains[other]
+        to_harmonics(taken, (k, other), circle, across, found, answer)
+        for b in range(blocks):
+            back, around = blocks - 1 - b, (blocks - b) % blocks
+            x, y = load(re, b), load(im, b)
+            p, q = mirrored(load(re, around), load(re, back)), mirrored(load(im, around), load(im, back))
+            c, s, d, t = load(own[0], b), load(own[1], b), load(beside[0], b), load(beside[1], b)
+            store(to_re, b, (c + d) * x - (s + t) * y + (c - d) * p + (s - t) * q)
+            store(to_im, b, (c + d) * y + (s + t) * x + (s - t) * p - (c - d) * q)
+        to_instants(answer, found, circle, across, taken, (k, other))
+    for b in range(blocks):
         for i in range(n):
             total = 0.0 * load(taken, (b, 0))
             if m < n:
@@ -83,32 +91,35 @@ def _answer(n, w, factor, shapes, gains, circle, eighths, rest, taken, signals):
 
 
 @compiled
-def _forces(n, w, sums, circle, eighths, omega, z, v, a, signals, out):
+def _forces(n, w, sums, circle, across, omega, z, v, a, signals, out):
     """M z'' + C z' + K z, at all instants."""
     stay_apart()
-    re, im = signals[0], signals[1]
-    alike = omega * len(z)  # rates of about one size: what rounds the one would else spoil the other
-    for i in range(n):
-        to_harmonics(z, i, circle, eighths, signals)
-        for b in range(len(z)):
-            order = load(circle, (ORDER, b))
-            # z' omega N / 8 is the real part, z'' the imaginary one
-            rate = (alike * omega * load(circle, (ODD, b)) - omega * omega * order * order) * (1.0 / (LANES * len(z)))
-            x, y = load(re, b), load(im, b)
-            store(re, b, 0.0 - rate * y)
-            store(im, b, rate * x)
-        to_instants(signals, circle, eighths, i, v, a)
+    blocks, scale = len(z), 1.0 / (LANES * len(z))
+    found, slow, fast = signals[0], signals[1], signals[2]
+    re, im, v_re, v_im, a_re, a_im = found[0], found[1], slow[0], slow[1], fast[0], fast[1]
+    for i in range(0, n, 2):
+        pair = i, min(i + 1, n - 1)
+        to_harmonics(z, pair, circle, across, found, slow)
+        for b in range(blocks):
+            x, y, order = load(re, b), load(im, b), load(circle, (ORDER, b))
+            rate, square = scale * omega * load(circle, (ODD, b)), 0.0 - scale * omega * omega * order * order
+            store(v_re, b, 0.0 - rate * y)
+            store(v_im, b, rate * x)
+            store(a_re, b, square * x)
+            store(a_im, b, square * y)
+        to_instants(slow, found, circle, across, v, pair)
+        to_instants(fast, found, circle, across, a, pair)
     width = 2 * w + 1
-    damping, stiffness, slower = n * width, 2 * n * width, 1.0 / alike
-    for b in range(len(z)):
+    damping, stiffness = n * width, 2 * n * width
+    for b in range(blocks):
         for i in range(n):
             slot = i * width - i + w
-            inert = slow = 0.0 * load(z, (b, i))
+            total = 0.0 * load(z, (b, i))
             for j in range(max(0, i - w), min(n, i + w + 1)):
-                inert += load(sums, (b, slot + j)) * load(a, (b, j))
-                inert += load(sums, (b, stiffness + slot + j)) * load(z, (b, j))
-                slow += load(sums, (b, damping + slot + j)) * load(v, (b, j))
-            store(out, (b, i), inert + slower * slow)
+                total += load(sums, (b, slot + j)) * load(a, (b, j))
+                total += load(sums, (b, damping + slot + j)) * load(v, (b, j))
+                total += load(sums, (b, stiffness + slot + j)) * load(z, (b, j))
+            store(out, (b, i), total)
 
 
 @compiled
@@ -124,7 +135,7 @@ def _strain(n, w, sums, z, product):
 
 
 @compiled
-def _tail(n, w, factor, shapes, modes, circle, eighths, omega, z, signals, y, taken):
+def _tail(n, w, factor, shapes, modes, circle, across, omega, z, signals, y, taken):
     """Share of the motion's energy norm in the highest quarter of its harmonics: about what the grid leaves out.
 
     The strain energy is the square of y, the kinetic energy that of the mean equations, in their modes.
@@ -141,15 +152,21 @@ def _tail(n, w, factor, shapes, modes, circle, eighths, omega, z, signals, y, ta
             if m < n:
                 for i in range(n):
                     store(y, (b, i), load(y, (b, i)) - shapes[i, k] * total)
-    re, im = signals[0], signals[1]
+    found, spare = signals[0], signals[1]
+    re, im = found[0], found[1]
     whole = high = 0.0 * load(z, (0, 0))
-    for row in range(m if m == n else m + n):
-        x, which = (taken, row) if row < m else (y, row - m)
-        mass = modes[0, row] * omega * omega if row < m else 0.0
-        to_harmonics(x, which, circle, eighths, signals)
+    for row in range(0, m if m == n else m + n, 2):
+        x, first, count, inertia = (taken, row, m, omega * omega) if row < m else (y, row - m, n, 0.0)
+        other = min(first + 1, count - 1)
+        mass, mass_of_other = inertia * modes[0, min(first, m - 1)], inertia * modes[0, min(other, m - 1)]
+        alone = 0.0 if other == first else 1.0
+        to_harmonics(x, (first, other), circle, across, found, spare)
         for b in range(blocks):
+            back, around = blocks - 1 - b, (blocks - b) % blocks
+            p, q = mirrored(load(re, around), load(re, back)), mirrored(load(im, around), load(im, back))
             u, v, order = load(re, b), load(im, b), load(circle, (ORDER, b))
-            energy = (1.0 + mass * order * order) * (u * u + v * v)
+            energy = (1.0 + mass * order * order) * ((u + p) * (u + p) + (v - q) * (v - q))
+            energy += alone * (1.0 + mass_of_other * order * order) * ((v + q) * (v + q) + (p - u) * (p - u))
             whole += load(circle, (ONCE, b)) * energy
             high += load(circle, (HIGH, b)) * energy
     total = lane_sum(whole)
@@ -157,102 +174,138 @@ def _tail(n, w, factor, shapes, modes, circle, eighths, omega, z, signals, y, ta
 
 
 @compiled
-def _conjugate(steps, changes, count, rest, z):
-    """One step of GCR with row `count`, made orthogonal to those before; the square of what is left."""
+def _orthogonal(basis, count, column):
+    """Row `count` made orthogonal to those before, of length 1; what it had of each, and its length, to `column`."""
     stay_apart()
-    size, newest, step = z.shape[0] * z.shape[1], changes[count], steps[count]
-    nothing = 0.0 * load(z, (0, 0))
-    for k in range(count):
-        change, earlier, product = changes[k], steps[k], nothing
-        for t in range(size):
-            product += load(change, (0, t)) * load(newest, (0, t))
-        along = lane_sum(product)
-        for t in range(size):
-            store(newest, (0, t), load(newest, (0, t)) - along * load(change, (0, t)))
-            store(step, (0, t), load(step, (0, t)) - along * load(earlier, (0, t)))
-    square, product = nothing, nothing
+    size, newest, nothing = basis.shape[1] * basis.shape[2], basis[count], 0.0 * load(basis[0], (0, 0))
+    along = 0.0
+    for k in range(count + 1):  # each pass takes away what the one before has found
+        against, before, even, odd = basis[k], basis[max(k - 1, 0)], nothing, nothing
+        for t in range(0, size, 2):
+            left = load(newest, (0, t)) - along * load(before, (0, t))
+            store(newest, (0, t), left)
+            even += load(against, (0, t)) * left
+            left = load(newest, (0, t + 1)) - along * load(before, (0, t + 1))
+            store(newest, (0, t + 1), left)
+            odd += load(against, (0, t + 1)) * left
+        along = lane_sum(even + odd)
+        column[k] = along
+    column[count] = root(along)
+    scale = 1.0 / column[count] if along > 0.0 else 0.0
     for t in range(size):
-        square += load(newest, (0, t)) * load(newest, (0, t))
-        product += load(newest, (0, t)) * load(rest, (0, t))
-    length = lane_sum(square)
-    scale = 1.0 / length if length > 0.0 else 0.0
-    along = lane_sum(product) * scale
-    scale, square = root(scale), nothing
-    for t in range(size):
-        store(z, (0, t), load(z, (0, t)) + along * load(step, (0, t)))
-        left = load(rest, (0, t)) - along * load(newest, (0, t))
-        store(rest, (0, t), left)
-        square += left * left
         store(newest, (0, t), scale * load(newest, (0, t)))
-        store(step, (0, t), scale * load(step, (0, t)))
-    return lane_sum(square)
+
+
+@compiled
+def _rotated(small, count):
+    """Column `count` of the least squares made triangular; the size of what they leave."""
+    cosines, sines, left = small[-3], small[-2], small[-1]
+    column = small[count]
+    for k in range(count):
+        upper, lower = column[k], column[k + 1]
+        column[k], column[k + 1] = cosines[k] * upper + sines[k] * lower, cosines[k] * lower - sines[k] * upper
+    upper, lower = column[count], column[count + 1]
+    length = root(upper * upper + lower * lower)
+    cosine, sine = (upper / length, lower / length) if length > 0.0 else (1.0, 0.0)
+    cosines[count], sines[count], column[count] = cosine, sine, length
+    left[count], left[count + 1] = cosine * left[count], 0.0 - sine * left[count]
+    return abs(left[count + 1])
+
+
+@compiled
+def _moved(n, w, factor, basis, small, count, z, out):
+    """The motion z with what the least squares say of the first `count` vectors of the basis, to `out`."""
+    stay_apart()
+    shares, right = small[-4], small[-1]
+    for back in range(count):
+        k = count - 1 - back
+        total = right[k]
+        for j in range(k + 1, count):
+            total -= small[j, k] * shares[j]
+        shares[k] = total / small[k, k] if small[k, k] != 0.0 else 0.0
+    blocks, size = len(z), len(z) * n
+    for t in range(size):
+        store(out, (0, t), shares[0] * load(basis[0], (0, t)))
+    for k in range(1, count):
+        for t in range(size):
+            store(out, (0, t), load(out, (0, t)) + shares[k] * load(basis[k], (0, t)))
+    for b in range(blocks):
+        solve_upper(n, w, factor, b, out)
+        for i in range(n):
+            store(out, (b, i), load(out, (b, i)) + load(z, (b, i)))
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 @made_of(lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
 def corrected(
-    n, w, sums, factor, shapes, modes, circle, eighths, omega, tolerance, share, over_tail, slowest, near,
-    vectors, taken, signals, history,
+    n, w, sums, factor, shapes, modes, circle, across, omega, tolerance, share, over_tail, slowest, start, its_circle,
+    vectors, taken, signals, small, history,
 ):
     """The motion on one grid, as far as this grid is worth it, in place of vectors[0], (blocks, n, LANES).
 
+    By GMRES (Saad and Schultz 1986, algorithm 4), each vector of its basis what the mean equations answer to the forces
+    of the one before.
+
     shapes: of the modes of the mean, (n, m); modes: their mass, damping and stiffness, (3, m)
-    circle, eighths: as `kaneflex.integrate.fourier.turns` has them
+    circle, across: as `kaneflex.integrate.fourier.turns` has them
     share: of the first remainder, that is enough
     over_tail: of what the grid leaves out, that is worth no further correction
     slowest: what PATIENCE corrections may leave, or they are given up
-    near: whether vectors[0] is a motion to start from; else it is zero
-    vectors, taken, signals: work, of VECTORS and two for each correction, of (blocks, m, LANES), and of SIGNALS and two
-        for each mode, (blocks, LANES)
+    start, its_circle: a motion that is near, on this grid or a coarser one, without instants where there is none
+    vectors, taken, signals: work, of VECTORS, one for each correction and one more, of (blocks, m, LANES), and of
+        SIGNALS and one for each mode, (2, blocks, LANES)
+    small: work of the least squares, four rows more than corrections may be, of as many numbers
     history: filled with the remainder's size after each correction as a share of the motion's; as long as they may get
 
     Returns how it ended, the number of corrections and the tail.
     """
     blocks, size, loads = len(sums), len(sums) * n, 3 * n * (2 * w + 1)
-    z, rest, v, a, gains = vectors[0], vectors[1], vectors[2], vectors[3], signals[SIGNALS:]
-    steps, changes = vectors[VECTORS : VECTORS + len(history) - 1], vectors[VECTORS + len(history) - 1 :]
+    z, step, v, a, gains, basis = vectors[0], vectors[1], vectors[2], vectors[3], signals[SIGNALS:], vectors[VECTORS:]
     _fill_gains(modes, omega, circle, gains)
-    tail, ended, length, done = np.inf, TOO_SLOW, 0.0, 0
+    near, rest = len(start) > 0, basis[0]
+    length, tail, ended, done = 0.0, np.inf, TOO_SLOW, 0
+    for t in range(size):
+        store(z, (0, t), 0.0)
+        store(rest, (0, t), 0.0)
     if near:
+        interpolate(n, start, its_circle, z, circle, across, signals)
         length = _strain(n, w, sums, z, v)
-    # the first round finds what is left of the loads, each of the others corrects it
-    for rounds in range(len(history)):
-        done = rounds
-        row = max(done - 1, 0)
-        step, change = steps[row], changes[row]
+        _forces(n, w, sums, circle, across, omega, z, v, a, signals, rest)
+    for b in range(blocks):
+        for i in range(n):
+            store(rest, (b, i), load(sums, (b, loads + i)) - load(rest, (b, i)))
+    _answer(n, w, factor, shapes, gains, circle, across, rest, taken, signals)
+    _orthogonal(basis, 0, small[0])
+    first = small[0, 0]
+    small[-1, 0] = first
+    length = length if near else first
+    length = length if length > 0.0 else 1.0
+    history[0] = first / length
+    if not first < np.inf:
+        return NO_MOTION, 0, tail
+    for done in range(1, len(history)):
+        newest = basis[done]
         for t in range(size):
-            store(step, (0, t), load(rest, (0, t)) if done > 0 else load(z, (0, t)))
-            store(change, (0, t), 0.0)
-        if done > 0:
-            for b in range(blocks):
-                solve_upper(n, w, factor, b, step)
-        if done > 0 or near:
-            _forces(n, w, sums, circle, eighths, omega, step, v, a, signals, change)
-        if done == 0:
-            for b in range(blocks):
-                for i in range(n):
-                    store(change, (b, i), load(sums, (b, loads + i)) - load(change, (b, i)))
-        _answer(n, w, factor, shapes, gains, circle, eighths, change, taken, signals)
-        if done == 0:
-            squares = 0.0 * load(z, (0, 0))
-            for t in range(size):
-                store(rest, (0, t), load(change, (0, t)))
-                squares += load(change, (0, t)) * load(change, (0, t))
-            first = root(lane_sum(squares))
-            length = length if near else first
-            length = length if length > 0.0 else 1.0
-            history[0] = first / length
-            if not first < np.inf:
-                ended = NO_MOTION
-                break
-            continue
-        left = root(_conjugate(steps, changes, row, rest, z)) / length
+            store(step, (0, t), load(basis[done - 1], (0, t)))
+        for b in range(blocks):
+            solve_upper(n, w, factor, b, step)
+        _forces(n, w, sums, circle, across, omega, step, v, a, signals, newest)
+        _answer(n, w, factor, shapes, gains, circle, across, newest, taken, signals)
+        _orthogonal(basis, done, small[done - 1])
+        left = _rotated(small, done - 1) / length
         history[done] = left
-        if left <= max(0.1 * history[0], tolerance):
-            tail = _tail(n, w, factor, shapes, modes, circle, eighths, omega, z, signals, v, taken)
-            if left <= max(tolerance, share * history[0], over_tail * tail):
+        enough = max(tolerance, share * history[0])
+        # the tail hardly changes any more after the first time: it is asked for again where it is to end the search
+        if left <= (max(0.1 * history[0], tolerance) if tail == np.inf else max(enough, over_tail * tail)):
+            _moved(n, w, factor, basis, small, done, z, step)
+            tail = _tail(n, w, factor, shapes, modes, circle, across, omega, step, signals, v, taken)
+            if left <= max(enough, over_tail * tail):
                 ended = FOUND
                 break
         if done > PATIENCE and left > slowest * history[done - PATIENCE]:
             break
+    if ended != FOUND:
+        _moved(n, w, factor, basis, small, done, z, step)
+    for t in range(size):
+        store(z, (0, t), load(step, (0, t)))
     return ended, done, tail

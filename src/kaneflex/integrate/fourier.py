@@ -1,49 +1,59 @@
 """Fourier transforms of a cycle that lies in lanes: one across the lanes, one along the blocks.
 
-Instant l B + b of N = 8 B is lane l of block b, harmonic 8 q + r lane r of block q. So the sum over the instants is one
-over l, of eight numbers that lie side by side, then one over b in all lanes at once (Gentleman and Sande 1966), in
-Stockham's order by radices three, four and two (Van Loan 1992, 1.7). B is a power of two, or three times one.
+Instant l B + b of N = 8 B is lane l of block b. The sum over the instants is one over l, of eight numbers that lie side
+by side, then one over b in all lanes at once (Gentleman and Sande 1966). That over l halves three times and leaves
+harmonic 8 q + r in the lane of block q whose number is r with its bits reversed (Van Loan 1992, 1.4); that over b goes
+by Stockham's radices three, four and two (Van Loan 1992, 1.7). B is a power of two, or three times one.
+
+Two real signals are one complex one, x + i y: what is done to both alike needs them no more apart than that. Else
+X_k = (Z_k + conj Z_-k) / 2 and i Y_k = (Z_k - conj Z_-k) / 2; the harmonic -k is in block B - 1 - q, of lane 0 in block
+B - q, in the lane where `lanes.mirrored` finds it.
 """
 
 from functools import lru_cache
 
 import numpy as np
 
-from kaneflex.integrate.lanes import LANES, aligned, lane, load, stay_apart, store
+from kaneflex.integrate.lanes import LANES, aligned, butterfly_1, butterfly_2, butterfly_4, load, stay_apart, store
 from kaneflex.integrate.matrices import compiled
 
 COS, SIN, ALONG_COS, ALONG_SIN, ORDER, ODD, ONCE, HIGH = range(8)
+HIGHEST = 4
 """Rows of `turns`."""
+_REVERSED = np.array([0, 4, 2, 6, 1, 5, 3, 7])
+"""Harmonic of each lane."""
 _HALF_ROOT = 0.5 * np.sqrt(3.0)
 
 
 @lru_cache(maxsize=16)
 def turns(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """What transforms of so many instants read: shapes (8, N / LANES, LANES) and (2, LANES, LANES).
+    """What transforms of so many instants read: shapes (8, N / LANES, LANES) and (5, LANES).
 
     The rows: cosine and sine of 2 pi b r / N; of 2 pi b LANES / N; of each harmonic its order, from -N / 2 on; the same
     with none of the highest, which has no derivative at the instants; and one for those that are not the conjugates of
-    others, and one for those of them in the highest quarter. Then cosine and sine of 2 pi l r / LANES.
+    others, and one for those of them in the highest quarter. Then cosine and sine of what each lane is turned by after
+    the first halving, and after the second, and one for the lane of the order N / 2.
     """
-    blocks, side = count // LANES, np.arange(LANES)
+    blocks, lanes = count // LANES, np.arange(LANES)
     along = np.arange(blocks)[:, None]
-    angle, angle_along = 2.0 * np.pi / count * along * side, 2.0 * np.pi / blocks * along + 0.0 * side
-    k = LANES * along + side
+    angle, angle_along = 2.0 * np.pi / count * along * _REVERSED, 2.0 * np.pi / blocks * along + 0.0 * lanes
+    k = LANES * along + _REVERSED
     order = np.where(2 * k <= count, k, k - count)
     once = 2 * k <= count
     rows = (np.cos(angle), np.sin(angle), np.cos(angle_along), np.sin(angle_along),
             order, np.where(2 * k == count, 0, order), once, once & (8 * k >= 3 * count))  # fmt: skip
-    found, eighths = aligned(len(rows), blocks, LANES), aligned(2, LANES, LANES)
+    found, across = aligned(len(rows), blocks, LANES), aligned(5, LANES)
     found[...] = rows
-    across = 2.0 * np.pi / LANES * (np.outer(side, side) % LANES)
-    eighths[...] = np.cos(across), np.sin(across)
-    return found, eighths
+    eighths, quarters = np.where(lanes & 4, lanes & 3, 0), np.where(lanes & 2, lanes & 1, 0)
+    turned = np.exp(2j * np.pi * np.array([eighths / 8.0, quarters / 4.0])).round(16)
+    across[...] = turned[0].real, turned[0].imag, turned[1].real, turned[1].imag, lanes == 0
+    return found, across
 
 
 @compiled
 def _thirds(re, im, spare_re, spare_im, cosine, sine):
     """The first stage of `_along`, by radix three."""
-    third = len(re) // 3
+    third = len(cosine) // 3
     for p in range(third):
         cos_1, sin_1, cos_2, sin_2 = load(cosine, p), load(sine, p), load(cosine, 2 * p), load(sine, 2 * p)
         a_re, a_im = load(re, p), load(im, p)
@@ -77,10 +87,10 @@ def _stages(blocks):
 def _along(re, im, spare_re, spare_im, cosine, sine):
     """Sum over b of (re + i im) exp(-2 pi i b q / B), in the order of q, in each lane.
 
-    It ends in the spare arrays where `_stages` are odd. The inverse is B times that of (im, re).
+    They end in the spare arrays where `_stages` are odd; all may be longer. The inverse is B times that of (im, re).
     """
     stay_apart()
-    left, stride = len(re), 1
+    left, stride = len(cosine), 1
     if left % 3 == 0:
         _thirds(re, im, spare_re, spare_im, cosine, sine)
         left, stride = left // 3, 3
@@ -126,45 +136,70 @@ def _along(re, im, spare_re, spare_im, cosine, sine):
 
 
 @compiled
-def to_harmonics(x, row, circle, eighths, signals):
-    """Sum over t of row `row` of x (blocks, rows, LANES) at t times exp(-2 pi i k t / N).
+def to_harmonics(x, pair, circle, across, harmonics, spare):
+    """Sum over t of x_t exp(-2 pi i k t / N), where two rows of x (blocks, rows, LANES) are the parts of x_t.
 
-    signals: (4, blocks, LANES) or more; the real part comes to the first, the imaginary part to the second
+    harmonics: for the parts of what is found, (2, blocks, LANES), as `spare`
     """
     stay_apart()
     cosine, sine = circle[COS], circle[SIN]
-    first = 2 * (_stages(len(x)) % 2)
-    re, im = signals[first], signals[first + 1]
+    c_1, s_1, c_2, s_2 = load(across, 0), load(across, 1), load(across, 2), load(across, 3)
+    if _stages(len(x)) % 2:
+        harmonics, spare = spare, harmonics
+    re, im = harmonics[0], harmonics[1]
     for b in range(len(x)):
-        u = v = 0.0 * load(x, (b, row))
-        for k in range(LANES):
-            number = lane(x, (b, row), k)
-            u += number * load(eighths, (0, k))
-            v -= number * load(eighths, (1, k))
+        u, v = butterfly_4(load(x, (b, pair[0]))), butterfly_4(load(x, (b, pair[1])))
+        u, v = butterfly_2(c_1 * u + s_1 * v), butterfly_2(c_1 * v - s_1 * u)
+        u, v = butterfly_1(c_2 * u + s_2 * v), butterfly_1(c_2 * v - s_2 * u)
         c, s = load(cosine, b), load(sine, b)
         store(re, b, c * u + s * v)
         store(im, b, c * v - s * u)
-    _along(re, im, signals[2 - first], signals[3 - first], circle[ALONG_COS], circle[ALONG_SIN])
+    _along(re, im, spare[0], spare[1], circle[ALONG_COS], circle[ALONG_SIN])
 
 
 @compiled
-def to_instants(signals, circle, eighths, row, x, y):
-    """N times the inverse of `to_harmonics`, real part to row `row` of x, imaginary part to that of y if it has any."""
+def to_instants(harmonics, spare, circle, across, x, pair):
+    """N times the inverse of `to_harmonics`, its parts to two rows of x; what it reads is lost."""
     stay_apart()
-    _along(signals[1], signals[0], signals[3], signals[2], circle[ALONG_COS], circle[ALONG_SIN])
-    first = 2 * (_stages(len(x)) % 2)
-    re, im, cosine, sine = signals[first], signals[first + 1], circle[COS], circle[SIN]
+    cosine, sine = circle[COS], circle[SIN]
+    c_1, s_1, c_2, s_2 = load(across, 0), load(across, 1), load(across, 2), load(across, 3)
+    _along(harmonics[1], harmonics[0], spare[1], spare[0], circle[ALONG_COS], circle[ALONG_SIN])
+    if _stages(len(x)) % 2:
+        harmonics = spare
+    re, im = harmonics[0], harmonics[1]
     for b in range(len(x)):
-        u, v, c, s = load(re, b), load(im, b), load(cosine, b), load(sine, b)
-        store(re, b, c * u - s * v)
-        store(im, b, c * v + s * u)
-    for b in range(len(x)):
-        u = 0.0 * load(re, b)
-        for k in range(LANES):
-            u += lane(re, b, k) * load(eighths, (0, k)) - lane(im, b, k) * load(eighths, (1, k))
-        store(x, (b, row), u)
-    for b in range(len(y)):
-        v = 0.0 * load(re, b)
-        for k in range(LANES):
-            v += lane(re, b, k) * load(eighths, (1, k)) + lane(im, b, k) * load(eighths, (0, k))
-        store(y, (b, row), v)
+        p, q, c, s = load(re, b), load(im, b), load(cosine, b), load(sine, b)
+        u, v = butterfly_1(c * p - s * q), butterfly_1(c * q + s * p)
+        u, v = butterfly_2(c_2 * u - s_2 * v), butterfly_2(c_2 * v + s_2 * u)
+        store(x, (b, pair[0]), butterfly_4(c_1 * u - s_1 * v))
+        store(x, (b, pair[1]), butterfly_4(c_1 * v + s_1 * u))
+
+
+@compiled
+def interpolate(n, coarse, its_circle, fine, circle, across, signals):
+    """The trigonometric polynomials through the rows of `coarse`, (blocks, n, LANES), at the instants of `fine`.
+
+    signals: work, (2, 2, blocks, LANES) or more, of the finer one
+    """
+    stay_apart()
+    own, blocks = len(coarse), len(fine)
+    if own == blocks:
+        for t in range(own * n):
+            store(fine, (0, t), load(coarse, (0, t)))
+        return
+    half, later, scale, highest = own // 2, blocks - own, 1.0 / (LANES * own), load(across, HIGHEST)
+    for i in range(0, n, 2):
+        pair = i, min(i + 1, n - 1)
+        to_harmonics(coarse, pair, its_circle, across, signals[0], signals[1])
+        for part in range(2):
+            given, wanted = signals[0, part], signals[1, part]
+            for b in range(half):
+                store(wanted, b, scale * load(given, b))
+                store(wanted, blocks - 1 - b, scale * load(given, own - 1 - b))
+            for b in range(half, blocks - half):
+                store(wanted, b, 0.0)
+            # one half of the highest harmonic belongs to the order - N / 2
+            number = scale * load(given, half)
+            store(wanted, half, 0.5 * highest * number)
+            store(wanted, half + later, number - 0.5 * highest * number)
+        to_instants(signals[1], signals[0], circle, across, fine, pair)

@@ -7,10 +7,23 @@ Instant l N / 8 + b of N is lane l of block b: a lane goes through an eighth of 
 from numba import njit
 
 from kaneflex.integrate import lanes, matrices
-from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, everywhere, lane_sum, less, load, root, store
+from kaneflex.integrate.lanes import (
+    FASTMATH,
+    LANES,
+    absolute,
+    everywhere,
+    lane_sum,
+    less,
+    load,
+    root,
+    stay_apart,
+    store,
+)
 from kaneflex.integrate.matrices import compiled
 from kaneflex.support.fingerprint import made_of
 
+AT_ONCE = 4
+"""Blocks whose equations are summed up side by side."""
 ROUNDING = 1e-13
 """Share of a diagonal entry that is taken for nothing."""
 _made_of_parts = made_of(lanes.__file__, matrices.__file__)
@@ -37,37 +50,70 @@ def _diagonal_factor(n, w, sums, factor):
             store(factor, (b, i * (w + 1) + w), 1.0 / root(size))
 
 
+@compiled
+def _sums(ends, what, values, scalars, first, sums):
+    """M, C, K and F of AT_ONCE blocks from `first` on, each number of the sums read once for all of them.
+
+    scalars: of the table, shape (AT_ONCE, n_scalars, LANES)
+    """
+    stay_apart()
+    one, two, three, four = scalars[0], scalars[1], scalars[2], scalars[3]
+    nothing = 0.0 * load(one, 0)
+    for row in range(len(ends) - 1):
+        a = b = c = d = nothing
+        for k in range(ends[row], ends[row + 1]):
+            value, scalar = values[k], what[k]
+            a += value * load(one, scalar)
+            b += value * load(two, scalar)
+            c += value * load(three, scalar)
+            d += value * load(four, scalar)
+        store(sums, (first, row), a)
+        store(sums, (first + 1, row), b)
+        store(sums, (first + 2, row), c)
+        store(sums, (first + 3, row), d)
+
+
+@compiled
+def _cholesky(n, w, sums, b, factor):
+    """The factor of the symmetric part of K in a block; whether it is positive definite."""
+    width, good = 2 * w + 1, True
+    stiffness = 2 * n * width
+    for i in range(n):
+        for j in range(max(0, i - w), i + 1):
+            below = load(sums, (b, stiffness + i * width + j - i + w))
+            entry = 0.5 * (below + load(sums, (b, stiffness + j * width + i - j + w)))
+            row, column = i * (w + 1) - i + w, j * (w + 1) - j + w
+            for k in range(max(0, i - w), j):
+                entry -= load(factor, (b, row + k)) * load(factor, (b, column + k))
+            if j < i:
+                store(factor, (b, row + j), entry * load(factor, (b, column + j)))
+            else:
+                good = good and everywhere(less(ROUNDING * absolute(below), entry))
+                store(factor, (b, row + j), 1.0 / root(absolute(entry)))
+    return good
+
+
 @_cached
 @_made_of_parts
-def equations(n, w, ends, what, values, rows, sums, factor):
+def equations(n, w, terms, rows, scalars, sums, factor):
     """M, C and K by their slots, then F, at all instants, to `sums`; Cholesky's factor of K; whether it has one.
 
-    ends, what, values: of each of them the scalars that enter it and their factors, as in a compressed sparse matrix
-    rows: the table, shape (N / LANES, n_scalars, LANES)
+    terms: `AffineSystem.sums`, of each of them the scalars that enter it and their factors
+    rows: the table, shape (N, n_scalars), of AT_ONCE blocks or a multiple of them; scalars: work, AT_ONCE of them
 
     The factor is that of K's symmetric part: row i, column j <= i in slot i (w + 1) + j - i + w, the diagonal as its
     reciprocal. Where K is not positive definite everywhere it is the root of the mean of K's diagonal.
     """
-    count, width, good = len(ends) - 1, 2 * w + 1, True
-    stiffness = 2 * n * width
-    for b in range(len(rows)):
-        for row in range(count):
-            total = 0.0 * load(rows, (b, 0))
-            for k in range(ends[row], ends[row + 1]):
-                total += values[k] * load(rows, (b, what[k]))
-            store(sums, (b, row), total)
-        for i in range(n):
-            for j in range(max(0, i - w), i + 1):
-                below = load(sums, (b, stiffness + i * width + j - i + w))
-                entry = 0.5 * (below + load(sums, (b, stiffness + j * width + i - j + w)))
-                row, column = i * (w + 1) - i + w, j * (w + 1) - j + w
-                for k in range(max(0, i - w), j):
-                    entry -= load(factor, (b, row + k)) * load(factor, (b, column + k))
-                if j < i:
-                    store(factor, (b, row + j), entry * load(factor, (b, column + j)))
-                else:
-                    good = good and everywhere(less(ROUNDING * absolute(below), entry))
-                    store(factor, (b, row + j), 1.0 / root(absolute(entry)))
+    good, blocks = True, len(sums)
+    ends, what, values = terms
+    for first in range(0, blocks, AT_ONCE):
+        for b in range(AT_ONCE):
+            for each in range(LANES):
+                for scalar in range(rows.shape[1]):
+                    scalars[b, scalar, each] = rows[each * blocks + first + b, scalar]
+        _sums(ends, what, values, scalars, first, sums)
+        for b in range(first, first + AT_ONCE):
+            good = _cholesky(n, w, sums, b, factor) and good
     if not good:
         _diagonal_factor(n, w, sums, factor)
     return good

@@ -6,6 +6,8 @@ instructions stay in this file.
 
 import math
 import operator
+import sys
+import threading
 
 import numpy as np
 from llvmlite import ir
@@ -17,14 +19,41 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 LANES = 8  # of 64 bits: a register of AVX-512, two of AVX
 # No "nnan", "ninf": the test for a runaway motion relies on comparisons with NaN being false.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
+_KEPT, _LEAST_KEPT, _MOST_KEPT = 8, 2**14, 2**20
+"""Arrays of a thread that are used again when nobody holds them any more, and how many numbers each has: at most 64 MB.
 
+A page that the system hands over anew takes more than a microsecond, so that new arrays for each of many cycles would
+take longer than solving them.
+"""
+
+
+class _Kept(threading.local):
+    """A thread's arrays, the newest last, each with the place from where a line of the cache begins."""
+
+    def __init__(self) -> None:
+        self.arrays: list[tuple[np.ndarray, int]] = []
+
+    def take(self, size: int) -> tuple[np.ndarray, int]:
+        """An array of that many numbers or more from its place on."""
+        for number in range(len(self.arrays)):
+            array, first = self.arrays[number]  # held by the list, this name and the argument below
+            if size <= array.size - first <= 4 * size and sys.getrefcount(array) == 3:
+                self.arrays.append(self.arrays.pop(number))
+                return array, first
+        fresh = np.empty(size + LANES)
+        found = fresh, -fresh.__array_interface__["data"][0] // fresh.itemsize % LANES
+        if _LEAST_KEPT <= size <= _MOST_KEPT:
+            self.arrays = [*self.arrays[1 - _KEPT :], found]
+        return found
+
+
+_kept = _Kept()
 
 
 def aligned(*shape: int) -> np.ndarray:
     """An array, not filled, from where a line of the cache begins: lanes across two lines take half as long again."""
     size = math.prod(shape)
-    numbers = np.empty(size + LANES)
-    first = -numbers.__array_interface__["data"][0] // numbers.itemsize % LANES
+    numbers, first = _kept.take(size)
     return numbers[first : first + size].reshape(shape)
 
 
@@ -173,6 +202,40 @@ def lane_sum(typing, lanes):
     return types.float64(lanes), lower
 
 
+def _shuffle(builder, one, other, order):
+    """Lanes of two registers: those of the other one are counted from LANES on."""
+    return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_INT, LANES), order))
+
+
+def _butterfly(half):
+    """Sums and differences of the lanes that are `half` apart."""
+    order = [k ^ half for k in range(LANES)]
+    signs = ir.Constant(VECTOR, [-1.0 if k & half else 1.0 for k in range(LANES)])
+
+    @intrinsic
+    def butterfly(typing, lanes):
+        def lower(context, builder, sig, args):
+            flags, there = sorted(FASTMATH), _shuffle(builder, args[0], args[0], order)
+            return builder.fadd(builder.fmul(signs, args[0], flags=flags), there, flags=flags)
+
+        return lanes(lanes), lower
+
+    return butterfly
+
+
+butterfly_4, butterfly_2, butterfly_1 = (_butterfly(half) for half in (4, 2, 1))
+
+
+@intrinsic
+def mirrored(typing, first, others):
+    """Lane 0 of `first`; in the other lanes those of `others` that hold the harmonics LANES - r, see `fourier`."""
+
+    def lower(context, builder, sig, args):
+        return _shuffle(builder, *args, [0, *(LANES + k for k in (1, 3, 2, 7, 6, 5, 4))])
+
+    return first(first, others), lower
+
+
 @intrinsic
 def stay_apart(typing):
     """The function in which this stands is not compiled into each that calls it, which would take LLVM long."""
@@ -242,8 +305,7 @@ def _transposed(builder, rows, columns):
         high = [k + half if not k & half else LANES + k for k in range(LANES)]
         for k in (k for k in range(LANES) if not k & half):
             pair = vectors[k], vectors[k + half]
-            masks = (ir.Constant(ir.VectorType(_INT, LANES), order) for order in (low, high))
-            vectors[k], vectors[k + half] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+            vectors[k], vectors[k + half] = (_shuffle(builder, *pair, order) for order in (low, high))
     for vector, column in zip(vectors, columns, strict=True):
         builder.store(vector, column, align=8)
 

@@ -3,20 +3,21 @@
 M(t) z'' + C(t) z' + K(t) z = F(t) is to hold at N instants of a cycle, with z a trigonometric polynomial through its
 values there (Hill's method in time, as in the alternating frequency/time scheme of Cameron and Griffin 1989). With
 K = L L^T at each instant and z = L^-T y the stiffness becomes the identity, and most of what varies is gone. What is
-left is solved for by conjugate residuals (Eisenstat, Elman and Schultz 1983, GCR), each correction one of the mean
-equations, which its modes decouple into scalar ones, one for each harmonic.
+left is solved for by GMRES (Saad and Schultz 1986), each correction one of the mean equations, which its modes decouple
+into scalar ones, one for each harmonic.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from kaneflex.integrate.corrections import NO_MOTION, PATIENCE, SIGNALS, TOO_SLOW, VECTORS, corrected
 from kaneflex.integrate.fourier import turns
-from kaneflex.integrate.instants import equations, mean_products
+from kaneflex.integrate.instants import AT_ONCE, equations, mean_products
 from kaneflex.integrate.lanes import LANES, aligned
 from kaneflex.integrate.streams import Table
 from kaneflex.integrate.system import AffineSystem
@@ -67,12 +68,10 @@ class Grid:
         cls, system: AffineSystem, table: Table, t0: float, period: float, instants: int, coarser: Grid | None = None
     ) -> Grid:
         """The equations at so many instants from t0 on, a power of two or three times one; modes: of `coarser`."""
-        rows = np.asarray(table(t0 + period / instants * np.arange(instants)), dtype=float)
+        rows = np.ascontiguousarray(table(t0 + period / instants * np.arange(instants)), dtype=float)
         n, w, blocks = system.n, system.half_bandwidth, instants // LANES
-        in_lanes = aligned(blocks, rows.shape[1], LANES)
-        in_lanes[...] = rows.reshape(LANES, blocks, -1).transpose(1, 2, 0)
         sums, factor = aligned(blocks, len(system.sums[0]) - 1, LANES), aligned(blocks, n * (w + 1), LANES)
-        equations(n, w, *system.sums, in_lanes, sums, factor)
+        equations(n, w, system.sums, rows, aligned(AT_ONCE, rows.shape[1], LANES), sums, factor)
         modes = _modes(n, w, sums, factor) if coarser is None else coarser.modes
         return cls(n, w, 2.0 * np.pi / period, sums, factor, modes)
 
@@ -106,29 +105,31 @@ class Grid:
         return rates(z, self.omega)
 
     def corrected(
-        self, z: np.ndarray | None, tolerance: float, share: float = 0.0, over_tail: float = _OVER_TAIL,
+        self, start: np.ndarray | None, tolerance: float, share: float = 0.0, over_tail: float = _OVER_TAIL,
         slowest: float = _SLOWEST,
     ) -> Orbit:  # fmt: skip
         """The motion on this grid, from one that is near if there is any: as far as this grid is worth it.
 
+        start: at the instants of this grid or of a coarser one, in lanes, (N / LANES, n, LANES)
         share: of the first remainder, that is enough
         """
         blocks, n, m = len(self.sums), self.n, self.modes[1].shape[1]
-        system = (n, self.half_bandwidth, self.sums, self.factor, *self.modes, *turns(self.instants), self.omega)
+        start = np.empty((0, n, LANES)) if start is None else start
+        circle, across = turns(self.instants)
+        system = (n, self.half_bandwidth, self.sums, self.factor, *self.modes, circle, across, self.omega)
         limits = (tolerance, share, over_tail, slowest**PATIENCE)
-        vectors = aligned(VECTORS + 2 * _CORRECTIONS, blocks, n, LANES)
-        vectors[0] = 0.0 if z is None else z.reshape(n, LANES, blocks).transpose(2, 0, 1)
-        work = (vectors, aligned(blocks, m, LANES), aligned(SIGNALS + 2 * m, blocks, LANES))
-        left = np.empty(_CORRECTIONS + 1)
-        ended, done, tail = corrected(*system, *limits, z is not None, *work, left)
-        found, left = vectors[0].transpose(1, 2, 0).reshape(n, -1), left[: done + 1]
-        reason = ""
+        near = (start, turns(LANES * len(start))[0] if len(start) else circle)
+        vectors = aligned(VECTORS + _CORRECTIONS + 1, blocks, n, LANES)
+        signals, taken = aligned(SIGNALS + m, 2, blocks, LANES), aligned(blocks, m, LANES)
+        small, left = np.empty((_CORRECTIONS + 4, _CORRECTIONS + 1)), np.empty(_CORRECTIONS + 1)
+        ended, done, tail = corrected(*system, *limits, *near, vectors, taken, signals, small, left)
+        left, reason = left[: done + 1], ""
         if ended == NO_MOTION:
             reason = "the mean equations have no periodic motion"
         if ended == TOO_SLOW:
             factor = (left[-1] / left[0]) ** (1.0 / (len(left) - 1))
             reason = f"a correction leaves {factor:.2f} of the remainder"
-        return Orbit(self, found, len(left) - 1, left[-1], tail, reason)
+        return Orbit(self, vectors[0], len(left) - 1, left[-1], tail, reason)
 
 
 def rates(z: np.ndarray, omega: float) -> tuple[np.ndarray, np.ndarray]:
@@ -167,7 +168,7 @@ def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.nda
 class Orbit:
     """A periodic motion, or where the search for it ended.
 
-    grid: the last one; z: the motion at its instants, shape (n, N)
+    grid: the last one; lanes: the motion at its instants, shape (N / LANES, n, LANES)
     corrections: of all grids
     last: the remainder after the last one, as a share of the motion, in the energy norm
     tail: share of the motion in the highest quarter of its harmonics
@@ -175,11 +176,16 @@ class Orbit:
     """
 
     grid: Grid
-    z: np.ndarray
+    lanes: np.ndarray
     corrections: int
     last: float
     tail: float
     reason: str = ""
+
+    @cached_property
+    def z(self) -> np.ndarray:
+        """The motion at the instants of the grid, shape (n, N)."""
+        return self.lanes.transpose(1, 2, 0).reshape(self.grid.n, -1)
 
     @property
     def error(self) -> float:
@@ -191,7 +197,7 @@ class Orbit:
         """How it was found, in words."""
         corrections = f"{self.corrections} correction{'s' if self.corrections > 1 else ''}"
         left = f"{self.last:.1e} of the motion, its highest harmonics {self.tail:.1e}"
-        return f"spectral: {self.z.shape[1]} instants of the cycle, {corrections} leave {left}"
+        return f"spectral: {self.grid.instants} instants of the cycle, {corrections} leave {left}"
 
     def at(self, count: int) -> np.ndarray:
         """z, z', z'' at `count` instants of the cycle, shape (3, n, count)."""
@@ -230,7 +236,8 @@ def improved(grid: Grid, z: np.ndarray, share: float = SURE) -> Orbit | None:
 
     None where corrections contract too slowly.
     """
-    found = grid.corrected(z, 0.0, share, 0.0, _SLOWEST_ESTIMATE)
+    start = z.reshape(grid.n, LANES, -1).transpose(2, 0, 1)
+    found = grid.corrected(np.ascontiguousarray(start), 0.0, share, 0.0, _SLOWEST_ESTIMATE)
     return None if found.reason else found
 
 
@@ -239,11 +246,10 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
 
     Its grid is refined until the highest quarter of the harmonics, and what the corrections left, are below that.
     """
-    instants, corrections, z, before, grid = FEWEST, 0, None, 1.0, None
+    instants, corrections, near, before, grid = FEWEST, 0, None, 1.0, None
     while True:
         grid = Grid.of(system, table, t0, period, instants, grid)
-        z = None if z is None else at_instants(z, instants)
-        found = grid.corrected(z, tolerance)
+        found = grid.corrected(near, tolerance)
         corrections += found.corrections
         if found.reason or found.error <= tolerance:
             break
@@ -256,5 +262,5 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
             share = f"{found.tail:.1g} of the motion is in the highest quarter of {instants // 2}"
             reason = f"its harmonics die away too slowly: {share}"
             return replace(found, corrections=corrections, reason=reason)
-        z, before, instants = found.z, found.tail, round(times * instants)
+        near, before, instants = found.lanes, found.tail, round(times * instants)
     return replace(found, corrections=corrections)
