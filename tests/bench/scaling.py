@@ -93,7 +93,7 @@ def by_number_of_steps() -> Iterator[Row]:
     timed = {f"{method}, {count}": lambda one=(method, count): seconds(case, *one) for method, count in at}
     race = interleave(timed, ROUNDS, BUDGET)
     for method, count in at:
-        note = f"error {case.error(case.by_steps(method, count).z):.1e}"
+        note = f"error {case.error(case.solved(method, count).z):.1e}"
         yield Row(f"steps a cycle: {count}", method, race[f"{method}, {count}"], differs=note)
 
 
@@ -112,7 +112,7 @@ def many_cycles() -> Iterator[Row]:
 
     race = interleave({"exact-modal": elapsed}, ROUNDS, BUDGET)
     case = Case(model)
-    own = case.error(case.by_steps("exact-modal", STEPS_A_CYCLE).z)
+    own = case.error(case.solved("exact-modal", STEPS_A_CYCLE).z)
     left_out = next(
         each.rms_difference / each.reference_peak
         for each in compare(scene, ["paper", "stiffened"], "stiffened").differences

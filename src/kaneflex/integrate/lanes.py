@@ -19,8 +19,8 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 LANES = 8  # of 64 bits: a register of AVX-512, two of AVX
 # No "nnan", "ninf": the test for a runaway motion relies on comparisons with NaN being false.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
-_KEPT, _LEAST_KEPT, _MOST_KEPT = 8, 2**14, 2**20
-"""Arrays of a thread that are used again when nobody holds them any more, and how many numbers each has: at most 64 MB.
+_LEAST_KEPT, _ALL_KEPT = 2**14, 2**23
+"""Numbers of an array that is used again when nobody holds it any more, and of all of them in a thread: 64 MB.
 
 A page that the system hands over anew takes more than a microsecond, so that new arrays for each of many cycles would
 take longer than solving them.
@@ -42,8 +42,10 @@ class _Kept(threading.local):
                 return array, first
         fresh = np.empty(size + LANES)
         found = fresh, -fresh.__array_interface__["data"][0] // fresh.itemsize % LANES
-        if _LEAST_KEPT <= size <= _MOST_KEPT:
-            self.arrays = [*self.arrays[1 - _KEPT :], found]
+        if _LEAST_KEPT <= size <= _ALL_KEPT:
+            self.arrays.append(found)
+            while sum(array.size for array, _ in self.arrays) > _ALL_KEPT:
+                del self.arrays[0]
         return found
 
 

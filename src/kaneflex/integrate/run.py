@@ -112,7 +112,7 @@ def _spectral(run: Run, progress: Progress | None) -> Trajectory:
         return replace(found, solver="radau, in steps: they leave open whether the motion is stable")
     message = "; ".join(filter(None, ("" if outcome is Outcome.UNSTABLE else outcome.value, message)))
     at = run.every * np.arange(run.n_steps // run.every + 1)
-    z, v, a = np.ascontiguousarray(orbit.at(steps).take(at, axis=2, mode="wrap").swapaxes(1, 2))
+    z, v, a = np.ascontiguousarray(orbit.at(steps).swapaxes(1, 2)).take(at, axis=1, mode="wrap")
     ns_per_step = 1e9 * (time.perf_counter() - started) / steps
     times = run.t0 + run.step * at
     return Trajectory(times, z, v, a, outcome, message, multipliers, ns_per_step, orbit.said)
