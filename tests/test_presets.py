@@ -319,3 +319,14 @@ def test_what_a_rigid_mechanism_has_no_use_for_is_said():
     still = model("engine", "solve.preset=rigid", "solve.integrator=newmark")
     assert still.warnings == ("preset rigid integrates nothing: solve.integrator = newmark is left out",)
     assert still.options.integrator == "none"
+
+
+def test_numbers_that_nothing_reads_are_said():
+    """A shear coefficient where nothing shears, and the damping of an integrator that is not taken."""
+    told = ("rod.kappa = 0.8 is left out: theory euler-bernoulli knows no shear",)
+    assert model("engine", "rod.kappa=0.8").warnings == told
+    assert model("engine", "rod.kappa=0.8", "rod.theory=timoshenko", "rod.nu=0.3").warnings == ()
+    damped = "solve.rho_infinity = 0.5 is of integrator generalised-alpha alone: left out"
+    for preset in ("stiffened", "coupled", "rigid"):
+        assert model("engine", f"solve.preset={preset}", "solve.rho_infinity=0.5").warnings == (damped,)
+    assert model("engine", "solve.integrator=generalised-alpha", "solve.rho_infinity=0.5").warnings == ()

@@ -276,6 +276,11 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
         found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, as preset rigid does")
     if solve.integrator is not None and not integrates:
         found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} is left out")
+    if "rho_infinity" in solve.model_fields_set and options.integrator != "generalised-alpha":
+        found.append(f"solve.rho_infinity = {solve.rho_infinity:g} is of integrator generalised-alpha alone: left out")
+    beams = {name: body.beam for name, body in scene.bodies.items() if body.elastic and body.beam is not None}
+    found += [f"{name}.kappa = {beam.kappa:g} is left out: theory {beam.theory} knows no shear"
+              for name, beam in beams.items() if beam.kappa is not None and not beam.shear]  # fmt: skip
     finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
     if options.elements is not None and finer:
         count = "one element" if options.elements == 1 else f"{options.elements} elements"
