@@ -161,3 +161,74 @@ def accelerated_by_its_equations(solution):
     M = sum(rigid.monomial(monomial)[:, None, None] * as_array(part) for monomial, part in kept["M"].terms.items())
     a = np.linalg.solve(M, push.T[..., None])[..., 0]
     return replace(solution, trajectory=replace(solution.trajectory, a=a))
+
+
+LEVER = """
+schema = 1
+gravity = [0, 0]
+[bodies]
+lever = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}}
+[joints]
+pivot = {revolute = ["ground", "lever.mid"]}
+[drives]
+pivot = {law = "0 * t"}
+[loads]
+push = {force_on = "lever.end", direction = [0.6, 0.8], value = 20}
+[sensors]
+force_x = {joint_force = "pivot", component = "x"}
+force_y = {joint_force = "pivot", component = "y"}
+torque = {drive_torque = "pivot"}
+N = {axial_force = "lever.mid"}
+V = {shear_force = "lever.mid"}
+M = {bending_moment = "lever.mid"}
+N_behind = {axial_force = "lever.mid", cut = "after"}
+V_behind = {shear_force = "lever.mid", cut = "after"}
+M_behind = {bending_moment = "lever.mid", cut = "after"}
+bent = {strain = "lever.mid", fibre = "10 mm", cut = "after"}
+[solve]
+start = "quasistatic"
+duration = "1 s"
+steps = 4
+"""
+IN_SPACE = {
+    "gravity = [0, 0]": "gravity = [0, 0, 0]", "[0.6, 0.8]": "[0.6, 0.8, 0]",
+    '["ground", "lever.mid"]}': '["ground", "lever.mid"], axis = [0, 0, 1]}',
+    "shear_force = \"lever.mid\"": "shear_force = \"lever.mid\", component = \"y\"",
+    "bending_moment = \"lever.mid\"": "bending_moment = \"lever.mid\", component = \"z\"",
+    'fibre = "10 mm"': 'fibre = ["10 mm", 0]',
+}
+
+
+@pytest.mark.parametrize("in_space", [False, True], ids=["plane", "space"])
+@pytest.mark.parametrize("preset", ["rigid", "quasistatic", "stiffened", "coupled"])
+def test_section_forces_jump_where_something_acts(preset, in_space):
+    """Nothing pulls at the half before the pivot, all at the half behind it; the mean of both is nowhere."""
+    text = LEVER
+    for plane, space in IN_SPACE.items() if in_space else ():
+        text = text.replace(plane, space)
+    solution = run(scene_of(text), f"solve.preset={preset}")
+    found = {name: series.values for name, series in solution.series.items()}
+    for name in ("N", "V", "M"):
+        np.testing.assert_allclose(found[name], 0.0, atol=2e-7)
+    for name, reaction in (("N", "force_x"), ("V", "force_y"), ("M", "torque")):
+        np.testing.assert_allclose(found[f"{name}_behind"], -found[reaction], rtol=0, atol=2e-5)
+    assert found["N_behind"] == pytest.approx(12.0, rel=1e-3) and found["M_behind"] == pytest.approx(8.0, rel=5e-3)
+    strain = found["N_behind"] / (210e9 * 4e-4) - 0.01 * found["M_behind"] / (210e9 * 0.02**4 / 12)
+    assert found["bent"] == pytest.approx(strain, rel=2e-2)
+    said = [each for each in solution.model.warnings if "cut" in each]
+    told = 'is read just before lever.mid, where something acts: give it cut = "before", or "after"'
+    assert said == [f"{name} {told}" for name in "NVM"]
+
+
+@pytest.mark.parametrize(
+    ("sensor", "place", "words"),
+    [
+        ('{shear_force = "lever.end", cut = "after"}', "sensors.odd.cut", "the end has one section alone"),
+        ('{displacement = "lever.mid", cut = "after"}', "sensors.odd.cut", "has no meaning for displacement"),
+    ],
+    ids=["end", "displacement"],
+)  # fmt: skip
+def test_a_cut_that_means_nothing_is_refused(sensor, place, words):
+    with pytest.raises(kaneflex.SceneError, match=words) as raised:
+        scene_of(LEVER.replace("[solve]", f"odd = {sensor}\n[solve]"))
+    assert place in str(raised.value)

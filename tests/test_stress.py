@@ -41,6 +41,56 @@ def solved(section: str):
     return kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text)))
 
 
+PIVOTED = """
+schema = 1
+gravity = [0, 0]
+[bodies]
+bar = {length = "1 m", points = {p = ["505 mm", 0], q = ["535 mm", 0]}, \
+beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}}
+[joints]
+pivot = {revolute = ["ground", "bar.p"]}
+[drives]
+pivot = {law = "0 * t"}
+[loads]
+push = {force_on = "bar.q", direction = [0, 1], value = "10 kN"}
+[solve]
+preset = "quasistatic"
+duration = "1 s"
+steps = 2
+"""
+STEPPED = """
+schema = 1
+gravity = [0, 0]
+[bodies.shaft]
+length = "1 m"
+beam = {material = "steel", segments = {root = {to = "510 mm", section = {circle = "40 mm"}}, \
+tip = {section = {circle = "20 mm"}}}}
+[joints]
+wall = {weld = ["ground", "shaft.start"]}
+[loads]
+push = {force_on = "shaft.end", direction = [0, 1], value = "200 N"}
+[solve]
+preset = "quasistatic"
+duration = "1 s"
+steps = 2
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "place", "bent"),
+    [(PIVOTED, "bar", 0.505, 300.0 / (0.02**3 / 6.0)), (STEPPED, "shaft", 0.51, 98.0 / (math.pi * 0.01**3 / 4.0))],
+    ids=["beside a joint", "beside a step"],
+)  # fmt: skip
+def test_the_largest_stress_is_found_where_stresses_jump(text, name, place, bent):
+    """No evenly spaced station is near: M h / (2 I) on the side that bears more, 10 kN by 30 mm, 200 N by 490 mm."""
+    found = kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text.replace("\\\n", ""))))
+    stresses = link_stresses(found.motion, name)
+    station, instant = stresses.largest
+    assert stresses.x[station] == pytest.approx(place)
+    assert stresses.upper[station, instant] == pytest.approx(-bent, rel=1e-3)
+    assert sorted(stresses.x) == list(stresses.x)
+
+
 def test_a_cantilever_with_a_force_at_its_tip():
     """N / A +- F (L - x) h / (2 I), half-way through, where the force is largest; the upper edge is drawn out.
 

@@ -69,7 +69,10 @@ class SensorSummary(PlainTable):
 class StressSummary(PlainTable):
     """The largest stress of von Mises in an elastic link, over its length, the outline of its section and the run."""
 
-    largest: float = Field(description="Pa; by section forces at equal distances along the link, notches left out")
+    largest: float = Field(
+        description="Pa; by section forces at equal distances along the link and on both sides of where they jump, "
+        "notches left out"
+    )
     x_m: float = Field(description="distance from the link's start, m")
     at: Instant = Field(description="when")
     utilisation: float | None = Field(description="its share of the beam's yield_strength; null where none is given")

@@ -274,8 +274,8 @@ class CoupledMotion(Motion):
         rate = springs.rate_of_length(gap[:2], gap_rate[:2], length) if spring.damping else 0.0
         return springs.tension(spring, length, rate)
 
-    def _elastic_section(self, link: str, x: float) -> Section:
-        return self._balances[link].section(x)
+    def _elastic_section(self, link: str, x: float, after: bool) -> Section:
+        return self._balances[link].section(x, after)
 
     @cached_property
     def _balances(self) -> dict[str, Balanced]:

@@ -46,15 +46,15 @@ class Balance:
     link: str
     forces: Mapping[float, tuple[np.ndarray, np.ndarray]]
 
-    def section(self, x: float, at_x: float | None = None) -> np.ndarray:
+    def section(self, x: float, after: bool = False) -> np.ndarray:
         """Axial force N [N, tension positive], shear force V [N] and bending moment M [N m]; (3, n_times).
 
-        N and V are components along the floating frame's axes. Of forces that act at x [m] from the start, ``at_x`` is
-        the share that lies before the section: by default all at the start, none at the end and half between them.
+        N and V are components along the floating frame's axes. The section is just before what acts at x [m] from the
+        start, or just after it; at the start it is after it, at the end before it.
         """
         own = self.motion.system.links[self.link]
-        if at_x is None:
-            at_x = 0.5 if _SAME < x / own.length < 1 - _SAME else float(x < 0.5 * own.length)
+        inside = _SAME < x / own.length < 1 - _SAME
+        at_x = float(after if inside else x < 0.5 * own.length)
         e, local = own.locate(x)
         total = self._elements_before[e] + self._sums(e, local) - self._pushes(x, at_x)
         # The link as a whole balances but for terms of third order: both sides of a section share them.
@@ -138,15 +138,15 @@ class Balanced:
     loud: Balance
     quiet: Balance
 
-    def section(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def section(self, x: float, after: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """N [N, tension positive], V [N] and M [N m] at x [m] from the start, as :meth:`Balance.section`."""
-        N, V, M = self.loud.section(x)
+        N, V, M = self.loud.section(x, after)
         stops = self._stops
         if np.min(abs(stops - x)) > _SAME * stops[-1]:
             last = int(np.searchsorted(stops, x))
             a, b = stops[last - 1], stops[last]
-            rest = (b - x) / (b - a) * self._difference(a, 1.0) + (x - a) / (b - a) * self._difference(b, 0.0)
-            _, V, M = self.quiet.section(x) + rest
+            rest = (b - x) / (b - a) * self._difference(a, True) + (x - a) / (b - a) * self._difference(b, False)
+            _, V, M = self.quiet.section(x, after) + rest
         return N, V, M
 
     @cached_property
@@ -159,8 +159,8 @@ class Balanced:
         places = [scene.point(address)[0] for address in acting if address.body == link]
         return np.unique([0.0, motion.system.links[link].length, *places])
 
-    def _difference(self, x: float, at_x: float) -> np.ndarray:
-        return self.loud.section(x, at_x) - self.quiet.section(x, at_x)
+    def _difference(self, x: float, after: bool) -> np.ndarray:
+        return self.loud.section(x, after) - self.quiet.section(x, after)
 
 
 class FloatingForces(LinkForces):

@@ -97,16 +97,17 @@ class Deformation:
         unloaded = replace(self.link.part, matrices={"F": Affine.zero(self.link.part.size, 1)})
         return self.rigid.column_of(load_on_link(self.model.scene, unloaded, self.link).matrices["F"])
 
-    def section(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def section(self, x: float, after: bool = False) -> tuple[np.ndarray, ...]:
         """Axial force N [N, tension positive], shear force V [N] and bending moment M = E I v'' [N m] at x.
 
         At a node from the equilibrium of the elements beside it; between nodes interpolated with the exact share of
-        the rigid body's own inertia load on the element.
+        the rigid body's own inertia load on the element. Where something acts they jump: they are those just before it,
+        or just after it.
         """
         e, local = self.link.locate(x)
         left, right = self._ends(e)
         if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self.link.length_of(e):
-            return tuple(0.5 * (before + after) for before, after in zip(self._ends(e - 1)[1], left, strict=True))
+            return self._at_node(x, after, self._ends(e - 1)[1], left)
         length = self.link.length_of(e)
         s = local / length
         N, V, M = (a + (b - a) * s for a, b in zip(left, right, strict=True))
@@ -117,6 +118,18 @@ class Deformation:
         # N' = -n, V' = -p and M'' = p under the loads n along and p across the link.
         return (N - sag(axial, local, length, 1), V - sag(transverse, local, length, 1),
                 M + sag(transverse, local, length, 2))  # fmt: skip
+
+    def _at_node(
+        self, x: float, after: bool, before: tuple[np.ndarray, ...], behind: tuple[np.ndarray, ...]
+    ) -> tuple[np.ndarray, ...]:
+        """Of the forces of the elements beside a node between the ends those on one side of what acts there.
+
+        Where nothing acts they are the same, but for what a reduction leaves unbalanced: their mean.
+        """
+        here = self.link.node_at(x)
+        if any(self.link.node_at(at) == here for at in self.model.scene.acted_on(self.link.name)):
+            return behind if after else before
+        return tuple(0.5 * (one + other) for one, other in zip(before, behind, strict=True))
 
     def _rigid_load(self, e: int) -> tuple[np.ndarray, np.ndarray]:
         """Inertia load of the rigid link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -67,8 +68,8 @@ class ElasticMotion(Motion):
     def spring_tension(self, name: str) -> np.ndarray:
         return spring_tension(self.model, self.rigid, self.coordinates, name)
 
-    def _elastic_section(self, link: str, x: float) -> Section:
-        return self._displaced.links[link].section(x)
+    def _elastic_section(self, link: str, x: float, after: bool) -> Section:
+        return cast(Section, self._displaced.links[link].section(x, after))
 
     @cached_property
     def _deformed(self) -> Mapping[str, Deformation]:

@@ -100,11 +100,11 @@ class Motion(ABC):
         """What friction exerts on the second side of a joint or contact [N or N m], (n_times,); as ``contact``."""
         raise LookupError(name)
 
-    def section(self, link: str, x: float) -> Section:
-        """Section forces x [m] from a link's start."""
+    def section(self, link: str, x: float, after: bool = False) -> Section:
+        """Section forces x [m] from a link's start; of what acts there between the ends, just before it or after it."""
         if link in self.model.links:
-            return self._elastic_section(link, x)
-        return LinkForces(self.model.scene, self.scalars).section(link, x)
+            return self._elastic_section(link, x, after)
+        return LinkForces(self.model.scene, self.scalars).section(link, x, after)
 
     @property
     def scalars(self) -> RigidMotion:
@@ -117,11 +117,11 @@ class Motion(ABC):
         return self.rigid
 
     @abstractmethod
-    def _elastic_section(self, link: str, x: float) -> Section: ...
+    def _elastic_section(self, link: str, x: float, after: bool) -> Section: ...
 
-    def rigid_section(self, link: str, x: float) -> Section:
+    def rigid_section(self, link: str, x: float, after: bool = False) -> Section:
         """Section forces of the rigid mechanism."""
-        return LinkForces(self.model.scene, self.rigid_forces).section(link, x)
+        return LinkForces(self.model.scene, self.rigid_forces).section(link, x, after)
 
     def turned(self, body: str) -> np.ndarray:
         """Angle of a body in the rigid motion [rad], counted on from turn to turn."""

@@ -21,8 +21,10 @@ class LinkForces:
     def __init__(self, scene: Scene, rigid: RigidMotion):
         self.scene, self.rigid, self.steps = scene, rigid, len(rigid.times)
 
-    def section(self, name: str, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def section(self, name: str, x: float, after: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """N, V, M of the rigid link at X: balance of the part before X under its inertia and all forces before X.
+
+        after: whether those at X are before the section, too; those at the start are, those at the end are not.
 
         The inertia gives N its growth (a_x - g_x) m - omega^2 S of P(X), with mass m and first moment S of the
         part before X; the signs are those of `Deformation.section`.
@@ -34,7 +36,7 @@ class LinkForces:
         V = a_y * before.mass + epsilon * before.first
         M = epsilon * (before.second + before.rotary) + a_y * before.first - x * V
         for point, (at, _) in self.scene.bodies[name].points_all.items():
-            if at < x or point == "start":
+            if at < x or point == "start" or (after and at == x and point != "end"):
                 force, moment = self.forces_at(Address(name, point))
                 N, V, M = N - force[0], V - force[1], M + (x - at) * force[1] - moment
         for first, rise in spread_loads(self.scene, rigid, name):

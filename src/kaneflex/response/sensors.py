@@ -95,7 +95,7 @@ class Reader:
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """The value of the rigid mechanism."""
         if sensor.kind == "axial_force":
-            return self.motion.rigid_section(address_of(sensor).body, self.scene.point(address_of(sensor))[0])[0]
+            return self.motion.rigid_section(*self._cut(sensor))[0]
         if sensor.kind in DRIVE_KINDS:
             return self.motion.rigid_forces[f"{sensor.target}.drive"]
         if sensor.kind in SPRING_KINDS:
@@ -207,7 +207,8 @@ class Reader:
     def _strain(self, sensor: Sensor) -> np.ndarray:
         """N / (E A) - fibre M / (E I)."""
         N, _, M = self._section(sensor)
-        here = self.scene.bodies[address_of(sensor).body].profile.at(self.scene.point(address_of(sensor))[0])
+        body, x, after = self._cut(sensor)
+        here = self.scene.bodies[body].profile.at(x, after)
         return N / here.E_A - sensor.fibre * M / here.E_I
 
     def _stress(self, sensor: Sensor) -> np.ndarray:
@@ -220,7 +221,12 @@ class Reader:
         body, point = address_of(sensor)
         if (data := self.scene.bodies[body].modal) is not None:
             return tuple(data.sections.at(point, self.motion.modal(body)[0]))
-        return self.motion.section(address_of(sensor).body, self.scene.point(address_of(sensor))[0])
+        return self.motion.section(*self._cut(sensor))
+
+    def _cut(self, sensor: Sensor) -> tuple[str, float, bool]:
+        """The link that a sensor reads the section forces of, where [m from its start], and on which side of that."""
+        address = address_of(sensor)
+        return address.body, self.scene.point(address)[0], sensor.cut == "after"
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:
         return self._joint_component(sensor, self.motion.reaction)

@@ -79,10 +79,10 @@ class SpatialCoupledMotion(Motion):
         between = self.model.scene.springs[name].torsional_at is None
         return self.rigid[f"{name}.{'tension' if between else 'torque'}"]
 
-    def section(self, link: str, x: float) -> Section:
+    def section(self, link: str, x: float, after: bool = False) -> Section:
         if link in self._balances:
-            return cast(Section, self._balances[link].section(x))
-        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x))
+            return cast(Section, self._balances[link].section(x, after))
+        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x, after))
 
     _elastic_section = section
 

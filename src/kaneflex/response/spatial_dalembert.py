@@ -35,13 +35,14 @@ class SpatialBalance:
     motion: SpatialMotion
     body: str
 
-    def section(self, x: float) -> np.ndarray:
+    def section(self, x: float, after: bool = False) -> np.ndarray:
         """N, V_y, V_z, T, M_y, M_z at x [m] from the start, what the part beyond exerts: along the tangent, the chord
         or the axes of the mean turn, as in the plane; (6, n_times).
 
-        Forces that act there count by half between the ends, so that the mean of both sides is read.
+        Just before what acts there, or just after it; at the start it is after it, at the end before it.
         """
-        share = 0.5 if _SAME < x / self._length < 1.0 - _SAME else float(x < 0.5 * self._length)
+        inside = _SAME < x / self._length < 1.0 - _SAME
+        share = float(after if inside else x < 0.5 * self._length)
         e, _ = self._shapes.link.locate(x)
         total = self._before[e] + self._sums(self._shapes.link.nodes[e], x) - self._pushes(x, share)
         # The body as a whole balances but for terms of third order: both sides of a section share them.

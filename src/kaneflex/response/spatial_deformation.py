@@ -32,12 +32,12 @@ class SpatialDeformation(Deformation):
         unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
         return self.rigid.column_of(with_loads(unloaded, nodes).matrices["F"])
 
-    def section(self, x: float) -> np.ndarray:  # type: ignore[override]
+    def section(self, x: float, after: bool = False) -> np.ndarray:  # type: ignore[override]
         """SECTION at distance x [m] from the start, (6, n_times), as in the plane."""
         e, local = self.link.locate(x)
         left, right = self._ends(e)
         if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self.link.length_of(e):
-            return 0.5 * (self._ends(e - 1)[1] + left)
+            return np.array(self._at_node(x, after, tuple(self._ends(e - 1)[1]), tuple(left)))
         length = self.link.length_of(e)
         found = left + (right - left) * (local / length)
         if self.model.balances:
@@ -71,14 +71,15 @@ def _growing(omega: Sequence[np.ndarray] | np.ndarray, epsilon: Sequence[np.ndar
     ])  # fmt: skip
 
 
-def rigid_section(scene: Scene, rigid: RigidMotion, name: str, x: float) -> np.ndarray:
+def rigid_section(scene: Scene, rigid: RigidMotion, name: str, x: float, after: bool = False) -> np.ndarray:
     """SECTION of the rigid link at distance x [m] from its start, (6, n_times).
 
-    The part before x is in balance under its inertia, its weight and all that acts on it.
+    The part before x is in balance under its inertia, its weight and all that acts on it: ``after`` says whether what
+    acts at x between the ends does, too.
     """
     mechanism, frame = spatial_mechanism_of(scene), rigid.frame(name)
     body, before = scene.bodies[name], scene.bodies[name].profile.inertia(x)
-    assert body.beam is not None  # only such have sections
+    assert body.beam is not None and body.length is not None  # only such have sections
     omega, epsilon = frame.to_body(frame.omega), frame.to_body(frame.epsilon)
     specific_force = frame.to_body(frame.acceleration(np.zeros(3)) - mechanism.gravity[:, None])
     grows = _growing(omega, epsilon)
@@ -93,7 +94,8 @@ def rigid_section(scene: Scene, rigid: RigidMotion, name: str, x: float) -> np.n
         moment = moment + np.cross(e_x, start * x**2 / 2 + rise * x**3 / 6, axis=0)
     spread = spread_on(mechanism, name)
     for each in wrenches_on(mechanism, rigid, name):
-        if each.by not in spread and (each.on[0] < x or each.on[0] == 0.0):
+        at = each.on[0]
+        if each.by not in spread and (at < x or at == 0.0 or (after and at == x < body.length)):
             force = force - each.force
             moment = moment - each.moment - np.cross(each.at - x * e_x, each.force, axis=0)
     return cast(np.ndarray, np.vstack([force, moment]))

@@ -43,13 +43,13 @@ class SpatialElasticMotion(ElasticMotion):
             np.vstack([part[:3] + np.cross(part[3:], arm[:, None], axis=0), part[3:]]) for part in moved
         ))  # fmt: skip
 
-    def section(self, link: str, x: float) -> Section:
+    def section(self, link: str, x: float, after: bool = False) -> Section:
         if link in self.model.links:
-            return self._elastic_section(link, x)
-        return self.rigid_section(link, x)
+            return self._elastic_section(link, x, after)
+        return self.rigid_section(link, x, after)
 
-    def rigid_section(self, link: str, x: float) -> Section:
-        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x))
+    def rigid_section(self, link: str, x: float, after: bool = False) -> Section:
+        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x, after))
 
     def reaction(self, name: str) -> np.ndarray:
         return self._exerted[name] if self.model.links else self.rigid[name]

@@ -46,8 +46,8 @@ def displacement_of(
 
 def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z: np.ndarray) -> np.ndarray:
     """u' - y v'' - z w'' of a fibre along a link, by the force N and the moments E I_z v'' = M_z, -E I_y w'' = M_y."""
-    address = address_of(sensor)
-    (A, I_y, I_z, *_), made_of = scene.bodies[address.body].spatial_profile.at(scene.point(address)[0])
+    address, after = address_of(sensor), sensor.cut == "after"
+    (A, I_y, I_z, *_), made_of = scene.bodies[address.body].spatial_profile.at(scene.point(address)[0], after)
     y, z = cast(tuple[float, float], sensor.fibre)
     assert made_of.E is not None  # checked with the scene
     return (N / A + z * M_y / I_y - y * M_z / I_z) / made_of.E
@@ -93,8 +93,7 @@ class SpatialReader(Reader):
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         if sensor.kind in SECTION_KINDS:
-            address = address_of(sensor)
-            return self._of_section(sensor, self.motion.rigid_section(address.body, self.scene.point(address)[0]))
+            return self._of_section(sensor, self.motion.rigid_section(*self._cut(sensor)))
         return self._of_bushing(sensor) if self._is_bushing(sensor) else super().read_rigid(sensor)
 
     def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from kaneflex.scene.bodies import Body
 
 STATIONS = 25
-"""Places along a link."""
+"""Places along a link, equally far apart, beside those at which its stresses jump."""
 _POINTS = 64
 """Of an outline; between two of them the stress of a round section is at most 0.12 % higher."""
 _TERMS = 2 * np.arange(2000)[:, None] + 1
@@ -72,26 +72,28 @@ def stresses_of(motion: Motion) -> dict[str, LinkStresses]:
 def link_stresses(motion: Motion, name: str) -> LinkStresses | None:
     """Stresses of an elastic link; None where a section has no shape, or nobody knows its forces.
 
-    A point at which a joint or a load acts divides two sections; what is given there is that of the one before it.
+    Where something acts, and where a segment ends, there are two stations: just before it and just after it.
     """
     body, spatial = motion.model.scene.bodies[name], motion.model.scene.is_spatial
     if body.beam is None:
         return None
-    x = np.linspace(0.0, body.length or 0.0, STATIONS)
-    found = np.empty((3, STATIONS, len(motion.times)))
-    for k, place in enumerate(map(float, x)):
-        section = section_at(body, place)
+    jumps = {*motion.model.scene.acted_on(name), *(piece.stop for piece in body.profile.pieces[:-1])}
+    evenly = np.linspace(0.0, body.length or 0.0, STATIONS)
+    stations = sorted({(x, False) for x in (*evenly.tolist(), *jumps)} | {(x, True) for x in jumps})
+    found = np.empty((3, len(stations), len(motion.times)))
+    for k, (x, after) in enumerate(stations):
+        section = section_at(body, x, after)
         if section is None:
             return None
-        forces = motion.section(name, place)
+        forces = motion.section(name, x, after)
         found[:, k] = _of_section(*section, forces if spatial else _in_space(forces), spatial)
-    return LinkStresses(x, *found) if np.isfinite(found).all() else None
+    return LinkStresses(np.array([x for x, _ in stations]), *found) if np.isfinite(found).all() else None
 
 
-def section_at(body: Body, x: float) -> tuple[Outline, SpatialSectionNumbers] | None:
+def section_at(body: Body, x: float, after: bool = False) -> tuple[Outline, SpatialSectionNumbers] | None:
     """The outline and the numbers of a body's section x [m] from its start; None where its shape isn't known."""
     assert body.beam is not None
-    piece = body.profile.piece_at(x)
+    piece = body.profile.piece_at(x, after)
     if piece.shape is None:
         return None
     return _outline_of(piece.shape, piece.dimensions(x))

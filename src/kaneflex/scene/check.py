@@ -196,7 +196,13 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         return
     yield from address_problems(scene, f"{key}.{sensor.kind}", address, ground=False)
     body = scene.bodies.get(address.body)
-    if body is None or body.elastic:
+    if body is None:
+        return
+    if "cut" in sensor.model_fields_set and address.point in ("start", "end"):
+        yield Problem(f"{key}.cut", sensor.cut, f"the {address.point} has one section alone", "Leave cut out")
+    if "cut" in sensor.model_fields_set and body.modal is not None:
+        yield Problem(f"{key}.cut", sensor.cut, f"{address.body} has its sections by modal data", "Leave cut out")
+    if body.elastic:
         return
     if sensor.kind not in MOTION_KINDS:
         if body.modal is not None:

@@ -8,7 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from kaneflex.scene.bodies import Body
+from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
+from kaneflex.scene.sensors import SECTION_KINDS
 from kaneflex.scene.tables import largest_of_block, overshoot_of_block
 
 _LONG = 10.0
@@ -38,7 +40,23 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     long = _long_links(scene)
     apart = () if long else _far_apart(scene)
     found = (apart, _materials(scene), _speeds(scene), _gravity(scene), _inertias(scene), _damping(scene))
-    return (*long, *(text for each in found for text in each), *_overshooting_tables(scene))
+    return (*long, *(text for each in found for text in each), *_cuts(scene), *_overshooting_tables(scene))
+
+
+def _cuts(scene: Scene) -> Iterator[str]:
+    """Sensors of section forces where these jump, or of a strain where the section does, without their ``cut``."""
+    for name, sensor in scene.sensors.items():
+        if sensor.kind not in SECTION_KINDS or "cut" in sensor.model_fields_set:
+            continue
+        address = sensor.target
+        assert isinstance(address, Address)
+        body, x = scene.bodies[address.body], scene.point(address)[0]
+        if body.beam is None:
+            continue
+        changes = sensor.kind == "strain" and x in {piece.stop for piece in body.profile.pieces[:-1]}
+        if x in scene.acted_on(address.body) or changes:
+            why = "the section changes" if changes else "something acts"
+            yield f'{name} is read just before {address}, where {why}: give it cut = "before", or "after"'
 
 
 def stubby_links(scene: Scene) -> Iterator[str]:

@@ -91,9 +91,10 @@ class Stretches:
         scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
         return replace(self, pieces=tuple(scaled))
 
-    def piece_at(self, x: float) -> Piece:
-        """The piece at distance x [m] from the start; at a border the one before it."""
-        return next(piece for piece in self.pieces if x <= piece.stop or piece is self.pieces[-1])
+    def piece_at(self, x: float, after: bool = False) -> Piece:
+        """The piece at distance x [m] from the start; at a border the one before it, or the one after it."""
+        *inner, last = self.pieces
+        return next((piece for piece in inner if x < piece.stop or (x == piece.stop and not after)), last)
 
     def _gauss(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
         """Points [m] and weights [m] of an exact quadrature from a to b, piece by piece."""
@@ -109,9 +110,9 @@ class Stretches:
 class SpatialProfile(Stretches):
     """Of a beam in space."""
 
-    def at(self, x: float) -> tuple[SpatialSectionNumbers, Constants]:
-        """The section at distance x [m] from the start, and its material; at a border those of the piece before it."""
-        piece = self.piece_at(x)
+    def at(self, x: float, after: bool = False) -> tuple[SpatialSectionNumbers, Constants]:
+        """The section at distance x [m] from the start, and its material; at a border as `piece_at`."""
+        piece = self.piece_at(x, after)
         return piece.at(min(max(x, piece.start), piece.stop)), piece.made_of
 
     def rotary_inertias(self, x: float | None = None) -> tuple[float, float, float]:
@@ -130,9 +131,9 @@ class SpatialProfile(Stretches):
 class Profile(Stretches):
     """Of a beam in the plane."""
 
-    def at(self, x: float) -> Properties:
-        """The properties at distance x [m] from the start; at a border those of the piece before it."""
-        piece = self.piece_at(x)
+    def at(self, x: float, after: bool = False) -> Properties:
+        """The properties at distance x [m] from the start; at a border as `piece_at`."""
+        piece = self.piece_at(x, after)
         (A, I, kappa), (E, rho, G, _) = piece.at(x), piece.made_of
         rho_I = rho * I if self.rotary else 0.0
         G_A = kappa * G * A if self.shear else math.inf

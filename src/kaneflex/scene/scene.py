@@ -218,6 +218,16 @@ class Scene(SceneTable):
             return self.vector((0.0, 0.0) if address.point == "origin" else self.ground[address.point])
         return self.vector(self.bodies[address.body].points_all[address.point])
 
+    def acted_on(self, body: str) -> tuple[float, ...]:
+        """Distances [m] from a link's start, between its ends, at which section forces jump: where something acts."""
+        acting = [address for joint in self.joints.values() for address in joint.addresses]
+        acting += [side for contact in self.contacts.values() for side in contact.sides]
+        acting += [end for spring in self.springs.values() for end in spring.ends]
+        acting += [mass.at for mass in self.masses.values()]
+        acting += [load.force_on for load in self.forces.values() if load.force_on is not None]
+        places = {self.point(address)[0] for address in acting if address.body == body}
+        return tuple(sorted(x for x in places if 0.0 < x < (self.bodies[body].length or 0.0)))
+
     def loop_joints(self) -> tuple[str, ...]:
         """Joints that close a loop: those whose two bodies the joints before them already connect."""
         group = {name: name for name in ("ground", *self.bodies)}

@@ -60,10 +60,11 @@ class Sensor(SceneTable):
     `frame`, to the `chord` through its displaced ends or to its `start`. An acceleration reads as an
     accelerometer would (a - g) in body axes, or `kinematic` (a), the default in global axes. A position may
     name a joint: its coordinate, or where its second side is in its clearance. axial_force (tension positive),
-    bending_moment, shear_force, strain (at the height `fibre` above the axis). stress: at a point at which
-    a body's modal data recover it, von Mises' or a component in the body's axes. joint_force: the force (component
-    angle: moment) of a joint on `body`, by default the joint's second one. drive_torque: what a drive must apply;
-    drive_force: that of a guide's drive.
+    bending_moment, shear_force, strain (at the height `fibre` above the axis): of the section just before the point,
+    or just after it by `cut`, where something acts there between the ends, or the section changes. stress: at a
+    point at which a body's modal data recover it, von Mises' or a component in the body's axes. joint_force: the force
+    (component angle: moment) of a joint on `body`, by default the joint's second one. drive_torque: what a drive must
+    apply; drive_force: that of a guide's drive.
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
     turning. In space components are x, y, z, and angle_x, angle_y, angle_z for rotations, angular velocities and
     accelerations, and moments about these axes; a bending_moment is about the link's y or z, a shear_force along them,
@@ -103,6 +104,7 @@ class Sensor(SceneTable):
     reading: Literal["accelerometer", "kinematic"] = Field(default_factory=_default_reading)
     body: str | None = None
     fibre: Fibre | None = None
+    cut: Literal["before", "after"] = "before"
 
     @model_validator(mode="after")
     def _consistent(self) -> Sensor:
@@ -114,6 +116,7 @@ class Sensor(SceneTable):
             "reading": ("acceleration",),
             "body": ("joint_force",),
             "fibre": ("strain",),
+            "cut": SECTION_KINDS,
         }
         for field, kinds in needs.items():
             if field in self.model_fields_set and kind not in kinds:
@@ -155,6 +158,8 @@ class Sensor(SceneTable):
         if self.kind == "strain":
             place: tuple[float, ...] = self.fibre if isinstance(self.fibre, tuple) else (self.fibre or 0.0,)
             text += ", fibre {} m above the axis".format(" and ".join(f"{at:g}" for at in place))
+        if "cut" in self.model_fields_set:
+            text += f", just {self.cut} it"
         return text
 
     @cached_property
