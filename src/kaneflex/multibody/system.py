@@ -272,7 +272,7 @@ def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> Coupl
     shapes = {}
     for name, link in links.items():
         found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, modes_of(scene))
-        shapes[name] = alike(found, system.shapes[name])
+        shapes[name] = alike(found, system.shapes[name], link.length)
     return _bound(scene, system.module, links, shapes)
 
 
