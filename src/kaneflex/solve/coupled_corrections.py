@@ -56,7 +56,8 @@ def _richer(model: Model) -> Iterator[tuple[str, Scene, Options]]:
     yield "time", scene, options
     if not any(body.elastic for body in scene.bodies.values()):
         return
-    modes = 2 * int(options.modes) + 1  # twice as many of symmetric ones, too
+    # Twice as many of symmetric ones, too; and one of stretch more, of which every third brings one.
+    modes = max(4, 2 * int(options.modes) + 1)
     if not scene.is_spatial:
         modes = min(modes, *_limits(scene))
     if modes > int(options.modes):
@@ -136,11 +137,11 @@ def _carried(link: Link, richer: Link, shapes: np.ndarray, others: np.ndarray) -
     return np.linalg.solve(weighted @ others, weighted @ np.concatenate(rows))
 
 
-def coupling_stage(read: Read, stages: list[Stage], progress: Progress) -> Stage:
-    """What preset ``coupled`` changes in a one-way run, beside its stages.
+def coupling_change(read: Read, stages: list[Stage], progress: Progress) -> dict[str, np.ndarray]:
+    """What preset ``coupled`` changes in the sensors of a one-way run, beside the richest of its stages.
 
     Modes that the coupled model leaves out are no part of it, so it has more of them than by default; its elements are
-    the run's.
+    the run's, as that stage's are.
     """
     model = load(_as_coupled(read))
     found = solve(model, progress)
@@ -150,10 +151,8 @@ def coupling_stage(read: Read, stages: list[Stage], progress: Progress) -> Stage
         motion = _spatial_motion(model, read)
     else:
         motion = found.motion.taken(read.stored * storing(read.model))
-    known = [read.values, *(values for _, values in stages)]
     beside = [read.values, *(values for kind, values in stages if kind != "elements")][-1]
-    return "coupling", {name: known[-1][name] + new - beside[name] for name, new in values_of(motion).items()
-                        if name in beside}  # fmt: skip
+    return {name: new - beside[name] for name, new in values_of(motion).items() if name in beside}
 
 
 def _as_coupled(read: Read) -> Scene:

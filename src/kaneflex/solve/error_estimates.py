@@ -24,7 +24,7 @@ from kaneflex.support.errors import SceneError
 KINDS = ("time", "modes", "terms", "elements")
 """What an error comes from, in the order in which a model is made richer."""
 LONGEST = 1.0
-"""Time [s] that a coupled run may have taken for richer ones, which take some ten times as long, without being asked."""
+"""Time [s] that a coupled run may have taken to be run again, in some ten times that, without being asked."""
 _SECOND_ORDER = 4.0 / 3.0
 """What is left of a change by elements half as long, and itself: forces converge by the square of the length."""
 
@@ -71,8 +71,8 @@ def error_estimates(
         return {}, f"not estimated, as no richer model can be set up: {error.key}: {error.reason}"
     said, options = "", solution.model.options
     if options.errors == "all" and options.dynamics != "coupled":
-        stage, said = _coupling(read, stages, progress)
-        stages += stage
+        coupling, said = _coupling(read, stages, progress)
+        stages += coupling
         if said and solution.model.module.FREE:  # whose motion is off by more than all that is known
             return {}, f"not estimated: {said}"
     return _estimates(read, stages), said
@@ -89,11 +89,11 @@ def _stages(solution: Solution, progress: Progress) -> tuple[Read, list[Stage]]:
 
 
 def _coupling(read: Read, stages: list[Stage], progress: Progress) -> tuple[list[Stage], str]:
-    """The stage of what the one-way coupling leaves out, or why that is not known."""
-    from kaneflex.solve.coupled_corrections import coupling_stage
+    """A stage that holds what the one-way coupling leaves out, or why that is not known."""
+    from kaneflex.solve.coupled_corrections import coupling_change
 
     try:
-        return [coupling_stage(read, stages, progress)], ""
+        return [("coupling", coupling_change(read, stages, progress))], ""
     except Unknown as unknown:
         reason = str(unknown)
     except SceneError as error:
@@ -109,6 +109,8 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
     for kind, values in stages:
         if kind == "elements":
             values = {name: before[name] + _SECOND_ORDER * (values[name] - before[name]) for name in values}
+        if kind == "coupling":
+            values = {name: before[name] + values[name] for name in values}
         found[kind] = {name: _apart(values[name], before[name]) for name in values}
         before = values
     coupling = found.pop("coupling", {})
