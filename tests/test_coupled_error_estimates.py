@@ -75,6 +75,16 @@ def test_a_coupled_transient_in_space_has_a_plus_minus():
     assert mid.modes > 0.5 * mid.total > mid.time
 
 
+def test_steps_that_the_tolerance_chooses_are_told_by_a_tighter_one():
+    """Not by steps half as long: between stored instants there are many."""
+    settings = [*COUPLED, "solve.duration=0.4 s", "solve.steps=10"]
+    scene = with_settings(kaneflex.read_scene("elastic-double-pendulum"), settings)
+    found, fine = solved(scene, "solve.tolerance=1e-5"), solved(scene, "solve.tolerance=1e-11")
+    for name, estimate in found.errors[0].items():
+        error = abs(found.series[name].values - fine.series[name].values).max()
+        assert 0.8 < estimate.time / error < 1.25, name
+
+
 @pytest.mark.parametrize(
     ("name", "settings", "tolerance"),
     [("stick-slip", ["solve.steps=100"], "solve.tolerance={}"),
