@@ -4,6 +4,7 @@ import json
 
 import pytest
 from click.testing import CliRunner
+from test_coupled_orbit import ABSORBER
 from test_error_estimates import check_effectivities, solved
 
 import kaneflex
@@ -11,7 +12,7 @@ from kaneflex import load, simulate
 from kaneflex.cli import main
 from kaneflex.multibody import system
 from kaneflex.scene import with_settings
-from kaneflex.solve import error_estimates
+from kaneflex.solve import coupled, error_estimates
 
 COUPLED = ("solve.preset=coupled",)
 FINE = (*COUPLED, "solve.modes=8", "solve.tolerance=1e-10")
@@ -38,6 +39,27 @@ def test_a_coupled_cycle_has_a_plus_minus(engine, kind, settings):
     found = solved(scene, *COUPLED, *settings)
     check_effectivities(found, fine, kind, 0.8)
     assert all(each.terms == 0.0 and each.coupling is None for each in found.errors[0].values())
+
+
+def test_a_cycle_knows_how_far_it_is_from_repeating(monkeypatch):
+    """Of tight steps what is left of the search for its start is all that there is."""
+    scene = with_settings(kaneflex.read_scene("engine"), [*COUPLED, "solve.tolerance=1e-11", "solve.steps=720"])
+    found = solved(scene)
+    monkeypatch.setattr(coupled, "_HARMONICS", 1e-9)
+    fine = solved(scene, "solve.tolerance=1e-13")
+    for name in ("tip_axial", "mid_transverse"):
+        error = abs(found.series[name].values - fine.series[name].values).max()
+        assert 0.6 < found.errors[0][name].time / error < 1.4
+
+
+@pytest.mark.parametrize("tolerance", ["1e-5", "1e-6", "1e-8"])
+def test_a_cycle_of_a_free_joint_has_a_plus_minus(monkeypatch, tolerance):
+    scene = with_settings(kaneflex.scene_of(ABSORBER), ["solve.steps=60"])
+    found = solved(scene, f"solve.tolerance={tolerance}")
+    assert found.errors[0]
+    monkeypatch.setattr(coupled, "REPEATS", 1e-9)
+    ratios = effectivities(found, solved(scene, "solve.tolerance=1e-12"), least=1e-10)
+    assert len(ratios) == 2 and all(0.8 < ratio < 1.3 for ratio in ratios.values()), ratios
 
 
 def effectivities(found, fine, least=1e-5):

@@ -29,6 +29,8 @@ from kaneflex.solve.solution import Solution
 _TIGHTER, _LEAST = 32.0, 1e-13
 """By how much the tolerance of richer runs is less, and what it is at least. Their steps are half as long where stored
 instants end them: as their error is of the fifth order, it is a thirtieth of what the run's is."""
+_CLOSER = 1e-3
+"""What a cycle of a richer model may miss its start by, as a share of what that of a run may."""
 _MANY = 6
 """Modes of each link in the coupled model beside a one-way run, in either plane of bending; in the plane twice as many,
 or all that its elements have."""
@@ -83,7 +85,7 @@ def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) ->
     times = first + model.step * np.arange(count + 1)
     begun = _embedded(read, model.coupled)
     if read.periodic:
-        found = repeated(model, times, begun, progress, 1.0 / _TIGHTER)
+        found = repeated(model, times, begun, progress, _CLOSER)
     else:
         start = beginning(model) if options.start == "quasistatic" and first == 0.0 else begun
         found = integrate(model.coupled, *start, times, method_of(model), progress)
@@ -95,7 +97,7 @@ def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) ->
     """The same in space."""
     if options.start == "given":
         raise Unknown("other shapes than those of the run can't begin in the state that it is given in space")
-    model = refined(read.model, scene, options, 1.0 / _TIGHTER)
+    model = refined(read.model, scene, options, _CLOSER)
     assert model.coupled_in_space is not None
     _check(*model.coupled_in_space.verdict[:2])
     progress(1.0)
