@@ -52,7 +52,7 @@ def test_a_cycle_knows_how_far_it_is_from_repeating(monkeypatch):
         assert 0.6 < found.errors[0][name].time / error < 1.4
 
 
-@pytest.mark.parametrize("tolerance", ["1e-5", "1e-6", "1e-8"])
+@pytest.mark.parametrize("tolerance", ["1e-5", "1e-8"])
 def test_a_cycle_of_a_free_joint_has_a_plus_minus(monkeypatch, tolerance):
     scene = with_settings(kaneflex.scene_of(ABSORBER), ["solve.steps=60"])
     found = solved(scene, f"solve.tolerance={tolerance}")
