@@ -30,7 +30,7 @@ with recording(Path(folder) / archive_name()):
     for name in scenes or shipped_scenes():
         for settings in ([], *(VARIANTS.get(name, ()) if not scenes else ())):
             solution = simulate(load(with_settings(read_scene(name), settings)))
-            {each: solution.series[each] for each in solution.keys()}
+            {each: solution.series[each] for each in solution.keys()}, solution.errors
             print(name, *settings, flush=True)
 """
 

@@ -1,10 +1,12 @@
 """The plus-minus of runs beside their true errors, into ``docs/accuracy.md``: ``python tests/bench_accuracy.py``.
 
-So are prices of models beside their runs; ``python tests/bench_accuracy.py prices`` measures these alone anew, and
-``python tests/bench_accuracy.py SCENE ...`` the plus-minus of these scenes alone.
+So are runs under preset coupled, and prices of models beside their runs; ``python tests/bench_accuracy.py coupled`` and
+``prices`` measure these alone anew, and ``python tests/bench_accuracy.py SCENE ...`` the plus-minus of these scenes
+alone.
 
 The truth is the scene's own finest model: preset stiffened with four times the elements, all modes, four times the
-steps by radau. What it is off by itself is estimated, too, and sensors that a run has to ten times that are left out.
+steps by radau; under coupled one with as many elements and steps and four times the modes. What it is off by itself is
+estimated, too, and sensors that a run has to ten times that are left out.
 """
 
 import statistics
@@ -34,21 +36,47 @@ MODELS = {
     "stiffened, tolerance 1e-3": ("solve.preset=stiffened", "solve.tolerance=1e-3"),
     "stiffened, a quarter of the steps": ("solve.preset=stiffened", "solve.integrator=radau", "STEPS/4"),
 }
+COUPLED_SCENES = (
+    "engine", "four-bar", "quick-return", "rotating-cantilever", "six-bar", "slider-crank-150", "spin-up",
+    "two-link-arm", "elastic-double-pendulum", "elastic-pendulum", "engine-torque-elastic", "four-bar-motor",
+    "spin-up-torque", "spatial-slider-crank-elastic",
+)  # fmt: skip
+COUPLED_MODELS = {
+    "coupled": ("solve.preset=coupled",),
+    "coupled, 1 mode": ("solve.preset=coupled", "solve.modes=1"),
+    "coupled, 2 elements": ("solve.preset=coupled", "solve.modes=2", "ELEMENTS=2"),
+    "coupled, tolerance 1e-5": ("solve.preset=coupled", "solve.tolerance=1e-5", "STEPS/8"),
+    "rigid": ("solve.preset=rigid",),
+    "quasistatic": ("solve.preset=quasistatic",),
+    "linear": ("solve.preset=linear",),
+    "stiffened": ("solve.preset=stiffened",),
+}
 HEAD = """# What a run is off by
 
-Every run of a one-way preset whose rigid motion is prescribed says what its sensors may be off by:
-[how](scene.md#what-a-run-is-off-by). Here is that beside the true error, measured against the scene's finest model
-(preset `stiffened`, four times the elements, all modes, four times the steps by `radau`). *Effectivity* is the estimate
-over the true error, each the largest over the run: 1 is exact, above 1 safe. Sensors whose error is below ten times
-that of the finest model, or below 1e-6 of their peak, are left out; so are quasi-static runs of scenes that start from
-rest, as quasi-statics has no vibrations. Where these are about as fast as steps, as those along the rod of
-`engine-transient`, estimates have their size. `python tests/bench_accuracy.py` writes this page.
+Runs say what their sensors may be off by: [how](scene.md#what-a-run-is-off-by). Here is that beside the true error, at
+first of one-way presets whose rigid motion is prescribed, measured against the scene's finest model (preset
+`stiffened`, four times the elements, all modes, four times the steps by `radau`). *Effectivity* is the estimate over
+the true error, each the largest over the run: 1 is exact, above 1 safe. Sensors whose error is below ten times that of
+the finest model, or below 1e-6 of their peak, are left out; so are quasi-static runs of scenes that start from rest, as
+quasi-statics has no vibrations. Where these are about as fast as steps, as those along the rod of `engine-transient`,
+estimates have their size. `python tests/bench_accuracy.py` writes this page.
 
 | scene | model | sensors | largest error, share of the peak | effectivity: least | median | greatest |
 | --- | --- | --- | --- | --- | --- | --- |
 """
 
+COUPLED = """
+## Beside preset coupled
 
+The same of runs under preset `coupled`, and of one-way runs with the share of the one-way coupling, by `solve.errors =
+"all"`. The truth is preset `coupled` with four times the elements and steps, 12 modes of each link (in space 6) and a
+three-hundredth of the tolerance; what it is off by itself is a quarter of what half of its elements and modes change in
+it. Sensors whose error is below ten times that, or below 1e-6 of their peak, are left out: so are forces that ring with
+a phase that no model holds. `python tests/bench_accuracy.py coupled` writes this part.
+
+| scene | model | sensors | largest error, share of the peak | effectivity: least | median | greatest |
+| --- | --- | --- | --- | --- | --- | --- |
+"""
 PRICES = """
 ## Prices beside runs
 
@@ -109,23 +137,50 @@ def rows(name):
         if (label == "quasistatic" and scene.solve.start == "zero") or (label == "rigid" and scene.is_frame):
             continue
         found = solved(scene, settings_of(scene, model))
-        estimates, reason = found.errors
-        if reason:
-            yield f"| `{name}` | {label} | - | - | - | - | {reason} |"
-            continue
-        every = round((len(truth.times) - 1) / (len(found.times) - 1))
-        ratios, largest = [], 0.0
-        for sensor, estimate in estimates.items():
-            expected = truth.series[sensor].values[::every]
-            size = abs(truth.series[sensor].values).max()
-            error = abs(found.series[sensor].values - expected).max()
-            if size and error > max(1e-6 * size, 10.0 * own[sensor].total if own else 0.0):
-                ratios.append(estimate.total / error)
-                largest = max(largest, error / size)
-        if ratios:
-            numbers = (min(ratios), statistics.median(ratios), max(ratios))
-            shown = " | ".join(f"{number:.2f}" for number in numbers)
-            yield f"| `{name}` | {label} | {len(ratios)} | {largest:.1e} | {shown} |"
+        yield from row(name, label, found, truth, {sensor: estimate.total for sensor, estimate in own.items()})
+
+
+def row(name, label, found, truth, own):
+    """A run's estimates beside a truth that is itself off by ``own`` in each sensor; nothing where none counts."""
+    estimates, reason = found.errors
+    if reason:
+        yield f"| `{name}` | {label} | - | - | - | - | {reason} |"
+        return
+    every = round((len(truth.times) - 1) / (len(found.times) - 1))
+    ratios, largest = [], 0.0
+    for sensor, estimate in estimates.items():
+        expected = truth.series[sensor].values[::every]
+        size = abs(truth.series[sensor].values).max()
+        error = abs(found.series[sensor].values - expected).max()
+        if size and error > max(1e-6 * size, 10.0 * own.get(sensor, 0.0)):
+            ratios.append(estimate.total / error)
+            largest = max(largest, error / size)
+    if ratios:
+        numbers = (min(ratios), statistics.median(ratios), max(ratios))
+        shown = " | ".join(f"{number:.2f}" for number in numbers)
+        yield f"| `{name}` | {label} | {len(ratios)} | {largest:.1e} | {shown} |"
+
+
+def coupled_rows(name):
+    """A row for each coupled model of a scene, and for each one-way model beside it."""
+    if name not in COUPLED_SCENES:
+        return
+    scene = with_settings(kaneflex.read_scene(name), ["solve.errors=all"])
+    coupled = load(with_settings(scene, ["solve.preset=coupled"]))
+    modes = 6 if scene.is_spatial else 12
+    truth, half = (
+        solved(scene, ["solve.preset=coupled", f"solve.modes={modes // (4 // times)}", f"solve.steps={steps}",
+                       f"solve.tolerance={max(coupled.options.tolerance / 300, 1e-13)}",
+                       *(f"bodies.{each}.beam.elements={times * body.beam.elements}"
+                         for each, body in scene.bodies.items() if body.elastic)])
+        for times, steps in ((4, 4 * coupled.options.steps), (2, 4 * coupled.options.steps))
+    )  # fmt: skip
+    own = {sensor: abs(truth.series[sensor].values - half.series[sensor].values).max() / 4 for sensor in scene.sensors}
+    free, one_way = coupled.module.FREE, scene.solve.preset != "coupled" or name == "elastic-double-pendulum"
+    for label, model in COUPLED_MODELS.items():
+        slow = label == "quasistatic" and (free or scene.solve.start == "zero")
+        if not slow and (one_way or label.startswith("coupled")):
+            yield from row(name, label, solved(scene, settings_of(scene, model)), truth, own)
 
 
 def price_rows(name):
@@ -170,7 +225,7 @@ def table(rows_of):
 
 def replaced(page, names):
     """The page with the rows of some scenes measured anew, those of others as they are."""
-    head, _, prices = page.partition(PRICES)
+    head, _, rest = page.partition(COUPLED)
     kept = head.removeprefix(HEAD).splitlines()
     lines = []
     for name in shipped_scenes():
@@ -178,7 +233,7 @@ def replaced(page, names):
         for row in own:
             print(row, flush=True)
             lines.append(row)
-    return HEAD + "\n".join(lines) + "\n" + PRICES + prices
+    return HEAD + "\n".join(lines) + "\n" + COUPLED + rest
 
 
 def main() -> None:
@@ -186,11 +241,15 @@ def main() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         page = PAGE.read_text(encoding="utf-8")
-        if asked and asked != ["prices"]:
+        if asked and not {*asked} <= {"coupled", "prices"}:
             PAGE.write_text(replaced(page, asked), encoding="utf-8")
             return
-        kept = page.partition(PRICES)[0] if asked else ""
-        PAGE.write_text((kept or HEAD + table(rows)) + PRICES + table(price_rows), encoding="utf-8")
+        rest, _, prices = page.partition(PRICES)
+        first, _, coupled = rest.partition(COUPLED)
+        first = first if asked else HEAD + table(rows)
+        coupled = coupled if asked and "coupled" not in asked else table(coupled_rows)
+        prices = prices if asked and "prices" not in asked else table(price_rows)
+        PAGE.write_text(first + COUPLED + coupled + PRICES + prices, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ BASELINE = {
     "report": 6,
     "response": 42,
     "scene": 74,
-    "solve": 31,
+    "solve": 30,
     "study": 84,
     "support": 5,
 }

@@ -65,6 +65,17 @@ def test_the_reference_engine():
         assert abs(there - here).max() < 5e-3 * abs(there).max(), name
 
 
+@pytest.mark.parametrize("start", ["periodic", "quasistatic"])
+def test_a_mode_that_only_turns_the_nodes_counts_like_others(start):
+    """The fourth mode between two pins has its nodes where four elements have theirs, where nothing is displaced."""
+    found = run("engine", "solve.preset=coupled", "solve.modes=4", f"solve.start={start}", "solve.steps=360")
+    assert found.message == "completed"
+    shapes = found.model.coupled.shapes["rod"].all
+    turns, moves = shapes[2::3], shapes[1::3]
+    only_turning = abs(moves).max(axis=0) < 1e-6 * abs(turns).max(axis=0)
+    assert list(abs(turns[:, only_turning]).max(axis=0) * found.model.scene.bodies["rod"].length) == pytest.approx([1])
+
+
 def test_joint_forces_balance_the_piston():
     """m a = gas + wrist force: multipliers against the accelerations and the gas table."""
     solution = run("engine", "solve.preset=coupled")

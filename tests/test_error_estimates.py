@@ -155,7 +155,6 @@ def test_statics_of_a_drive_that_does_not_come_back_are_corrected_from_a_slow_st
 
 def test_what_cannot_be_estimated_is_said(tmp_path):
     for name, settings, said in (
-        ("engine", ["solve.preset=coupled", "solve.steps=24"], "not estimated under preset coupled"),
         ("engine-paper", [], "not estimated under preset paper"),
         ("elastic-double-pendulum", ["solve.preset=stiffened", "solve.steps=50"], "the motion of free joints"),
         ("double-pendulum", ["solve.preset=rigid", "solve.duration=0.01 s"], "no body is elastic"),

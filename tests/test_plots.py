@@ -195,6 +195,12 @@ def test_a_band_shows_an_estimated_error_that_is_wider_than_a_line():
     assert not narrow.collections
 
 
+def test_a_coupled_run_has_bands_too():
+    scene = read_scene("elastic-pendulum")
+    soft = simulate(load(with_settings(scene, ["solve.duration=0.5 s", "solve.steps=100", "solve.modes=1"])))
+    assert any(axes.collections for axes in figures(soft)["sensors"].axes)
+
+
 def test_a_long_run_is_drawn_by_its_last_turns_and_says_so():
     shown = view(solved("engine-rig"))
     turn = 2 * math.pi / solved("engine-rig").model.scene.drives["main"].speed

@@ -131,6 +131,9 @@ def _solve(
     model = load(scene, waiting, pruned=choice is not None)
     waiting.stage("compiling the integrator, first time only")
     solution = solve(model, waiting.share_of("solving"), state)
+    stage = "estimating the errors"
+    waiting.stage(stage)
+    solution.estimated(waiting.share_of(stage))
     waiting.stage("writing the results")
     return solution, summarise(solution, settings, choice)
 

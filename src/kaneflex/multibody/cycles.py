@@ -61,6 +61,9 @@ class Cycles(ABC, Generic[Start, Cycle]):
     """Whether something hits, or sticks and slips: that turns a disturbance into another one at once, of which the
     equations in between know nothing."""
 
+    judges = True
+    """Whether it is asked of a cycle that repeats whether its disturbances grow."""
+
     @abstractmethod
     def run(self, start: Start) -> Cycle:
         """The cycle from a start, which may not come to its end."""
@@ -131,7 +134,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
                 found, failure = before, "; Newton's method leads where no motion goes on"
             if self.repeats(found):
                 tell(1.0)
-                verdict = self.judged(found)
+                verdict = self.judged(found) if self.judges else COMPLETED
                 how = f"; found by waiting for {waited} cycles{failure}" if failure else ""
                 return found, verdict._replace(message=verdict.message + how)
             tell(count / _CYCLES)

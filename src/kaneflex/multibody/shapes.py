@@ -14,6 +14,9 @@ from kaneflex.multibody.shape_families import family
 from kaneflex.scene import Scene
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics
+_TURNS = 1e-6
+"""Displacement of its nodes, as a share of the link's length times their rotation, below which a shape only turns them.
+"""
 _STILL = {"mean": 1, "free": 2}
 """How many of the lowest shapes deform nothing, by the kind of frame, which moves so itself: turn, displacement."""
 
@@ -87,14 +90,15 @@ def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
         wanted = axial_modes(modes, beam.elements, len(rows.pulled) + 1)
         inertial = _inertial(stiffness, mass, _axial_loads(link, rows), loose, wanted)
         axial = np.hstack([_static(stiffness, rows.pulled, loose), inertial])
-        axial = _orthogonal(_mean_free(axial, mass, rows.frame), stiffness, mass)
+        axial = _orthogonal(_mean_free(axial, mass, rows.frame), stiffness, mass, link.length)
     dynamic = np.zeros((len(mass), count))
     if count and beam.shapes != "craig-bampton":
         dynamic = family(beam.shapes, link.nodes, [*rows.fixed, *rows.held], count)
     elif count:
         square = np.ix_(rows.free, rows.free)
         dynamic[rows.free] = eigh(stiffness[square], mass[square], subset_by_index=(0, count - 1))[1]
-    transverse = _orthogonal(np.hstack([_static(stiffness, rows.held, rows.free), dynamic]), stiffness, mass)
+    transverse = np.hstack([_static(stiffness, rows.held, rows.free), dynamic])
+    transverse = _orthogonal(transverse, stiffness, mass, link.length)
     return Shapes(axial, transverse[:, _STILL.get(rows.frame.kind, 0) :], rows.frame, rows.node)
 
 
@@ -141,16 +145,18 @@ def spanned(shapes: Shapes, link: Link) -> Shapes:
     still[1::3] = np.column_stack([link.nodes - link.nodes[shapes.node], np.ones(len(link.nodes))])
     still[2::3, 0] = 1.0
     still = still[:, : _STILL.get(shapes.frame.kind, 0)]
-    transverse = _orthogonal(np.hstack([still, shapes.transverse]), stiffness, mass)[:, still.shape[1] :]
-    axial = _orthogonal(_mean_free(shapes.axial, mass, shapes.frame), stiffness, mass)
-    return replace(shapes, axial=axial, transverse=transverse)
+    transverse = _orthogonal(np.hstack([still, shapes.transverse]), stiffness, mass, link.length)
+    axial = _orthogonal(_mean_free(shapes.axial, mass, shapes.frame), stiffness, mass, link.length)
+    return replace(shapes, axial=axial, transverse=transverse[:, still.shape[1] :])
 
 
-def alike(shapes: Shapes, others: Shapes) -> Shapes:
-    """The shapes with the size and sign of others where those are largest."""
-    return replace(
-        shapes, axial=_scaled(shapes.axial, others.axial), transverse=_scaled(shapes.transverse, others.transverse)
+def alike(shapes: Shapes, others: Shapes, length: float) -> Shapes:
+    """The shapes of a link of a length [m] with the size and sign of others where those are largest."""
+    axial, transverse = (
+        _scaled(own, length, other)
+        for own, other in ((shapes.axial, others.axial), (shapes.transverse, others.transverse))
     )
+    return replace(shapes, axial=axial, transverse=transverse)
 
 
 @dataclass(frozen=True)
@@ -199,17 +205,21 @@ def _static(stiffness: np.ndarray, held: list[int], free: np.ndarray) -> np.ndar
     return shapes
 
 
-def _orthogonal(basis: np.ndarray, stiffness: np.ndarray, mass: np.ndarray) -> np.ndarray:
+def _orthogonal(basis: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, length: float) -> np.ndarray:
     """The same space by the modes within it, largest displacement +1."""
     if not basis.shape[1]:
         return basis
     _, mixed = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis)
-    return _scaled(basis @ mixed)
+    return _scaled(basis @ mixed, length)
 
 
-def _scaled(shapes: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
-    """Each with +1 where its displacement, or that of the other one, is largest."""
-    looked_at = shapes if others is None else others
-    displacements = np.where((np.arange(len(shapes)) % 3 == 2)[:, None], 0.0, looked_at)
+def _scaled(shapes: np.ndarray, length: float, others: np.ndarray | None = None) -> np.ndarray:
+    """Each with +1 where its displacement, or that of the other one, is largest.
+
+    One that only turns the nodes, as the fourth mode of four elements, has the displacement 1 where its rotation times
+    the link's length [m] is.
+    """
+    looked_at, turns = shapes if others is None else others, (np.arange(len(shapes)) % 3 == 2)[:, None]
+    displacements = np.where(turns, _TURNS * length * looked_at, looked_at)
     largest = abs(displacements).argmax(axis=0) if shapes.shape[1] else []
-    return shapes / shapes[largest, np.arange(shapes.shape[1])]
+    return shapes / np.where(turns, length * shapes, shapes)[largest, np.arange(shapes.shape[1])]

@@ -18,10 +18,15 @@ from kaneflex.support.errors import SceneError
 
 
 class SpatialCycles(Cycles[State, Run]):
-    """Of a system over the duration of ``options``, each by the choice of speeds of the first ``start``."""
+    """Of a system over the duration of ``options``, each by the choice of speeds of the first ``start``.
 
-    def __init__(self, system: SpatialSystem, options: Options, start: State) -> None:
-        self.system, self.options, self.choice = system, options, start.choice
+    ``closer``: how much of the change after a cycle may be left, as a share of REPEATS; of a cycle beside one that is
+    known, of which it is not asked whether its disturbances grow.
+    """
+
+    def __init__(self, system: SpatialSystem, options: Options, start: State, closer: float = 1.0) -> None:
+        self.system, self.options, self.choice, self.left = system, options, start.choice, closer * REPEATS
+        self.judges = closer == 1.0
 
     def run(self, start: State) -> Run:
         run = Run(self.system, self.options, start)
@@ -41,12 +46,10 @@ class SpatialCycles(Cycles[State, Run]):
         missed, q = abs(self.missed(cycle)[: len(which)]), cycle.at_ends()
         shapes = np.isin(which, system.modal_speeds)
         size, least = system.mechanism.size, self.options.tolerance
-        largest = max(REPEATS * abs(q[:, system.modal_coordinates]).max(initial=0.0), 0.1 * least * size)
+        largest = max(self.left * abs(q[:, system.modal_coordinates]).max(initial=0.0), 0.1 * least * size)
         rigid = np.delete(np.ptp(q, axis=0), system.modal_coordinates).max(initial=0.0) / max(1.0, size)
-        others = missed[~shapes] / system.measure[which[~shapes]]
-        return bool(
-            missed[shapes].max(initial=0.0) <= largest and others.max(initial=0.0) <= max(REPEATS * rigid, 0.1 * least)
-        )
+        others = (missed[~shapes] / system.measure[which[~shapes]]).max(initial=0.0)
+        return bool(missed[shapes].max(initial=0.0) <= largest and others <= max(self.left * rigid, 0.1 * least))
 
     def missed(self, cycle: Run) -> np.ndarray:
         """In y and y' of :mod:`kaneflex.multibody.spatial_linear` about the start."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
+from typing import cast
 
 import numpy as np
 
@@ -250,10 +251,18 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
     for name in beams:
         check_modes(scene, name)
     module, seconds = find_coupled_module(scene, counts, progress)
+    return _bound(scene, module, *_deforming(scene, module, beams)), seconds
+
+
+def _deforming(scene: Scene, module: ModuleType, names: Iterable[str]) -> tuple[dict[str, Link], dict[str, Shapes]]:
+    """Links and shapes of beams."""
+    links = _links(scene, module, names)
+    return links, {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
+
+
+def _links(scene: Scene, module: ModuleType, names: Iterable[str]) -> dict[str, Link]:
     stretching = with_stretch(scene)
-    links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in beams}
-    shapes = {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
-    return _bound(scene, module, links, shapes), seconds
+    return {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in names}
 
 
 def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> CoupledSystem:
@@ -265,29 +274,40 @@ def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: 
 
 def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> CoupledSystem:
     """The system of a scene that differs in numbers alone; ``frozen`` where its shapes keep the space they span."""
-    stretching = with_stretch(scene)
-    links = {
-        name: build_link(stretching, name, system.module, scene.bodies[name].beam.elements) for name in system.links
-    }
-    shapes = {}
+    links, shapes = _links(scene, system.module, system.links), {}
     for name, link in links.items():
         found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, modes_of(scene))
-        shapes[name] = alike(found, system.shapes[name])
+        shapes[name] = alike(found, system.shapes[name], link.length)
     return _bound(scene, system.module, links, shapes)
+
+
+def refined_system(system: CoupledSystem, scene: Scene) -> CoupledSystem:
+    """The system of a scene that differs in its links' elements and numbers of shapes alone.
+
+    By the same module, which is told of these numbers: nothing is derived.
+    """
+    counts = {name: (*numbers, 0, 0, 0)[:3] for name, numbers in shape_counts(scene).items()}
+    module = cast(ModuleType, SimpleNamespace(**vars(system.module) | {"BODIES": system.module.BODIES | counts}))
+    return _bound(scene, module, *_deforming(scene, module, system.links))
 
 
 def check_modes(scene: Scene, name: str) -> None:
     """A link's elements must have the modes that the scene asks for, before equations with as many are derived."""
-    nodes = len(mesh(scene, name, scene.bodies[name].beam.elements))
-    modes, static = modes_of(scene), shape_counts(scene)[name][1] - modes_of(scene)
-    check_family(scene, name, nodes - 1)
-    frame = frame_of(stations(scene, name)).kind
-    limit = 2 * nodes - (1 if frame == "mean" else 2) - (frame == "mean") - static
+    modes, limit = modes_of(scene), most_modes(scene, name)
+    check_family(scene, name, len(mesh(scene, name, scene.bodies[name].beam.elements)) - 1)
     if modes > limit:
         raise SceneError(
             "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
             "Ask for fewer modes, or give the link more elements",
         )  # fmt: skip
+
+
+def most_modes(scene: Scene, name: str) -> int:
+    """How many fixed-interface modes a link's elements have."""
+    nodes = len(mesh(scene, name, scene.bodies[name].beam.elements))
+    static = shape_counts(scene)[name][1] - modes_of(scene)
+    frame = frame_of(stations(scene, name)).kind
+    return 2 * nodes - (1 if frame == "mean" else 2) - (frame == "mean") - static
 
 
 def with_stretch(scene: Scene) -> Scene:

@@ -45,9 +45,13 @@ class SensorError(PlainTable):
 
     total: float = Field(description="of all that is below together")
     time: float = Field(description="by the discretisation in time")
-    modes: float = Field(description="by the modes that a reduction left out")
+    modes: float = Field(description="by the modes that a reduction, or preset coupled, left out")
     terms: float = Field(description="by the terms that the preset or the scene left out")
     elements: float = Field(description="by the elements' length, against elements half as long")
+    coupling: float | None = Field(
+        default=None,
+        description="by the one-way coupling, where options.errors asks for it; null under preset coupled, too",
+    )
 
 
 class SensorSummary(PlainTable):
@@ -119,7 +123,7 @@ class Summary(PlainTable):
     outcome: str = Field(description="completed, unstable, singular, no_periodic_state or cascade")
     message: str = Field(description="the outcome in words, with time and reason")
     solver: str = Field(description="what solved the equations, why, and what it left; empty where nothing was chosen")
-    errors: str = Field(description="why no error of the sensors is estimated; empty where it is")
+    errors: str = Field(description="why no error of the sensors, or none of the one-way coupling, is estimated")
     warnings: list[str] = Field(description="what to know before trusting the numbers")
     duration_s: float = Field(description="time that the stored results cover, s")
     step_s: float = Field(description="time step, s")

@@ -70,6 +70,8 @@ class Options:
         Method of scipy's ``solve_ivp`` for free joints that are integrated before anything deforms.
     forward_tolerance : float
         Its relative tolerance.
+    errors : str
+        Which errors of the sensors are estimated: "quick" (what takes no several times of a long run), "all" or "none".
     """
 
     preset: str
@@ -100,6 +102,7 @@ class Options:
     bounded: tuple[str, ...]
     forward_method: str
     forward_tolerance: float
+    errors: str
 
     def as_dict(self) -> dict[str, object]:
         """By name, as a file holds them."""
@@ -192,6 +195,7 @@ def resolve_options(scene: Scene) -> Options:
         bounded=solve.bounded,
         forward_method=solve.forward.method,
         forward_tolerance=solve.forward.tolerance,
+        errors=solve.errors,
     )
     _check(options)
     return options

@@ -324,6 +324,11 @@ class Solve(SceneTable):
         description="preset coupled: what else `tolerance` bounds, as a share of its largest value so far",
     )
     forward: Forward = Field(default=Forward(), description="free joints, unless the preset is coupled")
+    errors: Literal["quick", "all", "none"] = Field(
+        default="quick",
+        description="which errors of the sensors are estimated: all of them include that of the one-way coupling, and "
+        "those of coupled runs that take long",
+    )
     rho_infinity: NonNegativeRatio = Field(
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
     )

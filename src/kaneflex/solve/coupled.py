@@ -34,6 +34,7 @@ from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
+Start = tuple[np.ndarray, np.ndarray]
 _HARMONICS = 1e-6
 """Share of the deformation up to which a start is one that repeats by its harmonics."""
 
@@ -56,15 +57,28 @@ def simulate_coupled(
         return happens(as_solution(model, part, 0.0), stops)
 
     if options.start == "periodic":
-        start = orbit_start(system, partial(_undeformed, model, q), 0.0, float(times[-1]), _HARMONICS)
-        q, v = start or (q, v)
-        cycles = _Cycles(system, times, method, returning(system, float(times[0]), q, v))
-        trajectory, verdict = cycles.repeated((q, v), progress)
-        if verdict is not None:
-            trajectory = replace(trajectory, **verdict._asdict())
+        bare, period = partial(_undeformed, model, q), float(times[-1] - times[0])
+        start = orbit_start(system, bare, float(times[0]), period, _HARMONICS)
+        trajectory = repeated(model, times, start or (q, v), progress)
     else:
         trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
     return as_solution(model, trajectory, time.perf_counter() - started)
+
+
+def repeated(
+    model: Model, times: np.ndarray, near: Start, progress: Callable[[float], None] | None = None, closer: float = 1.0
+) -> CoupledTrajectory:
+    """The cycle over ``times`` [s] that repeats, from a start q, v ``near`` it.
+
+    ``closer``: what may be left of its change, as a share of what else may; of a cycle beside one that is known, of
+    which it is not asked whether its disturbances grow.
+    """
+    system = model.coupled
+    assert system is not None
+    back = returning(system, float(times[0]), *near)
+    cycles = _Cycles(system, times, method_of(model), back, closer * REPEATS, judges=closer == 1.0)
+    trajectory, verdict = cycles.repeated(near, progress)
+    return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
 
 def method_of(model: Model) -> Method:
@@ -182,7 +196,6 @@ def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.
     return q, v
 
 
-Start = tuple[np.ndarray, np.ndarray]
 _LOOKS = 33
 """Instants of a cycle at which it is looked how far free joints go."""
 _STILL = 1e-3
@@ -191,12 +204,14 @@ _STILL = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class _Cycles(Cycles[Start, CoupledTrajectory]):
-    """Of a planar mechanism over ``times`` [s], by starts (q, v)."""
+    """Of a planar mechanism over ``times`` [s], by starts (q, v); ``left``: what may be left of its change."""
 
     system: CoupledSystem
     times: np.ndarray
     method: Method
     returning: Returning
+    left: float
+    judges: bool
 
     @property
     def touches(self) -> bool:  # type: ignore[override]
@@ -213,7 +228,7 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
         less than steps resolve."""
         modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(self.system.modal, self.system.start)])
         change = abs(cycle.q[-1, modal] - cycle.q[0, modal]).max(initial=0.0)
-        deforms = change <= REPEATS * abs(cycle.q[:, modal]).max(initial=0.0)
+        deforms = change <= self.left * abs(cycle.q[:, modal]).max(initial=0.0)
         return bool(deforms and self._joints_repeat(cycle))
 
     def _joints_repeat(self, cycle: CoupledTrajectory) -> bool:
@@ -225,7 +240,7 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
             part.reshape(2, -1)[:, joints] for part in (self._ways(cycle), abs(self.missed(cycle)))
         )
         error = self.method.tolerance * np.where(engine.turns, 1.0, self.method.length)[which[joints]]
-        allowed = np.maximum(REPEATS * way, error)
+        allowed = np.maximum(self.left * way, error)
         return bool((off <= allowed).all() and (off_rate * way <= allowed * faster).all())
 
     def _ways(self, cycle: CoupledTrajectory) -> np.ndarray:

@@ -33,6 +33,7 @@ from kaneflex.support.terminal import share_of
 
 if TYPE_CHECKING:
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
+    from kaneflex.multibody.system import CoupledSystem
 
 Progress = Callable[[str], None]
 ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
@@ -241,15 +242,39 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     options = neighbour_options(model, scene)
     scene = acting(scene, options)
     if model.coupled is not None:
-        from kaneflex.multibody.rigid_twin import build_twin
-        from kaneflex.multibody.system import neighbour_system, with_stretch
+        from kaneflex.multibody.system import neighbour_system
 
-        system, scene = neighbour_system(model.coupled, scene, frozen), with_stretch(scene)
-        system = replace(system, undetermined=model.coupled.undetermined)
-        motion = _twin(scene, build_twin(scene, system, place(scene)), options)
-        found = build_model(scene, options, motion, model if frozen else None, bare=model.bare)
-        return replace(found, coupled=system)
+        return _beside(model, scene, neighbour_system(model.coupled, scene, frozen), options, frozen)
     return build_model(scene, options, _moved(model, scene, options.duration), model if frozen else None)
+
+
+def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options, frozen: bool = False) -> Model:
+    """A model by another system of the same mechanism."""
+    from kaneflex.multibody.rigid_twin import build_twin
+    from kaneflex.multibody.system import with_stretch
+
+    assert model.coupled is not None
+    system, scene = replace(system, undetermined=model.coupled.undetermined), with_stretch(scene)
+    motion = _twin(scene, build_twin(scene, system, place(scene)), options)
+    found = build_model(scene, options, motion, model if frozen else None, bare=model.bare)
+    return replace(found, coupled=system)
+
+
+def refined(model: Model, scene: Scene, options: Options, closer: float = 1.0) -> Model:
+    """A coupled model by other options, of a scene that differs in links' elements and numbers of modes alone.
+
+    By the same module: nothing is derived. ``closer``: what of a cycle's change may be left, as a share of what else
+    may; in space, where the motion is found here.
+    """
+    if scene.is_spatial:
+        from kaneflex.solve.spatial_loading import refined_in_space
+
+        return refined_in_space(model, scene, options, closer)
+    from kaneflex.multibody.system import refined_system
+
+    assert model.coupled is not None
+    scene = acting(with_branches(scene), options)
+    return _beside(model, scene, refined_system(model.coupled, scene), options)
 
 
 def neighbour_options(model: Model, scene: Scene) -> Options:

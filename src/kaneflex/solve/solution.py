@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, KeysView, Mapping
+from collections.abc import Callable, Iterator, KeysView, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -123,12 +123,21 @@ class Solution:
 
         return (*self.model.warnings, *validity_warnings(self, self.frequencies))
 
-    @cached_property
+    @property
     def errors(self) -> tuple[Mapping[str, ErrorEstimate], str]:
         """By sensor what its values may be off by, estimated, and why that is not known where it is not."""
-        from kaneflex.solve.error_estimates import error_estimates
+        return self.estimated()
 
-        return error_estimates(self)
+    def estimated(
+        self, progress: Callable[[float], None] = lambda done: None
+    ) -> tuple[Mapping[str, ErrorEstimate], str]:
+        """:attr:`errors`; the first time ``progress`` is called with the finished share of the work, 0 to 1."""
+        if "_errors" not in vars(self):
+            from kaneflex.solve.error_estimates import error_estimates
+
+            vars(self)["_errors"] = error_estimates(self, progress)
+        found: tuple[Mapping[str, ErrorEstimate], str] = vars(self)["_errors"]
+        return found
 
     @cached_property
     def frequencies(self) -> tuple[float, ...]:

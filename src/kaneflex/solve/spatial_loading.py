@@ -94,17 +94,29 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
 def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
     """:func:`kaneflex.solve.loading.neighbour` of a mechanism in space."""
     options = neighbour_options(model, scene)
+    if options.dynamics == "coupled":
+        return refined_in_space(model, scene, options)
     scene = acting(scene, options)
     generated: ModuleType = model.module.system.module
-    if options.dynamics == "coupled":
-        motion, energy = _moving(build_coupled_system(scene, generated, options), options, lambda stage: None)
-        return replace(_coupled_model(scene, options, motion), energy=energy)
     motion, energy = _moving(build_spatial_system(scene, generated), options, lambda stage: None)
     return replace(build_model(scene, options, motion, model if frozen else None), energy=energy)
 
 
-def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tuple[SpatialKinematics, Energy | None]:
-    """The rigid motion of a system, its free joints integrated, and the energy of these."""
+def refined_in_space(model: Model, scene: Scene, options: Options, closer: float = 1.0) -> Model:
+    """:func:`kaneflex.solve.loading.refined` of a mechanism in space."""
+    scene = acting(scene, options)
+    system = build_coupled_system(scene, model.module.system.module, options)
+    motion, energy = _moving(system, options, lambda stage: None, closer)
+    return replace(_coupled_model(scene, options, motion), energy=energy)
+
+
+def _moving(
+    system: SpatialSystem, options: Options, progress: Progress, closer: float = 1.0
+) -> tuple[SpatialKinematics, Energy | None]:
+    """The rigid motion of a system, its free joints integrated, and the energy of these.
+
+    ``closer``: what of a cycle's change may be left, as a share of what else may.
+    """
     module, energy, start = SpatialModule(system), None, start_of(system)
     rigid = options.dynamics in ("rigid", "coupled")
     if rigid:
@@ -115,7 +127,8 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
             start = _balanced(system, start)
         elif options.start == "given":
             start = _given(system, start)
-        run, verdict = _cycle(system, start, options, share) if options.start == "periodic" else (None, COMPLETED)
+        repeats = options.start == "periodic"
+        run, verdict = _cycle(system, start, options, share, closer) if repeats else (None, COMPLETED)
         motion, energy = run.moving(module) if run else integrate(system, start, module, options, share)
         alone = build_spatial_system(system.scene, system.module, coupled=True)
         motion = replace(beside(motion, start, alone, start_of(alone)), verdict=verdict)
@@ -143,7 +156,7 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
 
 
 def _cycle(
-    system: SpatialSystem, start: State, options: Options, share: Callable[[float], None]
+    system: SpatialSystem, start: State, options: Options, share: Callable[[float], None], closer: float
 ) -> tuple[Run, Verdict]:
     """The cycle that repeats, and what is to be said of it.
 
@@ -154,7 +167,7 @@ def _cycle(
         start = balanced(system, start)
     except (ArithmeticError, np.linalg.LinAlgError):
         pass  # what moves fast needn't have an equilibrium near
-    run, verdict = SpatialCycles(system, options, start).repeated(start, share)
+    run, verdict = SpatialCycles(system, options, start, closer).repeated(start, share)
     if verdict is None:
         assert run.stopped is not None
         raise run.stopped

@@ -24,8 +24,8 @@ from kaneflex.response.undersampling import between_steps
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, resolve_options
 from kaneflex.solve.curves import Curves
-from kaneflex.solve.error_estimates import embedded
 from kaneflex.solve.loading import load
+from kaneflex.solve.one_way_corrections import embedded
 from kaneflex.solve.quasistatic import mechanism_modes, quasistatic
 from kaneflex.solve.simulation import not_repeated
 from kaneflex.solve.variants import Variant

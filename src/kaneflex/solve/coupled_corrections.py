@@ -1,0 +1,173 @@
+"""What richer models of preset ``coupled`` change in a finished run, and what that preset changes in a one-way run.
+
+Coupled equations are quick to integrate: a richer model runs by itself, over the same time from the same start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from kaneflex.fem.links import Link
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.model import Model
+from kaneflex.multibody.run import integrate
+from kaneflex.multibody.system import BODY, CoupledSystem, most_modes
+from kaneflex.multibody.trajectory import CoupledTrajectory
+from kaneflex.response.motion import Motion
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options, acting
+from kaneflex.solve.coupled import as_solution, beginning, method_of, repeated
+from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown, values_of, with_half_elements
+from kaneflex.solve.loading import load, refined
+from kaneflex.solve.simulation import solve, storing
+from kaneflex.solve.solution import Solution
+
+_TIGHTER, _LEAST = 32.0, 1e-13
+"""By how much the tolerance of richer runs is less, and what it is at least. Their steps are half as long where stored
+instants end them: as their error is of the fifth order, it is a thirtieth of what the run's is."""
+_CLOSER = 1e-3
+"""What a cycle of a richer model may miss its start by, as a share of what that of a run may."""
+_MANY = 6
+"""Modes of each link in the coupled model beside a one-way run, in either plane of bending; in the plane twice as many,
+or all that its elements have."""
+
+
+def coupled_stages(solution: Solution, progress: Progress) -> tuple[Read, list[Stage]]:
+    """What is read of a run of preset ``coupled``, and the stages of models that are ever richer than its own."""
+    read = Read.of(solution, solution.model.options.start == "periodic")
+    moved = _in_space if solution.model.scene.is_spatial else _in_plane
+    richer, stages = list(_richer(solution.model)), list[Stage]()
+
+    def share(done: float) -> None:
+        progress((len(stages) + done) / len(richer))
+
+    for kind, scene, options in richer:
+        stages.append((kind, values_of(moved(read, scene, options, share))))
+    return read, stages
+
+
+def _richer(model: Model) -> Iterator[tuple[str, Scene, Options]]:
+    """Ever richer models, with what each adds: those that add nothing are left out."""
+    scene, options = model.given or model.scene, model.options
+    tolerance, forward = (max(_LEAST, each / _TIGHTER) for each in (options.tolerance, options.forward_tolerance))
+    options = replace(options, tolerance=tolerance, forward_tolerance=forward, steps=2 * options.steps)
+    yield "time", scene, options
+    if not any(body.elastic for body in scene.bodies.values()):
+        return
+    # Twice as many of symmetric ones, too; and one of stretch more, of which every third brings one.
+    modes = max(4, 2 * int(options.modes) + 1)
+    if not scene.is_spatial:
+        modes = min(modes, *_limits(scene))
+    if modes > int(options.modes):
+        scene, options = _with_modes(scene, modes), replace(options, modes=modes)
+        yield "modes", scene, options
+    yield "elements", with_half_elements(scene), options
+
+
+def _limits(scene: Scene) -> Iterator[int]:
+    """How many modes the elements of each link in the plane have."""
+    return (most_modes(scene, name) for name, body in scene.bodies.items() if body.elastic)
+
+
+def _with_modes(scene: Scene, modes: int) -> Scene:
+    return scene.seen(solve=scene.solve.model_copy(update={"modes": modes}))
+
+
+def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
+    """The motion of a richer model at the instants that are read, its steps half as long as those of the run."""
+    model, first = refined(read.model, scene, options), read.run.trajectory.times[0]
+    assert model.coupled is not None
+    count = options.steps if read.periodic else 2 * int(read.stored[-1])
+    times = first + model.step * np.arange(count + 1)
+    begun = _embedded(read, model.coupled)
+    if read.periodic:
+        found = repeated(model, times, begun, progress, _CLOSER)
+    else:
+        start = beginning(model) if options.start == "quasistatic" and first == 0.0 else begun
+        found = integrate(model.coupled, *start, times, method_of(model), progress)
+    _check(found.outcome, found.message)
+    return as_solution(model, found, 0.0).motion.taken(2 * read.stored)
+
+
+def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
+    """The same in space."""
+    if options.start == "given":
+        raise Unknown("other shapes than those of the run can't begin in the state that it is given in space")
+    model = refined(read.model, scene, options, _CLOSER)
+    assert model.coupled_in_space is not None
+    _check(*model.coupled_in_space.verdict[:2])
+    progress(1.0)
+    return _spatial_motion(model, read)
+
+
+def _spatial_motion(model: Model, read: Read) -> Motion:
+    from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
+
+    return SpatialCoupledMotion(model, model.motion.at(read.times))
+
+
+def _check(outcome: Outcome, message: str) -> None:
+    if outcome is not Outcome.COMPLETED:
+        raise Unknown(f"the motion of a richer model is {message}")
+
+
+def _embedded(read: Read, richer: CoupledSystem) -> tuple[np.ndarray, np.ndarray]:
+    """q and v of a richer model where the run begins."""
+    system, run = read.model.coupled, cast(CoupledTrajectory, read.run.trajectory)
+    assert system is not None
+    state = np.zeros((2, richer.size))
+    for body, k in system.start.items():
+        into, own, modal = richer.start[body], system.modal(body), richer.modal(body)
+        state[:, into : into + BODY] = [run.q[0, k : k + BODY], run.v[0, k : k + BODY]]
+        parts = np.array([run.q[0, own], run.v[0, own]])
+        if body in system.links:
+            shapes = (each.shapes[body].all for each in (system, richer))
+            parts = parts @ _carried(system.links[body], richer.links[body], *shapes).T
+        state[:, modal] = parts
+    return state[0], state[1]
+
+
+def _carried(link: Link, richer: Link, shapes: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """The amplitudes of other shapes of the same link, at the nodes of other elements, that are nearest by mass."""
+    n = link.dofs
+    rows = [link.shape(e, local)[:n] @ shapes[n * e : n * (e + 2)] for e, local in map(link.locate, richer.nodes)]
+    weighted = others.T @ richer.part.matrices["M"].at({}).toarray()
+    return np.linalg.solve(weighted @ others, weighted @ np.concatenate(rows))
+
+
+def coupling_change(read: Read, stages: list[Stage], progress: Progress) -> dict[str, np.ndarray]:
+    """What preset ``coupled`` changes in the sensors of a one-way run, beside the richest of its stages.
+
+    Modes that the coupled model leaves out are no part of it, so it has more of them than by default; its elements are
+    the run's, as that stage's are.
+    """
+    model = load(_as_coupled(read))
+    found = solve(model, progress)
+    _check(found.outcome, found.message)
+    motion: Motion
+    if model.scene.is_spatial:
+        motion = _spatial_motion(model, read)
+    else:
+        motion = found.motion.taken(read.stored * storing(read.model))
+    beside = [read.values, *(values for kind, values in stages if kind != "elements")][-1]
+    return {name: new - beside[name] for name, new in values_of(motion).items() if name in beside}
+
+
+def _as_coupled(read: Read) -> Scene:
+    """The scene of a one-way run under preset coupled, from a start like the run's."""
+    model, options = read.model, read.model.options
+    if options.start == "given" and not read.periodic:
+        raise Unknown("coupled shapes have other coordinates than the state that the run starts from")
+    slow = "quasistatic" in (options.start, options.dynamics)
+    start = "periodic" if read.periodic else "quasistatic" if slow else options.start
+    scene = acting(model.given or model.scene, options).seen(events={})
+    modes = _MANY if scene.is_spatial else min(2 * _MANY, *_limits(scene))
+    update = {
+        "preset": "coupled", "start": start, "steps": options.steps, "modes": modes, "integrator": None,
+        "reduction": None, "terms": {}, "tolerance": None, "bounded": (),
+    }  # fmt: skip
+    return scene.seen(solve=scene.solve.model_copy(update=update))
