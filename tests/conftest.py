@@ -1,5 +1,6 @@
 """What every test may ask for: the outside tools that only some tests compare with, and a cache of derived modules."""
 
+import gc
 import importlib
 import os
 import shutil
@@ -30,6 +31,14 @@ def pytest_configure(config: pytest.Config) -> None:
     for choices in folder.glob("kaneflex/*/choices"):
         shutil.rmtree(choices)
     os.environ["XDG_CACHE_HOME"] = str(folder)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """What was imported and collected stays, half a million objects: to look for cycles among them again and again takes
+    a tenth of all time and more."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 10, 10)
 
 
 def absent(what: str, cure: str) -> None:
