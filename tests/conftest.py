@@ -33,9 +33,10 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["XDG_CACHE_HOME"] = str(folder)
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """What was imported and collected stays, half a million objects: to look for cycles among them again and again takes
-    a tenth of all time and more."""
+@pytest.fixture(scope="module", autouse=True)
+def settled() -> None:
+    """What was imported and what earlier files left is gone through for cycles once, not again and again: a million
+    objects, a tenth of all time and more."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 10, 10)
