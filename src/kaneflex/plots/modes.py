@@ -71,12 +71,14 @@ class _Alone(ElasticMotion):
     """Shapes without what loads do to links of a few modes, which stays as large however small the shapes are."""
 
     def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
-        pairs = zip(super().displacement(body, at), self._loaded.displacement(body, at), strict=True)
-        return tuple(moved - loaded for moved, loaded in pairs)
+        d, v, a = super().displacement(body, at)
+        own = self._loaded.displacement(body, at)
+        return d - own[0], v - own[1], a - own[2]
 
     @cached_property
     def _loaded(self) -> ElasticMotion:
-        return ElasticMotion(self.model, self.rigid, tuple(np.zeros_like(part) for part in self.coordinates))
+        none = np.zeros_like(self.coordinates[0])
+        return ElasticMotion(self.model, self.rigid, (none, none, none))
 
 
 def _shift(moved: Outline, still: Outline, link: str) -> np.ndarray:
