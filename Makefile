@@ -39,6 +39,8 @@ SLOW := stick-slip bouncing-bar double-pendulum spinning-top engine spatial-slid
 test: export OMP_NUM_THREADS := 1
 test: export OPENBLAS_NUM_THREADS := 1
 test: export NUMBA_NUM_THREADS := 1
+# Bytecode is kept, whatever the environment says: pytest takes ten seconds a process to rewrite all assertions.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: $(READY)  ## run the tests
 	@echo "compiling the kernels ..."
 	@printf '%s\n' $(SLOW) | xargs -P 2 -I SCENE $(BIN)/kaneflex run SCENE -o $(BUILD)/warm/SCENE --no-plots --force \

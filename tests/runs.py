@@ -12,7 +12,7 @@ from kaneflex.multibody.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 
 STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
@@ -55,7 +55,7 @@ def moments(found: Model, body: str) -> dict[str, np.ndarray]:
 
 @cache
 def run(scene: str, *settings: str) -> Solution:
-    solution = simulate(model(scene, *settings))
+    solution = solve(model(scene, *settings))  # what it warns of is computed where it is asked for
     assert solution.outcome.name == "COMPLETED", solution.trajectory.message
     return solution
 

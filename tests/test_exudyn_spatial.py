@@ -133,8 +133,8 @@ def test_drives_loads_and_springs(peer, tmp_path):
     """A driven post carries a paddle on a hinge with full inertias: loads that turn with bodies and know its motion,
     springs of both kinds, all motions, accelerations, forces and moments."""
     peer("exudyn")
-    scene = scene_of(tmp_path, TURNING)
-    found = shares(scene, 1000)
+    scene = with_settings(scene_of(tmp_path, TURNING), ["solve.duration=0.25 s"])
+    found = shares(scene, 500)
     assert set(found) == set(scene.sensors)
     assert all(found[name] < 2e-5 for name in ("angle", "turning_rate", "tip_x", "tip_v", "pull", "twist"))
     assert all(share < 1e-3 for share in found.values())

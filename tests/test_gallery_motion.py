@@ -74,7 +74,7 @@ def test_double_pendulum_keeps_its_energy():
 
 def late_speed(*settings: str) -> float:
     """Mean speed [rad/s] of the three-cylinder engine over the last five cycles of a run."""
-    solution = run("engine-torque", *settings)
+    solution = run("engine-torque", "solve.forward.tolerance=1e-7", *settings)
     angle, cycles = solution.rigid["main.angle"], 5 * 4 * np.pi
     return cycles / (solution.times[-1] - np.interp(angle[-1] - cycles, angle, solution.times))
 

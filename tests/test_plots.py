@@ -121,6 +121,27 @@ def test_modes_are_drawn_straight_and_all_as_large():
     assert np.abs(shift[bending, :, 0]).max() < 1e-6 * fixed.size  # crank angle 0: bending is along Y alone
 
 
+def test_modes_of_a_link_of_a_few_are_drawn_without_what_loads_do_to_it():
+    """Enlarged as the shapes are, the sag by its weight would be hundreds of kilometres."""
+    model = load(with_settings(read_scene("pulsating-strut"), ["solve.modes=1"]))
+    fixed, rigid = scenery(model), model.motion.at(np.zeros(2))
+    still = rigid_outline(model.scene, rigid, fixed)
+    moved = modes._deflected(model, rigid, fixed, reference_modes(model, 2)[1], still).links["strut"]
+    shift, x = abs(moved - still.links["strut"]), np.linspace(0.0, 1.0, 33)
+    bent, slid = 0.09 * fixed.size * np.array([np.sin(np.pi * x), x])
+    assert shift[0] == pytest.approx(np.column_stack([np.zeros(33), bent]), abs=1e-3)
+    assert shift[1] == pytest.approx(np.column_stack([slid, np.zeros(33)]), abs=1e-3)
+
+
+def test_so_are_modes_in_space():
+    """Flap and lag of the blade of 1.5 m on a hub of 100 mm, by 9 % of its length."""
+    scene = with_settings(read_scene("rotating-blade"), ["solve.modes=2", "solve.steps=20"])
+    (figure,) = spatial.modes(simulate(load(scene))).values()
+    for axes in figure.axes:
+        tip = np.array(axes.lines[-1].get_data_3d())[:, -1]
+        assert tip[0] == pytest.approx(1600.0, abs=1.0) and np.hypot(*tip[1:]) == pytest.approx(135.0, abs=0.1)
+
+
 @pytest.mark.parametrize("factor", [0.0, 500.0])
 def test_the_drawn_mechanism_holds_together(factor):
     solution = solved("engine")

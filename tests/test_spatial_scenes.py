@@ -493,7 +493,8 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path):
     done = runner.invoke(main, ["show", "bricard", "-o", str(tmp_path / "bricard.png")])
     assert done.exit_code == 0, done.output
     assert "of which 1 follow from the others" in done.output and (tmp_path / "bricard.png").stat().st_size > 10_000
-    done = runner.invoke(main, ["run", "spinning-top", "-o", str(tmp_path / "top"), "--set", "solve.duration=0.2 s"])
+    short = ["--set", "solve.duration=0.2 s", "--frames", "4"]
+    done = runner.invoke(main, ["run", "spinning-top", "-o", str(tmp_path / "top"), *short])
     assert done.exit_code == 0, done.output
     assert {path.name for path in (tmp_path / "top").iterdir()} >= {"motion.png", "sensors.png", "animation.gif"}
     done = runner.invoke(main, ["show", "bricard", "--at", "first=10deg", "-o", str(tmp_path / "no.png")])

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,8 @@ _HALVINGS = 12
 """Times that a step from knot to knot is halved before the linkage counts as locked."""
 _BENT = 0.2
 """Largest correction of a tangent step, as a share of it, that is believed to stay on the branch."""
+_NEAR = 1e-4
+"""Correction, in rad or sizes of the mechanism, after which the Jacobian before it serves for those that are left."""
 _ROUNDING = 1e-10
 """Correction, in rad or sizes of the mechanism, that is one of rounding alone, as where the drives dwell."""
 
@@ -193,6 +196,13 @@ def follow(scene: Scene, times: np.ndarray, drives: Coordinates) -> np.ndarray:
     return _Follower(scene).over(times, drives, None, lambda t: _at_all(scene, drives(t))).poses
 
 
+class _Place(NamedTuple):
+    """Poses of the bodies one behind the other, and the constraints' Jacobian there."""
+
+    poses: np.ndarray
+    jacobian: np.ndarray
+
+
 class _Follower:
     """Follows the assembly that a scene starts from."""
 
@@ -205,13 +215,14 @@ class _Follower:
 
     def over(self, xs: np.ndarray, drives: Coordinates, period: float | None, said: Callable[[float], str]) -> _Sweep:
         """The poses at all of ``xs``, the first of which is the start."""
-        here = np.array([self.start.poses[name] for name in self.bodies]).ravel()
-        side = np.linalg.slogdet(self._jacobian(here, drives(xs[0])))[0]
-        found = [here]
+        start = np.array([self.start.poses[name] for name in self.bodies]).ravel()
+        here = _Place(start, self._jacobian(start))
+        side = np.linalg.slogdet(here.jacobian)[0]
+        found = [start]
         try:
             for x, to in pairwise(xs):
                 here = here if x == to else self._step(here, x, to, drives, side, 0)
-                found.append(here)
+                found.append(here.poses)
         except _Locked as locked:
             raise SceneError(
                 f"joints.{locked.joint}", None,
@@ -224,42 +235,45 @@ class _Follower:
     def _poses(self, unknowns: np.ndarray) -> dict[str, np.ndarray]:
         return {GROUND: np.zeros(3), **dict(zip(self.bodies, unknowns.reshape(-1, 3), strict=True))}
 
-    def _jacobian(self, unknowns: np.ndarray, drives: Mapping[str, float]) -> np.ndarray:
-        return self.constraints(drives).jacobian(self._poses(unknowns), self.bodies, self.joints)
+    def _jacobian(self, unknowns: np.ndarray) -> np.ndarray:
+        """Of the constraints, by the bodies' coordinates: it does not hang on where the drives stand, but on which."""
+        return self.constraints(self.start.drives).jacobian(self._poses(unknowns), self.bodies, self.joints)
 
-    def _step(self, here: np.ndarray, x: float, to: float, drives: Coordinates, side: float, depth: int) -> np.ndarray:
+    def _step(self, here: _Place, x: float, to: float, drives: Coordinates, side: float, depth: int) -> _Place:
         """The poses at ``to`` from those at ``x``: along the tangent, corrected by Newton's method, else in halves."""
         before, after = drives(x), drives(to)
-        jacobian = self._jacobian(here, before)
-        moved = np.zeros(len(here))
+        moved = np.zeros(len(here.poses))
         names = self.constraints(before).driven(self.joints)
-        moved[len(here) - len(names) :] = [after[name] - before[name] for name in names]
+        moved[len(moved) - len(names) :] = [after[name] - before[name] for name in names]
         constraints, size = self.constraints(after), self.mechanism.size
-        guess = here + np.linalg.solve(jacobian, moved)
+        guess = here.poses + np.linalg.solve(here.jacobian, moved)
         unknowns = guess.copy()
         scale = np.tile([size, size, 1.0], len(self.bodies))
+        last, jacobian = np.inf, here.jacobian
         for _ in range(8):
             residual = constraints.residuals(self._poses(unknowns), self.joints)
-            jacobian = self._jacobian(unknowns, after)
-            sign, logarithm = np.linalg.slogdet(jacobian)
-            if not np.isfinite(logarithm):
-                break
+            if last > _NEAR:
+                jacobian = self._jacobian(unknowns)
             change = np.linalg.solve(jacobian, residual)
             unknowns -= change
-            if abs(change / scale).max() < 1e-12:
-                step, bend = abs((guess - here) / scale).max(), abs((unknowns - guess) / scale).max()
-                if sign == side and bend <= max(_BENT * step, _ROUNDING):
-                    return unknowns
+            last = abs(change / scale).max()
+            if not np.isfinite(last):
+                break
+            if last < 1e-12:
+                there = _Place(unknowns, self._jacobian(unknowns))
+                step, bend = abs((guess - here.poses) / scale).max(), abs((unknowns - guess) / scale).max()
+                if np.linalg.slogdet(there.jacobian)[0] == side and bend <= max(_BENT * step, _ROUNDING):
+                    return there
                 break
         if depth == _HALVINGS:
-            raise _Locked(x, self._locking(here, before))
+            raise _Locked(x, self._locking(here))
         middle = 0.5 * (x + to)
         here = self._step(here, x, middle, drives, side, depth + 1)
         return self._step(here, middle, to, drives, side, depth + 1)
 
-    def _locking(self, unknowns: np.ndarray, drives: Mapping[str, float]) -> str:
+    def _locking(self, here: _Place) -> str:
         """The joint that closes the loop which is about to lock: most strained by forces that balance themselves."""
-        stress = abs(np.linalg.svd(self._jacobian(unknowns, drives))[0][:, -1])
+        stress = abs(np.linalg.svd(here.jacobian)[0][:, -1])
         counts = [len(joint.rows) for joint in self.mechanism.joints.values()]
         ends = np.cumsum(counts)
         strain = {

@@ -6,13 +6,13 @@ sections stand there. Residuals are second minus first, so that a positive multi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import Number, Pose, Vector, cross, dot, minus, pose_at
+from kaneflex.mechanism.planar import Number, Pose, Vector, cross, dot, minus, pose_at, quarter_turn
 
 _REACTIONS = {
     "force_x": ("N", "force {on}, global x"),
@@ -21,9 +21,6 @@ _REACTIONS = {
     "moment": ("N m", "moment {on}"),
 }
 """Row of a joint -> unit and meaning of its multiplier."""
-
-_TINY = 1e-30
-"""Imaginary step: f(x + i h) = f(x) + i h f'(x) to the last bit (Squire & Trapp 1998, SIAM Review 40)."""
 
 Poses = Mapping[str, np.ndarray]
 """Body -> x, y of its start [m] and its angle [rad], global; the ground's are zero."""
@@ -89,26 +86,47 @@ class Constraints:
         return np.array(constraints + coordinates)
 
     def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
-        """Derivatives of the residuals by x, y, phi of some bodies, exact: by an imaginary step of each."""
+        """Derivatives of the residuals by x, y, phi of some bodies."""
         stands, column = _stands(poses), {name: 3 * k for k, name in enumerate(bodies)}
-        nudged = {name: stands[name].nudged(1j * _TINY) for name in bodies}
         constraints: list[list[float]] = []
         coordinates: list[list[float]] = []
         for name in joints:
             joint, driven = self.mechanism.joints[name], name in self.drives
             rows = [[0.0] * (3 * len(bodies)) for _ in range(len(joint.rows) + driven)]
-            first, second = (stands[side.body].section(side.at) for side in joint.sides)
-            for side in joint.sides:
-                for k, moved in enumerate(nudged.get(side.body, ())):
-                    section = moved.section(side.at)
-                    both = (section, second) if side is joint.first else (first, section)
-                    values = residuals(joint, *both)
-                    values = (*values, coordinate(joint, *both)) if driven else values
+            for body, derivatives in _derivatives(joint, stands, driven, column):
+                for k, values in enumerate(derivatives, column[body]):
                     for row, value in zip(rows, values, strict=True):
-                        row[column[side.body] + k] = value.imag / _TINY
+                        row[k] = value
             constraints += rows[: len(joint.rows)]
             coordinates += rows[len(joint.rows) :]
         return np.array(constraints + coordinates)
+
+
+def _derivatives(
+    joint: Joint, stands: Mapping[str, Pose], driven: bool, bodies: Container[str]
+) -> Iterator[tuple[str, list[list[float]]]]:
+    """By x, y, phi of each side's body among ``bodies``: those of the residuals and, if driven, of the coordinate.
+
+    Both are linear in the gap and in the turn; the guide's direction turns with the first body.
+    """
+    first, second = (stands[side.body].section(side.at) for side in joint.sides)
+    along, gap = first.turn(joint.direction), minus(second.origin, first.origin)
+    for side, section, sign in zip(joint.sides, (first, second), (-1.0, 1.0), strict=True):
+        if side.body not in bodies:
+            continue
+        x, y = quarter_turn(minus(section.origin, stands[side.body].origin))
+        found = []
+        for shift, turn in (((sign, 0.0), 0.0), ((0.0, sign), 0.0), ((sign * x, sign * y), sign)):
+            values = [*demanded(joint, shift, turn, along)]
+            if driven:
+                values.append(dot(along, shift) if joint.slides else turn)
+            found.append(values)
+        if joint.slides and sign < 0.0:
+            across = quarter_turn(along)
+            found[2][0] += cross(across, gap)
+            if driven:
+                found[2][-1] += dot(across, gap)
+        yield side.body, found
 
 
 def _stands(poses: Poses) -> dict[str, Pose]:

@@ -235,8 +235,7 @@ class SpatialKinematics(RigidKinematics):
         curve = CubicSpline(seen.times, joints, axis=1)
         coordinates, speeds = curve(times).T, curve(times, 1).T
         columns = [self.column[name] for name in system.mechanism.loads]
-        for k, t in enumerate(times.tolist()):
-            out[k, columns] = system.magnitudes(t, coordinates[k], speeds[k])
+        out[:, columns] = system.magnitudes_at(times, coordinates, speeds)
         return SpatialMotion(self, times, out)
 
     @property

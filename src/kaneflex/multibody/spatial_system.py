@@ -322,10 +322,17 @@ class SpatialSystem:
 
     def magnitudes(self, t: float, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Sizes of all loads [N or N m] by the coordinates and speeds of ``told_joints``."""
-        x, out = np.zeros(len(self._laws.x)), np.zeros(len(self.mechanism.loads))
+        return self.magnitudes_at(np.array([t]), coordinates[None], speeds[None])[0]
+
+    def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """The same at many instants, (n_times, loads)."""
+        x, out = (np.zeros((len(times), n)) for n in (len(self._laws.x), len(self.mechanism.loads)))
         where = self._laws.told[:, 0]
-        x[where], x[where + 1] = coordinates, speeds
-        self._kernels["magnitudes"](t, x.ctypes.data, 0, self._laws.p.ctypes.data, out.ctypes.data, 0)
+        x[:, where], x[:, where + 1] = coordinates, speeds
+        kernel, p = self._kernels["magnitudes"], self._laws.p.ctypes.data
+        told, sizes = x.ctypes.data, out.ctypes.data
+        for k, t in enumerate(times.tolist()):
+            kernel(t, told + k * x.strides[0], 0, p, sizes + k * out.strides[0], 0)
         return out
 
     @cached_property

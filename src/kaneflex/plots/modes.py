@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +16,10 @@ from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, fram
 from kaneflex.plots.mechanism import Outline, grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
 from kaneflex.plots.view import angle_name
-from kaneflex.response.elastic_motion import elastic_motion
+from kaneflex.response.elastic_motion import ElasticMotion
 
 if TYPE_CHECKING:
+    from kaneflex.mechanism.body_frame import Rates
     from kaneflex.multibody.model import Model
     from kaneflex.solve.solution import Solution
 
@@ -57,10 +60,25 @@ def _deflected(model: Model, rigid, fixed, shapes: np.ndarray, still: Outline) -
     """One mode an instant, each enlarged to the same largest displacement."""
     rates = np.zeros_like(shapes)
     small = shapes * (SMALL * fixed.size / np.abs(shapes).max(axis=0))
-    tried = outline(elastic_motion(model, rigid, (small, rates, rates)), fixed, 1.0 / SMALL)
+    tried = outline(_Alone(model, rigid, (small, rates, rates)), fixed, 1.0 / SMALL)
     largest = np.max([_shift(tried, still, name) for name in still.links], axis=0)
     small *= DRAWN * fixed.size / largest
-    return outline(elastic_motion(model, rigid, (small, rates, rates)), fixed, 1.0 / SMALL)
+    return outline(_Alone(model, rigid, (small, rates, rates)), fixed, 1.0 / SMALL)
+
+
+@dataclass(frozen=True, eq=False)
+class _Alone(ElasticMotion):
+    """Shapes without what loads do to links of a few modes, which stays as large however small the shapes are."""
+
+    def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
+        d, v, a = super().displacement(body, at)
+        own = self._loaded.displacement(body, at)
+        return d - own[0], v - own[1], a - own[2]
+
+    @cached_property
+    def _loaded(self) -> ElasticMotion:
+        none = np.zeros_like(self.coordinates[0])
+        return ElasticMotion(self.model, self.rigid, (none, none, none))
 
 
 def _shift(moved: Outline, still: Outline, link: str) -> np.ndarray:

@@ -103,22 +103,23 @@ def modes(solution: Solution) -> dict[str, Figure]:
     still, none = _bodies(model.scene, rigid), np.zeros_like(shapes)
     size = spatial_mechanism_of(model.scene).size
     small = shapes * (SMALL * size / abs(shapes).max(axis=0))
-    moved = _deformed(elastic_motion(model, rigid, (small, none, none)), 1.0 / SMALL)
+    loaded, moved = (_deformed(elastic_motion(model, rigid, (each, none, none)), 1.0 / SMALL) for each in (none, small))
     lines = _bodies(model.scene, rigid, _along(model))
-    largest = np.max([np.linalg.norm(moved[name] - lines[name], axis=1).max(axis=0) for name in model.links], axis=0)
+    shifts = {name: moved[name] - loaded[name] for name in moved}  # links of a few modes bend by their loads, too
+    largest = np.max([np.linalg.norm(shifts[name], axis=1).max(axis=0) for name in model.links], axis=0)
     figure = new_figure(9.6, 3.5 * -(-count // 3) + 0.7, title_at_reference(solution))
     for k in range(count):
         axes = figure.add_subplot(-(-count // 3), 3, k + 1, projection="3d")
         for points in still.values():
             axes.plot(*(MM * points[:, :, k]).T, color=GREY, linewidth=0.9)
         away = DRAWN * size / largest[k] if largest[k] else 0.0
-        for n, name in enumerate(moved):
-            drawn = lines[name][:, :, k] + away * (moved[name] - lines[name])[:, :, k]
+        for n, name in enumerate(shifts):
+            drawn = lines[name][:, :, k] + away * shifts[name][:, :, k]
             axes.plot(*(MM * drawn).T, color=PALETTE[n % len(PALETTE)], linewidth=2.2)
         _frame(axes, [MM * points[:, :, k : k + 1] for points in still.values()])
         axes.set_title(f"Mode {k + 1}: {hertz(omega[k])}")
     handles = [Line2D([], [], color=PALETTE[n % len(PALETTE)], linewidth=2.2, label=name)
-               for n, name in enumerate(moved)]  # fmt: skip
+               for n, name in enumerate(shifts)]  # fmt: skip
     handles.append(Line2D([], [], color=GREY, linewidth=0.9, label="undeformed"))
     figure.legend(handles=handles, loc="outside lower center", ncols=min(6, len(handles)))
     return {"modes": figure}

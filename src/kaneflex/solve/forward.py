@@ -151,12 +151,10 @@ class _Steps:
 
 def _sampled(curves: list, begun: float, end: float) -> list[tuple[float, np.ndarray]]:
     """States at the ends of _PIECES equal parts of a stretch, by the curve of the step that each lies in."""
-    found, k = [], 0
-    for t in (*(begun + (end - begun) * np.arange(1, _PIECES) / _PIECES), end):
-        while t > curves[k].t and k + 1 < len(curves):
-            k += 1
-        found.append((float(t), curves[k](t)))
-    return found
+    times = np.append(begun + (end - begun) * np.arange(1, _PIECES) / _PIECES, end)
+    places = np.searchsorted([curve.t for curve in curves[:-1]], times)
+    states = np.concatenate([curves[k](times[places == k]) for k in np.unique(places)], axis=1)
+    return list(zip(times.tolist(), states.T, strict=True))
 
 
 def standing(module: ModuleType, parameters: np.ndarray, t: float, state: np.ndarray) -> RigidMotion:
