@@ -178,6 +178,7 @@ push = {force_on = "lever.end", direction = [0.6, 0.8], value = 20}
 force_x = {joint_force = "pivot", component = "x"}
 force_y = {joint_force = "pivot", component = "y"}
 torque = {drive_torque = "pivot"}
+moment = {joint_force = "pivot", component = "angle"}
 N = {axial_force = "lever.mid"}
 V = {shear_force = "lever.mid"}
 M = {bending_moment = "lever.mid"}
@@ -196,6 +197,7 @@ IN_SPACE = {
     "shear_force = \"lever.mid\"": "shear_force = \"lever.mid\", component = \"y\"",
     "bending_moment = \"lever.mid\"": "bending_moment = \"lever.mid\", component = \"z\"",
     'fibre = "10 mm"': 'fibre = ["10 mm", 0]',
+    'component = "angle"': 'component = "angle_z"',
 }
 
 
@@ -208,6 +210,7 @@ def test_section_forces_jump_where_something_acts(preset, in_space):
         text = text.replace(plane, space)
     solution = run(scene_of(text), f"solve.preset={preset}")
     found = {name: series.values for name, series in solution.series.items()}
+    np.testing.assert_allclose(found["moment"], found["torque"], rtol=0, atol=1e-9)
     for name in ("N", "V", "M"):
         np.testing.assert_allclose(found[name], 0.0, atol=2e-7)
     for name, reaction in (("N", "force_x"), ("V", "force_y"), ("M", "torque")):

@@ -256,6 +256,15 @@ class Reader:
 
     _friction_torque = _friction_force
 
+    def _pin_moment(self, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
+        """What a pin's drive and its friction exert on the second body: the pin itself exerts no moment."""
+        exerted = np.zeros(self.steps)
+        if name in self.scene.drives:
+            exerted = exerted + reaction(f"{name}.drive")
+        if self.scene.joints[name].friction is not None:
+            exerted = exerted + reaction(f"{name}.friction")
+        return exerted
+
     def _joint_component(
         self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool = False
     ) -> np.ndarray:
@@ -265,7 +274,7 @@ class Reader:
         first, second = (address.body for address in joint.addresses)
         sign = -1.0 if sensor.body == first else 1.0
         if sensor.component == "angle":
-            return sign * reaction(f"{name}.moment") if joint.kind != "revolute" else np.zeros(self.steps)
+            return sign * (self._pin_moment(name, reaction) if joint.kind == "revolute" else reaction(f"{name}.moment"))
         force = joint_force(self.scene, self.rigid if of_rigid else self.motion.scalars, name, reaction)
         if sensor.axes == "body":
             on = sensor.body or second
