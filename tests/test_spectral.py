@@ -250,10 +250,10 @@ def test_a_load_that_jumps_has_too_many_harmonics():
     assert found.solver.startswith("radau, in steps: its harmonics") and found.outcome is Outcome.COMPLETED
 
 
-def contraction(grid):
-    """Norm of I - P A in the energy's norm: A the equations at the instants in y, P the mean equations' answer."""
+def at_instants_of(grid):
+    """M, C and K (3, N, n, n), and Cholesky's factor of K (N, n, n)."""
     n, w, N = grid.n, grid.half_bandwidth, grid.instants
-    sums = grid.sums.transpose(2, 0, 1).reshape(N, -1)  # instant by instant
+    sums = grid.sums.transpose(2, 0, 1).reshape(N, -1)
     lower, matrices = np.zeros((N, n, n)), np.zeros((3, N, n, n))
     factor = grid.factor.transpose(2, 0, 1).reshape(N, -1)
     for i in range(n):
@@ -262,6 +262,26 @@ def contraction(grid):
                 matrices[k, :, i, j] = sums[:, (k * n + i) * (2 * w + 1) + j - i + w]
         for j in range(max(0, i - w), i + 1):
             lower[:, i, j] = factor[:, i * (w + 1) + j - i + w] ** (-1.0 if i == j else 1.0)
+    return matrices, lower
+
+
+@pytest.mark.parametrize("modes", [1, 2])
+def test_the_tail_is_the_energys_share_in_the_highest_quarter(modes):
+    """Of two coordinates, which are transformed side by side, and of three."""
+    scene = with_settings(kaneflex.read_scene("engine"), ["solve.start=periodic", f"solve.modes={modes}"])
+    run = run_of(load(scene))
+    orbit = Grid.of(run.system, run.table, run.t0, run.step * run.n_steps, 64).corrected(None, 1e-6)
+    grid = orbit.grid
+    y = np.einsum("tji,jt->it", at_instants_of(grid)[1], orbit.z)
+    harmonics = abs(np.fft.rfft(grid.modes[0].T @ y, axis=1)) ** 2
+    energies = (harmonics * (1.0 + grid.modes[1][0][:, None] * grid.frequencies**2)).sum(axis=0)
+    assert len(y) == modes + 1
+    assert orbit.tail == pytest.approx(np.sqrt(energies[24:].sum() / energies.sum()), rel=1e-9)
+
+
+def contraction(grid):
+    """Norm of I - P A in the energy's norm: A the equations at the instants in y, P the mean equations' answer."""
+    n, N, (matrices, lower) = grid.n, grid.instants, at_instants_of(grid)
     y = np.eye(N * n).reshape(N, n, -1)
     z = np.linalg.solve(lower.transpose(0, 2, 1), y)
     rates = grid.rates(np.moveaxis(z, 0, -1).reshape(-1, N))
