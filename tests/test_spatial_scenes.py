@@ -55,6 +55,8 @@ def scene_of(tmp_path, *changes):
         ("[drives]\nhinge = {free = true}\n", "", r"drives: 1 freedom of the mechanism that nothing drives: of hinge"),
         ('"rigid"', '"paper"', r"solve.preset = 'paper': only planar scenes have this preset so far"),
         ('component = "angle"', 'component = "z"', r"sensors.angle.component = 'z'.*not that joint's coordinate"),
+        ("[sensors]", '[sensors]\nmotor = {drive_torque = "hinge"}',
+         r"sensors.motor.drive_torque = 'hinge': nothing drives it: drives.hinge is free. Measure joint_force"),
         ("{revolute", "{universal", r"joints.hinge.*has none"),
         ("hinge", "in", r"joints.in: a word of Python's, which generated modules can't have. Choose another name"),
         ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',

@@ -14,6 +14,7 @@ from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import load
+from kaneflex.solve.quasistatic import slow_start
 from kaneflex.study.plan import file_places
 from kaneflex.support.errors import SceneError
 
@@ -348,6 +349,31 @@ def test_states_that_cannot_be(start, message):
     with pytest.raises(SceneError) as error:
         model("rotating-cantilever", f"solve.start={start}")
     assert message in str(error.value)
+
+
+FROM_REST = """
+schema = 1
+name = "arm"
+gravity = {gravity}
+bodies.arm = {{length = 0.8, beam = {{material = "aluminium", section = {{rectangle = [0.01, 0.03]}}, elements = 2}}}}
+joints.root = {{revolute = ["ground", "arm.start"]{axis}}}
+drives.root.law = "{law}"
+solve = {{preset = "linear", start = "quasistatic", duration = 0.5, steps = 500}}
+"""
+
+
+@pytest.mark.parametrize(("gravity", "axis"), [("[0, -9.81]", ""), ("[0, 0, -9.81]", ", axis = [0, -1, 0]")])
+def test_a_slow_start_knows_nothing_of_what_laws_are_before_it(gravity, axis):
+    """A swing from rest has a kink at t = 0, which its polynomial alone has not; nor do the steps matter."""
+    swing = "0.8*step(t, 0, 0, 0.8, 1)"
+    smooth = "0.8*((t/0.8)**3*(10 - 15*(t/0.8) + 6*(t/0.8)**2))"
+    found = [
+        np.concatenate(slow_start(load(with_settings(scene_of(text), [f"solve.steps={steps}"]))))
+        for law, steps in ((smooth, 500), (swing, 50), (swing, 8000))
+        for text in (FROM_REST.format(gravity=gravity, axis=axis, law=law),)
+    ]
+    for other in found[1:]:
+        assert other == pytest.approx(found[0], rel=1e-7, abs=1e-7 * abs(found[0]).max())
 
 
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "paper"])

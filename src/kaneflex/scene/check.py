@@ -220,6 +220,9 @@ def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     if target not in scene.drives:
         cure = nearest(target, scene.drives)
         yield Problem(f"{key}.{sensor.kind}", target, "no drive of that name", cure)
+    elif scene.is_spatial and scene.drives[target].free:
+        reason = f"nothing drives it: drives.{target} is free"
+        yield Problem(f"{key}.{sensor.kind}", target, reason, "Measure joint_force, or the load that turns or moves it")
     elif target in scene.joints:
         slides = scene.slides(target)
         right = "drive_force" if slides else "drive_torque"
