@@ -149,6 +149,7 @@ def test_what_follows_the_forces_or_stops_is_refused(tmp_path):
         ("four-bar", "masses.at_first.mass", "kg"), ("spin-up", "hub.spin_up", "s"),
         ("engine", "damping.rayleigh.ratio", "1"), ("engine", "rod_mid_strain.fibre", "m"),
         ("engine", "damping.rayleigh.at.1", "Hz"), ("four-bar", "ground.right.0", "m"),
+        ("robot-arm", "column.inertia.0", "kg m^2"), ("spinning-top", "tip.angular_velocity.0", "rad/s"),
     ],
 )  # fmt: skip
 def test_units_of_parameters(scene, name, unit):
