@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.fields import dimensions
 from kaneflex.scene.scene import given_value
-from kaneflex.scene.settings import resolved
+from kaneflex.scene.settings import demand_once, resolved
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import RATIO, to_si
 
@@ -68,22 +68,28 @@ def find_parameters(scene: Scene, names: Sequence[str]) -> tuple[Parameter, ...]
         For a path that leads nowhere or is no number of the mechanism, and for a number that is zero.
     """
     found = [_find(scene, name) for name in names]
-    places = [(parameter.path, parameter.index) for parameter in found]
-    for parameter, place in zip(found, places, strict=True):
-        if places.count(place) > 1:
-            raise SceneError("sensitivities", parameter.name, "asked for twice", "Give each parameter once")
+    demand_once(("sensitivities", parameter.name, (parameter.path, parameter.index)) for parameter in found)
     return tuple(found)
 
 
-def _find(scene: Scene, name: str) -> Parameter:
+def place_of(scene: Scene, name: str) -> tuple[tuple[str, ...], int | None]:
+    """The keys that a parameter's name means, short or whole, and its place in a list, if it ends with one.
+
+    Raises SceneError for a path that leads nowhere, or to several places.
+    """
     whole, _, last = name.rpartition(".")
     index = int(last) if whole and last.isdecimal() else None
-    path = tuple(resolved(scene.raw, name if index is None else whole))
+    return tuple(resolved(scene.raw, name if index is None else whole)), index
+
+
+def _find(scene: Scene, name: str) -> Parameter:
+    path, index = place_of(scene, name)
+    whole = name.removesuffix(f".{index}")
     value = _written_at(scene, path)
     if isinstance(value, tuple) and index is not None and index < len(value):
         value = value[index]
     elif isinstance(value, tuple):
-        cure = f"Name one of its {len(value)} numbers, like {name if index is None else whole}.0"
+        cure = f"Name one of its {len(value)} numbers, like {whole}.0"
         raise SceneError(name, str(value), "a list of numbers", cure)
     elif index is not None:
         raise SceneError(name, value, "no list that numbers could be taken from", f"Write {whole}")
