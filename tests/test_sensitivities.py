@@ -102,6 +102,7 @@ def test_slow_blade_is_a_static_cantilever():
     bent = found.of(found.parameters[0], "tip_transverse").max
     np.testing.assert_allclose(bent, -0.1 / (3 * 7.0e10 * 67.5e-12**2), rtol=1e-8)
     assert found.unit(found.parameters[0], "tip_transverse") == "m/m^4"
+    assert found.dataset is found.dataset  # made once
 
 
 def test_statistics_are_those_of_neighbouring_runs():
