@@ -102,6 +102,7 @@ def test_slow_blade_is_a_static_cantilever():
     bent = found.of(found.parameters[0], "tip_transverse").max
     np.testing.assert_allclose(bent, -0.1 / (3 * 7.0e10 * 67.5e-12**2), rtol=1e-8)
     assert found.unit(found.parameters[0], "tip_transverse") == "m/m^4"
+    assert found.dataset is found.dataset  # made once
 
 
 def test_statistics_are_those_of_neighbouring_runs():
@@ -123,6 +124,31 @@ def test_statistics_are_those_of_neighbouring_runs():
 
 def test_one_number_of_a_list():
     check("four-bar", ("solve.steps=120",), "ground.right.0")
+
+
+@pytest.mark.parametrize(
+    ("scene", "name", "written", "settings"),
+    [
+        ("engine", "bore.direction", (10.0, 1.0), ("loads.gas=none", "solve.steps=60")),
+        ("rotating-blade", "push.direction", (0.0, 3.0, 4.0), ("solve.steps=24",)),
+    ],
+)
+def test_a_component_of_a_direction_is_the_number_that_is_written(scene, name, written, settings):
+    """Whatever its length: against differences of the user's own numbers."""
+
+    def at(y):
+        direction = [written[0], y, *written[2:]]
+        return run(scene, *settings, "solve.preset=quasistatic", f"{name}={direction}")
+
+    y, step = written[1], 1e-3 * written[1]
+    found = sensitivities(at(y), [f"{name}.1"])
+    assert found.parameters[0].value == y
+    high, low = at(y + step).series, at(y - step).series
+    for sensor in found.slopes[f"{name}.1"]:
+        expected = (high[sensor].values - low[sensor].values) / (2 * step)
+        size = max(abs(expected).max(), 1e-2 * abs(high[sensor].values).max())
+        derivative = found.series(found.parameters[0], sensor)
+        np.testing.assert_allclose(derivative, expected, rtol=0, atol=1e-4 * size, err_msg=sensor)
 
 
 def test_what_the_options_leave_out_stays_in_the_equations():

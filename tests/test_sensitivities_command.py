@@ -121,7 +121,7 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
         ("engine", "rod.EI", ("rod.EI", "nearest known one is 'I'")),
         ("engine", "solve.mode_angle", ("solve.mode_angle", "no number of the mechanism")),
         ("engine", "rod.nu", ("rod.nu = 0.3", "no sensor depends on it")),
-        ("engine", "rod.E,bodies.rod.beam.E", ("asked for twice",)),
+        ("engine", "rod.E,bodies.rod.beam.E", ("given twice, before as rod.E",)),
     ],
 )
 def test_refusals_name_key_value_and_cure(tmp_path, scene, name, words):
@@ -149,6 +149,7 @@ def test_what_follows_the_forces_or_stops_is_refused(tmp_path):
         ("four-bar", "masses.at_first.mass", "kg"), ("spin-up", "hub.spin_up", "s"),
         ("engine", "damping.rayleigh.ratio", "1"), ("engine", "rod_mid_strain.fibre", "m"),
         ("engine", "damping.rayleigh.at.1", "Hz"), ("four-bar", "ground.right.0", "m"),
+        ("robot-arm", "column.inertia.0", "kg m^2"), ("spinning-top", "tip.angular_velocity.0", "rad/s"),
     ],
 )  # fmt: skip
 def test_units_of_parameters(scene, name, unit):

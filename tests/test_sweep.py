@@ -254,7 +254,11 @@ def test_another_study_is_not_mixed_in_and_other_things_are_left_alone(tmp_path,
         ('sample = {count = 12}\n[parameters]\n"rod.length" = {low = 1, high = 2}', ("sample.count = 12", "Take 16")),
         ('sample = {count = 8}\n[parameters]\n"rod.length" = [1]', ("nothing to sample",)),
         ('points = [{"rod.length" = 1}, {"rod.mass" = 1}]', ("the points differ",)),
-        ('points = [{"rod.length" = 1}]\n[parameters]\n"rod.length" = [1]', ("among the parameters, too",)),
+        ('points = [{"rod.length" = 1}]\n[parameters]\n"rod.length" = [1]', ("points = 'rod.length': given twice",)),
+        ('points = [{"rod.length" = 1, "bodies.rod.length" = 2}]', ("bodies.rod.length': given twice, before as rod",)),
+        ('[parameters]\n"rod.E" = [1]\n"rod.beam.E" = [2]', ("before as rod.E in parameters",)),
+        ('settings = ["rod.E=1"]\n[parameters]\n"bodies.rod.beam.E" = [2]', ("before as rod.E in settings", "once")),
+        ('sensitivities = ["rod.E", "rod.beam.E"]\n[parameters]\n"rod.E" = [1]', ("sensitivities = 'rod.beam.E'",)),
         ("", ("nothing varies",)),
         ('[parameters]\n"rod.length" = {form = 1, to = 2, count = 3}', ("rod.length.form", "unknown key", "'from'")),
         ("[bodies]\nrod = {length = 1}", ("it is a scene", "a study beside it", "table of parameters")),
@@ -373,7 +377,9 @@ def test_a_sweeps_picture_has_a_curve_for_each_value_of_the_other_parameters(swe
 
 def test_what_can_not_be_drawn_is_said(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "study.toml").write_text(HEAD + '[parameters]\n"solve.preset" = ["rigid", "quasistatic"]\n')
+    (tmp_path / "study.toml").write_text(
+        'scene = "engine"\nsettings = ["solve.steps=36"]\n[parameters]\n"solve.preset" = ["rigid", "quasistatic"]\n'
+    )
     told = cli("sweep", "study.toml", "--plots")
     assert told.exit_code == 0 and "No picture sweep: no parameter of the study is a number that varies" in told.stderr
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from command_line import cli
 
+from kaneflex.cli.trade import terms_table
 from kaneflex.plots.terms import figure
 from kaneflex.plots.trade import figure as trade_figure
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences, worst
 from kaneflex.study.runs import run
@@ -19,6 +20,7 @@ from kaneflex.study.trade.candidates import STIFFENED, candidates_of, neutral
 from kaneflex.study.trade.linear_prices import DOUBT, LinearPrices
 from kaneflex.study.trade.ranking import trade
 from kaneflex.study.trade.terms import Terms, groups, terms
+from kaneflex.support.errors import SceneError
 
 
 def chosen(scene, *names):
@@ -127,6 +129,32 @@ def test_what_can_not_be_left_out_is_named_with_the_reason():
     found = terms(scene, 0.01, 1e-3, chosen=chosen(scene, "axial", "spin"))
     assert [effect.group.name for effect in found.effects] == ["spin"]
     assert "tied to each other by its length" in found.left_out["axial"]
+
+
+COLUMN = """
+[bodies]
+strut = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}, elements = 2}}
+[joints]
+foot = {weld = ["ground", "strut.start"], relative_angle = "37 deg"}
+[loads]
+push = {force_on = "strut.end", axes = "body", direction = [-1, 0], value = "100 N"}
+[sensors]
+moment = {bending_moment = "strut.mid"}
+[solve]
+duration = "10 ms"
+steps = 10
+"""
+
+
+def test_a_moment_that_is_rounding_beside_the_force_needs_nothing():
+    """Its own measure it can't be, where it is the only sensor of its unit."""
+    scene = scene_of("schema = 1" + COLUMN)
+    found = terms(scene, 0.01, 1e-3, chosen=chosen(scene, "geometric", "load push"))
+    assert [(effect.needed, effect.differences) for effect in found.effects] == [(False, ())] * 2
+    assert terms_table(found).count("shows only rounding") == 2 and "does not run" not in terms_table(found)
+    assert "shows only rounding" in {text.get_text() for text in figure(found).axes[0].texts}
+    with pytest.raises(SceneError, match="they show nothing, or only rounding"):
+        trade(scene, 0.01, 1e-3)
 
 
 def test_the_picture_has_a_bar_for_each_group_and_marks_what_is_needed(engine):

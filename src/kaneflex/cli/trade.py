@@ -202,7 +202,7 @@ def terms_table(found: Terms) -> str:
 
 
 def _effect_row(effect: Effect) -> tuple[str, ...]:
-    changes = ("does not run without", "", "")
+    changes = ("does not run without" if effect.needed else "shows only rounding", "", "")
     if effect.worst is not None:
         changes = (effect.worst.sensor, _percent(effect.worst.peak_share), _percent(effect.rms))
     times = ("", "")

@@ -33,10 +33,8 @@ def _changes(axes: Axes, found: Terms) -> None:
     for row, effect in enumerate(found.effects):
         colour = PALETTE[1] if effect.needed else PALETTE[0]
         if effect.worst is None:
-            axes.annotate(
-                "needed: does not run without", (0.02, row), xycoords=("axes fraction", "data"), va="center",
-                color=PALETTE[1],
-            )  # fmt: skip
+            said = "needed: does not run without" if effect.needed else "shows only rounding"
+            axes.annotate(said, (0.02, row), xycoords=("axes fraction", "data"), va="center", color=colour)
             continue
         peak, rms = 100 * effect.worst.peak_share, 100 * effect.rms
         axes.barh(row, max(peak, _LEAST), height=0.7, color=shade(colour, 0.45))
@@ -48,7 +46,7 @@ def _changes(axes: Axes, found: Terms) -> None:
     axes.axvline(100 * found.tolerance, color="black", linestyle="--", linewidth=0.9, zorder=0.5)
     peaks = [100 * effect.worst.peak_share for effect in found.effects if effect.worst is not None]
     least = max(_LEAST, 0.2 * min(peak for peak in [*peaks, 100 * found.tolerance] if peak > 0))
-    axes.set_xlim(least, 30 * max(*peaks, 100 * found.tolerance))
+    axes.set_xlim(least, 30 * max([*peaks, 100 * found.tolerance]))
     axes.set_title(f"largest change of a sensor, dark: rms; dashed: {100 * found.tolerance:.3g} %, red: needed")
     axes.set_xlabel("change [% of the sensor's peak]")
     axes.grid(axis="y", visible=False)

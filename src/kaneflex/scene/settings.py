@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
 from kaneflex.scene.fields import ANY_NAME, has_entry, known_keys
@@ -64,6 +64,17 @@ def resolved(raw: Mapping[str, Any], path: str, text: str | None = None) -> list
         cure = f"Write {' or '.join(drives)}, of the drive" if drives else nearest(last, known - {ANY_NAME})
         raise SceneError(path, text, f"{keys[0]!r} has no such entry", cure)
     return fitting[0]
+
+
+def demand_once(given: Iterable[tuple[str, str, Hashable]]) -> None:
+    """Raise SceneError where one place is named twice, in whatever spelling; given are key, name, place."""
+    known: dict[Hashable, tuple[str, str]] = {}
+    for key, name, place in given:
+        if place in known:
+            before = known[place]
+            also = "" if before == (key, name) else f", before as {before[1]} in {before[0]}"
+            raise SceneError(key, name, f"given twice{also}", "Give each entry once")
+        known[place] = (key, name)
 
 
 def _drives_of(raw: Mapping[str, Any], body: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from kaneflex.solve.curves import Curves
 
 _NOTHING = 1e-9
-"""Share of the largest peak of its unit below which a sensor shows rounding."""
+"""Share of the largest peak that its unit may have, by all sensors and the loads, below which one shows rounding."""
 _CLOSE = 1e-9
 """Share of a run by which the ends of two may differ through rounding."""
 
@@ -124,7 +125,23 @@ def worst(found: Sequence[Difference]) -> Difference:
 
 
 def _floors(scene: Scene, reference: Curves) -> dict[str, float]:
-    peaks: dict[str, float] = {}
+    """Unit of sensors -> what shows rounding in it: a moment beside forces on the mechanism's arms, too.
+
+    Motions give their rates once a cycle or run, and no faster: what vibrates may well be small in itself.
+    """
+    peaks: dict[str, float] = defaultdict(float)
     for name, sensor in scene.sensors.items():
-        peaks[sensor.unit] = max(peaks.get(sensor.unit, 0.0), float(abs(reference.values[name]).max()))
+        peaks[sensor.unit] = max(peaks[sensor.unit], float(abs(reference.values[name]).max()))
+    arm = max(body.length or 0.0 for body in scene.bodies.values()) or 1.0
+    for load in scene.loads.values():
+        if load.value is not None:
+            reach = arm if load.spread_on is not None else 1.0 / arm if load.torque_at is not None else 1.0
+            peaks["N"] = max(peaks["N"], reach * abs(load.value))
+    rate = 2.0 * math.pi / (scene.period or scene.horizon)
+    stiffest = max((body.beam.E for body in scene.bodies.values() if body.beam is not None), default=1.0)
+    for unit, other, share in (
+        ("N", "N m", 1.0 / arm), ("N m", "N", arm), ("Pa", "1", stiffest), ("1", "Pa", 1.0 / stiffest),
+        ("m/s", "m", rate), ("m/s^2", "m/s", rate), ("rad/s", "rad", rate), ("rad/s^2", "rad/s", rate),
+    ):  # fmt: skip
+        peaks[unit] = max(peaks[unit], share * peaks[other])
     return {unit: _NOTHING * peak for unit, peak in peaks.items()}

@@ -10,7 +10,7 @@ from typing import Any
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene import Scene, with_settings
-from kaneflex.scene.settings import resolved
+from kaneflex.scene.settings import demand_once, resolved
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.variants import Variants
@@ -110,12 +110,9 @@ class Exploration:
     sensors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        paths = [tuple(resolved(self.scene.raw, each.path)) for each in self.open]
-        if not paths:
+        if not self.open:
             raise SceneError("--vary", None, "nothing varies", "Give a number two ends: --vary main.speed=2000:6000rpm")
-        twice = next((each.path for each, path in zip(self.open, paths, strict=True) if paths.count(path) > 1), None)
-        if twice is not None:
-            raise SceneError("--vary", twice, "given twice", "Give each number once")
+        demand_once(("--vary", each.path, tuple(resolved(self.scene.raw, each.path))) for each in self.open)
         if not self.scene.sensors:
             raise SceneError("sensors", None, "the scene has none to look at", "Give it one, see docs/scene.md")
         unknown = [name for name in self.sensors if name not in self.scene.sensors]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
-from kaneflex.scene.settings import nested, resolved
+from kaneflex.scene.merge import merged
+from kaneflex.scene.settings import demand_once, nested, resolved
 from kaneflex.study.poincare import Poincare
+from kaneflex.study.sensitivity.parameters import place_of
 from kaneflex.study.study import Point, Study, Value, points_of, read_study, study_of
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.module_cache import sources_digest
@@ -106,8 +108,8 @@ def make_plan(given: Path | str | Mapping[str, Any]) -> Plan:
     Raises
     ------
     SceneError
-        For what is no study, a scene that can't be read, a path that leads nowhere, or names of sensors that
-        the dataset needs itself. Values that only some points have are not tried.
+        For what is no study, a scene that can't be read, a path that leads nowhere, an entry that is set twice, or
+        names of sensors that the dataset needs itself. Values that only some points have are not tried.
     """
     own = None
     if isinstance(given, Mapping):
@@ -118,12 +120,14 @@ def make_plan(given: Path | str | Mapping[str, Any]) -> Plan:
         study = study_of(tables)
     else:
         study, folder = read_study(given), Path(given).resolve().parent
-    scene = _base(study, folder, own)
+    read = _named(study.scene, folder) if own is None else own
+    settings = _settings(study, folder)
+    scene = with_settings(read, settings) if settings else read
     points = [{key: _whole_path(key, value, folder) for key, value in point.items()} for point in points_of(study)]
     for key, value in points[0].items():
         nested(scene.raw, setting(key, value))
-    for name in study.sensitivities:
-        resolved(scene.raw, name)
+    demand_once((*_set(read, settings), *_varied(scene, study)))
+    demand_once(("sensitivities", name, place_of(scene, name)) for name in study.sensitivities)
     for sensor in scene.sensors:
         if sensor in (*OWN_NAMES, *points[0]) or sensor.removesuffix("_series") in scene.sensors.keys() - {sensor}:
             raise SceneError(f"sensors.{sensor}", None, "the dataset has that name already", "Rename the sensor")
@@ -154,15 +158,30 @@ def setting(path: str, value: Value) -> str:
     return f"{path}={json.dumps(value, ensure_ascii=False)}"
 
 
-def _base(study: Study, folder: Path, own: Scene | None) -> Scene:
-    """The scene of a study with its settings; ``own`` where it is there already."""
-    scene = _named(study.scene, folder) if own is None else own
+def _settings(study: Study, folder: Path) -> list[str]:
+    """The settings of a study, with whole paths of files."""
     settings = []
     for text in study.settings:
         key, equals, value = text.partition("=")
         whole = _whole_path(key.strip(), value.strip().strip("\"'"), folder)
         settings.append(setting(key, whole) if equals and names_file(key.strip()) else text)
-    return with_settings(scene, settings) if settings else scene
+    return settings
+
+
+def _set(scene: Scene, settings: Sequence[str]) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    """What settings change, as :func:`demand_once` takes it; each may name what those before it add to the scene."""
+    raw = scene.raw
+    for text in settings:
+        name = text.partition("=")[0].strip()
+        yield "settings", name, tuple(resolved(raw, name))
+        raw = merged(raw, nested(raw, text))
+
+
+def _varied(scene: Scene, study: Study) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    """The same of what varies: every listed point has the paths of the first one."""
+    yield from (("parameters", name, tuple(resolved(scene.raw, name))) for name in study.parameters)
+    for point in study.points[:1]:
+        yield from (("points", name, tuple(resolved(scene.raw, name))) for name in point)
 
 
 def _named(name: str, folder: Path) -> Scene:

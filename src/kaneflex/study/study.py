@@ -139,9 +139,6 @@ class Study(SceneTable):
         listed = set(self.points[0]) if self.points else set()
         if any(set(point) != listed for point in self.points) or (self.points and not listed):
             raise Fault("the points differ in what they set", "Give every point the same paths", "points")
-        both = listed & set(self.parameters)
-        if both:
-            raise Fault(f"{min(both)} is among the parameters, too", "Give it in one of the two", "points")
         return self
 
 

@@ -7,14 +7,19 @@ from dataclasses import dataclass
 
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.fields import dimensions
-from kaneflex.scene.settings import resolved
+from kaneflex.scene.scene import given_value
+from kaneflex.scene.settings import demand_once, resolved
 from kaneflex.support.errors import SceneError
+from kaneflex.support.units import RATIO, to_si
 
 _TABLES = ("gravity", "ground", "bodies", "masses", "drives", "loads", "springs", "joints", "damping", "sensors")
 """Entries of the scene whose numbers the equations or the sensors hold."""
 _UNITS_IN_LISTS = {"gravity": "m/s^2", "ground": "m", "points": "m", "centre": "m", "section": "m", "taper": "m",
-                   "rayleigh": "Hz", "fibre": "m"}  # fmt: skip
+                   "rayleigh": "Hz", "fibre": "m", "at": "m", "inertia": "kg m^2", "velocity": "m/s",
+                   "angular_velocity": "rad/s"}  # fmt: skip
 """Word on the path of a list of numbers -> their unit; the others are plain numbers."""
+_DIRECTIONS = ("direction", "axis", "x", "y")
+"""Lists whose length counts for nothing: reading makes it one."""
 
 _OF_SPRINGS = {"stiffness": ("N/m", "N m/rad"), "damping": ("N s/m", "N m s/rad")}
 """Units along a line, and about an axis."""
@@ -31,7 +36,7 @@ class Parameter:
     path : tuple of str
         Where it stands, like ("bodies", "rod", "beam", "E").
     value : float
-        In SI, never zero.
+        In SI, never zero; of a direction as it is written, whatever its length.
     unit : str
         Its SI unit; "1" for a plain number.
     index : int or None
@@ -48,7 +53,7 @@ class Parameter:
         """The scene with ``factor`` times the value."""
         written: object = self.value * factor
         if self.index is not None:
-            numbers = list(_value_at(scene, self.path))
+            numbers = list(_written_at(scene, self.path))
             numbers[self.index] = written
             written = numbers
         return with_settings(scene, [f"{'.'.join(self.path)}={written!r}"])
@@ -63,22 +68,28 @@ def find_parameters(scene: Scene, names: Sequence[str]) -> tuple[Parameter, ...]
         For a path that leads nowhere or is no number of the mechanism, and for a number that is zero.
     """
     found = [_find(scene, name) for name in names]
-    places = [(parameter.path, parameter.index) for parameter in found]
-    for parameter, place in zip(found, places, strict=True):
-        if places.count(place) > 1:
-            raise SceneError("sensitivities", parameter.name, "asked for twice", "Give each parameter once")
+    demand_once(("sensitivities", parameter.name, (parameter.path, parameter.index)) for parameter in found)
     return tuple(found)
 
 
-def _find(scene: Scene, name: str) -> Parameter:
+def place_of(scene: Scene, name: str) -> tuple[tuple[str, ...], int | None]:
+    """The keys that a parameter's name means, short or whole, and its place in a list, if it ends with one.
+
+    Raises SceneError for a path that leads nowhere, or to several places.
+    """
     whole, _, last = name.rpartition(".")
     index = int(last) if whole and last.isdecimal() else None
-    path = tuple(resolved(scene.raw, name if index is None else whole))
-    value = _value_at(scene, path)
+    return tuple(resolved(scene.raw, name if index is None else whole)), index
+
+
+def _find(scene: Scene, name: str) -> Parameter:
+    path, index = place_of(scene, name)
+    whole = name.removesuffix(f".{index}")
+    value = _written_at(scene, path)
     if isinstance(value, tuple) and index is not None and index < len(value):
         value = value[index]
     elif isinstance(value, tuple):
-        cure = f"Name one of its {len(value)} numbers, like {name if index is None else whole}.0"
+        cure = f"Name one of its {len(value)} numbers, like {whole}.0"
         raise SceneError(name, str(value), "a list of numbers", cure)
     elif index is not None:
         raise SceneError(name, value, "no list that numbers could be taken from", f"Write {whole}")
@@ -94,6 +105,14 @@ def _find(scene: Scene, name: str) -> Parameter:
         raise SceneError(name, value, "the derivative at zero is not available: equations may leave a zero out", cure)
     unit = _unit(scene, path) if index is None else _unit_in_list(path, index)
     return Parameter(name, path, value, unit, index)
+
+
+def _written_at(scene: Scene, path: Sequence[str]) -> object:
+    """The value at a path in SI; of a direction the numbers that the scene gives, by which users take differences."""
+    value, written = _value_at(scene, path), given_value(scene.raw, path)
+    if path[-1] in _DIRECTIONS and isinstance(value, tuple) and isinstance(written, list):
+        return tuple(to_si(component, RATIO) for component in written)
+    return value
 
 
 def _value_at(scene: Scene, path: Sequence[str]) -> object:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -127,7 +128,7 @@ class Sensitivities:
         basis = {"modal_basis": "frozen" if self.frozen else "recomputed"}
         return Labelled(variables, run.coordinates, {**run.attributes, **basis})
 
-    @property
+    @cached_property
     def dataset(self) -> xarray.Dataset:
         """:attr:`labelled` as one labelled dataset."""
         return self.labelled.dataset()

@@ -171,7 +171,7 @@ def _changes(
         differences(scene, sensors, "coarse", coarse, fine, period, between) for between in (False, True)
     )
     if not there:
-        raise SceneError("sensors", ", ".join(sensors), "they all show zero", "Name others")
+        raise SceneError("sensors", ", ".join(sensors), "they show nothing, or only rounding", "Name others")
     pairs = zip(there, everywhere, strict=True)
     return {own.sensor: max(own.peak_share, _LEFT_BETWEEN * between.peak_share) for own, between in pairs}
 

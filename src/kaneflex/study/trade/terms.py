@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -47,7 +48,8 @@ class Effect:
     ----------
     group : Group
     differences : tuple of Difference
-        Of the model without it from the one with it, by sensor; empty where it does not run without.
+        Of the model without it from the one with it, by sensor that shows more than rounding; empty
+        where it does not run without, too.
     needed : bool
         Whether leaving it out changes a sensor by more than the tolerance, or stops the run.
     operations : int or None
@@ -178,7 +180,7 @@ def terms(
             left_out[group.name] = str(runs.failed.get(group.kept, stopped))
         else:
             effects.append(_effect(runs, sensors, tolerance, group, costs))
-    effects.sort(key=lambda effect: -(effect.worst.peak_share if effect.worst else float("inf")))
+    effects.sort(key=lambda effect: -(effect.worst.peak_share if effect.worst else math.inf if effect.needed else -1.0))
     return Terms(scene, sensors, tolerance, tuple(effects), costs[STIFFENED], left_out)
 
 
