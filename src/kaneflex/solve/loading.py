@@ -276,6 +276,8 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
         found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, as preset rigid does")
     if solve.integrator is not None and not integrates:
         found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} is left out")
+    if solve.modes == "all" and "modes" in solve.model_fields_set and options.dynamics == "coupled":
+        found.append(f"preset coupled takes {options.modes} modes of each link where solve.modes is all: give a number")
     if "rho_infinity" in solve.model_fields_set and options.integrator != "generalised-alpha":
         found.append(f"solve.rho_infinity = {solve.rho_infinity:g} is of integrator generalised-alpha alone: left out")
     beams = {name: body.beam for name, body in scene.bodies.items() if body.elastic and body.beam is not None}
