@@ -182,7 +182,7 @@ def rates_of(names, component="angle"):
 
 def test_a_drive_that_runs_away_is_named(tmp_path):
     """No steps lead over a pole: each is shorter than the one before."""
-    with pytest.raises(SceneError, match=r"drives\.hinge = 'tan\(20 \* t\)': it moves without bound at t = 0\.0785398 s"):
+    with pytest.raises(SceneError, match=r"drives\.hinge = 'tan.*: it moves without bound at t = 0\.0785398 s"):
         load(scene_of(tmp_path, ("{free = true}", '{law = "tan(20 * t)"}')))
 
 

@@ -12,7 +12,6 @@ from kaneflex.multibody.spatial_instant import GROWN, check
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.support.errors import SceneError
 
-
 _STUCK = 1e-9
 """Share of the time to the next instant within which many steps end where a drive runs away, as at a law's pole."""
 
