@@ -326,6 +326,8 @@ def test_numbers_that_nothing_reads_are_said():
     told = ("rod.kappa = 0.8 is left out: theory euler-bernoulli knows no shear",)
     assert model("engine", "rod.kappa=0.8").warnings == told
     assert model("engine", "rod.kappa=0.8", "rod.theory=timoshenko", "rod.nu=0.3").warnings == ()
+    modal = model("double-pendulum", "damping.modal.ratio=0.02")
+    assert modal.warnings == ("no body is elastic: damping.modal has no modes to damp",)
     damped = "solve.rho_infinity = 0.5 is of integrator generalised-alpha alone: left out"
     for preset in ("stiffened", "coupled", "rigid"):
         assert model("engine", f"solve.preset={preset}", "solve.rho_infinity=0.5").warnings == (damped,)

@@ -286,6 +286,9 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
     beams = {name: body.beam for name, body in scene.bodies.items() if body.elastic and body.beam is not None}
     found += [f"{name}.kappa = {beam.kappa:g} is left out: theory {beam.theory} knows no shear"
               for name, beam in beams.items() if beam.kappa is not None and not beam.shear]  # fmt: skip
+    deforms = any(body.elastic or body.modal is not None for body in scene.bodies.values())
+    if scene.damping is not None and scene.damping.kind == "modal" and not deforms:
+        found.append("no body is elastic: damping.modal has no modes to damp")
     finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
     if options.elements is not None and finer:
         count = "one element" if options.elements == 1 else f"{options.elements} elements"
