@@ -518,3 +518,9 @@ def test_results_have_torques_of_pins_apart_from_forces():
         summary = summarise(solution).frictions[name]
         largest = {"force": summary.largest_force, "torque": summary.largest_torque}
         assert largest.pop(unit) == abs(solution.series["drag"].values).max() and [*largest.values()] == [None]
+
+
+def test_what_friction_holds_has_no_energy_to_balance():
+    """What rounding turns over, of a guide that leans as a decimal says, is none."""
+    leaning = ("gravity=[0, -9.81]", "joints.slide.direction=[0.9612617, -0.2756374]", "solve.steps=20")
+    assert solved(BLOCK, *leaning).warnings == ()

@@ -10,6 +10,7 @@ from scipy.interpolate import BPoly
 from kaneflex.derive.laws import law_expression
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.laws import ON_ARRAYS, parse_law
+from kaneflex.solve.loading import load
 from kaneflex.support.errors import Fault, SceneError
 
 NAMES = ("t", "main", "main_speed")
@@ -151,6 +152,20 @@ def test_a_law_without_a_value_in_the_run_is_refused_when_the_scene_is_read(scen
     name = "push" if scene == "two-link-arm" else "motor"
     assert (caught.value.key, caught.value.value) == (f"loads.{name}.law", law)
     assert caught.value.reason == reason
+
+
+@pytest.mark.parametrize(("law", "pole"), [
+    ("tan(4*t)", 0.392699), ("1/(t - 0.123456)", 0.123456), ("1/(t - 0.123456)**2", 0.123456),
+    ("step(t - 0.1234)", None), ("tanh((t - 0.12345)/1e-6)", None), ("sin(3*t)", None), ("0*t", None),
+])  # fmt: skip
+def test_a_pole_between_steps_is_found(law, pole):
+    """Not a jump, nor a switch that no step resolves."""
+    scene = with_settings(read_scene("two-link-arm"), [SCENES["two-link-arm"] % law, "solve.preset=rigid"])
+    if pole is None:
+        load(scene)
+        return
+    with pytest.raises(SceneError, match=rf"^loads\.push = .*: it grows without bound at t = {pole} s\."):
+        load(scene)
 
 
 def test_a_law_may_pass_beyond_what_its_parts_can_hold():

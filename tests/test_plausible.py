@@ -28,6 +28,8 @@ STUBBY = {"engine-elastic-crank", "engine-paper"}
     ("engine", ["damping.rayleigh.ratio=2"], "damping.rayleigh.ratio = 2 is 200% of the critical damping"),
     ("engine", ["damping.rayleigh=none", "damping.modal.ratio=[0.02, 3]"], "damping.modal.ratio = 3 is 300% of"),
     ("spatial-slider-crank-elastic", ["rod.length=300"], "bodies.rod.length"),
+    ("spatial-slider-crank-elastic", ["rod.beam.section=none", "rod.beam.A=28 mm^2", "rod.beam.I_y=64 mm^4",
+     "rod.beam.I_z=64 mm^4", "rod.beam.J=1280 mm^4"], "bodies.rod.beam.J = 1.28e-09 m^4 is more than I_y + I_z"),
 ])  # fmt: skip
 def test_what_is_hardly_meant_is_warned_of(name, settings, told):
     (warning,) = implausible(with_settings(read_scene(name), settings))

@@ -326,7 +326,18 @@ def test_numbers_that_nothing_reads_are_said():
     told = ("rod.kappa = 0.8 is left out: theory euler-bernoulli knows no shear",)
     assert model("engine", "rod.kappa=0.8").warnings == told
     assert model("engine", "rod.kappa=0.8", "rod.theory=timoshenko", "rod.nu=0.3").warnings == ()
+    modal = model("double-pendulum", "damping.modal.ratio=0.02")
+    assert modal.warnings == ("no body is elastic: damping.modal has no modes to damp",)
     damped = "solve.rho_infinity = 0.5 is of integrator generalised-alpha alone: left out"
     for preset in ("stiffened", "coupled", "rigid"):
         assert model("engine", f"solve.preset={preset}", "solve.rho_infinity=0.5").warnings == (damped,)
     assert model("engine", "solve.integrator=generalised-alpha", "solve.rho_infinity=0.5").warnings == ()
+
+
+def test_all_modes_are_a_number_of_them_in_coupled_equations():
+    """Which is said where all are asked for, and what is counted is what moves: a rod's five shapes."""
+    coupled = ("engine", "solve.preset=coupled")
+    asked = model(*coupled, "solve.modes=all")
+    assert asked.warnings == ("preset coupled takes 3 modes of each link where solve.modes is all: give a number",)
+    assert model(*coupled).warnings == model("engine", "solve.modes=all").warnings == ()
+    assert asked.solved_for == 5 and model(*coupled, "solve.modes=2").solved_for == 4

@@ -180,6 +180,12 @@ def rates_of(names, component="angle"):
                    for name in names for kind, tail in RATES.items())  # fmt: skip
 
 
+def test_a_drive_that_runs_away_is_named(tmp_path):
+    """No steps lead over a pole: each is shorter than the one before."""
+    with pytest.raises(SceneError, match=r"drives\.hinge = 'tan.*: it moves without bound at t = 0\.0785398 s"):
+        load(scene_of(tmp_path, ("{free = true}", '{law = "tan(20 * t)"}')))
+
+
 @pytest.mark.parametrize("last", ["knee", "wrist", "foot"])
 def test_all_joints_of_a_loop_are_read(tmp_path, last):
     """Whichever closes it: angles around the loop add up, turns and all, and rates are those of what is read."""

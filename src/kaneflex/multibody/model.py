@@ -149,9 +149,9 @@ class Model:
         """How many coordinates the equations have that are integrated."""
         if self.coupled_in_space is not None:
             return self.coupled_in_space.freedoms
-        if self.bare:
+        if self.coupled is not None:
             return len(mechanism_of(self.scene).free) + len(self.coupled.shape_columns)
-        return self.reduced.size + len(self.shapes_given)
+        return self.reduced.size
 
     @property
     def shapes_given(self) -> tuple[str, ...]:

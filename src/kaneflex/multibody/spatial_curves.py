@@ -12,6 +12,9 @@ from kaneflex.multibody.spatial_instant import GROWN, check
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.support.errors import SceneError
 
+_STUCK = 1e-9
+"""Share of the time to the next instant within which many steps end where a drive runs away, as at a law's pole."""
+
 
 class Curve(ABC):
     """States of a mechanism by the time [s]; the system's ``work`` then stands and moves like the last one."""
@@ -58,6 +61,7 @@ class Followed(Curve):
         self.system.project(state.t, state.q, state.u, state.choice)
         t, choice = state.t, state.choice
         while done < len(times):
+            before, asked = t, times[done]
             count, t, outcome = self.system.follow(t, choice, times[done:], out[done:])
             done += count
             try:
@@ -72,10 +76,20 @@ class Followed(Curve):
                     "joints", ", ".join(self.system.driven) or "joints", f"{reason}, at t = {t:.6g} s",
                     "Change the lengths, or limit the drives' range",
                 ) from None  # fmt: skip
+            if not count and outcome != GROWN and t - before < _STUCK * (asked - before):
+                raise self._runs_away(t)
             self.last = self.system.state(t, choice)
             if done < len(times):
                 bisect.insort(self.track, self.last, key=lambda known: known.t)
         return out
+
+    def _runs_away(self, t: float) -> SceneError:
+        """Which drive no steps follow any further than t [s]."""
+        name = self.system.driven[int(abs(self.system.courses(t)[:, 1]).argmax())]
+        return SceneError(
+            f"drives.{name}", self.system.scene.drives[name].law, f"it moves without bound at t = {t:.6g} s",
+            "Give a law that is smooth over the run, or another duration",
+        )  # fmt: skip
 
     def _before(self, t: float) -> State:
         """The last known state before t, or the start."""

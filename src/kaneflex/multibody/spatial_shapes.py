@@ -26,6 +26,7 @@ from kaneflex.support.spatial_contract import SPATIAL_NODE
 
 _KINDS = {("u",): 1, ("v", "theta_z"): 2, ("w", "theta_y"): 2, ("theta_x",): 1}
 """A node's coordinates of each kind, with how many of a free link's shapes deform nothing."""
+_EQUAL = 1e-6  # relative distance of squared frequencies that are one's
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for two cubics times a mass that grows linearly
 
 
@@ -279,18 +280,30 @@ def _torques(scene: Scene, body: str) -> set[float]:
 def _of_kind(K: np.ndarray, M: np.ndarray, rows: np.ndarray, static: list[int], modes: int) -> np.ndarray:
     """Shapes over all rows, by ascending frequency of the link held at its axes."""
     inner = np.setdiff1d(rows, static)
-    count = min(modes, len(inner))
-    basis = np.zeros((len(K), len(static) + count))
+    modal = np.zeros((len(inner), 0))
+    if modes and len(inner):
+        square = np.ix_(inner, inner)
+        squares, modal = eigh(K[square], M[square])
+        modal = modal[:, : _whole(squares, modes)]
+    basis = np.zeros((len(K), len(static) + modal.shape[1]))
     basis[static, np.arange(len(static))] = 1.0
     if len(inner):
         held = np.array(static, int)
         basis[inner, : len(static)] = -np.linalg.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, held)])
-    if count:
-        square = np.ix_(inner, inner)
-        basis[inner, len(static) :] = eigh(K[square], M[square], subset_by_index=(0, count - 1))[1]
+        basis[inner, len(static) :] = modal
     if not basis.shape[1]:
         return basis
     basis = basis @ eigh(basis.T @ K @ basis, basis.T @ M @ basis)[1]
     moved = abs(basis).reshape(-1, 6, basis.shape[1])
     largest = np.where(moved[:, :3].max(axis=(0, 1)) > 0.0, moved[:, :3].max(axis=(0, 1)), moved[:, 3].max(axis=0))
     return basis / largest
+
+
+def _whole(squares: np.ndarray, count: int) -> int:
+    """The first ``count`` of ascending squared frequencies, and those equal to the last one of them.
+
+    Of equal ones, as of two spans as long as each other, any mixture is a mode: only all of them are the same motions
+    whichever end of the link is called its start.
+    """
+    last = min(count, len(squares)) - 1
+    return int(np.searchsorted(squares, squares[last] + _EQUAL * abs(squares[last]), side="right"))

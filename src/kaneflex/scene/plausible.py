@@ -31,6 +31,8 @@ _FAR = 30.0
 _STUBBY, _STUBBIEST = 10.0, 3.0
 """Slenderness, length over radius of gyration, below which shear adds a tenth and more to the bending of a cantilever,
 and below which a beam by any theory is none."""
+_ROUNDED = 1e-3
+"""Share by which sums of rounded numbers may be off without a word."""
 _BEYOND_ROWS = 0.02
 """How far a table's curve may go beyond the two rows beside it, as a share of its largest value, without a warning."""
 
@@ -39,7 +41,8 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     """Warnings of what is read from the scene alone: numbers in a wrong unit, and tables' curves where no row is."""
     long = _long_links(scene)
     apart = () if long else _far_apart(scene)
-    found = (apart, _materials(scene), _speeds(scene), _gravity(scene), _inertias(scene), _damping(scene))
+    read = (_materials, _torsion, _speeds, _gravity, _inertias, _damping)
+    found = (apart, *(each(scene) for each in read))
     return (*long, *(text for each in found for text in each), *_cuts(scene), *_overshooting_tables(scene))
 
 
@@ -136,6 +139,18 @@ def _materials(scene: Scene) -> Iterator[str]:
                 yield (
                     f"{where}: sound would travel at {sound:.3g} m/s in it, by E = {E:.4g} Pa and rho = {rho:.4g} "
                     "kg/m^3, as in no material; steel has '210 GPa' and '7850 kg/m^3'"
+                )
+
+
+def _torsion(scene: Scene) -> Iterator[str]:
+    """Warnings of constants of torsion beyond the polar moment, from which warping only takes (Saint-Venant)."""
+    for name, body in scene.bodies.items():
+        for key, part in body.beam.sections.items() if body.beam is not None else ():
+            polar = (part.I_y or 0.0) + (part.I_z or 0.0)
+            if part.J is not None and part.J > (1.0 + _ROUNDED) * polar:
+                yield (
+                    f"bodies.{name}.{key}.J = {part.J:.4g} m^4 is more than I_y + I_z = {polar:.4g} m^4, which no "
+                    "section's constant of torsion is"
                 )
 
 

@@ -71,8 +71,8 @@ class Sensor(SceneTable):
     there is torsional_moment, about x, and a strain's `fibre` is at y and z of the section.
     contact_force: the normal force of a contact; contact_gap: how far
     its sides are apart, below zero where they are in each other. contact_torque, contact_angle: the same of a flank
-    of a joint's backlash. friction_force: what friction exerts on the second side of a contact or a guide;
-    friction_torque: that of a pin.
+    of a joint's backlash. friction_force: what friction exerts on the second side of a contact or a guide, with a
+    line on the point; friction_torque: that of a pin.
     """
 
     displacement: AddressField | None = None

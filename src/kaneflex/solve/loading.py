@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copyreg
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
-from kaneflex.mechanism.rigid_motion import RigidKinematics
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
 from kaneflex.multibody.building import build_model
@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 Progress = Callable[[str], None]
 ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
 """Said of every run with free joints."""
+_ROUNDED = 1e-9  # share of a law's largest value by which rounding may part its values
+_POLE_PARTS, _POLE_LEVELS = 64, 4
+"""Into how many parts samples are taken nearer where a pole may lie between them, and how often: by 1e7 in all."""
 _MEETING = 1e-3
 """Share of a spring's greatest length under which it has no direction."""
 _MOST = 20_000
@@ -301,11 +304,16 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
         found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, as preset rigid does")
     if solve.integrator is not None and not integrates:
         found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} is left out")
+    if solve.modes == "all" and "modes" in solve.model_fields_set and options.dynamics == "coupled":
+        found.append(f"preset coupled takes {options.modes} modes of each link where solve.modes is all: give a number")
     if "rho_infinity" in solve.model_fields_set and options.integrator != "generalised-alpha":
         found.append(f"solve.rho_infinity = {solve.rho_infinity:g} is of integrator generalised-alpha alone: left out")
     beams = {name: body.beam for name, body in scene.bodies.items() if body.elastic and body.beam is not None}
     found += [f"{name}.kappa = {beam.kappa:g} is left out: theory {beam.theory} knows no shear"
               for name, beam in beams.items() if beam.kappa is not None and not beam.shear]  # fmt: skip
+    deforms = any(body.elastic or body.modal is not None for body in scene.bodies.values())
+    if scene.damping is not None and scene.damping.kind == "modal" and not deforms:
+        found.append("no body is elastic: damping.modal has no modes to damp")
     finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
     if options.elements is not None and finer:
         count = "one element" if options.elements == 1 else f"{options.elements} elements"
@@ -337,6 +345,7 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     known = [name for name in known if name not in elsewhere]  # they are known once the bodies are placed
     whole = len(known) == len(motion.column)  # else bodies need not be placed for it
     if np.isfinite(rigid.values).all() if whole else all(np.isfinite(rigid[name]).all() for name in known):
+        _check_poles(scene, rigid, known)
         return
     for name in sorted(known, key=lambda name: name not in scene.loads):
         lost = ~np.isfinite(rigid[name])
@@ -352,6 +361,41 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
             key, given, f"{thing} has no finite value at t = {t:.6g} s",
             "Give a law that is smooth over the run, or another duration",
         )  # fmt: skip
+
+
+def _check_poles(scene: Scene, rigid: RigidMotion, known: Sequence[str]) -> None:
+    """Laws must not have a pole between two samples."""
+    laws = {f"{name}.angle": ("drives", name, drive.law) for name, drive in scene.drives.items()}
+    laws |= {name: ("loads", name, load.law) for name, load in scene.loads.items()}
+    for scalar in sorted(laws.keys() & set(known)):
+        table, name, law = laws[scalar]
+        t = None if law is None else _pole(rigid, scalar)
+        if t is not None:
+            raise SceneError(
+                f"{table}.{name}", law, f"it grows without bound at t = {t:.6g} s",
+                "Give a law that is smooth over the run, or another duration",
+            )  # fmt: skip
+
+
+def _pole(rigid: RigidMotion, scalar: str) -> float | None:
+    """Where a scalar has a pole [s], looked for where its neighbouring values part most.
+
+    There they part the further, the nearer they lie; over a jump by as much, elsewhere by less.
+    """
+    times, values = rigid.times, rigid[scalar]
+    parted = abs(np.diff(values))
+    first = max(float(parted.max(initial=0.0)), _ROUNDED * float(abs(values).max()))
+    for _ in range(_POLE_LEVELS if first else 0):
+        k = int(parted.argmax())
+        low, high = max(k - 1, 0), min(k + 2, len(parted))  # an even pole is beside where they part
+        times = np.linspace(times[low], times[high], _POLE_PARTS * (high - low) + 1)
+        values = rigid.motion.at(times)[scalar]
+        parted = abs(np.diff(values))
+        if not np.isfinite(values).all():
+            return float(times[np.isfinite(values).argmin()])
+        if parted.max() < 2.0 / _POLE_PARTS * first:
+            return None
+    return float(times[parted.argmax()]) if first and parted.max() > 2.0 * first else None
 
 
 def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:

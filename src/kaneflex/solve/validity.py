@@ -43,6 +43,8 @@ LARGEST_STRETCH = 0.05
 """Change of a link's length, as a share of it, beyond which small-displacement theory is in doubt."""
 LARGEST_DEFLECTION = 0.05
 """Transverse displacement, as a share of a link's length, beyond which small-displacement theory is in doubt."""
+STILL = 64 * np.finfo(float).eps
+"""Share of a mechanism's size by which its coordinates may change where it stands still."""
 ZERO = 1e-6
 """Share of the largest reading in a unit below which a sensor's peak may be rounding."""
 
@@ -100,7 +102,7 @@ def _deformed(name: str, length: float, stretched: np.ndarray, share: float, cou
 def _unbalanced(solution: Solution) -> Iterator[str]:
     """A warning where the energy of what was integrated with free joints gets lost or comes from nowhere."""
     energy, options = solution.energy, solution.model.options
-    if energy is None or energy.drift <= LARGEST_GAP:
+    if energy is None or energy.drift <= LARGEST_GAP or _stood(solution):
         return
     missing = f"does not close: {energy.drift:.2g} of the energy turned over is missing or too much"
     if options.dynamics == "coupled":
@@ -110,6 +112,16 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
     else:
         lower = f"lower solve.forward.tolerance from {options.forward_tolerance:g}"
         yield f"the energy balance of the rigid mechanism {missing}; {lower}"
+
+
+def _stood(solution: Solution) -> bool:
+    """Whether nothing moved but by rounding, as where friction holds it: all energy that was turned over is rounding's.
+    """
+    system = solution.model.coupled
+    if system is None or not len(solution.times):
+        return False
+    moved = np.ptp(solution.trajectory.q, axis=0)
+    return bool((moved <= STILL * (system.mechanism.size or 1.0)).all())
 
 
 def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
