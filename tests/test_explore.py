@@ -111,7 +111,7 @@ def test_a_range_says_unit_start_and_whole_numbers():
     [
         ("main.speed=2000rpm", "not of the form"),
         ("main.speed=2000rpm:3000mm", "two units"),
-        ("main.speed=2000:3000mm", "not a unit of angular speed"),
+        ("main.speed=2000:3000mm", "--vary = 'main.speed=2000:3000mm': .* begins: 'mm' is not a unit of angular speed"),
         ("main.speed=3000:2000rpm", "rising"),
         ("main.sped=1:2", "no such entry"),
         ("rod.elements=1.5:3.0", "whole number"),
