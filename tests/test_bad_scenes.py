@@ -337,6 +337,9 @@ BAD = {
     "unknown preset": (
         '"stiffened"', '"stiffend"',
         "solve.preset = 'stiffend': unknown preset. The nearest known one is 'stiffened'."),
+    "a number for a term": (
+        "[solve]", "[solve]\nterms = {geometric = 1}",
+        "solve.terms.geometric = 1: neither true nor false. Write true or false, without quotes."),
     "unknown term": (
         "[solve]", "[solve]\nterms = {gyro = false}",
         "solve.terms.gyro = False: unknown term. Known: damping, euler, geometric, gravity, gyroscopic, rotary, shear, "

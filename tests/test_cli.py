@@ -275,6 +275,7 @@ def test_derive_gives_the_shipped_bytes_and_does_not_overwrite():
     Path("deep/module.py").write_text("mine")
     refused(cli("derive", "engine", "-o", "deep/module.py"), "the file exists", "--force")
     refused(cli("derive", "engine", "-o", "deep"), "is a folder")
+    refused(cli("derive", "engine", "-o", "d.txt"), "not the name of a Python module", "End it in .py")
     assert Path("deep/module.py").read_text() == "mine"
 
 

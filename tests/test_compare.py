@@ -67,7 +67,10 @@ def test_the_mean_square_is_over_time_and_curves_meet_at_the_references_instants
     assert difference.rms_difference == pytest.approx((10 / 3) ** 0.5, rel=1e-14)
     assert (difference.sensor, difference.peak, difference.reference_peak) == ("hub_angle", 5.0, 3.0)
     assert np.isnan(found.dataset["root_force"].sel(model="above")).all()
-    assert side_by_side(scene, {"above": above, "line": line}, {}, "above").times[-1] == 3.0  # what both cover
+    both = side_by_side(scene, {"above": above, "line": line}, {}, "above")
+    assert both.times[-1] == 3.0  # what both cover
+    assert both.curves["above"].notes == ("peaks and differences are of its first 3 s, where the run of line ends",)
+    assert both.curves["line"].notes == ()
 
 
 def test_a_preset_that_can_not_be_run_is_left_out_with_its_reason():
@@ -90,7 +93,7 @@ def test_too_few_that_run_and_a_lost_reference_are_refused():
     ("arguments", "words"),
     [
         (("--presets", "linear,stifened"), ("--presets = 'stifened'", "nearest known one is 'stiffened'")),
-        (("--presets", "linear"), ("two or more",)),
+        (("--presets", "linear"), ("two or more", "Name another one, too")),
         (("--presets", "linear,linear"), ("Name each model once",)),
         (("--against", "rigid"), ("--against = 'rigid'", "not among the models compared")),
         (("--set", "sensors=none"), ("sensors", "nothing to compare")),

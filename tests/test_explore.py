@@ -62,6 +62,19 @@ def test_where_the_linkage_cannot_close_the_window_says_so_and_goes_on(explorer)
     assert "free vibrations are not resolved" in explorer.message  # 144 steps: a run's warnings stand there, too
 
 
+def test_a_window_that_opens_where_nothing_closes_has_units_and_a_message_above_the_titles():
+    exploration = Exploration(SCENE, (varied(SCENE, "rod.length=30:35mm"),), SENSORS)
+    with styled():
+        opened = Explorer(new_figure(9.0, 9.0, "", layout="none"), exploration)
+    panels = opened.figure.axes[:-1]
+    assert opened.solution is None and all(each.get_ylabel().endswith("]") for each in panels)
+    assert panels[-1].get_xlabel() == "crank angle [deg]"
+    (message,) = [text for text in opened.figure.texts if "can't close" in text.get_text()]
+    message.set_text("\n".join(["the longest that is shown"] * 3))
+    opened.figure.canvas.draw()
+    assert message.get_window_extent().y0 > panels[0].title.get_window_extent().y1
+
+
 def test_many_moves_of_a_slider_are_one_solution(explorer, monkeypatch):
     solved = []
     solve = Exploration.solve
@@ -98,7 +111,7 @@ def test_a_range_says_unit_start_and_whole_numbers():
     [
         ("main.speed=2000rpm", "not of the form"),
         ("main.speed=2000rpm:3000mm", "two units"),
-        ("main.speed=2000:3000mm", "not a unit of angular speed"),
+        ("main.speed=2000:3000mm", "--vary = 'main.speed=2000:3000mm': .* begins: 'mm' is not a unit of angular speed"),
         ("main.speed=3000:2000rpm", "rising"),
         ("main.sped=1:2", "no such entry"),
         ("rod.elements=1.5:3.0", "whole number"),

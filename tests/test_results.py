@@ -214,6 +214,9 @@ def test_a_run_from_python_warns_of_what_the_terminal_and_the_summary_say():
 
 def test_a_part_of_a_run_has_the_warnings_of_the_whole(solution):
     assert solution.at(solution.times[:2]).warnings == solution.warnings
+    none = solution.at(solution.times[:0])
+    with pytest.raises(ValueError, match=f"has no values: {none.message}"):  # not NumPy's, of the largest of nothing
+        none[next(iter(none.series))]
 
 
 def test_frequencies_are_those_of_the_modes(solution):

@@ -167,6 +167,11 @@ def test_what_can_not_depend_on_a_parameter_has_a_slope_of_exactly_zero():
     assert still == {name for name in slopes if name.endswith("_rigid")}
 
 
+def test_a_number_that_no_neighbour_can_have_is_refused_by_its_own_value():
+    with pytest.raises(SceneError, match=r"main\.cycle = 12\.566\d*: a small change of it makes no scene: "):
+        sensitivities(run("engine", "solve.steps=360"), ["main.cycle"])
+
+
 def test_a_mechanism_that_floats_is_refused():
     with pytest.raises(SceneError, match="inertia relief, whose rounding"):
         sensitivities(run("free-frame", "solve.preset=quasistatic", "solve.steps=24"), ["bottom.E"])

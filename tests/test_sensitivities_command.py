@@ -118,6 +118,7 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
         ("engine", "damping.rayleigh.at.2", ("a list of numbers", "Name one of its 2")),
         ("engine", "rod.length.0", ("rod.length.0 = 0.137", "no list")),
         ("engine", "main.angle", ("main.angle = 0.0", "zero")),
+        ("engine", "rod.E,", ("sensitivities = '': an empty path",)),
         ("engine", "rod.EI", ("rod.EI", "nearest known one is 'I'")),
         ("engine", "solve.mode_angle", ("solve.mode_angle", "no number of the mechanism")),
         ("engine", "rod.nu", ("rod.nu = 0.3", "no sensor depends on it")),

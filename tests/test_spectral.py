@@ -1,5 +1,7 @@
 """The spectral solver: closed forms, motions made up, time steps as the other opinion, and what it says of itself."""
 
+import re
+
 import numpy as np
 import pytest
 from numba import njit
@@ -190,6 +192,7 @@ def test_time_steps_find_the_same(name, settings):
     scene = with_settings(kaneflex.read_scene(name), [*settings, "solve.start=periodic"])
     spectral = simulate(load(scene))
     assert spectral.trajectory.solver.startswith("spectral: ")
+    assert re.search(r" 1 correction leaves | ([02-9]|\d\d+) corrections leave ", spectral.trajectory.solver)
     steps = 4 * spectral.model.options.steps
     stepped = simulate(load(with_settings(scene, ["solve.integrator=radau", f"solve.steps={steps}"])))
     one, other = spectral.trajectory, stepped.trajectory

@@ -15,6 +15,7 @@ from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.response.frozen import buckling, freeze, lost_stiffness
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.validity import validity_warnings
+from kaneflex.solve.variants import Variants
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.study.stability.sweep import sweep
 from kaneflex.support.errors import SceneError
@@ -100,6 +101,14 @@ def test_blade_without_axial_forces_is_unstable_above_its_critical_speed():
     assert trap.converged.all() and list(trap.radii > 1) == list(trap.speeds > critical)
     right = sweep(read_scene("rotating-cantilever"), speeds, 2)
     assert right.bands == () and (right.radii < 1).all()
+
+
+def test_a_drive_that_moves_backwards_is_varied_backwards(monkeypatch):
+    loaded, load = [], Variants.load
+    monkeypatch.setattr(Variants, "load", lambda self, settings: loaded.append(settings) or load(self, settings))
+    found = sweep(with_settings(read_scene("rotating-cantilever"), ["shaft.speed=-10"]), np.array([5.0, 10.0]), 2)
+    assert list(found.speeds[[0, -1]]) == [5.0, 10.0]
+    assert loaded[:2] == [["drives.shaft.speed=-5.0"], ["drives.shaft.speed=-10.0"]]
 
 
 def test_frozen_frequencies_of_the_blade_rise_with_the_speed():

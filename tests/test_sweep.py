@@ -260,6 +260,9 @@ def test_another_study_is_not_mixed_in_and_other_things_are_left_alone(tmp_path,
         ('settings = ["rod.E=1"]\n[parameters]\n"bodies.rod.beam.E" = [2]', ("before as rod.E in settings", "once")),
         ('sensitivities = ["rod.E", "rod.beam.E"]\n[parameters]\n"rod.E" = [1]', ("sensitivities = 'rod.beam.E'",)),
         ("", ("nothing varies",)),
+        ('[parameters]\n"ground.bearing" = [[1, 2], [3, 4]]', ("bearing.values.0: no single value", "Give numbers")),
+        ('settings = "rod.E=1"\n[parameters]\n"rod.length" = [1]', ("settings = 'rod.E=1': not a list", "brackets")),
+        ('series = "yes"\n[parameters]\n"rod.length" = [1]', ("series = 'yes': neither true nor false",)),
         ('[parameters]\n"rod.length" = {form = 1, to = 2, count = 3}', ("rod.length.form", "unknown key", "'from'")),
         ("[bodies]\nrod = {length = 1}", ("it is a scene", "a study beside it", "table of parameters")),
         ('parameter = {"rod.length" = [1]}', ("parameter", "unknown key", "'parameters'")),
@@ -270,6 +273,13 @@ def test_what_is_refused_before_anything_runs(tmp_path, text, words):
     file.write_text(f'scene = "engine"\n{text}\n')
     refused(cli("sweep", file, "-o", tmp_path / "out"), *words)
     assert not (tmp_path / "out").exists()
+
+
+def test_more_points_than_memory_holds_are_refused_before_they_are_made(tmp_path, monkeypatch):
+    monkeypatch.setattr("kaneflex.study.plan.installed", lambda: 8 * 2**30)
+    with pytest.raises(SceneError, match=r"200,000,000 points need 119 GiB, and this machine has 8 GiB\. Ask for 6,"):
+        many = '"rod.length" = {from = 1, to = 2, count = 100000000}'
+        plan_of(tmp_path, f'{HEAD}[parameters]\n{many}\n"rod.E" = [1, 2]\n')
 
 
 def test_a_scene_that_is_not_there_and_a_name_that_the_dataset_has(tmp_path):

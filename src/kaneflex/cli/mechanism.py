@@ -253,6 +253,8 @@ def derive(
     from kaneflex.support.terminal import Waiting
 
     refuse_existing(output, force, "engine.py")
+    if output.suffix != ".py":
+        raise OutputError(str(output), None, "not the name of a Python module", "End it in .py, or take --language c")
     refuse_with_tolerance(tolerance, {"--coupled": coupled or None})
     demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
     scene, choice, whole = read(name, []), None, ""

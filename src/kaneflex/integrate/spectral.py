@@ -195,9 +195,9 @@ class Orbit:
     @property
     def said(self) -> str:
         """How it was found, in words."""
-        corrections = f"{self.corrections} correction{'s' if self.corrections > 1 else ''}"
+        corrections = "1 correction leaves" if self.corrections == 1 else f"{self.corrections} corrections leave"
         left = f"{self.last:.1e} of the motion, its highest harmonics {self.tail:.1e}"
-        return f"spectral: {self.grid.instants} instants of the cycle, {corrections} leave {left}"
+        return f"spectral: {self.grid.instants} instants of the cycle, {corrections} {left}"
 
     def at(self, count: int) -> np.ndarray:
         """z, z', z'' at `count` instants of the cycle, shape (3, n, count)."""

@@ -26,7 +26,7 @@ def figure(system: StateSpace) -> Figure:
     hertz, rows = frequencies(system), len(system.outputs)
     response = system.frequency_response(hertz)
     at = ", ".join(f"{name} = {value:.4g}" for name, value in system.drives.items())
-    title = f"Frequency response at t = {system.t:.4g} s" + (f", drives at {at} (SI)" if at else "")
+    title = f"Frequency response at t = {system.t:.4g} s" + (f", drives at {at} (rad, of a guide m)" if at else "")
     page = new_figure(12.0, 0.9 + 2.1 * rows, title)
     panels = page.subplots(rows, 2, sharex=True, squeeze=False)
     for k, (size, phase) in enumerate(panels):

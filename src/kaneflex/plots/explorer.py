@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _PANELS = 4
 """Panels that are shown where no sensors are named: the first of them."""
-_WIDTH, _PANEL, _SLIDER, _HEAD, _FOOT = 9.6, 1.75, 0.34, 0.95, 0.75
+_WIDTH, _PANEL, _SLIDER, _HEAD, _FOOT = 9.6, 1.75, 0.34, 1.3, 0.75
 """Inches: of the window, then what a panel, a slider, the title with the message, and the abscissa take in height."""
 _PAUSE = 20
 """Milliseconds from a slider's move to the next solution: moves within are one."""
@@ -135,6 +135,8 @@ class Explorer:
                     panel.pale[name] = pale, values
                 panel.axes.plot([], [], color=GREY, linewidth=0.9, label="pale: the scene as it is")
                 legend_beside(panel.axes)
+                panel.draw(shown.x, {})
+            shown.label_x(self._panels[-1].axes)
         self.update()
 
     def _moved(self, value: float) -> None:

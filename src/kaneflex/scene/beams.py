@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from kaneflex.scene.materials import MATERIALS, Constants, Made
 from kaneflex.scene.profile import Piece, Profile, SpatialProfile
@@ -140,7 +140,7 @@ class Beam(Sectioned):
 
     segments: dict[str, Segment] = Field(default={})
     theory: Literal["euler-bernoulli", "rayleigh", "shear", "timoshenko"] = "euler-bernoulli"
-    axially_rigid: bool = False
+    axially_rigid: StrictBool = False
     elements: WholeNumber = 4
     shapes: Literal["craig-bampton", "sine", "clamped-free", "polynomial"] = "craig-bampton"
     yield_strength: PositiveModulus | None = Field(default=None, description="what the largest stress is held against")

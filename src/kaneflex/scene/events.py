@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import StrictBool
+
 from kaneflex.scene.table import SceneTable
 
 
@@ -16,4 +18,4 @@ class Event(SceneTable):
     sensor: str
     value: float | str = 0.0
     direction: Literal["up", "down", "both"] = "both"
-    stop: bool = False
+    stop: StrictBool = False

@@ -6,7 +6,15 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    StrictBool,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from kaneflex.scene.contacts import Clearance, contacts_of
 from kaneflex.scene.friction import Friction, friction_in
@@ -313,7 +321,7 @@ class Solve(SceneTable):
     modes: CountOrAll = "all"
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
     mode_angle: DriveCoordinate = 0.0
-    terms: dict[str, bool] = Field(default={})
+    terms: dict[str, StrictBool] = Field(default={})
     tolerance: Tolerance | None = Field(
         default=None,
         description="1e-8 under preset coupled: error that ten periods of a vibration accumulate, as a share of the "

@@ -248,6 +248,10 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
         reason, cure = "not a table", "Write a table, like {key = value}"
     elif error["type"] == "string_type":
         reason, cure = "not a text", "Write it in quotes"
+    elif error["type"] in ("tuple_type", "list_type"):
+        reason, cure = "not a list", "Write it in brackets, like [...]"
+    elif error["type"] in ("bool_type", "bool_parsing"):
+        reason, cure = "neither true nor false", "Write true or false, without quotes"
     else:
         reason, cure = error["msg"][:1].lower() + error["msg"][1:], "Correct the value"
     return Problem(".".join(path), given_value(raw, path), reason, cure)

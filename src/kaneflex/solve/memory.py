@@ -50,7 +50,7 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
         matrices = max(matrices, _NUMBER * 4 * max(links.values(), default=0) ** 2)
     if instants + matrices <= there:
         return
-    needs = f"the run needs {_gib(instants + matrices)}, and this machine has {_gib(there)}"
+    needs = f"the run needs {gib(instants + matrices)}, and this machine has {gib(there)}"
     if matrices > instants:
         largest = max(links, key=links.__getitem__)
         cure = "Take fewer elements" + (", keep some modes of them, or start from zero" if not coupled else "")
@@ -70,5 +70,5 @@ def _count(modes: int | str, size: int) -> int:
     return modes if isinstance(modes, int) else size
 
 
-def _gib(size: float) -> str:
+def gib(size: float) -> str:
     return f"{size / 2**30:.3g} GiB"

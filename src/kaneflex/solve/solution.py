@@ -326,11 +326,15 @@ class Solution:
         ------
         KeyError
             For a name that is not a sensor; it names the nearest one.
+        ValueError
+            Where a run stopped before its first instant: it says why.
         """
         if sensor not in self.series:
             from kaneflex.support.errors import nearest
 
             raise KeyError(f"no sensor {sensor!r}. {nearest(sensor, self.series)}.")
+        if not len(self.times):
+            raise ValueError(f"{sensor} has no values: {self.message}")
         return self.dataset[sensor]
 
 

@@ -168,7 +168,8 @@ def check_request(scene: Scene, presets: Sequence[str], against: str | None, oth
             raise SceneError("--with", other, "no program to compare with", nearest(other, sorted(programs)))
     asked = [*presets, *others]
     if len(set(asked)) < max(2, len(asked)):
-        raise SceneError("--presets", ",".join(presets), "not two or more different models", "Name each model once")
+        cure = "Name each model once" if len(set(asked)) < len(asked) else "Name another one, too"
+        raise SceneError("--presets", ",".join(presets), "not two or more different models", cure)
     if against is not None and against not in asked:
         raise SceneError("--against", against, "not among the models compared", nearest(against, asked))
     if not scene.sensors:
@@ -190,10 +191,14 @@ def side_by_side(
         what = "too few of them can be run" if len(found) < 2 else f"{against}, the reference, can't be run"
         raise SceneError("--presets", ",".join([*found, *left_out]), f"{what} ({reasons})", "Choose other presets")
     reference = against or list(found)[-1]
-    last = min(curves.times[-1] for curves in found.values())
+    last, shortest = min((curves.times[-1], model) for model, curves in found.items())
     times = found[reference].times
     times = times[times <= last * (1 + 1e-9)]
     common = {model: _at(curves, times) for model, curves in found.items()}
+    for model, curves in found.items():
+        if curves.times[-1] > last * (1 + 1e-9):
+            note = f"peaks and differences are of its first {last:.4g} s, where the run of {shortest} ends"
+            common[model] = replace(common[model], notes=(*curves.notes, note))
     return Comparison(scene, reference, common, left_out)
 
 

@@ -74,7 +74,11 @@ def varied(scene: Scene, text: str) -> Varied:
         raise SceneError("--vary", text, "not two rising numbers", cure)
     whole = not unit and all(end.lstrip("+-").isdecimal() for end in (first, last))
     found = Varied(path, unit, low[0], high[0], _start(scene, path, unit, low[0], high[0]), whole)
-    with_settings(scene, [found.setting(found.start)])
+    try:
+        with_settings(scene, [found.setting(found.start)])
+    except SceneError as error:
+        reason = f"the scene refuses {found.start:.6g} {unit}".rstrip() + f", where the slider begins: {error.reason}"
+        raise SceneError("--vary", text, reason, error.cure) from None
     return found
 
 

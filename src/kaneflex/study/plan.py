@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.merge import merged
 from kaneflex.scene.settings import demand_once, nested, resolved
+from kaneflex.solve.memory import gib, installed
 from kaneflex.study.poincare import Poincare
 from kaneflex.study.sensitivity.parameters import place_of
-from kaneflex.study.study import Point, Study, Value, points_of, read_study, study_of
+from kaneflex.study.study import Point, Study, Value, points_of, read_study, size_of, study_of
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.module_cache import sources_digest
 
@@ -31,6 +32,8 @@ OWN_NAMES = ("point", "statistic", "instant", "outcome", "reason", "time")
 
 _MANY = 20
 """Runs in the time of reading which reading is compiled, or more."""
+_POINT, _VALUE = 500, 70
+"""Bytes of a point as it is planned and numbered, and of each of its values."""
 
 
 def names_file(path: str) -> bool:
@@ -120,6 +123,7 @@ def make_plan(given: Path | str | Mapping[str, Any]) -> Plan:
         study = study_of(tables)
     else:
         study, folder = read_study(given), Path(given).resolve().parent
+    _check_memory(study)
     read = _named(study.scene, folder) if own is None else own
     settings = _settings(study, folder)
     scene = with_settings(read, settings) if settings else read
@@ -136,6 +140,15 @@ def make_plan(given: Path | str | Mapping[str, Any]) -> Plan:
     kept_series = study.series or study.poincare is not None
     kept = (kept_series, _files(scene, points), study.sensitivities, study.basis == "frozen", study.poincare)
     return Plan(scene, dict(enumerate(points)), *kept, _alike(scene, points))
+
+
+def _check_memory(study: Study) -> None:
+    """Refuse more points than the machine's memory holds, before the first of them is made."""
+    count, there = size_of(study), installed()
+    each = _POINT + _VALUE * (len(study.parameters) + len(study.points[0] if study.points else ()))
+    if there is not None and count * each > there:
+        reason = f"{count:,} points need {gib(count * each)}, and this machine has {gib(there)}"
+        raise SceneError("study", study.scene, reason, f"Ask for {there // (2 * each):,} at most")
 
 
 def _alike(scene: Scene, points: Sequence[Point]) -> bool:

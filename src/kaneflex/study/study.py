@@ -23,7 +23,14 @@ from kaneflex.study.poincare import Poincare
 from kaneflex.support.errors import Fault, SceneError
 from kaneflex.support.units import NUMBER_WITH_UNIT
 
-Value = StrictBool | StrictInt | StrictFloat | StrictStr
+
+def _one_value(value: object) -> object:
+    if not isinstance(value, bool | int | float | str):
+        raise Fault("no single value", "Give numbers, texts, true or false; for each vector make a study with settings")
+    return value
+
+
+Value = Annotated[StrictBool | StrictInt | StrictFloat | StrictStr, BeforeValidator(_one_value)]
 """What an entry of a scene is set to."""
 
 
@@ -120,7 +127,7 @@ class Study(SceneTable):
     )
     points: tuple[dict[str, Value], ...] = Field(default=(), description="listed points: `{path = value}`, same paths")
     sample: Sample | None = Field(default=None, description="see below")
-    series: bool = Field(default=False, description="whether to keep every sensor over time")
+    series: StrictBool = Field(default=False, description="whether to keep every sensor over time")
     sensitivities: tuple[str, ...] = Field(default=(), description="paths of what every sensor is differentiated by")
     basis: Literal["frozen", "recomputed"] = Field(default="frozen", description="modal bases in the derivatives")
     poincare: Poincare | None = Field(default=None, description="every sensor once a period of a drive, see below")
@@ -196,6 +203,12 @@ def points_of(study: Study) -> list[Point]:
         together = {path: value for part in parts for path, value in part.items()}
         found.append({path: together[path] for path in order})
     return found
+
+
+def size_of(study: Study) -> int:
+    """How many points :func:`points_of` makes of it."""
+    counts = [axis.count or len(axis.values or ()) for axis in study.parameters.values() if not axis.sampled]
+    return math.prod(counts) * (len(study.points) or 1) * (1 if study.sample is None else study.sample.count)
 
 
 def _values(axis: Axis) -> Sequence[Value]:

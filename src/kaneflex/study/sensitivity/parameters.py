@@ -77,6 +77,8 @@ def place_of(scene: Scene, name: str) -> tuple[tuple[str, ...], int | None]:
 
     Raises SceneError for a path that leads nowhere, or to several places.
     """
+    if not name.strip():
+        raise SceneError("sensitivities", name, "an empty path", "Write like rod.E,main.speed")
     whole, _, last = name.rpartition(".")
     index = int(last) if whole and last.isdecimal() else None
     return tuple(resolved(scene.raw, name if index is None else whole)), index

@@ -91,7 +91,13 @@ def neighbour_at(model: Model, parameter: Parameter, change: float, frozen: bool
     SceneError
         If a small change of the parameter changes which equations there are, or what can be assembled.
     """
-    scene = parameter.scaled(model.scene, 1.0 + change)
+    try:
+        scene = parameter.scaled(model.scene, 1.0 + change)
+    except SceneError as error:
+        raise SceneError(
+            parameter.name, parameter.value, f"a small change of it makes no scene: {error.reason}",
+            "Give another parameter: this one is fixed by what else the scene says",
+        ) from None  # fmt: skip
     if scene.structure_hash() != parameter.scaled(model.scene, 1.0).structure_hash():
         raise SceneError(
             parameter.name, parameter.value, "a small change of it makes other equations",

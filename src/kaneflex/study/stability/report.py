@@ -195,6 +195,8 @@ def _of_steps(found: Stability) -> str:
             ranges.append(f"{limit.integrator} at no step tried")
         elif limit.limited:
             ranges.append(f"{limit.integrator} up to {limit.step:.4g} s ({limit.steps} in a period)")
+    if found.multipliers.unstable:
+        return f"the motion itself is unstable; no disturbance grows faster than by itself with {'; '.join(ranges)}"
     return f"stable are {'; '.join(ranges)}"
 
 
@@ -217,13 +219,16 @@ def _of_condition(found: Stability) -> str:
 
 
 def _of_speeds(found: Stability) -> str:
-    swept = found.sweep
+    swept, scene = found.sweep, found.model.scene
+    drive = swept.drive
 
     def written(speed: float) -> str:
-        return found.model.scene.written_speed(swept.drive, float(speed), 5)
+        return scene.written_speed(drive, float(speed), 5)
 
     ends, gap = [written(swept.speeds[k]) for k in (0, -1)], written(swept.widest_gap)
     missed = f"a band narrower than {gap} may be missed but at 2 f / k turns of a frozen frequency f"
+    if (scene.drives[drive].speed or 0.0) < 0.0:
+        ends[1] += " backwards"
     if not swept.bands:
         return f"stable at all {len(swept.speeds)} speeds from {ends[0]} to {ends[1]}; {missed}"
     bands = [" to ".join(map(written, band)) for band in swept.bands]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -121,6 +122,8 @@ def sweep(
 ) -> Sweep:  # fmt: skip
     """Multipliers and ``count`` lowest frozen frequencies of a scene at some speeds [rad/s or m/s], rising.
 
+    The drive moves as the scene has it, forwards or backwards.
+
     Speeds at which a pulsation can excite one of these frequencies are looked at beside them: a band around one may be
     narrower than the distance of two speeds.
 
@@ -130,9 +133,10 @@ def sweep(
         If the first drive has no constant speed, or the scene can't be judged at one of them.
     """
     drive, variants = check_sweep(scene), Variants(scene)
+    way = math.copysign(1.0, scene.drives[drive].speed or 1.0)  # the scene's own
 
     def at(speed: float) -> tuple[Model, Multipliers]:
-        model = variants.load([f"drives.{drive}.speed={float(speed)!r}"])
+        model = variants.load([f"drives.{drive}.speed={way * float(speed)!r}"])
         return model, floquet_multipliers(model)
 
     found: dict[float, tuple[Multipliers, np.ndarray]] = {}
