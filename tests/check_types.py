@@ -15,7 +15,7 @@ BASELINE = {
     "fem": 31,
     "integrate": 40,
     "mechanism": 26,
-    "multibody": 52,
+    "multibody": 51,
     "peers": 23,
     "plots": 39,
     "report": 6,
