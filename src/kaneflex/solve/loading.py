@@ -380,13 +380,13 @@ def _check_poles(scene: Scene, rigid: RigidMotion, known: Sequence[str]) -> None
 def _pole(rigid: RigidMotion, scalar: str) -> float | None:
     """Where a scalar has a pole [s], looked for where its neighbouring values part most.
 
-    There they part the further, the nearer they lie; over a jump by as much, elsewhere by less.
+    There they part the further, the nearer they lie, to the last; over a jump by as much, elsewhere by less.
     """
     times, values = rigid.times, rigid[scalar]
     parted = abs(np.diff(values))
-    first = max(float(parted.max(initial=0.0)), _ROUNDED * float(abs(values).max()))
+    before = first = max(float(parted.max(initial=0.0)), _ROUNDED * float(abs(values).max()))
     for _ in range(_POLE_LEVELS if first else 0):
-        k = int(parted.argmax())
+        k, before = int(parted.argmax()), max(first, float(parted.max()))
         low, high = max(k - 1, 0), min(k + 2, len(parted))  # an even pole is beside where they part
         times = np.linspace(times[low], times[high], _POLE_PARTS * (high - low) + 1)
         values = rigid.motion.at(times)[scalar]
@@ -395,7 +395,7 @@ def _pole(rigid: RigidMotion, scalar: str) -> float | None:
             return float(times[np.isfinite(values).argmin()])
         if parted.max() < 2.0 / _POLE_PARTS * first:
             return None
-    return float(times[parted.argmax()]) if first and parted.max() > 2.0 * first else None
+    return float(times[parted.argmax()]) if first and parted.max() > 2.0 * before else None
 
 
 def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:
