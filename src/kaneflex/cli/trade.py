@@ -83,7 +83,8 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     found, folder = _weighed("terms", left_out, terms_data, asked, target, limits)
     click.echo(terms_table(found))
     full = found.full
-    click.echo(f"Stiffened with all of them: {full.operations} operations, {full.ns_per_step:.0f} ns a step")
+    step = f"{full.ns_per_step:.0f} ns a step, rigid motion and start included"
+    click.echo(f"Stiffened with all of them: {full.operations} operations, {step}")
     _close(folder, found.left_out)
 
 
