@@ -27,7 +27,7 @@ def check_load_law(scene: Scene, load: Load) -> None:
     """Raise Fault unless a load's law is one and has values wherever its joints' motion is known before the run.
 
     A law of a free joint's motion is tried where the joint starts; what depends on the speed of a spin-up, a law or a
-    table is sampled with the derived motion (`kaneflex.solve.loading.check_finite`).
+    table is sampled with the derived motion (`kaneflex.solve.law_checks.check_finite`).
     """
     law = parse_law(load.law, scene.law_names())
     for name in scene.joints:

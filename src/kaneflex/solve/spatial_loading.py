@@ -30,17 +30,8 @@ from kaneflex.scene.options import Options, acting
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.sensors import DRIVE_KINDS
 from kaneflex.solve.initial import given_start, laid_over, shape_dimensions
-from kaneflex.solve.loading import (
-    ONE_WAY,
-    SWEEP,
-    Progress,
-    check_finite,
-    check_springs,
-    compiled_by,
-    ignored_of,
-    neighbour_options,
-    timed,
-)  # fmt: skip
+from kaneflex.solve.law_checks import check_finite, check_springs
+from kaneflex.solve.loading import ONE_WAY, SWEEP, Progress, compiled_by, ignored_of, neighbour_options, timed
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import share_of

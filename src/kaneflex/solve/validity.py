@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import between_steps
@@ -117,10 +117,10 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
 def _stood(solution: Solution) -> bool:
     """Whether nothing moved but by rounding, as where friction holds it: all energy that was turned over is rounding's.
     """
-    system = solution.model.coupled
-    if system is None or not len(solution.times):
+    system, trajectory = solution.model.coupled, solution.trajectory
+    if system is None or isinstance(trajectory, Trajectory) or not len(solution.times):
         return False
-    moved = np.ptp(solution.trajectory.q, axis=0)
+    moved = np.ptp(trajectory.q, axis=0)
     return bool((moved <= STILL * (system.mechanism.size or 1.0)).all())
 
 

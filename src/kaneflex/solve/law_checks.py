@@ -1,0 +1,112 @@
+"""What a scene's laws, tables and springs must be over a run, by the motion that they give."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kaneflex.mechanism.closure import SWEEP
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.springs import points_meet
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+
+_ROUNDED = 1e-9  # share of a law's largest value by which rounding may part its values
+_POLE_PARTS, _POLE_LEVELS = 64, 4
+"""Into how many parts samples are taken nearer where a pole may lie between them, and how often: by 1e7 in all."""
+_MEETING = 1e-3
+"""Share of a spring's greatest length under which it has no direction."""
+_MOST = 20_000
+"""Instants at most at which laws must have values before anything is computed."""
+
+
+def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
+    """Loads and prescribed motions must have a value at every step, or the error names the law and the time."""
+    times = np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
+    rigid = motion.at(times)
+    free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
+    free_bodies = options.dynamics == "coupled" and free
+    known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
+    laws = {name: scene.law(name) for name in scene.loads} if scene.observed else {}
+    elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
+    elsewhere |= set(getattr(motion.module, "open_reactions", ()))  # which no equation determines
+    known = [name for name in known if name not in elsewhere]  # they are known once the bodies are placed
+    whole = len(known) == len(motion.column)  # else bodies need not be placed for it
+    if np.isfinite(rigid.values).all() if whole else all(np.isfinite(rigid[name]).all() for name in known):
+        _check_poles(scene, rigid, known)
+        return
+    for name in sorted(known, key=lambda name: name not in scene.loads):
+        lost = ~np.isfinite(rigid[name])
+        if not lost.any():
+            continue
+        t = times[int(np.argmax(lost))]
+        if name in scene.loads:
+            key, thing, given = f"loads.{name}", "it", scene.loads[name].law
+        else:
+            drive = min(scene.drives, key=lambda drive: scene.drives[drive].law is None)
+            key, thing, given = f"drives.{drive}", "the motion or one of its rates", scene.drives[drive].law
+        raise SceneError(
+            key, given, f"{thing} has no finite value at t = {t:.6g} s",
+            "Give a law that is smooth over the run, or another duration",
+        )  # fmt: skip
+
+
+def _check_poles(scene: Scene, rigid: RigidMotion, known: Sequence[str]) -> None:
+    """Laws must not have a pole between two samples."""
+    laws = {f"{name}.angle": ("drives", name, drive.law) for name, drive in scene.drives.items()}
+    laws |= {name: ("loads", name, load.law) for name, load in scene.loads.items()}
+    for scalar in sorted(laws.keys() & set(known)):
+        table, name, law = laws[scalar]
+        t = None if law is None else _pole(rigid, scalar)
+        if t is not None:
+            raise SceneError(
+                f"{table}.{name}", law, f"it grows without bound at t = {t:.6g} s",
+                "Give a law that is smooth over the run, or another duration",
+            )  # fmt: skip
+
+
+def _pole(rigid: RigidMotion, scalar: str) -> float | None:
+    """Where a scalar has a pole [s], looked for where its neighbouring values part most.
+
+    There they part the further, the nearer they lie, to the last; over a jump by as much, elsewhere by less.
+    """
+    times, values = rigid.times, rigid[scalar]
+    parted = abs(np.diff(values))
+    before = first = max(float(parted.max(initial=0.0)), _ROUNDED * float(abs(values).max()))
+    for _ in range(_POLE_LEVELS if first else 0):
+        k, before = int(parted.argmax()), max(first, float(parted.max()))
+        low, high = max(k - 1, 0), min(k + 2, len(parted))  # an even pole is beside where they part
+        times = np.linspace(times[low], times[high], _POLE_PARTS * (high - low) + 1)
+        values = rigid.motion.at(times)[scalar]
+        parted = abs(np.diff(values))
+        if not np.isfinite(values).all():
+            return float(times[np.isfinite(values).argmin()])
+        if parted.max() < 2.0 / _POLE_PARTS * first:
+            return None
+    return float(times[parted.argmax()]) if first and parted.max() > 2.0 * before else None
+
+
+def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:
+    """Sweep as for the loops: a free length or a damper needs a direction, which points that meet don't have."""
+    directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
+    if not directed:
+        return
+    rigid = motion.at(np.linspace(0.0, options.duration, SWEEP + 1))
+
+    for name, spring in directed.items():
+        start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)
+        d = end - start
+        step = np.diff(d)
+        # The closest approach may lie between two samples: on the straight line from one to the other.
+        share = np.clip(-(d[:, :-1] * step).sum(0) / np.maximum((step**2).sum(0), 1e-300), 0.0, 1.0)
+        nearest = np.linalg.norm(d[:, :-1] + share * step, axis=0)
+        if (nearest > _MEETING * np.linalg.norm(d, axis=0).max()).all():
+            continue
+        index = int(np.argmin(nearest))
+        drive = next(iter(scene.drives), None)
+        at = ""
+        if drive is not None:
+            at = f" at {drive} = {scene.written_coordinate(drive, float(rigid[f'{drive}.angle'][index]))}"
+        raise points_meet(name, spring.between, at)
