@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 
 import kaneflex
 from kaneflex import load, simulate
+from kaneflex.integrate import lanes
 from kaneflex.integrate.disturbances import monodromy
 from kaneflex.integrate.fourier import ORDER, interpolate, to_harmonics, to_instants, turns
 from kaneflex.integrate.lanes import aligned
@@ -139,6 +140,7 @@ def test_nothing_is_read_that_was_not_written(monkeypatch):
 
 
 def test_memory_is_used_again_only_when_nobody_holds_it():
+    lanes._kept.arrays.clear()
     held = [aligned(2, 2**14) for _ in range(4)]
     for number, array in enumerate(held):
         array[...] = number

@@ -19,7 +19,7 @@ _DEPENDENT = 1e-9  # singular value below which conditions of unit size say the 
 _RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that is rounding
 LARGEST_DENSE = 64
 """Coordinates up to which all instants are solved as one stack of dense matrices; beyond, by bands, one by one."""
-_POINTS, _HALVINGS = 9, 25
+_POINTS, _HALVINGS = 17, 25
 """Instants of a span from which first rates are found, and how many spans, down to some 1e-7 of the run."""
 _CHUNK = 4_000_000  # numbers in one batch of dense matrices: 32 MB
 
