@@ -118,7 +118,7 @@ def described(case: Case, method: str, effort: float) -> str:
 
 def periodic_by_scipy() -> Iterator[Row]:
     """The same motion of 6 coordinates within the finer error, by scipy over as many cycles as its transient takes."""
-    case, name, scipy = of_cycle("6 coordinates"), "6 coordinates", SCIPY[0]
+    case, scipy = of_cycle("6 coordinates"), SCIPY[0]
     method, effort = quickest(case, FINE)
     jitted = jitted_slope(case.model)
 
@@ -137,7 +137,7 @@ def periodic_by_scipy() -> Iterator[Row]:
     for candidate in race:
         target = LAMBDIFIED if "lambdified" in candidate else None
         ratio = race.ratio(candidate, "kaneflex, in all")
-        yield Row(f"engine, {name}, periodic from rest to {FINE:g}", candidate, race[candidate], ratio, target,
+        yield Row(f"engine, periodic to {FINE:g}", candidate, race[candidate], ratio, target,
                   differs=notes[candidate])  # fmt: skip
 
 
