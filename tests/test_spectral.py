@@ -140,7 +140,7 @@ def test_nothing_is_read_that_was_not_written(monkeypatch):
 
 
 def test_memory_is_used_again_only_when_nobody_holds_it():
-    lanes._kept.arrays.clear()
+    lanes._kept.blocks.clear()
     held = [aligned(2, 2**14) for _ in range(4)]
     for number, array in enumerate(held):
         array[...] = number

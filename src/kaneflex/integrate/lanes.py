@@ -6,8 +6,8 @@ instructions stay in this file.
 
 import math
 import operator
-import sys
 import threading
+import weakref
 
 import numpy as np
 from llvmlite import ir
@@ -28,24 +28,25 @@ take longer than solving them.
 
 
 class _Kept(threading.local):
-    """A thread's arrays, the newest last, each with the place from where a line of the cache begins."""
+    """A thread's memory, the newest last, each with the array that was last made of it, as long as there is one."""
 
     def __init__(self) -> None:
-        self.arrays: list[tuple[np.ndarray, int]] = []
+        self.blocks: list[tuple[memoryview, weakref.ref[np.ndarray]]] = []
 
-    def take(self, size: int) -> tuple[np.ndarray, int]:
-        """An array of that many numbers or more from its place on."""
-        for number in range(len(self.arrays)):
-            array, first = self.arrays[number]  # held by the list, this name and the argument below
-            if size <= array.size - first <= 4 * size and sys.getrefcount(array) == 3:
-                self.arrays.append(self.arrays.pop(number))
-                return array, first
-        fresh = np.empty(size + LANES)
-        found = fresh, -fresh.__array_interface__["data"][0] // fresh.itemsize % LANES
+    def take(self, size: int) -> np.ndarray:
+        """An array of that many numbers or more, from where a line of the cache begins."""
+        for number, (memory, held) in enumerate(self.blocks):
+            if size <= len(memory) <= 4 * size and held() is None:
+                del self.blocks[number]
+                break
+        else:
+            numbers = np.empty(size + LANES)
+            memory = numbers[-numbers.__array_interface__["data"][0] // numbers.itemsize % LANES :].data
+        found = np.frombuffer(memory)  # which is what its views hold, and theirs: it ends with the last of them
         if _LEAST_KEPT <= size <= _ALL_KEPT:
-            self.arrays.append(found)
-            while sum(array.size for array, _ in self.arrays) > _ALL_KEPT:
-                del self.arrays[0]
+            self.blocks.append((memory, weakref.ref(found)))
+            while sum(len(memory) for memory, _ in self.blocks) > _ALL_KEPT:
+                del self.blocks[0]
         return found
 
 
@@ -55,8 +56,7 @@ _kept = _Kept()
 def aligned(*shape: int) -> np.ndarray:
     """An array, not filled, from where a line of the cache begins: lanes across two lines take half as long again."""
     size = math.prod(shape)
-    numbers, first = _kept.take(size)
-    return numbers[first : first + size].reshape(shape)
+    return _kept.take(size)[:size].reshape(shape)
 
 
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)

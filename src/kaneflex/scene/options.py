@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from kaneflex.scene import Scene
-from kaneflex.scene.contact_check import refuse_bristles, refuse_contacts
+from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws, check_options
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import SceneError
 
@@ -134,8 +134,6 @@ UNUSED_TERMS = {
     "coupled": (),
 }
 """Term groups that each kind of dynamics has no place for: they stay out, whatever a scene says."""
-COUPLED_INTEGRATORS = ("radau", "gauss", "scipy")
-"""What preset coupled can be integrated by."""
 _INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "radau", "coupled": "radau"}
 _TOLERANCES = {"coupled": 1e-8, "dynamic": 1e-6}
 _REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
@@ -172,10 +170,10 @@ def resolve_options(scene: Scene) -> Options:
     if not elastic and (dynamics != "coupled" or scene.is_frame):
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":
-        _check_coupled(scene)
+        check_coupled(scene)
     if not scene.is_spatial:  # whose bodies move freely, and whose laws know any joint, without the coupled equations
-        _check_contacts(scene, dynamics)
-        _check_laws(scene, dynamics)
+        check_contacts(scene, dynamics)
+        check_laws(scene, dynamics)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period
     duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
@@ -197,7 +195,7 @@ def resolve_options(scene: Scene) -> Options:
         forward_tolerance=solve.forward.tolerance,
         errors=solve.errors,
     )
-    _check(options)
+    check_options(options)
     return options
 
 
@@ -266,137 +264,6 @@ def default_steps(scene: Scene, duration: float) -> int:
     if not fastest:
         return 2000
     return max(200, math.ceil(round(STEPS_PER_TURN * turns, 6)))
-
-
-def _check_coupled(scene: Scene) -> None:
-    solve = scene.solve
-    if solve.reduction is not None:
-        raise SceneError(
-            "solve.reduction", solve.reduction, "preset coupled has shapes of each link", "Leave reduction out"
-        )
-    if solve.integrator not in (None, *COUPLED_INTEGRATORS):
-        raise SceneError(
-            "solve.integrator", solve.integrator, "integrates equations that are linear in the displacements",
-            f"Use {', '.join(COUPLED_INTEGRATORS[:-1])} or {COUPLED_INTEGRATORS[-1]} under preset coupled",
-        )  # fmt: skip
-    if scene.is_spatial and solve.integrator not in (None, "radau"):
-        reason = "under preset coupled bodies in space are integrated by radau alone"
-        raise SceneError("solve.integrator", solve.integrator, reason, "Leave it out")
-    if scene.is_spatial and solve.bounded:
-        reason = "in space solve.tolerance bounds displacements alone"
-        raise SceneError("solve.bounded", list(solve.bounded), reason, "Leave it out, and give a smaller tolerance")
-    for name, on in solve.terms.items():
-        if not on:
-            raise SceneError(
-                f"solve.terms.{name}", on, "the coupled equations are one whole",
-                "Take preset stiffened to leave terms out",
-            )  # fmt: skip
-    rotations = {f"joints.{name}": joint.rotation for name, joint in scene.joints.items() if joint.rotation == "shared"}
-    rotations |= {f"drives.{name}": drive.rotation for name, drive in scene.drives.items() if drive.rotation == "free"}
-    for key, rotation in rotations.items():
-        raise SceneError(
-            f"{key}.rotation", rotation, "a choice of models with small displacements: here a joint is what it is",
-            "Leave rotation out, or take preset stiffened",
-        )  # fmt: skip
-    if scene.is_frame:
-        raise SceneError(
-            "solve.preset", "coupled", "a structure that stands still has no motion to be coupled with",
-            "Take preset stiffened",
-        )  # fmt: skip
-
-
-def _check_contacts(scene: Scene, dynamics: str) -> None:
-    """Bodies that touch and part again, rub, or move freely, move by the coupled equations alone."""
-    for name, contact in scene.contacts.items() if dynamics != "coupled" else ():
-        joint = contact.joint
-        key = f"contacts.{name}" if joint is None else f"joints.{joint}.clearance"
-        what = "a contact" if joint is None else "a joint with a clearance"
-        reason = f"preset {scene.solve.preset} has no equations of {what}"
-        raise SceneError(key, None, reason, "Take preset coupled")
-    for name in scene.floating:
-        if dynamics != "coupled":
-            reason = f"preset {scene.solve.preset} has no equations of a body that moves freely"
-            raise SceneError(f"bodies.{name}.free", None, reason, "Take preset coupled")
-        if scene.solve.start in ("quasistatic", "periodic"):
-            reason = f"bodies.{name} is free: nothing holds it in equilibrium or brings it back"
-            raise SceneError("solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
-    for name in scene.frictions if dynamics != "coupled" else ():
-        reason = f"preset {scene.solve.preset} has no equations of friction"
-        raise SceneError(f"joints.{name}.friction", None, reason, "Take preset coupled")
-    if scene.solve.integrator == "scipy":
-        reason = "it would step over what changes there"
-        refuse_contacts(scene, "solve.integrator", "scipy", reason, "Take radau or gauss")
-    if scene.solve.start == "quasistatic":
-        reason = "its equilibrium is not that of free bodies"
-        refuse_contacts(scene, "solve.start", "quasistatic", reason, "Start from zero, or from a given state")
-    if scene.solve.start == "periodic":
-        refuse_bristles(scene, "solve.start", "periodic")
-
-
-def _check_laws(scene: Scene, dynamics: str) -> None:
-    """Laws of loads in what only preset coupled computes, or that only its error control takes."""
-    free = next((name for name, drive in scene.drives.items() if drive.free), None)
-    for name, load in scene.loads.items():
-        law, key = scene.law(name), f"loads.{name}.law"
-        if law is None:
-            continue
-        strange = next((joint for joint in scene.observed if law.uses_any([joint])), None)
-        jump, preset = law.jumps(), scene.solve.preset
-        if strange is not None and dynamics != "coupled":
-            reason = f"under preset {preset} laws know the joints that have a drive: {strange} has none"
-            raise SceneError(key, load.law, reason, "Take preset coupled, or write the law in a joint that has a drive")
-        if jump is not None and free is not None and dynamics != "coupled":
-            reason = f"{jump} jumps, which preset {preset} would step over as it integrates {free}"
-            raise SceneError(key, load.law, reason, f"Take preset coupled, or a smooth law: {_SMOOTH}")
-        if jump is not None and scene.solve.integrator == "scipy" and dynamics == "coupled":
-            reason = f"{jump} jumps, which scipy's Radau would step over"
-            raise SceneError(key, load.law, reason, "Take integrator radau or gauss, which end a step there")
-
-
-_SMOOTH = "tanh(x / small) for sign(x), step(x, x_0, h_0, x_1, h_1) for step(x)"
-
-
-def _check(options: Options) -> None:
-    if options.start == "given" and options.dynamics not in ("dynamic", "coupled"):
-        reason = {
-            "rigid": "nothing deforms: there is no state of deformation to start from",
-            "quasistatic": "preset quasistatic solves each instant by itself, whatever went before",
-            "frozen": f"preset {options.preset} always starts from rest",
-        }[options.dynamics]
-        raise SceneError(
-            "solve.start", "a table of a state", reason,
-            "Take preset linear, stiffened or coupled with an elastic body, or solve.start = zero",
-        )  # fmt: skip
-    if options.start == "periodic" and options.dynamics in ("dynamic", "coupled") and not options.cycles:
-        raise SceneError(
-            "solve.start", "periodic", "there is no cycle to repeat: solve.duration sets a horizon of its own",
-            "Give a drive a cycle and no duration, or start from zero or quasistatic",
-        )  # fmt: skip
-    if options.dynamics == "frozen" and options.reduction != "modal":
-        raise SceneError(
-            "solve.reduction", options.reduction, f"preset {options.preset} superposes modes of the whole mechanism",
-            "Leave the reduction out",
-        )  # fmt: skip
-    if options.start == "periodic" and options.dynamics == "dynamic" and options.integrator == "scipy":
-        raise SceneError(
-            "solve.integrator", "scipy", "it finds no periodic state, and solve.start is periodic",
-            "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator",
-        )  # fmt: skip
-    if options.integrator == "spectral" and options.dynamics == "dynamic" and options.start != "periodic":
-        raise SceneError(
-            "solve.integrator", "spectral", f"it finds periodic motions, and solve.start is {options.start}",
-            "Take radau, or start periodic, like --set solve.start=periodic",
-        )  # fmt: skip
-    if options.bounded and options.dynamics == "coupled" and options.integrator == "scipy":
-        raise SceneError(
-            "solve.bounded", list(options.bounded), "scipy's Radau bounds what it integrates, by solve.tolerance",
-            "Leave it out, or take the integrator radau or gauss",
-        )  # fmt: skip
-    exact = options.integrator == "exact-modal"
-    if exact != (options.dynamics == "frozen") and options.dynamics in ("frozen", "dynamic"):
-        cure = "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"
-        reason = f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}"
-        raise SceneError("solve.integrator", options.integrator, reason, cure)
 
 
 def modes_of(scene: Scene) -> int:
