@@ -341,3 +341,5 @@ def test_all_modes_are_a_number_of_them_in_coupled_equations():
     assert asked.warnings == ("preset coupled takes 3 modes of each link where solve.modes is all: give a number",)
     assert model(*coupled).warnings == model("engine", "solve.modes=all").warnings == ()
     assert asked.solved_for == 5 and model(*coupled, "solve.modes=2").solved_for == 4
+    assert model("double-pendulum", "solve.preset=coupled").solved_for == 2
+    assert model("four-bar-motor", "solve.preset=coupled").solved_for == 1 + 5  # its crank, too
