@@ -66,7 +66,7 @@ def precision(task: str) -> Callable[[Axes, Rows], None]:
             points = [(row.error, 1e3 * row.time.median) for row in chosen if row.candidate == name]
             axes.loglog(*zip(*points, strict=True), marker="o", markersize=3, label=name)
         axes.invert_xaxis()
-        axes.set_title(f"{task}: work over precision")
+        axes.set_title(f"{task}:\nwork over precision")
         axes.set_xlabel("error, of the largest deflection")
         axes.set_ylabel("time [ms]")
         axes.legend()
