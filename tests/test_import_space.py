@@ -65,7 +65,7 @@ def test_a_cantilever_yields_as_timoshenkos():
     """Stretch, bending in both planes under forces and moments: ends that don't warp make it 1 % stiffer, and 4 % to
     torques (Saint-Venant's torsion of a rectangle, Roark's approximation, which is good to 0.3 %)."""
     data = read_modal_data("rod-space.npz")
-    rows = held_shapes(data, (0.0, 0.0, 0.0), "").rows[data.points.index("end")]
+    rows = held_shapes(data, (0.0, 0.0, 0.0)).rows[data.points.index("end")]
     found = rows @ (rows / data.arrays["stiffness"]).T
     G, kappa = E / (2 * (1 + NU)), 10 * (1 + NU) / (12 + 11 * NU)  # Cowper 1966
     a, b = HEIGHT / 2, WIDTH / 2
@@ -86,7 +86,7 @@ def test_bending_shortens_as_a_cantilever(axis):
     Both are the integral of half of v'^2, v = d (3 x^2 / L^2 - x^3 / L^3) / 2; 1.6 % of d are shear here.
     """
     data = read_modal_data("rod-space.npz")
-    found = held_shapes(data, (0.0, 0.0, 0.0), "")
+    found = held_shapes(data, (0.0, 0.0, 0.0))
     k = data.points.index("end")
     q = 1e3 * found.rows[k, axis] / data.arrays["stiffness"]
     d = found.rows[k, axis] @ q
@@ -199,7 +199,7 @@ def test_a_point_of_one_node_turns_as_the_sections_do():
     middle = abs(numbers[:, 1:] - [L, 0.0, 0.0]).max(axis=1).argmin()
     np.savetxt("middle.txt", numbers[[middle], 0], fmt="%d")
     alone = spatial_foreign_data(read_foreign(*FILES, ENDS | {"end": "middle.txt"}, spatial=True), 12)
-    rows = held_shapes(alone, (0.0, 0.0, 0.0), "").rows[alone.points.index("end")]
+    rows = held_shapes(alone, (0.0, 0.0, 0.0)).rows[alone.points.index("end")]
     found = rows @ (rows / alone.arrays["stiffness"]).T
     assert found[5, 1] == pytest.approx(L**2 / (2 * E * I_Z), rel=3e-2)
 
@@ -245,7 +245,7 @@ def test_solid_elements_beside_some_that_bend(mesh):
         np.testing.assert_allclose(mixed.arrays[name], plain.arrays[name], atol=1e-6 * largest)
     for of in (mixed, plain):  # how the middle of a cantilever turns and moves
         k = of.points.index("mid")
-        rows = held_shapes(of, (0.0, 0.0, 0.0), "")
+        rows = held_shapes(of, (0.0, 0.0, 0.0))
         end = rows.rows[of.points.index("end")]
         yields = rows.rows[k] @ (end / of.arrays["stiffness"]).T
         assert yields[1, 1] == pytest.approx(5 * L**3 / (48 * E * I_Z), rel=3e-2)

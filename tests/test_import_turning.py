@@ -73,7 +73,7 @@ def test_frequencies_of_the_free_bar():
 
 def test_a_cantilever_of_it(data):
     """Forces and moments at its end, by closed forms."""
-    rows = held_shapes(data, (0.0, 0.0, 0.0), "").rows[data.points.index("end")]
+    rows = held_shapes(data, (0.0, 0.0, 0.0)).rows[data.points.index("end")]
     found = rows @ (rows / data.arrays["stiffness"]).T
     expected = [L / (E * A), L**3 / (3 * E * I_Z), L**3 / (3 * E * I_Y), L / (G * J), L / (E * I_Y), L / (E * I_Z)]
     np.testing.assert_allclose(np.diag(found), expected, rtol=1e-6)
@@ -148,7 +148,7 @@ def test_masses_without_turns():
     found = read_modal_data("lumped.npz")
     assert found.rigid[0] == pytest.approx(RHO * A * L, rel=1e-9)
     assert found.rigid[2][0] == pytest.approx(RHO * J * L, rel=1e-9)
-    rows = held_shapes(found, (0.0, 0.0, 0.0), "").rows[found.points.index("end")]
+    rows = held_shapes(found, (0.0, 0.0, 0.0)).rows[found.points.index("end")]
     assert (rows[1] ** 2 / found.arrays["stiffness"]).sum() == pytest.approx(L**3 / (3 * E * I_Z), rel=1e-6)
 
 

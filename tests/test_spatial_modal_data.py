@@ -103,7 +103,7 @@ def test_other_axes_are_those_of_the_same_motion(exported, plane, held):
     data = spatial_data(whole.scene, replace(whole, basis=whole.basis[:, bent]))
     expected_basis = data_less_rigid(whole.basis[:, bent], link, held)
     expected = replace(whole, basis=expected_basis, held=held)
-    found = held_shapes(data, (held, 0.0, 0.0), "")
+    found = held_shapes(data, (held, 0.0, 0.0))
     for name in ("N", "r_N", "N_N", "G", "r_G"):
         one, other = getattr(found.moments, name), getattr(expected.moments, name)
         np.testing.assert_allclose(one, other, atol=1e-12 * abs(other).max(), rtol=1e-9)
@@ -124,7 +124,7 @@ def data_less_rigid(basis, link, held):
 
 def test_free_axes_have_no_momentum_of_shapes(exported):
     data = read_modal_data(str(exported / "data" / "rod.npz"))
-    found, mass = held_shapes(data, None, "").moments, float(data.arrays["mass"])
+    found, mass = held_shapes(data, None).moments, float(data.arrays["mass"])
     scale = mass * data.length
     for moved in (found.N, found.G, *(found.r_N - found.r_N.transpose(1, 0, 2))):
         assert abs(moved).max() < 1e-12 * scale

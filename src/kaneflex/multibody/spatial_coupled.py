@@ -65,7 +65,7 @@ class CoupledKinematics(SpatialKinematics):
 def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
     """A scene in space whose bodies deform."""
 
-    def shapes(name: str, held: Place | None, freed: str) -> Deformable:
+    def shapes(name: str, held: Place | None, freed: np.ndarray | None) -> Deformable:
         body = scene.bodies[name]
         if body.modal is not None:
             return held_shapes(body.modal, held, freed)

@@ -40,18 +40,15 @@ class SpatialShapes:
     link : SpatialLink
     basis : ndarray (6 n_nodes, count)
         Orthogonal with respect to mass and stiffness; the largest displacement of each is one, of twist the rotation.
-        Zero where the link's axes are held; of free axes without momentum.
+        Zero where the link's axes are held, but for a turn about a freed axis; of free axes without momentum.
     held : float or None
         Distance from the start at which the axes go along with the section [m], None: with the link in the mean.
-    freed : str
-        Those of x, y, z about which the axes turn with the link in the mean although they are held.
     """
 
     scene: Scene
     link: SpatialLink
     basis: np.ndarray
     held: float | None
-    freed: str = ""
 
     @property
     def count(self) -> int:
@@ -229,14 +226,14 @@ def _product(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def spatial_shapes(
-    scene: Scene, link: SpatialLink, modes: int, held: Place | None, freed: str = ""
+    scene: Scene, link: SpatialLink, modes: int, held: Place | None, freed: np.ndarray | None = None
 ) -> SpatialShapes:
     """Static shapes of the points where joints and loads act, and ``modes`` modes of bending in either plane, fewer of
     stretch and twist, with these points held.
 
-    ``held``: the place where the link's axes go along with its section. About axes ``freed`` that its joint there lets
-    it turn about, they follow its mean turn: without momentum its shapes can't take the place of that turn (Buckens),
-    which would leave it next to no inertia of its own.
+    ``held``: the place where the link's axes go along with its section. About an axis ``freed``, a unit vector that its
+    joint there lets it turn about, they follow its mean turn: without momentum its shapes can't take the place of that
+    turn (Buckens), which would leave it next to no inertia of its own.
     """
     x = None if held is None else held[0]
     first = None if x is None else link.node_at(x)
@@ -247,18 +244,26 @@ def spatial_shapes(
         turned, kept = {0}, kept | {0}  # what is left of its motions deforms nothing
     K, M = (link.part.matrices[name].at({}).toarray() for name in ("K_s", "M"))
     twisted = x in _torques(scene, link.name) or sum(place == x for place in joints) > 1
-    found = []
+    axis = np.zeros(3) if freed is None else freed
+    most, oblique = 3 + int(abs(axis).argmax()), np.count_nonzero(axis) > 1
+    found, beside = [], np.zeros(len(K))
     for kind, rigid in _KINDS.items():
         places = [SPATIAL_NODE.index(name) for name in kind]
-        loose = [k for k in places if k >= 3 and "xyz"[k - 3] in freed]
+        loose = [k for k in places if k == most and axis.any()]
         rows = np.array([6 * n + k for n in range(len(link.nodes)) for k in places if n != first or k in loose])
         static = [6 * node + k for node in sorted(kept) for k in places if k < 3 or node in turned]
+        if oblique and first is not None and not loose and places[-1] >= 3:
+            share, turn = axis[places[-1] - 3] / axis[most - 3], 6 * first + places[-1]
+            beside += share * _static(K, np.union1d(rows, turn), [turn, *static])[:, 0]
         static += [6 * first + k for k in loose if first is not None and twisted]
         wanted = modes if len(places) == 2 else axial_modes(modes, len(link.nodes) - 1, len(kept) + 1)
-        still = rigid if held is None else len(loose)
+        still = rigid if held is None else 0 if oblique else len(loose)
         own = _of_kind(K, M, rows, static, wanted + (len(loose) if not static else 0))
         found.append(own[:, still:])
-    return SpatialShapes(scene, link, np.hstack(found), x, freed)
+    basis = np.hstack(found)
+    if oblique and first is not None:  # its section turns about the axis alone, and of the link's mean turn rid of it
+        basis = _by_frequency(K, M, basis + np.outer(beside, basis[6 * first + most]))[:, 1:]
+    return SpatialShapes(scene, link, basis, x)
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
@@ -277,20 +282,30 @@ def _torques(scene: Scene, body: str) -> set[float]:
     return {float(side.at[0]) for joint in joints for side in joint.sides if side.body == body}
 
 
+def _static(K: np.ndarray, rows: np.ndarray, static: list[int]) -> np.ndarray:
+    """Of each of the static rows the shape that is one there, zero in the other ones, and balanced in what is left."""
+    inner, held = np.setdiff1d(rows, static), np.array(static, int)
+    shapes = np.zeros((len(K), len(static)))
+    shapes[static, np.arange(len(static))] = 1.0
+    if len(inner):
+        shapes[inner] = -np.linalg.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, held)])
+    return shapes
+
+
 def _of_kind(K: np.ndarray, M: np.ndarray, rows: np.ndarray, static: list[int], modes: int) -> np.ndarray:
     """Shapes over all rows, by ascending frequency of the link held at its axes."""
     inner = np.setdiff1d(rows, static)
-    modal = np.zeros((len(inner), 0))
+    modal = np.zeros((len(K), 0))
     if modes and len(inner):
         square = np.ix_(inner, inner)
-        squares, modal = eigh(K[square], M[square])
-        modal = modal[:, : _whole(squares, modes)]
-    basis = np.zeros((len(K), len(static) + modal.shape[1]))
-    basis[static, np.arange(len(static))] = 1.0
-    if len(inner):
-        held = np.array(static, int)
-        basis[inner, : len(static)] = -np.linalg.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, held)])
-        basis[inner, len(static) :] = modal
+        squares, found = eigh(K[square], M[square])
+        modal = np.zeros((len(K), _whole(squares, modes)))
+        modal[inner] = found[:, : modal.shape[1]]
+    return _by_frequency(K, M, np.hstack([_static(K, rows, static), modal]))
+
+
+def _by_frequency(K: np.ndarray, M: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """What shapes span by orthogonal ones, of ascending frequency; the largest displacement of each is one."""
     if not basis.shape[1]:
         return basis
     basis = basis @ eigh(basis.T @ K @ basis, basis.T @ M @ basis)[1]

@@ -123,9 +123,9 @@ class Axis(Deformable, Protocol):
         of what :meth:`at` gives."""
 
 
-Flexible = Mapping[str, Callable[[Place | None, str], Deformable]]
-"""Body that deforms -> its shapes, by the place that holds its axes, None: in the mean of its mass; and by those of x,
-y, z about which they turn in the mean although they are held."""
+Flexible = Mapping[str, Callable[[Place | None, np.ndarray | None], Deformable]]
+"""Body that deforms -> its shapes, by the place that holds its axes, None: in the mean of its mass; and by a unit
+vector about which they turn in the mean although they are held, None: about none."""
 RIGID: Flexible = {}
 
 

@@ -43,7 +43,10 @@ from kaneflex.multibody.spatial_tables import (
 from kaneflex.support.errors import SceneError
 
 _ALIGNED = 1e-9
-"""An axis is one of its body's own up to this share of its length."""
+"""Components of an axis up to which it has none."""
+_OBLIQUE = 0.1
+"""Component of an axis along its link times that across up to which it counts as one of both: sections that turn about
+it by an angle are off by half of this share of the angle's square."""
 
 
 class _Maker:
@@ -75,7 +78,7 @@ class _Maker:
         self.speeds += names
         return len(self.nodes) - 1
 
-    def body(self, name: str, node: int, at: Sequence[float], freed: str = "") -> None:
+    def body(self, name: str, node: int, at: Sequence[float], freed: np.ndarray | None = None) -> None:
         """The body that the last node of a chain carries, joined at a point in its axes."""
         self.numbers[node][SHIFT:] = at
         if name in self.flexible:
@@ -86,7 +89,7 @@ class _Maker:
             shapes = self.shapes[name].numbers() if name in self.shapes else np.zeros(0)
             self.nodes[node][BODY] = self.stored(np.concatenate([[body.mass], body.centre, body.inertia, shapes]))
 
-    def deforming(self, name: str, frame: int, held: Place | None, freed: str) -> int:
+    def deforming(self, name: str, frame: int, held: Place | None, freed: np.ndarray | None) -> int:
         """The node of a body's modal coordinates, in its axes."""
         shapes = self.shapes[name] = self.flexible[name](held, freed)
         node = self.node(SHAPES, frame, [f"{name}.shapes.{k}" for k in range(shapes.count)])
@@ -237,14 +240,26 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
         first = {"rotation": relative, "place": at} if k == 0 else {}
         parent = maker.node(kind, parent, names, axis=axis, **first)
         nodes.append(parent)
-    aligned = np.zeros(3)
-    if outer.body in maker.flexible and joint.name not in maker.mechanism.known and moves and moves[-1][1] == "angle":
-        aligned = np.where(abs(moves[-1][2]) > 1.0 - _ALIGNED, moves[-1][2], 0.0)
-    maker.body(outer.body, parent, outer.at, "".join(name for name, of in zip("xyz", aligned, strict=True) if of))
-    if aligned.any():
+    free = outer.body in maker.flexible and joint.name not in maker.mechanism.known
+    freed = _freed(moves[-1][2]) if free and moves and moves[-1][1] == "angle" else None
+    maker.body(outer.body, parent, outer.at, freed)
+    if freed is not None:
         shapes = maker.shapes[outer.body]
-        maker.freed[joint.name] = outer.body, aligned @ shapes.at(shapes.carrier(outer.at))[0][3:6]
+        maker.freed[joint.name] = outer.body, freed @ shapes.at(shapes.carrier(outer.at))[0][3:6]
     return tuple(nodes)
+
+
+def _freed(axis: np.ndarray) -> np.ndarray | None:
+    """An axis, in its body's axes, about which the section there can turn in shapes; None where it can't.
+
+    Sections bend first and twist then: about an axis that is neither along the link nor across it they would turn to
+    the first order alone.
+    """
+    along = abs(axis[0])
+    if along * np.hypot(axis[1], axis[2]) > _OBLIQUE:
+        return None
+    cleaned = np.where(abs(axis) > _ALIGNED, axis, 0.0)
+    return np.asarray(cleaned / np.linalg.norm(cleaned))
 
 
 def _speed_names(owner: str, kind: int, name: str) -> list[str]:
