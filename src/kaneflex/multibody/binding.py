@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import ModuleType
 
 import numpy as np
 
@@ -217,19 +217,14 @@ def _execute(data: bytes, path: Path, structure: str, required: Sequence[str]) -
     return module
 
 
-def bind_parameters(scene: Scene, module: ModuleType, known: Mapping[str, float] = MappingProxyType({})) -> np.ndarray:
-    """The kernels' argument p: every number of PARAMETERS in SI, then the tables' blocks.
-
-    ``known`` has the numbers that are not the scene's own, by their paths.
-    """
+def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
+    """The kernels' argument p: every number of PARAMETERS in SI, then the tables' blocks."""
     values: list[float] = []
     blocks: list[np.ndarray] = []
     filled = len(module.PARAMETERS)
     for path, _ in module.PARAMETERS:
         table, owner, name = (*path.split(".", 2), "")[:3]
-        if path in known:
-            values.append(known[path])
-        elif name == "table":
+        if name == "table":
             reader = getattr(scene, table)[owner]
             block = reader.curve()
             values.append(float(filled))
