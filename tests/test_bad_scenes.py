@@ -37,8 +37,8 @@ BAD = {
         LENGTH, "length = \"1 __import__('os')\"",
         "bodies.rod.length = \"1 __import__('os')\": unknown unit \"__import__('os')\". Known: %, GPa, Hz, "
         "MPa, N, "
-        "N s/m^2, Pa, cm, deg, g, kHz, kN, kg, kg m^2, kg mm^2, kg/m^3, m, m/s, m/s^2, m^2, m^4, mm, mm^2, "
-        "mm^4, ms, "
+        "N m, N m s/rad, N m/rad, N s/m, N s/m^2, N/m, Pa, cm, deg, g, kHz, kN, kN/m, kg, kg m^2, "
+        "kg mm^2, kg/m^3, m, m/s, m/s^2, m^2, m^4, mm, mm^2, mm^4, ms, "
         "rad, rad/s, rpm, s, um."),
     "no unit": (
         LENGTH, 'length = "137"',

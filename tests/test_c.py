@@ -27,16 +27,20 @@ from kaneflex.solve.simulation import run_of, solve
 from kaneflex.support.contract import ELEMENT_KERNELS
 from kaneflex.support.errors import SceneError
 
-STRICT = ("-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2")
+STRICT = ("-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror")
+SHARED = ("-shared", "-fPIC")
 
 
-def built(texts: dict[str, str], folder: Path, compiler: str, *options: str) -> Path:
-    """The library of a scene's C, or the program with it where it has one and no options say otherwise."""
+def built(texts: dict[str, str], folder: Path, compiler: str, *options: str, level: str = "-O0") -> Path:
+    """The library of a scene's C, or the program with it where it has one and no options say otherwise.
+
+    Compiled as fast as can be; by -O2, as users do it, it takes four times as long, and warns of more.
+    """
     folder.mkdir(exist_ok=True)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     sources = sorted(name for name in texts if name.endswith(".c") and not (options and name.endswith("_run.c")))
-    subprocess.run([compiler, *STRICT, *options, *sources, "-o", "built", "-lm"], cwd=folder, check=True)
+    subprocess.run([compiler, *STRICT, level, *options, *sources, "-o", "built", "-lm"], cwd=folder, check=True)
     return folder / "built"
 
 
@@ -61,7 +65,7 @@ def interpreted(module: types.ModuleType) -> dict[str, object]:
 def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
     bound = model(name)
     module, p = bound.module, bound.motion.parameters
-    library = ctypes.CDLL(str(built(c_model(bound.scene).texts, tmp_path, compiler, "-shared", "-fPIC")))
+    library = ctypes.CDLL(str(built(c_model(bound.scene).texts, tmp_path, compiler, *SHARED, level="-O2")))
     prefix = name.replace("-", "_")
     times = np.linspace(0.0, bound.options.duration, 97)
     expected = bound.motion.table(times)
@@ -114,7 +118,7 @@ def test_a_program_without_python_takes_the_steps_of_a_run(name, integrator, com
     made = c_model(scene)
     assert {*scene.sensors} - {*made.readings.sensors} == {"round"}
     assert "Not round." in made.texts[f"{made.name}_data.h"]
-    assert off_the_run(made, ran(made, tmp_path, compiler)) < 1e-9
+    assert off_the_run(made, ran(made, tmp_path, compiler, "-O2")) < 1e-9
 
 
 # A loop closed about links that bend both ways, from rest over more than a cycle; one that is held once too often,
@@ -168,7 +172,7 @@ def test_scalars_in_space_are_those_of_the_motion_at_any_time(compiler, tmp_path
     made = c_model(scene_of({"schema": 1, "like": "spatial-slider-crank-elastic", "sensors": angle}))
     motion, header = made.model.motion, made.texts[f"{made.name}.h"]
     read = re.findall(r"_S_\w+, /\* (.*) \[.*\]: .*(?<!not computed) \*/", header)
-    library = ctypes.CDLL(str(built(made.texts, tmp_path, compiler, "-shared", "-fPIC")))
+    library = ctypes.CDLL(str(built(made.texts, tmp_path, compiler, *SHARED)))
     times = np.random.default_rng(5).uniform(0.0, 3.0 * made.model.options.duration, 40)
     expected, found = motion.table(times), np.zeros((len(times), len(motion.column)))
     for t, row in zip(times, found, strict=True):
@@ -179,9 +183,10 @@ def test_scalars_in_space_are_those_of_the_motion_at_any_time(compiler, tmp_path
     assert (abs(found - expected) / scale)[:, columns].max() < 1e-10
 
 
-def ran(made: CModel, folder: Path, compiler: str) -> dict[str, np.ndarray]:
+def ran(made: CModel, folder: Path, compiler: str, level: str = "-O0") -> dict[str, np.ndarray]:
     """Columns of the CSV that the program of a scene writes, by their names."""
-    out = subprocess.run([built(made.texts, folder, compiler)], capture_output=True, text=True, check=True).stdout
+    program = built(made.texts, folder, compiler, level=level)
+    out = subprocess.run([program], capture_output=True, text=True, check=True).stdout
     head, *lines = out.splitlines()
     names = ["time", *made.model.reduced.coordinates, *made.readings.sensors]
     assert head == ",".join([names[0], *(f'"{name}"' for name in names[1:])])
@@ -234,7 +239,7 @@ def test_lookups_and_laws_are_those_of_numba(compiler, tmp_path):
     for name in set(TABLE_TEXTS) - {"place_in_table"}:
         head = f"double c_{name}(double x, const double p[])"
         lines += [f"{head};", f"{head} {{ return {name}(x, p, 1); }}"]
-    library = ctypes.CDLL(str(built({"lookups.c": "\n".join(lines)}, tmp_path, compiler, "-shared", "-fPIC")))
+    library = ctypes.CDLL(str(built({"lookups.c": "\n".join(lines)}, tmp_path, compiler, *SHARED)))
     values = (-3.5, -0.0, 0.3, 1.0, 2.5, float("nan"))
     for name, given in arguments.items():
         in_c, numba = getattr(library, f"c_{name}"), getattr(laws, name)

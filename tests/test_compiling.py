@@ -1,18 +1,28 @@
-"""While the engine is compiled: numba's operators are what they were, and garbage is collected afterwards as before."""
+"""While numba compiles: operators are what they were, and garbage is collected afterwards as before."""
 
 import gc
 import itertools
 import operator
 
+import numba
+import numpy as np
 import pytest
 from numba import types
+from numba.core import event
 from numba.core.registry import cpu_target
+from numba.core.types.functions import BaseFunction
 
-from kaneflex.multibody.inner import compiling
+from kaneflex.support import quick_compiling
 
 KINDS = (
     types.boolean, types.int64, types.uint8, types.literal(3), types.literal(-1), types.float32, types.float64,
 )  # fmt: skip
+ROW, MATRIX, PAIR = types.float64[::1], types.float64[:, ::1], types.UniTuple(types.int64, 2)
+
+
+@pytest.fixture(autouse=True)
+def quick():
+    quick_compiling.use()
 
 
 @pytest.mark.parametrize("often", [(700, 10, 10), (0, 10, 10)])
@@ -21,7 +31,9 @@ def test_garbage_is_collected_as_before(often):
     before = gc.get_threshold()
     gc.set_threshold(*often)
     try:
-        with pytest.raises(ArithmeticError), compiling():
+        with pytest.raises(ArithmeticError), event.trigger_event("numba:compile"):
+            with event.trigger_event("numba:compile"):
+                pass
             assert (gc.get_threshold()[0] > often[0]) == (often[0] > 0)
             raise ArithmeticError
         assert gc.get_threshold() == often
@@ -29,15 +41,66 @@ def test_garbage_is_collected_as_before(often):
         gc.set_threshold(*before)
 
 
-@pytest.mark.parametrize("name", ["add", "sub", "mul", "truediv", "iadd", "eq", "ne", "lt", "ge"])
+def told(find, function, context, args):
+    """What a search finds, and the key by which the operator is compiled then."""
+    signature = find(function, context, args, {})
+    return signature.return_type, signature.args, function.get_impl_key(signature)
+
+
+@pytest.mark.parametrize("name", ["add", "sub", "mul", "truediv", "pow", "iadd", "eq", "ne", "lt", "ge"])
 def test_a_remembered_operator_is_the_one_that_numba_finds(name):
-    """For every two kinds of numbers, whichever came before, and for arrays, which are not remembered."""
+    """For every two kinds of numbers, whichever came before, and for arrays."""
     context, kinds = cpu_target.typing_context, [*KINDS, *[types.complex128] * (name not in ("lt", "ge"))]
-    with compiling():
-        found = context.resolve_value_type(getattr(operator, name))
-        for _ in range(2):
-            for pair in (*itertools.product(kinds, kinds), (types.float64[::1], types.float64)):
-                own = type(found).get_call_type(found, context, pair, {})
-                kept = found.get_call_type(context, pair, {})
-                assert (kept.return_type, kept.args) == (own.return_type, own.args), pair
-    assert "get_call_type" in vars(found)
+    context.refresh()
+    function = context.resolve_value_type(getattr(operator, name))
+    for _ in range(2):
+        for pair in (*itertools.product(kinds, kinds), (ROW, types.float64)):
+            own = told(BaseFunction.get_call_type, function, context, pair)
+            assert told(type(function).get_call_type, function, context, pair) == own, pair
+
+
+@pytest.mark.parametrize(("name", "args"), [
+    ("getitem", (ROW, types.int64)), ("getitem", (ROW, types.literal(3))), ("getitem", (MATRIX, PAIR)),
+    ("setitem", (ROW, types.uint64, types.float64)), ("setitem", (MATRIX, PAIR, types.int64)),
+])  # fmt: skip
+def test_so_are_the_places_of_arrays(name, args):
+    context = cpu_target.typing_context
+    context.refresh()
+    function = context.resolve_value_type(getattr(operator, name))
+    own = told(BaseFunction.get_call_type, function, context, args)
+    for _ in range(2):
+        assert told(type(function).get_call_type, function, context, args) == own
+
+
+def test_an_operator_is_looked_for_once(monkeypatch):
+    """Of all that numba knows of it nothing is asked again where it is used a second time."""
+    context = cpu_target.typing_context
+    context.refresh()
+    function = context.resolve_value_type(operator.add)
+    function.get_call_type(context, (types.float64, types.float64), {})
+    asked = []
+    for template in function.templates:
+        monkeypatch.setattr(template, "apply", lambda self, args, kws: asked.append(args))
+
+    @numba.njit
+    def doubled(x):
+        return x + x
+
+    function._impl_keys[types.float64, types.float64] = "what another search said"
+    assert doubled(np.float64(2.0)) == 4.0
+    assert not asked
+
+
+def test_what_numba_compiles_for_a_call_is_not_remembered():
+    """It depends on more than the types: on how what calls it is compiled."""
+
+    def halved(x):
+        raise NotImplementedError
+
+    numba.extending.overload(halved)(lambda x: lambda x: x / 2.0)
+    found = {}
+    for model in ("python", "numpy"):
+        found[model] = numba.njit(lambda x: halved(x) / x, error_model=model)
+    assert np.isnan(found["numpy"](0.0))
+    with pytest.raises(ZeroDivisionError):
+        found["python"](0.0)

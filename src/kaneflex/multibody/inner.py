@@ -1,20 +1,16 @@
-"""How those functions are compiled that only other compiled functions call, and how numba does that faster."""
+"""How those functions are compiled that only other compiled functions call."""
 
 from __future__ import annotations
 
-import gc
-import operator
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
 
 from numba.core import types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.errors import NumbaExperimentalFeatureWarning
-from numba.core.registry import cpu_target
 from numba.core.typed_passes import InlineOverloads, NativeLowering
 from numba.core.untyped_passes import InlineClosureLikes
 
@@ -70,44 +66,7 @@ def _with_the_caller() -> None:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """While numba compiles: what it does over and over is done less often, and function types are used without a word.
-
-    A compiler makes objects that live as long as it does: the collector of garbage would go through all of them again
-    and again, a fifth of the time.
-    """
-    context = cpu_target.typing_context
-    context.refresh()  # before it is the first time numba knows no operators
-    for each in _OPERATORS:
-        _remember(context.resolve_value_type(each))
-    often = gc.get_threshold()
-    gc.set_threshold(*_SELDOM if often[0] else often)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-            yield
-    finally:
-        gc.set_threshold(*often)
-
-
-_SELDOM = 50_000, 20, 100
-"""Objects more after which the youngest are gone through, and so on: as seldom, and no more memory is taken."""
-_OPERATORS = (
-    operator.add, operator.sub, operator.mul, operator.truediv, operator.neg, operator.iadd, operator.isub,
-    operator.imul, operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne, bool,
-)  # fmt: skip
-
-
-def _remember(function: Any) -> None:
-    """Have numba find once what an operator is of numbers of these types, where it would at every place in a text."""
-    if "get_call_type" in vars(function) or any(each.prefer_literal for each in function.templates):
-        return
-    find, found = function.get_call_type, {}
-
-    def get_call_type(context, args, kws):
-        if kws or not all(isinstance(arg, (types.Number, types.Boolean)) for arg in args):
-            return find(context, args, kws)
-        if args not in found:
-            found[args] = find(context, args, kws)
-        return found[args]
-
-    function.get_call_type = get_call_type
+    """While numba compiles what takes functions: their types are used without a word."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        yield

@@ -70,8 +70,9 @@ _SI_OF_COMMON = {  # unit: (SI unit, factor); factors below one are the reciproc
     "Pa": ("Pa", 1.0), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9), "kg/m^3": ("kg/m^3", 1.0),
     "m/s^2": ("m/s^2", 1.0), "m/s": ("m/s", 1.0), "s": ("s", 1.0), "ms": ("s", 1e-3), "Hz": ("Hz", 1.0),
     "kHz": ("Hz", 1e3), "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180), "rad/s": ("rad/s", 1.0),
-    "rpm": ("rad/s", math.pi / 30), "N": ("N", 1.0), "kN": ("N", 1e3), "N s/m^2": ("N s/m^2", 1.0),
-    "%": ("", 1e-2),
+    "rpm": ("rad/s", math.pi / 30), "N": ("N", 1.0), "kN": ("N", 1e3), "N m": ("N m", 1.0),
+    "N/m": ("N/m", 1.0), "kN/m": ("N/m", 1e3), "N s/m": ("N s/m", 1.0), "N s/m^2": ("N s/m^2", 1.0),
+    "N m/rad": ("N m/rad", 1.0), "N m s/rad": ("N m s/rad", 1.0), "%": ("", 1e-2),
 }  # fmt: skip
 
 

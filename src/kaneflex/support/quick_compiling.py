@@ -1,0 +1,78 @@
+"""How numba compiles faster: what it does over and over meanwhile is done once, or less often.
+
+What is compiled is the same. Half of numba's own work is finding out, at every place in a text, what an operator is of
+its types, by asking all that numba knows of the operator until one answers; and the collector of garbage goes through
+objects that live as long as the compiler does again and again.
+"""
+
+from __future__ import annotations
+
+import gc
+from functools import cache
+from typing import Any
+
+
+@cache
+def use() -> None:
+    """Have numba compile so from now on: once in a process."""
+    from numba import types
+    from numba.core import event
+
+    function: Any = types.Function
+    function.get_call_type = _remembering(function.get_call_type)
+    event.register("numba:compile", _seldom_collecting(event.Listener))
+
+
+def _remembering(find: Any) -> Any:
+    """``find(function, context, args, kws)``, numba's search for a signature, once for numbers, arrays and tuples.
+
+    Only what numba has of its own is remembered, by the function's own key: what it compiles for a call depends on more
+    than types. The key is said anew, as a search does, for another search may have said another since.
+    """
+    from numba import types
+
+    found: dict[Any, Any] = {}
+
+    def plain(kind: Any) -> bool:
+        if isinstance(kind, types.BaseTuple):
+            return all(map(plain, kind))
+        return isinstance(kind, types.Number | types.Boolean | types.Array)
+
+    def get_call_type(self, context, args, kws):
+        if kws or not all(map(plain, args)):
+            return find(self, context, args, kws)
+        asked = context, self, tuple(args)
+        signature = found.get(asked)
+        if signature is not None:
+            self._impl_keys[signature.args] = self.typing_key
+            return signature
+        signature = find(self, context, args, kws)
+        if self._impl_keys[signature.args] is self.typing_key:
+            found[asked] = signature
+        return signature
+
+    return get_call_type
+
+
+def _seldom_collecting(listener: Any) -> Any:
+    """What changes the collector's thresholds while numba compiles, and back."""
+
+    class SeldomCollecting(listener):
+        deep = 0
+
+        def on_start(self, event: Any) -> None:
+            if self.deep == 0:
+                self.often = gc.get_threshold()
+                gc.set_threshold(*_SELDOM if self.often[0] else self.often)
+            self.deep += 1
+
+        def on_end(self, event: Any) -> None:
+            self.deep -= 1
+            if self.deep == 0:
+                gc.set_threshold(*self.often)
+
+    return SeldomCollecting()
+
+
+_SELDOM = 50_000, 20, 100
+"""Objects more after which the youngest are gone through, and so on: as seldom, and no more memory is taken."""
