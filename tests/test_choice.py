@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from extreme_cases import press
+from runs import solved
 
 from kaneflex.cli.trade import chosen_lines
 from kaneflex.multibody.binding import generate_text, import_file, operation_count, pruned_text
@@ -19,7 +20,7 @@ from kaneflex.report.summary import Summary
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.write_back import file_to_write, write_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.study.trade import choice as choice_cache
 from kaneflex.study.trade.candidates import neutral
 from kaneflex.study.trade.choice import choice_file, choose, remembered_choice
@@ -32,7 +33,7 @@ DEFORMED = ("mid_transverse", "tip_axial", "mid_global_y", "rod_mid_strain")
 
 def series(scene, settings, names):
     """The sensors of a scene by some settings, at its own instants, without anything of the trade."""
-    solution = simulate(load(with_settings(scene, settings)))
+    solution = solved(scene, *settings)
     return solution.times, {name: solution.series[name].values for name in names}
 
 
@@ -326,7 +327,7 @@ def sensed_by(text, scene, tmp_path, monkeypatch):
     structure = re.search(r'^STRUCTURE = "(\w+)"', text, flags=re.MULTILINE)[1]
     module = import_file(path, structure)
     monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (module, 0.0))
-    solution = simulate(load(scene))
+    solution = solved(scene)
     assert solution.model.module.STRUCTURE == structure
     return {name: found.values for name, found in solution.series.items()}
 
@@ -413,7 +414,7 @@ def test_a_run_by_tolerance_takes_the_module_without_what_its_model_leaves_out(e
     assert not {key for link in model.links.values() for key, *_ in link.element_terms} & {"K_d", "C_d", "C_s"}
     plain = load(with_settings(read_scene("engine"), found.settings))
     assert "spin" in {group for _, group, *_ in plain.module.TERMS}
-    expected, results = simulate(plain).series, simulate(model).series
+    expected, results = solve(plain).series, solve(model).series
     for name, series in expected.items():
         assert results[name].values == pytest.approx(series.values, abs=1e-9 * abs(series.values).max()), name
 

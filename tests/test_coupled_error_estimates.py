@@ -4,15 +4,17 @@ import json
 
 import pytest
 from click.testing import CliRunner
+from runs import solved
 from test_coupled_orbit import ABSORBER
-from test_error_estimates import check_effectivities, solved
+from test_error_estimates import check_effectivities
 
 import kaneflex
-from kaneflex import load, simulate
+from kaneflex import load
 from kaneflex.cli import main
 from kaneflex.multibody import system
 from kaneflex.scene import with_settings
 from kaneflex.solve import coupled, error_estimates
+from kaneflex.solve.simulation import solve
 
 COUPLED = ("solve.preset=coupled",)
 FINE = (*COUPLED, "solve.modes=8", "solve.tolerance=1e-10")
@@ -156,7 +158,7 @@ def test_a_coupling_that_is_not_known_is_said():
     scene = with_settings(kaneflex.read_scene("engine"), ["solve.errors=all", "solve.steps=180"])
     given = kaneflex.scene.start.Start(displacements={"rod.1.v": 1e-6})
     begun = scene.seen(solve=scene.solve.model_copy(update={"start": given}))
-    estimates, reason = simulate(load(begun)).errors
+    estimates, reason = solved(begun).errors
     assert estimates and all(each.coupling is None for each in estimates.values())
     assert reason.startswith("the share of the one-way coupling is not estimated: coupled shapes have")
 
@@ -164,10 +166,10 @@ def test_a_coupling_that_is_not_known_is_said():
 def test_runs_that_go_on_and_given_shapes_are_continued_by_richer_models():
     """From the state that the run begins in, in other shapes: what they begin with beside it would count at once."""
     scene = with_settings(kaneflex.read_scene("spin-up-torque"), ["solve.duration=0.5 s", "solve.steps=200"])
-    first = simulate(load(scene))
-    second = simulate(load(scene), after=first)
+    first = solved(scene)
+    second = solve(load(scene), after=first)
     given = kaneflex.scene.start.Start(**first.state())
-    third = simulate(load(scene.seen(solve=scene.solve.model_copy(update={"start": given}))))
+    third = solved(scene.seen(solve=scene.solve.model_copy(update={"start": given})))
     for run in (second, third):
         estimates, reason = run.errors
         tip = estimates["tip_transverse"]
@@ -195,9 +197,9 @@ def test_a_run_that_takes_long_is_not_run_again_without_being_asked(monkeypatch)
 def test_what_richer_coupled_models_cannot_do_is_said():
     space = with_settings(kaneflex.read_scene("spatial-slider-crank-elastic"), ["solve.duration=1 ms", "solve.steps=4"])
     space = with_settings(space, [*COUPLED, "solve.start=zero", "solve.modes=1", "solve.errors=all"])
-    given = kaneflex.scene.start.Start(**simulate(load(space)).state())
+    given = kaneflex.scene.start.Start(**solved(space).state())
     begun = space.seen(solve=space.solve.model_copy(update={"start": given}))
-    assert "in the state that it is given in space" in simulate(load(begun)).errors[1]
+    assert "in the state that it is given in space" in solved(begun).errors[1]
 
 
 def test_a_run_says_what_it_took_and_shows_it_everywhere(tmp_path, caplog):

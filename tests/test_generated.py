@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 import sympy as sm
 from numba import njit
-from runs import model
+from runs import model, solved
 
 import kaneflex.generated
-from kaneflex import load, simulate
 from kaneflex.derive import generate
 from kaneflex.derive.__main__ import modules
 from kaneflex.derive.beam import beam_element
@@ -339,9 +338,9 @@ def interpreted_element(wrong: str = "") -> ModuleType:
 def test_a_run_computes_with_the_kernels_that_are_imported(monkeypatch, kernel):
     """A wrong one makes the run go wrong."""
     scene = with_settings(read_scene("engine"), ["solve.steps=240", "rod.elements=2"])
-    right = simulate(load(scene)).series["mid_transverse"].values
+    right = solved(scene).series["mid_transverse"].values
     monkeypatch.setattr(module("engine"), "element_matrices", interpreted_element(kernel).element_matrices)
-    found = simulate(load(scene)).series["mid_transverse"].values
+    found = solved(scene).series["mid_transverse"].values
     error = abs(found - right).max() / abs(right).max()
     assert error > 1e-5 if kernel else error < 1e-12
 

@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pytest
 from newton_euler import imbalance, motion_of, place
+from runs import solved
 from scipy.optimize import fsolve
 
 import kaneflex
@@ -207,7 +208,7 @@ def test_the_shipped_one_under_every_preset_agrees():
     found = {}
     for preset in ("rigid", "quasistatic", "stiffened", "coupled"):
         scene = with_settings(read_scene("six-bar"), [f"solve.preset={preset}"])
-        found[preset] = kaneflex.simulate(kaneflex.load(scene)).series
+        found[preset] = solved(scene).series
     sensors = {"platform_angle": 1e-4, "rocker_angle": 1e-4, "crank_torque": 2e-3, "rod_force": 2e-3}
     for name, tolerance in sensors.items():
         there = found["rigid"][name].values
@@ -219,7 +220,7 @@ def test_the_shipped_one_under_every_preset_agrees():
 
 
 def test_the_drive_does_no_work_over_a_turn():
-    torque = kaneflex.simulate(kaneflex.load(with_settings(read_scene("six-bar"), ["solve.preset=rigid"])))
+    torque = solved(read_scene("six-bar"), "solve.preset=rigid")
     values = torque.series["crank_torque"].values
     assert abs(values[:-1].mean()) < 1e-12 * abs(values).max()
 
