@@ -114,7 +114,7 @@ def test_the_animation_of_a_ringing_beam_says_how_far_it_is_enlarged(tmp_path, m
     monkeypatch.setattr(animation, "new_figure", lambda *size, **kw: titles.append(size[2]) or new_figure(*size, **kw))
     with styled():
         found = solved(scene_of(tmp_path, BEAM, "solve.steps=20"))
-        animation.animate(found, [tmp_path / "beam.gif"])
+        animation.animate(found, [tmp_path / "beam.gif"], 2)
         assert set(displacements.figures(found)) == {"nodal_displacements", "mid_beam", "surfaces_beam"}
     assert titles[0].startswith("Deformation enlarged")
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from command_line import cli, unrendered
 from runs import solved
 
 import kaneflex
@@ -161,8 +162,9 @@ def test_the_rigid_preset_takes_mass_centre_and_inertia(fed_back):
     assert here == pytest.approx(there, rel=1e-9, abs=1e-9)
 
 
-def test_a_run_writes_its_results(fed_back, tmp_path):
-    result = CliRunner().invoke(main, ["run", str(fed_back), "--steps", "200", "-o", str(tmp_path / "results")])
+def test_a_run_writes_its_results(fed_back, tmp_path, monkeypatch):
+    unrendered(monkeypatch)
+    result = cli("run", fed_back, "--steps", 200, "--frames", 2, "-o", tmp_path / "results")
     assert result.exit_code == 0, result.output
     summary = json.loads((tmp_path / "results" / "summary.json").read_text())
     assert (summary["degrees_of_freedom"], summary["modes_kept"]) == (5, 5)

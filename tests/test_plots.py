@@ -304,8 +304,8 @@ def test_units_are_those_that_people_read(unit, largest, expected):
 
 def test_the_folder_holds_png_svg_and_a_small_gif(tmp_path, monkeypatch):
     monkeypatch.setitem(style._STYLE, "savefig.dpi", 50)
-    written = draw_all(solved("engine"), tmp_path / "pictures", progress=(shares := []).append, frames=6)
-    expected = {f"{name}.{kind}" for name in EXPECTED["engine"] for kind in ("png", "svg")} | {"animation.gif"}
+    written = draw_all(solved("rigid"), tmp_path / "pictures", progress=(shares := []).append, frames=6)
+    expected = {f"{name}.{kind}" for name in EXPECTED["rigid"] for kind in ("png", "svg")} | {"animation.gif"}
     assert {path.name for path in written} == {path.name for path in (tmp_path / "pictures").iterdir()} == expected
     assert shares == sorted(shares) and shares[-1] == 1.0
     for path in written:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from command_line import unrendered
 from runs import solved
 
 from kaneflex import SceneError, load, read_scene, with_settings
@@ -497,12 +498,13 @@ duration = "1 s"
     assert np.ptp(kinetic) < 1e-6 * kinetic[0]
 
 
-def test_pictures_and_pages_of_a_scene_in_space(tmp_path):
+def test_pictures_and_pages_of_a_scene_in_space(tmp_path, monkeypatch):
+    unrendered(monkeypatch)
     runner = CliRunner()
     done = runner.invoke(main, ["show", "bricard", "-o", str(tmp_path / "bricard.png")])
     assert done.exit_code == 0, done.output
     assert "of which 1 follow from the others" in done.output and (tmp_path / "bricard.png").stat().st_size > 10_000
-    short = ["--set", "solve.duration=0.2 s", "--frames", "4"]
+    short = ["--set", "solve.duration=0.2 s", "--frames", "2"]
     done = runner.invoke(main, ["run", "spinning-top", "-o", str(tmp_path / "top"), *short])
     assert done.exit_code == 0, done.output
     assert {path.name for path in (tmp_path / "top").iterdir()} >= {"motion.png", "sensors.png", "animation.gif"}
@@ -632,9 +634,10 @@ def test_c_takes_a_motion_whose_shafts_rest_but_for_rounding(tmp_path):
     assert abs(harmonics.numbers[:, resting]).max() < 1e-9
 
 
-def test_an_unbalanced_disc_whirls_about_its_sag_and_is_drawn(tmp_path):
+def test_an_unbalanced_disc_whirls_about_its_sag_and_is_drawn(tmp_path, monkeypatch):
     """Of a massless shaft clamped in both bearings, k = 192 EI / L^3 at its middle: it sags by M g / k, and whirls
     about that by m e Omega^2 / (k - M Omega^2), towards the unbalance (Jeffcott 1919)."""
+    unrendered(monkeypatch)
     omega, m, e, M = 100 * math.pi, 0.01, 0.05, 5.0
     path = tmp_path / "rotor.toml"
     path.write_text(f"""
