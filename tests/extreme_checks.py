@@ -9,11 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from extremes import METHODS, relative
+from runs import solved
 from scipy.linalg import expm
 
 import kaneflex
-from kaneflex.scene import with_settings
-from kaneflex.solve.simulation import simulate
 from kaneflex.solve.solution import Solution
 
 CRANK, ROD, STEEL, STEEL_DENSITY = 0.040, 0.137, 2.1e11, 7850.0
@@ -99,7 +98,7 @@ def against(settings: tuple[str, ...], *sensors: str, scene: str | None = None) 
     def error(solution: Solution) -> float:
         method = next(value for value in METHODS.values() if _is_of(solution, value))
         beside = kaneflex.read_scene(scene or solution.model.scene.name)
-        other = simulate(kaneflex.load(with_settings(beside, [*method, *settings])))
+        other = solved(beside, *method, *settings)
         return max(relative(solution.series[name].values, other.series[name].values) for name in sensors)
 
     return error
@@ -117,7 +116,7 @@ def forces(settings: tuple[str, ...], *sensors: str) -> Callable[[Solution], flo
 
     def error(solution: Solution) -> float:
         scene = solution.model.scene
-        other = simulate(kaneflex.load(with_settings(kaneflex.read_scene(scene.name), settings)))
+        other = solved(kaneflex.read_scene(scene.name), *settings)
         every = (len(other.times) - 1) // (len(solution.times) - 1)
         assert other.times[::every] == pytest.approx(solution.times)
         return max(relative(solution.series[name].values, other.series[name].values[::every]) for name in sensors)
@@ -129,7 +128,7 @@ def as_rigid_crank(start: str, *sensors: str) -> Callable[[Solution], float]:
     """Against the engine whose crank is rigid, after the first twentieth of a cycle: from rest a stiff crank rings."""
 
     def error(solution: Solution) -> float:
-        other = simulate(kaneflex.load(with_settings(kaneflex.read_scene("engine"), [f"solve.start={start}"])))
+        other = solved(kaneflex.read_scene("engine"), f"solve.start={start}")
         after = len(solution.times) // 20
         pairs = ((solution.series[name].values[after:], other.series[name].values[after:]) for name in sensors)
         return max(relative(*pair) for pair in pairs)

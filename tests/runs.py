@@ -10,7 +10,7 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.multibody.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model import Model
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
@@ -30,6 +30,15 @@ class Peak(NamedTuple):
 def model(scene: str, *settings: str) -> Model:
     """A shipped scene, or the path of one, with settings of the form path=value."""
     return load(with_settings(read_scene(scene), list(settings)))
+
+
+SHORT = {"engine-torque": ("solve.duration=0.25 s", "solve.steps=2500")}
+"""A tenth of the run of what is integrated for seconds when it is loaded, for what may look at any part of it."""
+
+
+def short(scene: str) -> Model:
+    """A shipped scene, those of SHORT over the first part of their run."""
+    return model(scene, *SHORT.get(scene, ()))
 
 
 def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:
@@ -53,9 +62,14 @@ def moments(found: Model, body: str) -> dict[str, np.ndarray]:
     return body_moments(found.scene, body, body_data(found.scene, body, system.links, system.shapes))
 
 
+def solved(scene: Scene, *settings: str) -> Solution:
+    """A run of its own. Unlike `simulate`, here and in `run`, what it warns of is computed where it is asked for."""
+    return solve(load(with_settings(scene, settings) if settings else scene))
+
+
 @cache
 def run(scene: str, *settings: str) -> Solution:
-    solution = solve(model(scene, *settings))  # what it warns of is computed where it is asked for
+    solution = solve(model(scene, *settings))
     assert solution.outcome.name == "COMPLETED", solution.trajectory.message
     return solution
 

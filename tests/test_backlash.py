@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from kaneflex import SceneError, load, simulate
+from kaneflex import SceneError, load
 from kaneflex.report.contacts import contact_line
 from kaneflex.report.summary import summarise
 from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.quantities import CONTACT_RESULTS
+from kaneflex.solve.simulation import solve
 
 PLAY, SHAFT, WHEEL, SPEED = math.radians(0.5), 0.01, 0.02, 10.0
 SCENE = """
@@ -43,7 +44,7 @@ def read(contact, *settings):
 
 
 def solved(contact, *settings):
-    solution = simulate(load(read(contact, *settings)))
+    solution = solve(load(read(contact, *settings)))
     assert solution.outcome.name == "COMPLETED", solution.trajectory.message
     return solution
 
@@ -118,7 +119,7 @@ tip = {displacement = "arm.end", component = "y"}"""
     found = []
     for scene in (own, hub):
         settings = "solve.duration=14 ms", "solve.steps=280", "solve.modes=1"
-        found.append(simulate(load(with_settings(scene_of(scene), settings))))
+        found.append(solve(load(with_settings(scene_of(scene), settings))))
     one, other = found
     assert len(one.impacts) == len(other.impacts) > 1
     for impact, alike in zip(one.impacts, other.impacts, strict=True):
@@ -195,6 +196,6 @@ def test_bodies_whole_turns_apart_are_named():
     text = SCENE.replace("CONTACT", EXACT).replace("coupling = {free", "bearing = {free")
     text = text.replace("[drives]", '[joints.bearing]\nrevolute = ["ground", "wheel"]\n[drives]')
     good = scene_of(text)
-    assert simulate(load(good)).impacts
+    assert solve(load(good)).impacts
     with pytest.raises(SceneError, match="at the start it is 1 whole turns from the middle of its play"):
-        simulate(load(with_settings(good, ["drives.bearing.angle=360 deg"])))
+        solve(load(with_settings(good, ["drives.bearing.angle=360 deg"])))

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from chains import bars
 from rigid_bars import hanging_chain
+from runs import solved
 
-import kaneflex
 from kaneflex.integrate.outcome import Outcome
 
 
 @pytest.fixture(scope="module")
 def long_chain(tmp_path_factory):
-    return kaneflex.simulate(kaneflex.load(bars(40, tmp_path_factory.mktemp("bars"), duration=0.2)))
+    return solved(bars(40, tmp_path_factory.mktemp("bars"), duration=0.2))
 
 
 def test_four_bars_move_as_lagranges_equations_say(tmp_path):
-    solution = kaneflex.simulate(kaneflex.load(bars(4, tmp_path)))
+    solution = solved(bars(4, tmp_path))
     angles, _ = hanging_chain(4, 1.0, 1.0, 0.5, np.radians(-30.0), 9.81, solution.times)
     ends = 0.25 * np.array([np.cos(angles).sum(axis=0), np.sin(angles).sum(axis=0)])
     assert solution.outcome is Outcome.COMPLETED
@@ -44,7 +44,7 @@ def test_what_holds_forty_bars_is_what_their_mass_centre_asks_for(long_chain):
 
 
 def test_damped_bars_lose_what_their_dampers_take(tmp_path):
-    energy = kaneflex.simulate(kaneflex.load(bars(4, tmp_path, damping=0.2))).trajectory.energy
+    energy = solved(bars(4, tmp_path, damping=0.2)).trajectory.energy
     balance = energy.kinetic + energy.strain + energy.weight + energy.dissipated
     assert energy.dissipated[-1] > 0.01 * energy.kinetic.max()
     assert abs(balance - balance[0]).max() < 1e-6 * energy.kinetic.max()

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from kaneflex.multibody.building import reference_modes
 from kaneflex.scene import read_scene
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
 CANTILEVER = """
@@ -156,7 +156,7 @@ def test_deflection_of_a_cantilever_with_linear_stiffness(tmp_path):
     """E I v'' = F (L - x), I = I_0 (1 - c x/L): v(L) = F L^3/(E I_0) int_0^1 (1 - s)^2/(1 - c s) ds, with
     the integral = (c (3 c - 2) / 2 - (1 - c)^2 ln(1 - c)) / c^3."""
     beam = 'material = "steel", A = "200 mm^2", I = "6000 mm^4", I_end = "1500 mm^4"'
-    series = simulate(derived_on_the_fly(CANTILEVER.format(beam=beam), tmp_path)).series
+    series = solve(derived_on_the_fly(CANTILEVER.format(beam=beam), tmp_path)).series
     c = 0.75
     integral = (c * (3 * c - 2) / 2 - (1 - c) ** 2 * math.log(1 - c)) / c**3
     assert series["tip"].values == pytest.approx(10 / (2.1e11 * 6e-9) * integral, rel=2e-6)

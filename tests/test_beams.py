@@ -15,7 +15,7 @@ from kaneflex.multibody.building import build_model, reference_modes
 from kaneflex.multibody.model import Model
 from kaneflex.scene import with_settings
 from kaneflex.scene.options import resolve_options
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 
 DATA = Path(__file__).parent / "data"
 FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())
@@ -316,7 +316,7 @@ def test_statics_of_a_clamped_beam_scene(clamped):
         "clamp_moment": -P * l,
         "clamp_moment_rigid": -P * l,
     }
-    series = simulate(clamped).series
+    series = solve(clamped).series
     for name, value in expected.items():
         assert series[name].values == pytest.approx(value, rel=1e-8), name
     assert np.abs(series["shear"].values) == pytest.approx(P, rel=1e-8)
@@ -325,7 +325,7 @@ def test_statics_of_a_clamped_beam_scene(clamped):
 def test_statics_of_a_reduced_beam_scene(clamped):
     """One mode of 27, and the load of the tip: the other modes follow statically, so the answer is still exact."""
     scene = with_settings(clamped.scene, ["solve.modes=1"])
-    series = simulate(build_model(scene, resolve_options(scene), clamped.motion)).series
+    series = solve(build_model(scene, resolve_options(scene), clamped.motion)).series
     body, P, l = scene.bodies["beam"], 100.0, 1.0
     assert series["tip"].values == pytest.approx(P * l**3 / (3 * body.E_I), rel=1e-8)
     assert series["quarter_moment"].values == pytest.approx(P * 0.75 * l, rel=1e-6)
@@ -360,7 +360,7 @@ def test_statics_of_a_rotating_beam_scene(spinning):
     """Stretch rho A omega^2 l^3/(3 E A) and the pull rho A omega^2 l^2/2 on the hub."""
     body = spinning.scene.bodies["beam"]
     pull = body.rho_A * 100.0**2 / 2
-    series = simulate(spinning).series
+    series = solve(spinning).series
     assert series["tip"].values == pytest.approx(2 * pull / (3 * body.E_A), rel=1e-3)
     angle = np.linspace(0, 2 * np.pi, len(series["hub_force"].values))
     for name in ("hub_force", "hub_force_rigid"):

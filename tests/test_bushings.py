@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from runs import solved
 
-from kaneflex import SceneError, load, read_scene, simulate
+from kaneflex import SceneError, load, read_scene
 from kaneflex.solve.curves import Resolution
 from kaneflex.study.comparison import compare
 from kaneflex.study.sensitivity.parameters import find_parameters
@@ -61,9 +62,9 @@ def test_a_body_on_a_bushing_swings_in_six_ways(tmp_path):
     speeds, turning = (1e-3, 2e-3, -3e-3), (3e-5, -2e-5, 4e-5)
     sensors = "".join(f'turn_{axis} = {{velocity = "engine", component = "angle_{axis}"}}\n' for axis in "xyz")
     free = f"free = {{at = [0.3, -0.2, 0.1], velocity = {list(speeds)}, angular_velocity = {list(turning)}}}"
-    solution = simulate(load(scene_of(
+    solution = solved(scene_of(
         tmp_path, ENGINE, ("rotation = {axis = [1, 2, 0.5], angle = 0.7}", free), ("[solve]", sensors + "[solve]"),
-    )))  # fmt: skip
+    ))  # fmt: skip
     t, places = solution.times, (0.3, -0.2, 0.1)
     for k, axis in enumerate("xyz"):
         x, rate = swing(t, speeds[k], MASS, STIFF[k], DAMPED[k])
@@ -106,7 +107,7 @@ steps = 200
 
 def test_two_bodies_in_flight_keep_energy_and_momentum(tmp_path):
     """Far turned, far apart and turning on: the moments belong to an energy, and what acts on both is opposite."""
-    solution = simulate(load(scene_of(tmp_path, PAIR)))
+    solution = solved(scene_of(tmp_path, PAIR))
     motion, mechanism = solution.motion.rigid, solution.model.motion.module.system.mechanism
     momentum, turning = np.zeros((2, 3, len(solution.times)))
     for name, body in mechanism.bodies.items():
@@ -157,7 +158,7 @@ steps = 60
 def test_an_arm_on_a_bushing_comes_to_rest(tmp_path, preset):
     """F/k along, F a^2/k_r by the turn about global x, and F a^3/(3 E I) of an elastic arm."""
     F, a, EI = 0.1, 0.5, 210e9 * 0.01**4 / 12
-    solution = simulate(load(scene_of(tmp_path, ARM, ("PRESET", preset))))
+    solution = solved(scene_of(tmp_path, ARM, ("PRESET", preset)))
     last = {name: series.values[-1] for name, series in solution.series.items()}
     sunk, turned, bent = F / 2e3, F * a**2 / 100, F * a**3 / (3 * EI)
     assert last["root"] == pytest.approx(sunk, rel=1e-4)
@@ -214,7 +215,7 @@ def test_broken_bushings_are_named(tmp_path, old, new, words):
     free = "free = {at = [0.3, -0.2, 0.1]}\nrotation ="
     changes = [(old, new)] if old == "rotation =" else [("rotation =", free), (old, new)]
     with pytest.raises(SceneError, match=words):
-        simulate(load(scene_of(tmp_path, ENGINE, *changes)))
+        solved(scene_of(tmp_path, ENGINE, *changes))
 
 
 def test_one_way_presets_and_planar_scenes_have_none(tmp_path):
@@ -245,7 +246,7 @@ preset = "rigid"
 duration = "2 s"
 steps = 20
 """
-    found = simulate(load(scene_of(tmp_path, text)))
+    found = solved(scene_of(tmp_path, text))
     for name in ("twist", "motor"):
         assert found[name].values == pytest.approx(found.times, abs=1e-9)
     with pytest.raises(SceneError, match=r"springs.mount.bushing: bushing mount is turned by 1\d\d deg"):

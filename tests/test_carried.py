@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from runs import solved
 from scipy.integrate import solve_ivp
 
 from kaneflex.multibody.building import reference_modes
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
 
 SCENE = """
 schema = 1
@@ -57,7 +57,7 @@ def test_frequencies(scenes):
 @pytest.mark.parametrize("terms", ["{}", "{geometric = false}", "{spin = false, euler = false}"])
 def test_motion(scenes, terms):
     series = {
-        name: simulate(load(with_settings(scene, [f"solve.terms={terms}"]))).series for name, scene in scenes.items()
+        name: solved(scene, f"solve.terms={terms}").series for name, scene in scenes.items()
     }
     for sensor, tolerance in (("coupler_mid", 1e-5), ("crank_torque", 1e-4), ("coupler_force", 1e-4), ("end_x", 1e-6)):
         rigid, stiff = (series[name][sensor].values for name in ("rigid", "stiff"))
@@ -66,7 +66,7 @@ def test_motion(scenes, terms):
 
 def test_forces_without_vibrations(scenes):
     series = {
-        name: simulate(load(with_settings(scene, ["solve.preset=quasistatic"]))).series
+        name: solved(scene, "solve.preset=quasistatic").series
         for name, scene in scenes.items()
     }
     for sensor in ("coupler_mid", "joint_x", "joint_y", "pivot_x", "pivot_y"):
@@ -118,7 +118,7 @@ def test_a_body_at_the_tip_of_a_rotating_beam():
     """Its centrifugal force turns with nothing but acts on a turned arm: K_g of the body itself."""
     found = {}
     for name, tip in (("rigid", RIGID_TIP), ("stiff", STIFF_TIP)):
-        found[name] = simulate(load(scene_of(ROTATING.replace("TIP", tip)))).series
+        found[name] = solved(scene_of(ROTATING.replace("TIP", tip))).series
     for sensor in ("arm_end", "arm_turn", "tip_end"):
         rigid, stiff = (found[name][sensor].values.mean() for name in ("rigid", "stiff"))
         assert rigid == pytest.approx(stiff, rel=1e-3), sensor
@@ -127,7 +127,7 @@ def test_a_body_at_the_tip_of_a_rotating_beam():
     assert found["rigid"]["hub_torque"].values.mean() == pytest.approx(-7.0, rel=1e-3)
     # What the arm's end carries is what the body needs to turn with it, at any instant.
     scene = with_settings(scene_of(ROTATING.replace("TIP", RIGID_TIP)), ["solve.preset=quasistatic"])
-    series = simulate(load(scene)).series
+    series = solved(scene).series
     assert series["flange_moment"].values == pytest.approx(-series["end_moment"].values, rel=1e-9)
 
 
@@ -141,7 +141,7 @@ def test_a_lumped_mass_at_the_tip_of_a_rotating_beam():
     text = text.replace("tip.end", "arm.end") + '\n[masses]\nweight = {at = "arm.end", mass = "0.5 kg"}\n'
     for preset, exact in (("quasistatic", 1e-9), ("stiffened", 1e-3)):
         scene = with_settings(scene_of(text), [f"solve.preset={preset}"])
-        series = simulate(load(scene)).series
+        series = solved(scene).series
         assert series["root_moment"].values.mean() == pytest.approx(5.0, rel=exact)
         assert series["hub_torque"].values.mean() == pytest.approx(-5.0, rel=exact)
 
@@ -154,7 +154,7 @@ def test_a_lumped_mass_within_a_rotating_beam_pulls_at_its_inner_half(tmp_path):
     text = LUMPED[: LUMPED.index("tip_end")] + LUMPED[LUMPED.index("[damping]") :]
     text = text.replace("tip.end", "arm.end").replace("elements = 6", "elements = 16") + 'preset = "quasistatic"\n'
     (tmp_path / "lumped.toml").write_text(text + '[masses]\nweight = {at = "arm.mid", mass = "2 kg"}\n')
-    tip = simulate(load(read_scene(tmp_path / "lumped.toml"))).series["arm_end"].values
+    tip = solved(read_scene(tmp_path / "lumped.toml")).series["arm_end"].values
     EI, line, omega, m, F = 2.1e11 * 1e-9, 7850.0 * 1e-4, 400 * np.pi / 30, 2.0, 5.0
 
     def half(start, inner):
@@ -209,7 +209,7 @@ WELD = 'hold = {weld = ["holder", "car"]}'
 
 def _boom(preset, hold, mass, more=""):
     text = BOOM.replace("PRESET", preset).replace("HOLD", hold).replace("MASS", str(mass)).replace("MORE", more)
-    found = simulate(load(scene_of(text)))
+    found = solved(scene_of(text))
     return {name: series.values[-1] for name, series in found.series.items()}
 
 

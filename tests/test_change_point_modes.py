@@ -1,6 +1,6 @@
 """At a change point there are no modes: a run does without them and says so, who asks for them is told where else."""
 
-from command_line import cli, refused
+from command_line import cli, refused, unrendered
 
 PARALLELOGRAM = """
 schema = 1
@@ -26,10 +26,11 @@ steps = 160
 """
 
 
-def test_a_run_through_a_change_point_is_written(tmp_path):
+def test_a_run_through_a_change_point_is_written(tmp_path, monkeypatch):
+    unrendered(monkeypatch)
     file, out = tmp_path / "scene.toml", tmp_path / "out"
     file.write_text(PARALLELOGRAM)
-    result = cli("run", file, "-o", out, "--frames", 12)
+    result = cli("run", file, "-o", out, "--frames", 2)
     assert result.exit_code == 0, result.stderr
     said = "no modes at solve.mode_angle = 0 deg, a dead centre or a change point, where A does not say how"
     assert said in " ".join((result.stdout + result.stderr).split())

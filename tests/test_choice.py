@@ -1,6 +1,7 @@
 """`kaneflex run --tolerance`: what is chosen and on what evidence, the user's cache, and the scene's file."""
 
 import ast
+import functools
 import json
 import re
 import stat
@@ -12,14 +13,16 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from extreme_cases import press
+from runs import solved
 
 from kaneflex.cli.trade import chosen_lines
+from kaneflex.generated import engine as generated_engine
 from kaneflex.multibody.binding import generate_text, import_file, operation_count, pruned_text
 from kaneflex.report.summary import Summary
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.write_back import file_to_write, write_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.study.trade import choice as choice_cache
 from kaneflex.study.trade.candidates import neutral
 from kaneflex.study.trade.choice import choice_file, choose, remembered_choice
@@ -32,7 +35,7 @@ DEFORMED = ("mid_transverse", "tip_axial", "mid_global_y", "rod_mid_strain")
 
 def series(scene, settings, names):
     """The sensors of a scene by some settings, at its own instants, without anything of the trade."""
-    solution = simulate(load(with_settings(scene, settings)))
+    solution = solved(scene, *settings)
     return solution.times, {name: solution.series[name].values for name in names}
 
 
@@ -113,14 +116,14 @@ def test_the_spin_up_needs_the_geometric_stiffness():
 
 def test_what_the_indicator_speaks_against_is_tried_once_and_what_cannot_be_run_is_named():
     """Shaken at its resonance the cross is 98 % off quasi-statically; it stands still, so that coupled has no say."""
-    scene = read_scene("pin-ended-cross")
+    scene = with_settings(read_scene("pin-ended-cross"), ["solve.duration=0.5 s", "solve.steps=1000"])
     found = choose(scene)
     assert found.indicators["dynamics"] > 1 and found.reference_note.startswith("preset coupled can't be run")
     assert f"\n  What is not known of it: {found.reference_note}" in chosen_lines(found)
     tried = [attempt.model for attempt in found.attempts if attempt.error is not None]
     assert [model for model in tried if model.startswith("quasistatic")] == ["quasistatic"]
     assert any(a.model == "coupled" and "no motion to be coupled with" in a.reason for a in found.attempts)
-    assert found.model.startswith("stiffened, 2 modes, 500 steps") and "damping" not in found.dropped
+    assert found.model.startswith("stiffened, 2 modes, 250 steps") and "damping" not in found.dropped
 
 
 def test_a_looser_tolerance_takes_less_and_is_kept(engine):
@@ -148,7 +151,7 @@ def test_the_indicators_are_the_first_order_changes_of_the_answer():
 
 def test_where_the_reference_does_not_converge_nothing_is_chosen():
     """The slider-crank's rod rings in tension, undamped: its peaks depend on the steps."""
-    scene = read_scene("slider-crank-150")
+    scene = with_settings(read_scene("slider-crank-150"), ["solve.steps=360"])
     with pytest.raises(SceneError, match=r"still changes rod_force by .* against it. (Ask .* refine|Refine)"):
         choose(scene, 1e-4, ["mid_transverse", "rod_force"])
 
@@ -172,7 +175,7 @@ def test_a_force_that_the_finest_model_steps_over_leaves_nothing_to_choose_by(tm
 
 def test_a_run_from_rest_stays_one_from_rest():
     """The piston's acceleration from rest is about twice that of the periodic state."""
-    scene = with_settings(read_scene("engine"), ["solve.start=zero"])
+    scene = with_settings(read_scene("engine"), ["solve.start=zero", "solve.duration=0.01 s", "solve.steps=720"])
     found = choose(scene, 0.1, ["piston_acceleration"])
     assert not any(setting.startswith("solve.start") for setting in (*found.settings, *found.reference_settings))
     (_, chosen), (_, own) = (series(scene, settings, found.errors) for settings in (found.settings, ()))
@@ -326,9 +329,19 @@ def sensed_by(text, scene, tmp_path, monkeypatch):
     structure = re.search(r'^STRUCTURE = "(\w+)"', text, flags=re.MULTILINE)[1]
     module = import_file(path, structure)
     monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (module, 0.0))
-    solution = simulate(load(scene))
+    solution = solved(scene)
     assert solution.model.module.STRUCTURE == structure
     return {name: found.values for name, found in solution.series.items()}
+
+
+WHOLE = Path(generated_engine.__file__).read_text(encoding="utf-8")
+"""The engine's module with every term, which a test of generated modules derives."""
+
+
+@functools.cache
+def pruned(*settings):
+    """The text of the engine's module without what settings leave out."""
+    return pruned_text(with_settings(read_scene("engine"), settings))
 
 
 def offered(text):
@@ -352,10 +365,9 @@ def test_a_pruned_module_gives_the_same_without_the_dropped_terms(tmp_path, monk
     settings, gone = PRUNED[case]
     scene = with_settings(read_scene("engine"), ["solve.steps=120", "rod.elements=1", *settings])
     _, expected = series(scene, [], scene.sensors)
-    text = pruned_text(scene)
-    whole = generate_text(scene)
-    assert gone <= offered(whole) - offered(text)
-    assert operation_count(text) < operation_count(whole)
+    text = pruned(*settings)
+    assert gone <= offered(WHOLE) - offered(text)
+    assert operation_count(text) < operation_count(WHOLE)
     found = sensed_by(text, scene, tmp_path, monkeypatch)
     for name, values in expected.items():
         assert found[name] == pytest.approx(values, rel=1e-9, abs=1e-9 * abs(values).max()), name
@@ -363,26 +375,23 @@ def test_a_pruned_module_gives_the_same_without_the_dropped_terms(tmp_path, monk
 
 def test_a_kernel_of_which_a_part_is_dropped_is_the_modules_own(tmp_path):
     """K_d without the spin terms is epsilon G alone."""
-    scene = with_settings(read_scene("engine"), ["solve.terms.spin=false"])
-    path = tmp_path / "module.py"
-    path.write_text(pruned_text(scene))
-    pruned = import_file(path, re.search(r'^STRUCTURE = "(\w+)"', path.read_text(), flags=re.MULTILINE)[1])
+    text, path = pruned("solve.terms.spin=false"), tmp_path / "module.py"
+    path.write_text(text)
+    module = import_file(path, re.search(r'^STRUCTURE = "(\w+)"', text, flags=re.MULTILINE)[1])
     p, s, found = np.array([1.1, 3e7, 1500.0, 0.03, 0.06]), np.array([600.0, 1e5, 2e4, 2e4, 3e4]), np.zeros((6, 6))
-    pruned.K_d(p, s, found)
+    module.K_d(p, s, found)
     assert found == pytest.approx(by_hand.dynamic_stiffness(p[0], p[3], 0.0, s[1]), rel=1e-12, abs=1e-9)
 
 
 def test_the_gyroscopic_matrix_stays_with_the_spin_terms_that_it_is_part_of():
     """L^T C_d L' of joint axes that turn against the rod: left out, quasi-static displacements would change."""
-    scene = with_settings(read_scene("engine"), ["solve.preset=quasistatic"])
-    assert "gyroscopic" in offered(pruned_text(scene))
-    assert "gyroscopic" not in offered(pruned_text(with_settings(scene, ["solve.terms.spin=false"])))
+    assert "gyroscopic" in offered(pruned("solve.preset=quasistatic"))
+    assert "gyroscopic" not in offered(pruned("solve.preset=quasistatic", "solve.terms.spin=false"))
 
 
 def test_a_rigid_module_has_the_motion_alone():
-    scene = with_settings(read_scene("engine"), ["solve.preset=rigid"])
-    text, whole = pruned_text(scene), generate_text(scene)
-    motion = re.search(r"^def motion.*?^@njit", whole, flags=re.MULTILINE | re.DOTALL)[0]
+    text = pruned("solve.preset=rigid")
+    motion = re.search(r"^def motion.*?^@njit", WHOLE, flags=re.MULTILINE | re.DOTALL)[0]
     assert motion in text and offered(text) == {"njit", "table", "motion", "tabulate"}
     assert "The rigid motion alone: nothing deforms." in text and operation_count(text) == 88
 
@@ -394,8 +403,7 @@ def test_gravity_and_shear_that_are_switched_off_are_not_in_the_pruned_module():
 
 
 def test_a_model_with_every_term_has_the_whole_module():
-    scene = read_scene("engine")
-    assert pruned_text(scene) == generate_text(scene)
+    assert pruned() == WHOLE
 
 
 def test_a_run_by_tolerance_takes_the_module_without_what_its_model_leaves_out(engine, cache, tmp_path, monkeypatch):
@@ -413,7 +421,7 @@ def test_a_run_by_tolerance_takes_the_module_without_what_its_model_leaves_out(e
     assert not {key for link in model.links.values() for key, *_ in link.element_terms} & {"K_d", "C_d", "C_s"}
     plain = load(with_settings(read_scene("engine"), found.settings))
     assert "spin" in {group for _, group, *_ in plain.module.TERMS}
-    expected, results = simulate(plain).series, simulate(model).series
+    expected, results = solve(plain).series, solve(model).series
     for name, series in expected.items():
         assert results[name].values == pytest.approx(series.values, abs=1e-9 * abs(series.values).max()), name
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import cli, refused
+from command_line import cli, refused, unrendered
 
 from kaneflex.report.summary import Summary
 from kaneflex.scene import read_scene
@@ -256,8 +256,9 @@ def test_interrupting_a_process_leaves_nothing(tmp_path, number):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_motion_that_repeats_is_drawn_also_if_disturbances_of_it_grow():
+def test_a_motion_that_repeats_is_drawn_also_if_disturbances_of_it_grow(monkeypatch):
     """A strut that is pulsated at twice its own frequency."""
+    unrendered(monkeypatch)
     result = cli("run", "pulsating-strut", "--set", "clock.speed=2517 rpm", "--set", "solve.modes=1", "--frames", 2,
                  "-o", "out")
     assert result.exit_code == 3 and "what is shown is the periodic motion" in result.stderr, result.output

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from command_line import cli, refused
+from command_line import cli, refused, unrendered
 from runs import run
 
 import kaneflex
@@ -105,7 +105,8 @@ def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
     assert not folder.exists()
 
 
-def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
+def test_the_command_writes_its_folder_and_prints_the_table(tmp_path, monkeypatch):
+    unrendered(monkeypatch)
     folder = tmp_path / "out"
     arguments = ("compare", "engine", "--presets", "rigid,stiffened", "-o", folder)
     result = cli(*arguments)

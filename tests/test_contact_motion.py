@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from runs import solved
 
-from kaneflex import SceneError, load, simulate
+from kaneflex import SceneError
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Contact
@@ -233,7 +234,7 @@ steps = 200
 
 
 def test_impacts_are_on_the_solution_in_its_summary_and_its_results():
-    solution = simulate(load(scene_of(BOUNCING)))
+    solution = solved(scene_of(BOUNCING))
     last = solution.impacts[-1]
     summary = summarise(solution).contacts["floor"]
     assert (summary.impacts, summary.rests_since_s) == (len(solution.impacts), last.begin)
@@ -254,7 +255,7 @@ def test_impacts_are_on_the_solution_in_its_summary_and_its_results():
 
 
 def test_the_picture_of_a_contact_marks_the_peak_of_every_impact():
-    solution = simulate(load(scene_of(BOUNCING)))
+    solution = solved(scene_of(BOUNCING))
     with styled():
         figure, followed = sensors.figures(solution)["sensors"], motion.figures(solution)["motion"]
         labelled = {line.get_label(): line for axes in figure.axes for line in axes.lines}
@@ -320,7 +321,7 @@ def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says():
     """Flores, Leine & Glocker 2010, Multibody Syst. Dyn. 23, 165: the slider's height over its clearance, as the
     package Siconos has published it, by steps of 0.1 ms and with a friction of 0.01; and its touches of the upper face.
     """
-    solution = simulate(load(scene_of(SLIDING)))
+    solution = solved(scene_of(SLIDING))
     height = dict(zip(np.round(1e3 * solution.times, 6), solution.series["y"].values / 1e-3, strict=True))
     for t, there in ((2.0, 0.4871), (4.0, 0.7758), (8.0, 0.9525), (12.0, 0.9993), (15.0, 0.9993), (18.0, 0.9686)):
         assert height[t] == pytest.approx(there, abs=0.05)
@@ -334,6 +335,6 @@ def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says():
 def test_a_run_stops_where_a_contacts_force_passes_a_value():
     """Between stored instants the contact stands as beside them."""
     event = '[events]\nlanded = {sensor = "push", value = 5, direction = "up", stop = true}\n'
-    solution = simulate(load(scene_of(BOUNCING + event)))
+    solution = solved(scene_of(BOUNCING + event))
     assert "the event landed ended the run" in solution.message
     assert solution.series["push"].values[-1] == pytest.approx(5, rel=1e-6)

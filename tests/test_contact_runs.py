@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from kaneflex import SceneError, linearise, load, simulate
+from kaneflex import SceneError, linearise, load
 from kaneflex.generated import contact
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.peers.buildable import check_buildable
 from kaneflex.scene import scene_of, with_settings
+from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.report import check_differentiable
 
 G = 9.81
@@ -66,7 +67,7 @@ steps = 550
 
 
 def solved(text, *settings):
-    found = simulate(load(with_settings(scene_of(text), settings)))
+    found = solve(load(with_settings(scene_of(text), settings)))
     assert found.outcome.name == "COMPLETED", found.trajectory.message
     return found
 

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from runs import solved
 
-import kaneflex
-from kaneflex.scene import read_scene, scene_of, with_settings
+from kaneflex.scene import read_scene, scene_of
 from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"
 
 
 def run(name, *settings):
-    return kaneflex.simulate(kaneflex.load(with_settings(read_scene(name), list(settings))))
+    return solved(read_scene(name), *settings)
 
 
 def test_slider_crank_at_150_rad_s():
@@ -139,7 +139,7 @@ steps = 1000
 
 def test_a_pushed_cart_and_its_mast_take_up_the_impulse():
     """Momentum of cart and mast against the integral of the force; the mast's from its nodes by Simpson's rule."""
-    solution = kaneflex.simulate(kaneflex.load(scene_of(CART)))
+    solution = solved(scene_of(CART))
     motion, mast = solution.motion, solution.model.links["mast"]
     v_x = np.array([motion.moving_place("mast", (node, 0.0))[1][0] for node in mast.nodes])
     weights = np.array([1, 4, 2, 4, 2, 4, 1]) / 18
@@ -156,7 +156,7 @@ def test_the_order_of_bodies_does_not_matter():
     scene = read_scene("four-bar-motor")
     turned = scene.model_copy(update={"bodies": dict(reversed(scene.bodies.items()))})
     settings = ["solve.duration=0.1 s", "solve.steps=400"]
-    first, second = (kaneflex.simulate(kaneflex.load(with_settings(s, settings))) for s in (scene, turned))
+    first, second = (solved(s, *settings) for s in (scene, turned))
     for name in first.series:
         there, here = first.series[name].values, second.series[name].values
         assert abs(there - here).max() <= 1e-9 * abs(there).max(), name
@@ -184,7 +184,7 @@ wall = ["-1 m", 0]
 def test_a_spring_and_its_damper_hold_the_cart():
     """Tension k (L - L_0) + c L' of the cart's own slide, the cart's balance of forces, and that of the energy."""
     sensors = 'pull = {spring_force = "back"}\n[solve]'
-    solution = kaneflex.simulate(kaneflex.load(scene_of(CART.replace("[solve]", sensors) + SPRINGS)))
+    solution = solved(scene_of(CART.replace("[solve]", sensors) + SPRINGS))
     motion = solution.motion
     slide, speed, accel = (part[0] for part in motion.body("cart"))
     pull = solution.series["pull"].values

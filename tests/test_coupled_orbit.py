@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from runs import solved
 
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
@@ -22,7 +23,7 @@ def periodic(monkeypatch, name, *settings):
     scene = kaneflex.with_settings(
         kaneflex.read_scene(name), ["solve.preset=coupled", "solve.start=periodic", *settings]
     )
-    solution = kaneflex.simulate(kaneflex.load(scene))
+    solution = solved(scene)
     return solution, len(cycles)
 
 
@@ -103,7 +104,7 @@ def test_a_free_joint_repeats_too(monkeypatch, tmp_path):
     waiting = kaneflex.with_settings(
         kaneflex.read_scene(path), ["solve.start=zero", "solve.duration=12 s", "solve.steps=21600"]
     )
-    waited = kaneflex.simulate(kaneflex.load(waiting))
+    waited = solved(waiting)
     for name, series in found.series.items():
         expected = waited.series[name].values[-361:]
         np.testing.assert_allclose(series.values, expected, rtol=0, atol=2e-5 * abs(expected).max())

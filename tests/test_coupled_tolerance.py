@@ -9,11 +9,11 @@ import pytest
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
-import kaneflex
 from kaneflex.multibody.run import Method, integrate
 from kaneflex.multibody.system import build_system
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.options import resolve_options
+from kaneflex.solve.simulation import solve
 from kaneflex.solve.unresolved import unresolved
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
@@ -152,7 +152,7 @@ def beam(tmp_path_factory):
 
 def run(model, *settings):
     scene = with_settings(model.scene, list(settings))
-    return kaneflex.simulate(replace(model, scene=scene, options=resolve_options(scene)))
+    return solve(replace(model, scene=scene, options=resolve_options(scene)))
 
 
 def test_a_clamped_beam_under_a_sudden_force(beam):

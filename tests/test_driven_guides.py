@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from runs import solved
 
 from kaneflex.cli.scene import configuration
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.report.presentation import at_drive
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import SceneError
 
 CART = """
@@ -42,17 +42,17 @@ def cart(tmp_path, drive: str, loads: str = ""):
 
 
 def test_the_force_that_moves_a_cart_is_mass_times_acceleration(tmp_path):
-    solution = simulate(load(cart(tmp_path, 'law = "0.03 * sin(20 * t)"')))
+    solution = solved(cart(tmp_path, 'law = "0.03 * sin(20 * t)"'))
     t = solution.times
     np.testing.assert_allclose(solution["x"], 0.03 * np.sin(20 * t), atol=1e-15)
     np.testing.assert_allclose(solution["force"], -2.0 * 0.03 * 400 * np.sin(20 * t), atol=1e-11)
 
 
 def test_a_guide_at_constant_speed_and_one_that_spins_up(tmp_path):
-    steady = simulate(load(cart(tmp_path, 'speed = "0.5 m/s"\nposition = "20 mm"')))
+    steady = solved(cart(tmp_path, 'speed = "0.5 m/s"\nposition = "20 mm"'))
     np.testing.assert_allclose(steady["x"], 0.02 + 0.5 * steady.times, atol=1e-15)
     np.testing.assert_allclose(steady["force"], 0.0, atol=1e-12)
-    started = simulate(load(cart(tmp_path, 'speed = "0.5 m/s"\nspin_up = "0.4 s"')))
+    started = solved(cart(tmp_path, 'speed = "0.5 m/s"\nspin_up = "0.4 s"'))
     t = np.minimum(started.times, 0.4)
     np.testing.assert_allclose(started["force"], 2.0 * 0.5 / 0.4 * (1 - np.cos(2 * np.pi * t / 0.4)), atol=1e-11)
 
@@ -61,14 +61,14 @@ def test_a_table_gives_the_position_in_its_unit(tmp_path):
     t = np.linspace(0.0, 0.5, 101)
     rows = [f"{time!r},{30 * math.sin(20 * time)!r}" for time in t.tolist()]
     (tmp_path / "s.csv").write_text("\n".join(["t,s", *rows]))
-    solution = simulate(load(cart(tmp_path, 'table = "s.csv"\nunit = "mm"')))
+    solution = solved(cart(tmp_path, 'table = "s.csv"\nunit = "mm"'))
     # the natural spline ends straight, the sine does not
     np.testing.assert_allclose(solution["x"], 0.03 * np.sin(20 * solution.times), atol=1e-5)
 
 
 def test_a_free_guide_follows_a_constant_force(tmp_path):
     push = 'push = {force_on = "cart", direction = [1, 0], value = "3 N"}'
-    solution = simulate(load(cart(tmp_path, 'free = true\nposition = 0.1\ninitial_speed = "-0.4 m/s"', push)))
+    solution = solved(cart(tmp_path, 'free = true\nposition = 0.1\ninitial_speed = "-0.4 m/s"', push))
     t = solution.times
     np.testing.assert_allclose(solution["x"], 0.1 - 0.4 * t + 0.75 * t**2, atol=1e-9)
     np.testing.assert_allclose(solution["force"], 0.0, atol=1e-8)
@@ -77,7 +77,7 @@ def test_a_free_guide_follows_a_constant_force(tmp_path):
 def test_a_motor_whose_force_falls_with_the_speed(tmp_path):
     """m v' = F (1 - v / v_0): x = v_0 (t - T (1 - exp(-t / T))), T = m v_0 / F."""
     motor = 'motor = {force_on = "cart", direction = [1, 0], law = "3 * (1 - bore_speed / 0.6)"}'
-    solution = simulate(load(cart(tmp_path, "free = true", motor)))
+    solution = solved(cart(tmp_path, "free = true", motor))
     t, lag = solution.times, 2.0 * 0.6 / 3.0
     np.testing.assert_allclose(solution["x"], 0.6 * (t - lag * (1 - np.exp(-t / lag))), atol=1e-8)
 
@@ -110,7 +110,7 @@ def test_a_shaken_cantilever_in_its_steady_state(tmp_path):
     """
     path = tmp_path / "shaken.toml"
     path.write_text(SHAKEN.replace("TURN", repr(2 * math.pi / 40)))
-    solution = simulate(load(read_scene(path)))
+    solution = solved(read_scene(path))
     stiffness, per_length, length, amplitude, omega = 210e9 * 0.01 * 0.004**3 / 12, 7850 * 4e-5, 0.5, 1e-3, 40.0
     k = (per_length * omega**2 / stiffness) ** 0.25
     at_foot = [[1, 0, 1, 0], [0, 1, 0, 1]]
@@ -223,7 +223,7 @@ steps = 300
 def test_a_slider_driven_along_a_turning_arm(tmp_path):
     """Polar coordinates: the rail's drive applies m (r'' - r omega^2), the hub's 2 m r r' omega."""
     (tmp_path / "arm.toml").write_text(ARM)
-    solution = simulate(load(read_scene(tmp_path / "arm.toml")))
+    solution = solved(read_scene(tmp_path / "arm.toml"))
     t = solution.times
     r, dr, ddr = 0.2 + 0.05 * np.sin(9 * t), 0.45 * np.cos(9 * t), -4.05 * np.sin(9 * t)
     np.testing.assert_allclose(solution["along"], 0.7 * (ddr - 144 * r), atol=1e-11)
@@ -231,7 +231,7 @@ def test_a_slider_driven_along_a_turning_arm(tmp_path):
 
 
 def test_results_hold_a_guide_s_position_in_metres(tmp_path):
-    dataset = simulate(load(cart(tmp_path, 'speed = "0.5 m/s"'))).dataset
+    dataset = solved(cart(tmp_path, 'speed = "0.5 m/s"')).dataset
     assert dataset["drive_position_bore"].attrs["units"] == "m"
     assert float(dataset["drive_position_bore"][-1]) == pytest.approx(0.25)
 

@@ -254,7 +254,7 @@ def test_matrices_are_printed_in_whole_numbers():
 
 
 def test_a_matrix_too_wide_for_a_page_is_printed_entry_by_entry():
-    symbols = sm.symbols("a:60")
+    symbols = sm.symbols("a:40")
     wide = sm.ImmutableMatrix(2, 2, [sum(symbols), 0, symbols[0], 1])
     text = printed_matrix(EquationPrinter(str), Term("wide", "spin", "K", sm.S.One, wide))
     assert "pmatrix" not in text

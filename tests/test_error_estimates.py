@@ -2,16 +2,14 @@
 
 import numpy as np
 import pytest
+from runs import solved
 
 import kaneflex
-from kaneflex import load, simulate
+from kaneflex import load
 from kaneflex.scene import with_settings
+from kaneflex.solve.simulation import solve
 
 FINE = ("solve.preset=stiffened", "solve.modes=all", "solve.integrator=radau")
-
-
-def solved(scene, *settings):
-    return simulate(load(with_settings(scene, settings)))
 
 
 @pytest.fixture(scope="module")
@@ -92,10 +90,10 @@ def test_what_starts_from_a_given_shape_is_corrected_from_there():
     """A richer model that began elsewhere would be another motion. (Of the finer mesh the user has given nothing.)"""
     scene = kaneflex.read_scene("spin-up")
     state = with_settings(scene, ["solve.duration=3 s", "solve.steps=1200"])
-    last = simulate(load(state)).state()
+    last = solve(load(state)).state()
     assert abs(last["displacements"]["beam.4.v"]) > 0.01
     begun = state.seen(solve=state.solve.model_copy(update={"start": kaneflex.scene.start.Start(**last)}))
-    estimates, reason = simulate(load(begun)).errors
+    estimates, reason = solve(load(begun)).errors
     assert reason == "" and 0.0 < estimates["tip_transverse"].total < 1e-3 * abs(last["displacements"]["beam.4.v"])
 
 
@@ -119,9 +117,9 @@ def test_cycles_whose_harmonics_converge_too_slowly_are_corrected_by_steps(setti
 def test_transients_in_space_are_corrected_by_steps(kind, settings):
     scene = with_settings(
         kaneflex.read_scene("spatial-slider-crank-elastic"),
-        ["solve.start=quasistatic", "solve.duration=0.05 s", "solve.steps=500", *settings],
+        ["solve.start=quasistatic", "solve.duration=0.03 s", "solve.steps=300", *settings],
     )
-    fine = solved(scene, *FINE, "rod.elements=8", "solve.steps=1000")
+    fine = solved(scene, *FINE, "rod.elements=8", "solve.steps=600")
     check_effectivities(solved(scene), fine, kind, 0.6)
 
 
@@ -137,7 +135,7 @@ def test_a_module_without_the_terms_tells_nothing_of_them():
     """Else they would be worth nothing, as its kernels have none of them."""
     scene = kaneflex.read_scene("engine")
     for setting in ("solve.terms.geometric=false", "solve.preset=rigid"):
-        estimates, reason = simulate(load(with_settings(scene, [setting]), pruned=True)).errors
+        estimates, reason = solve(load(with_settings(scene, [setting]), pruned=True)).errors
         assert not estimates and reason == "not estimated: the module has no terms but those that were chosen"
         assert solved(scene, setting).errors[0]["mid_transverse" if "terms" in setting else "crank_torque"].terms > 0
 

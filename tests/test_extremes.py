@@ -13,7 +13,7 @@ from runs import derived_on_the_fly, model, run
 from kaneflex.response.undersampling import between_steps
 from kaneflex.scene import scene_of
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.solve.validity import validity_warnings
 from kaneflex.support.errors import SceneError
 
@@ -65,7 +65,7 @@ duration = "1 s"
 
 def test_what_leaves_double_precision_on_the_way_is_named(tmp_path):
     """The force is a number, the square of the slope that it causes is none."""
-    solution = simulate(derived_on_the_fly(CANTILEVER.format(law="1e60 * t * 1e60 * 1e60 * 1e20"), tmp_path))
+    solution = solve(derived_on_the_fly(CANTILEVER.format(law="1e60 * t * 1e60 * 1e60 * 1e20"), tmp_path))
     with np.errstate(over="ignore", invalid="ignore"), pytest.raises(SceneError) as error:
         _ = solution.series
     assert str(error.value).startswith("sensors.tip: it has no finite value at t = 0.1 s. Correct the numbers")

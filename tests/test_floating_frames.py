@@ -5,6 +5,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+from runs import solved
 from scipy.linalg import eigh
 
 import kaneflex
@@ -41,7 +42,7 @@ steps = 200
 
 def bar(folder, duration, joints, loads, sensors):
     (folder / "bar.toml").write_text(BAR.format(joints=joints, loads=loads, sensors=sensors, duration=duration))
-    return kaneflex.simulate(kaneflex.load(read_scene(folder / "bar.toml")))
+    return solved(read_scene(folder / "bar.toml"))
 
 
 def clamped(folder, held, free, turn):

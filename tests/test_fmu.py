@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli, refused
+from runs import solved
 
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.fmu import fmu
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import SceneError
 
 RPM = 2 * np.pi / 60
@@ -41,7 +40,13 @@ def engine(tmp_path_factory, compiler):
 
 @pytest.fixture(scope="module")
 def series(engine):
-    return simulate(load(engine[0])).series
+    return solved(engine[0]).series
+
+
+@pytest.fixture
+def uncompiled(monkeypatch):
+    """FMUs of sources alone, where no library of theirs is called."""
+    monkeypatch.setattr("shutil.which", lambda name: None)
 
 
 def worst(found, series):
@@ -90,7 +95,7 @@ def test_a_scene_in_space_is_an_fmu_too(version, fmpy, tmp_path):
     made = fmu(scene, version)
     (tmp_path / "space.fmu").write_bytes(made.content)
     assert made.inputs == () and {*made.outputs} == {*scene.sensors}
-    expected = simulate(load(scene)).series
+    expected = solved(scene).series
     assert worst(simulated(fmpy, tmp_path / "space.fmu", "CoSimulation"), expected) < 1e-9
     found = simulated(fmpy, tmp_path / "space.fmu", "ModelExchange", relative_tolerance=1e-10)
     assert worst(found, expected) < 1e-4  # the run's own steps err by that
@@ -112,7 +117,7 @@ def test_what_can_be_set_is_what_the_scene_would_have(name, base, changed, value
     scene = with_settings(read_scene(name), base)
     (tmp_path / "any.fmu").write_bytes(fmu(scene).content)
     found = simulated(fmpy, tmp_path / "any.fmu", "CoSimulation", start_values=values)
-    assert worst(found, simulate(load(with_settings(scene, changed))).series) < 1e-9
+    assert worst(found, solved(scene, *changed).series) < 1e-9
 
 
 def test_steps_of_another_program_and_states_to_go_back_to(engine, fmpy):
@@ -159,8 +164,7 @@ def test_signatures_are_those_of_the_standards(fmpy, compiler):
         subprocess.run([compiler, *options, sources / f"kaneflex_fmi{version}.c"], check=True)
 
 
-def test_without_a_compiler_the_sources_are_there(monkeypatch, engine):
-    monkeypatch.setattr("shutil.which", lambda name: None)
+def test_without_a_compiler_the_sources_are_there(uncompiled, engine):
     made = fmu(engine[0], "3")
     assert made.compiled_for is None
     names = zipfile.ZipFile(io.BytesIO(made.content)).namelist()
@@ -169,7 +173,7 @@ def test_without_a_compiler_the_sources_are_there(monkeypatch, engine):
 
 
 @pytest.mark.parametrize("name", ["slider-crank-150-coupled", "spin-up-torque", "elastic-pendulum"])
-def test_what_a_refusal_advises_helps(name):
+def test_what_a_refusal_advises_helps(uncompiled, name):
     """Of scenes that are driven, turned by a torque, and free."""
     scene = read_scene(name)
     with pytest.raises(SceneError, match="like --preset stiffened"):
@@ -177,7 +181,7 @@ def test_what_a_refusal_advises_helps(name):
     assert fmu(with_settings(scene, ["solve.preset=stiffened"])).outputs
 
 
-def test_frozen_matrices_and_modes_let_no_speed_be_changed():
+def test_frozen_matrices_and_modes_let_no_speed_be_changed(uncompiled):
     undamped = fmu(with_settings(read_scene("slider-crank-150"), ["solve.steps=10"]))
     assert undamped.inputs == ("drives.main.speed", "drives.main.angle")
     assert fmu(read_scene("engine-paper")).inputs == ()

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import model, run, waving
+from runs import model, run, solved, waving
 
-import kaneflex
 from kaneflex.response import foreshortening
 from kaneflex.response.deformation import deform
 from kaneflex.response.sensors import sensor_values
@@ -101,7 +100,7 @@ steps = 4
 def test_a_beam_held_at_its_end_stays_there(tmp_path, joint, spring, give):
     """It is the start that comes nearer: by 1/2 int v'^2 of v' = F (l^2 - x^2) / (2 E I) + F l / k, with l = 1 m."""
     (tmp_path / "bar.toml").write_text(HELD_AT_ITS_END.replace("JOINT", joint).replace("SPRING", spring))
-    solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "bar.toml")))
+    solution = solved(read_scene(tmp_path / "bar.toml"))
     nearer = 2.0**2 / 2 * (2 / (15 * 20.0**2) + 2 * give / (3 * 20.0) + give**2)
     for point, expected in (("start", nearer), ("end", 0.0)):
         place = sensor_values(solution.motion, Sensor.model_validate({"displacement": f"bar.{point}"}))

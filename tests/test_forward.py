@@ -8,7 +8,7 @@ import pytest
 from runs import derived_on_the_fly, model
 
 from kaneflex.report.summary import summarise
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
 PAGE = (Path(__file__).parent.parent / "docs" / "forward.md").read_text(encoding="utf-8")
@@ -94,11 +94,11 @@ def test_works_of_long_runs_are_summed_piece_by_piece(monkeypatch):
 
 
 def test_summary_and_warning_of_a_loose_tolerance():
-    found = summarise(simulate(model("double-pendulum", "solve.duration=2 s", "solve.forward.tolerance=1e-2")))
+    found = summarise(solve(model("double-pendulum", "solve.duration=2 s", "solve.forward.tolerance=1e-2")))
     assert found.options["forward_tolerance"] == 1e-2
     assert found.energy.drift > 1e-4 and found.energy.gap > 1e-3
     assert "lower solve.forward.tolerance from 0.01" in found.warnings[-1]
-    tight = summarise(simulate(model("double-pendulum", "solve.duration=2 s")))
+    tight = summarise(solve(model("double-pendulum", "solve.duration=2 s")))
     assert tight.energy.drift < 1e-9 and abs(tight.energy.stored) < 1e-7
     assert not any("energy" in warning for warning in tight.warnings)
 

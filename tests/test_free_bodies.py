@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 from command_line import cli, refused
+from runs import solved
 
-from kaneflex import SceneError, linearise, load, simulate
+from kaneflex import SceneError, linearise, load
 from kaneflex.fem.mobility import count_freedom
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
@@ -71,7 +72,7 @@ def scene_of(tmp_path, text, *settings):
 
 
 def test_a_thrown_bar_flies_on_a_parabola_and_turns_evenly(tmp_path):
-    found = simulate(load(scene_of(tmp_path, THROWN)))
+    found = solved(scene_of(tmp_path, THROWN))
     t, omega, angle = found.times, 2 * math.pi, math.radians(30)
     c, s = 0.5 * math.cos(angle), 0.5 * math.sin(angle)
     assert found.series["x"].values == pytest.approx(c + (3 - omega * s) * t, rel=1e-9)
@@ -95,7 +96,7 @@ def test_a_beam_that_nothing_holds_has_the_frequencies_of_a_free_one(tmp_path):
 
 def test_a_blow_moves_the_centre_of_a_ringing_beam_by_its_impulse(tmp_path):
     """A free frame stands in the mean over the mass: half a length ahead of it is the centre, however it bends."""
-    found = simulate(load(scene_of(tmp_path, BEAM)))
+    found = solved(scene_of(tmp_path, BEAM))
     q, v = found.trajectory.q, found.trajectory.v
     mass = found.model.scene.bodies["beam"].mass
     c, s = 0.5 * np.cos(q[:, 2]), 0.5 * np.sin(q[:, 2])
@@ -112,14 +113,14 @@ def test_the_animation_of_a_ringing_beam_says_how_far_it_is_enlarged(tmp_path, m
     titles, new_figure = [], animation.new_figure
     monkeypatch.setattr(animation, "new_figure", lambda *size, **kw: titles.append(size[2]) or new_figure(*size, **kw))
     with styled():
-        found = simulate(load(scene_of(tmp_path, BEAM, "solve.steps=20")))
-        animation.animate(found, [tmp_path / "beam.gif"])
+        found = solved(scene_of(tmp_path, BEAM, "solve.steps=20"))
+        animation.animate(found, [tmp_path / "beam.gif"], 2)
         assert set(displacements.figures(found)) == {"nodal_displacements", "mid_beam", "surfaces_beam"}
     assert titles[0].startswith("Deformation enlarged")
 
 
 def test_two_bodies_with_a_pin_keep_the_motion_of_their_centre_and_their_spin(tmp_path):
-    found = simulate(load(scene_of(tmp_path, PAIR)))
+    found = solved(scene_of(tmp_path, PAIR))
     system, trajectory = found.model.coupled, found.trajectory
     mass, length = np.array([1.0, 3.0]), np.array([1.0, 0.5])
     rows = [system.start["one"], system.start["two"]]
@@ -175,7 +176,7 @@ steps = 200
 
 def test_a_rod_with_room_at_both_ends_follows_the_tight_mechanism(tmp_path):
     """By the clearances along it; the tight one is r cos(a) + sqrt(l^2 - r^2 sin(a)^2)."""
-    found = simulate(load(scene_of(tmp_path, LOOSE)))
+    found = solved(scene_of(tmp_path, LOOSE))
     a = 100 * math.pi * found.times
     tight = 0.05 * np.cos(a) + np.sqrt(0.12**2 - (0.05 * np.sin(a)) ** 2)
     apart = abs(found.series["slide"].values - tight).max()
@@ -189,7 +190,7 @@ def test_an_elastic_rod_loose_at_both_ends_parts_as_slowly_as_the_other_end_make
     """By Newton's law: a resting end that another impact lifts hardly at all rests on, and nothing cascades."""
     text = LOOSE.replace("stiffness = 1e11, restitution = 0.3", f'law = "newton", restitution = {e}')
     beam = 'beam = {material = "steel", section = {rectangle = ["6 mm", "12 mm"]}, elements = 6}'
-    found = simulate(load(scene_of(tmp_path, text.replace('mass = "0.07 kg"', beam).replace("0.01 mm", "0.1 mm"))))
+    found = solved(scene_of(tmp_path, text.replace('mass = "0.07 kg"', beam).replace("0.01 mm", "0.1 mm")))
     a = 100 * math.pi * found.times
     tight = 0.05 * np.cos(a) + np.sqrt(0.12**2 - (0.05 * np.sin(a)) ** 2)
     assert found.outcome is Outcome.COMPLETED

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from kaneflex import SceneError, linearise, load, simulate
+from kaneflex import SceneError, linearise, load
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.quantities import FRICTION_RESULTS
+from kaneflex.solve.simulation import solve
 
 G, SLOPE = 9.81, math.radians(30)
 BLOCK = f"""
@@ -54,7 +55,7 @@ steps = 100
 
 
 def solved(text, *settings, outcome=Outcome.COMPLETED):
-    found = simulate(load(with_settings(scene_of(text), settings)))
+    found = solve(load(with_settings(scene_of(text), settings)))
     assert found.outcome is outcome, found.trajectory.message
     if outcome is Outcome.COMPLETED:
         energy = found.trajectory.energy
@@ -152,7 +153,7 @@ def test_two_feet_of_a_block_let_go_together(tmp_path, contact, static):
     """However its weight is on them: where both can bear no more than the pull P t it begins to slide, for good."""
     path = tmp_path / "scene.toml"
     path.write_text(FEET.replace("CONTACT", contact).replace("STATIC", str(static)))
-    solution = simulate(load(read_scene(path)))
+    solution = solve(load(read_scene(path)))
     weight, P = 9.81, 20.0
     begin = static * weight / P
     late = np.maximum(solution.times - begin, 0.0)
@@ -200,7 +201,7 @@ def test_a_pendulum_loses_twice_what_its_dry_torque_turns():
 
 def test_a_block_on_a_belt_sticks_and_slips_as_in_closed_form():
     """Rabinowicz 1958: carried to F_s/k, it slips about F_k/k and sticks where it is as fast as the belt again."""
-    found = simulate(load(read_scene("stick-slip")))
+    found = solve(load(read_scene("stick-slip")))
     v, held, slides, w = 0.1, 0.4 * G / 100, 0.3 * G / 100, 10.0
     excess = held - slides
     slip, stick = 2 / w * (math.pi - math.atan(excess * w / v)), 2 * excess / v
@@ -412,7 +413,7 @@ steps = 100
 @pytest.mark.parametrize("mu", [0.05, 1.0])
 def test_two_blocks_on_guides_with_a_rod_between_them_slide_to_rest(mu):
     """Painleve and Klein's (Klein 1909, Z. Math. Phys. 58, 186): m a = P - R cos(b), m a = R cos(b) - mu R sin(b)."""
-    found = simulate(load(with_settings(scene_of(KLEIN), [f"floor.friction.mu={mu}"])))
+    found = solve(load(with_settings(scene_of(KLEIN), [f"floor.friction.mu={mu}"])))
     c, s = 0.5, math.sqrt(0.75)
     R = 10 / (2 * c - mu * s)
     a, t = 10 - R * c, found.times
@@ -425,7 +426,7 @@ def test_two_blocks_on_guides_with_a_rod_between_them_slide_to_rest(mu):
 def test_friction_that_no_reaction_agrees_with_ends_the_run(law, reached):
     """mu tan(b) > 2: while they slide, a rod that is pushed against the rough guide has no force (Painleve 1895)."""
     settings = ["floor.friction.mu=2", f'push.law="{law}"', "floor.initial_speed=5 m/s"]
-    found = simulate(load(with_settings(scene_of(KLEIN), settings)))
+    found = solve(load(with_settings(scene_of(KLEIN), settings)))
     assert found.outcome in (Outcome.PARADOX, Outcome.SINGULAR) and "no way to stick or slip" in found.message
     assert found.times[-1] == pytest.approx(reached, abs=0.004)
 
@@ -462,7 +463,7 @@ def test_a_block_that_is_stuck_in_a_slot_that_turns_stays_where_it_stuck(tmp_pat
     for line in ('slot = {free = true, position = "0.6 m"}\n', 'way = {position = "slot"}\n'):
         welded = welded.replace(line, "")
     welded = welded.replace('arm = {length = "1 m", ', 'arm = {length = "1 m", points = {there = ["0.6 m", 0]}, ')
-    other = simulate(load(with_settings(read_scene(write(tmp_path, welded)), [])))
+    other = solve(load(with_settings(read_scene(write(tmp_path, welded)), [])))
     assert found.series["angle"].values == pytest.approx(other.series["angle"].values, abs=1e-6)
 
 

@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 import sympy as sm
 from numba import njit
-from runs import model
+from runs import model, short, solved
 
 import kaneflex.generated
-from kaneflex import load, simulate
 from kaneflex.derive import generate
 from kaneflex.derive.__main__ import modules
 from kaneflex.derive.beam import beam_element
@@ -339,9 +338,9 @@ def interpreted_element(wrong: str = "") -> ModuleType:
 def test_a_run_computes_with_the_kernels_that_are_imported(monkeypatch, kernel):
     """A wrong one makes the run go wrong."""
     scene = with_settings(read_scene("engine"), ["solve.steps=240", "rod.elements=2"])
-    right = simulate(load(scene)).series["mid_transverse"].values
+    right = solved(scene).series["mid_transverse"].values
     monkeypatch.setattr(module("engine"), "element_matrices", interpreted_element(kernel).element_matrices)
-    found = simulate(load(scene)).series["mid_transverse"].values
+    found = solved(scene).series["mid_transverse"].values
     error = abs(found - right).max() / abs(right).max()
     assert error > 1e-5 if kernel else error < 1e-12
 
@@ -413,7 +412,7 @@ PLANAR = [name for name in kaneflex.generated.SCENES if not read_scene(name).is_
 @pytest.mark.parametrize("name", PLANAR)  # in space what joints share is no number
 def test_motion_is_finite_at_every_angle(name):
     """0.1 degree steps over four turns, dead centres included; over the whole run where the speed is not constant."""
-    found, scene = model(name).motion, model(name).scene
+    found, scene = short(name).motion, short(name).scene
     speeds = [drive.speed for drive in scene.drives.values() if drive.kind == "constant speed"]
     turns = np.radians(np.arange(0, 14400) / 10)
     times = turns / speeds[0] if speeds else np.linspace(0, scene.horizon, 14400)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from runs import solved
 from test_mobility import CARRIED_RHOMBUS, THREE_CRANKS, TWO_GUIDES
 
 import kaneflex
@@ -24,7 +25,7 @@ def scene(tmp_path, text):
 
 
 def swung(tmp_path, text):
-    solution = kaneflex.simulate(kaneflex.load(scene(tmp_path, text)))
+    solution = solved(scene(tmp_path, text))
     assert solution.outcome is Outcome.COMPLETED, solution.message
     return solution
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -28,9 +29,14 @@ def modules(package: str) -> list[Path]:
     return sorted(path for path in FOLDERS[package].rglob("*.py") if "__pycache__" not in path.parts)
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imports(path: Path, at_import_only: bool = False) -> Iterator[str]:
     """Absolute dotted names that `path` imports; `at_import_only`: less those inside functions."""
-    nodes = [ast.parse(path.read_text())]
+    nodes: list[ast.AST] = [parsed(path)]
     while nodes:
         node = nodes.pop()
         if isinstance(node, ast.Import):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from foreign_rod import AREA, ENDS, FILES, HEIGHT, I_Z, NU, PAGE, RHO, E, L, arguments, printed_by
+from runs import solved
 from scipy.io import mmread, mmwrite
 from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
@@ -120,7 +121,7 @@ def engine(rod, sensors=()):
     """Series of the engine's cycle, a beam with 3 modes and 2 % damping of each."""
     damping, modes = ("[damping]\nmodal = {ratio = 0.02}", "modes = 3") if "beam" in rod else ("", "")
     text = ENGINE.format(rod=rod, damping=damping, modes=modes, sensors="\n".join(sensors))
-    return kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text))).series
+    return solved(kaneflex.scene_of(text)).series
 
 
 def test_the_engine_with_it_and_with_a_beam():
@@ -135,6 +136,36 @@ def test_the_engine_with_it_and_with_a_beam():
         assert away < bound, (name, away)
 
 
+@pytest.fixture(scope="module")
+def recovered():
+    """The rod with its stresses, by the page's command, and the page's scene of it."""
+    assert cli(*recovering()).exit_code == 0
+    (text,) = re.findall(r"^```toml\n(# imported\.toml\n.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    return text
+
+
+@pytest.fixture(scope="module")
+def odd_files():
+    """Of nodes, matrices and stresses: what can be wrong with them."""
+    numbers = np.loadtxt("rod-nodes.txt")
+    np.savetxt("all.txt", np.loadtxt("small-eye.txt"))
+    np.savetxt("strange.txt", [4711.0])
+    np.savetxt("corner.txt", numbers[[0], 0])
+    mmwrite("short.mtx", np.eye(6))
+    Path("empty.txt").write_text("")
+    Path("torn.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n3 3 9\n1 1 1.0\n")
+    K = mmread("rod-stiffness.mtx").tolil()
+    K[0, 7] += 1e9
+    mmwrite("lopsided.mtx", K.tocsr(), symmetry="general")
+    mmwrite("turned-round.mtx", -mmread("rod-stiffness.mtx"))
+    np.savetxt("upper.txt", numbers[(numbers[:, 1] == L) & (numbers[:, 2] > 0.0), 0])
+    for name, text in (("three", "a\nb\nc"), ("twice", "top\ntop"), ("dotted", "rod.top\nb")):
+        Path(f"{name}.txt").write_text(text)
+    S = mmread("rod-stress.mtx").tolil()
+    S[0, 0] += 1e12
+    mmwrite("other.mtx", S.tocsr())
+
+
 READ = [("axial_force", 5e-4), ("shear_force", 2e-2), ("bending_moment", 2e-3)]
 """Kinds of section forces, and by how much of the largest along the rod finite elements may differ from the beam."""
 
@@ -144,12 +175,12 @@ def test_section_forces_and_stresses_beside_a_beam():
 
     A shear force differs by N times the slope: it is across the deflected line here, across the chord there.
     """
-    assert cli(*recovering(), "--section", "eye=0.02", "--force").exit_code == 0
+    assert cli(*recovering(**{"rod-stress.npz": "eye.npz"}), "--section", "eye=0.02").exit_code == 0
     sensors = [f'{kind}_{at} = {{{kind} = "rod.{at}"}}' for kind, _ in READ for at in ("eye", "waist", "mid")]
     strains = [f'{name} = {{strain = "rod.waist", fibre = "{y} mm"}}' for name, y in (("top", 10), ("bottom", -10))]
     stresses = [f'{name} = {{stress = "rod.{name}", component = "xx"}}' for name in ("top", "bottom")]
     rod = BEAM.replace("{length", '{points = {waist = ["66 mm", 0], eye = ["20 mm", 0]}, length', 1)
-    beam, found = engine(rod, sensors + strains), engine('{modal_data = "rod-stress.npz"}', sensors + stresses)
+    beam, found = engine(rod, sensors + strains), engine('{modal_data = "eye.npz"}', sensors + stresses)
     for kind, bound in READ:
         names = [f"{kind}_{at}" for at in ("eye", "waist", "mid")]
         largest = max(abs(beam[name].values).max() for name in names)
@@ -160,7 +191,7 @@ def test_section_forces_and_stresses_beside_a_beam():
         assert abs(found[name].values - expected).max() < 4e-2 * abs(expected).max(), name
 
 
-def test_files_in_other_axes_tell_the_same_stresses():
+def test_files_in_other_axes_tell_the_same_stresses(recovered):
     """Those of z, x, y here are their X, Y, Z."""
     axes, nodes = [2, 0, 1], np.loadtxt("rod-nodes.txt")
     np.savetxt("turned-nodes.txt", np.column_stack([nodes[:, 0], nodes[:, 1:][:, axes]]), fmt="%.12g")
@@ -169,7 +200,6 @@ def test_files_in_other_axes_tell_the_same_stresses():
         mmwrite(f"turned-{name}.mtx", mmread(f"rod-{name}.mtx").tocsr()[order][:, order])
     rows = [6 * k + at for k in range(2) for at in (2, 0, 1, 5, 3, 4)]  # zz, xx, yy, zx, xy, yz here
     mmwrite("turned-stress.mtx", mmread("rod-stress.mtx").tocsr()[rows][:, order])
-    assert cli(*recovering(), "--force").exit_code == 0
     turned = {f"rod-{name}": f"turned-{name}" for name in ("mass.mtx", "stiffness.mtx", "nodes.txt", "stress.mtx")}
     assert cli(*recovering(**turned, **{"rod-stress.npz": "turned.npz"}), "--normal", "1", "0", "0").exit_code == 0
     here, there = (read_modal_data(name) for name in ("rod-stress.npz", "turned.npz"))
@@ -195,12 +225,7 @@ def test_files_in_other_axes_tell_the_same_stresses():
         ({"waist=0.066": "waist"}, "--section 'waist' gives no value to a name"),
     ],
 )  # fmt: skip
-def test_what_is_refused_of_sections_and_stresses(changed, message):
-    for name, text in (("three", "a\nb\nc"), ("twice", "top\ntop"), ("dotted", "rod.top\nb")):
-        Path(f"{name}.txt").write_text(text)
-    S = mmread("rod-stress.mtx").tolil()
-    S[0, 0] += 1e12
-    mmwrite("other.mtx", S.tocsr())
+def test_what_is_refused_of_sections_and_stresses(odd_files, changed, message):
     refused(cli(*recovering(**({"rod-stress.npz": "never.npz"} | changed))), message)
     assert not Path("never.npz").exists()
 
@@ -227,29 +252,16 @@ def test_what_is_refused_of_sections_and_stresses(changed, message):
         ({"rod.npz": "rod.txt"}, "not the name of a file of arrays"),
     ],
 )
-def test_what_is_refused(changed, message):
+def test_what_is_refused(odd_files, changed, message):
     """By name and with a cure, and nothing is written."""
-    numbers = np.loadtxt("rod-nodes.txt")
-    np.savetxt("all.txt", np.loadtxt("small-eye.txt"))
-    np.savetxt("strange.txt", [4711.0])
-    np.savetxt("corner.txt", numbers[[0], 0])
-    mmwrite("short.mtx", np.eye(6))
-    Path("empty.txt").write_text("")
-    Path("torn.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n3 3 9\n1 1 1.0\n")
-    K = mmread("rod-stiffness.mtx").tolil()
-    K[0, 7] += 1e9
-    mmwrite("lopsided.mtx", K.tocsr(), symmetry="general")
-    mmwrite("turned-round.mtx", -mmread("rod-stiffness.mtx"))
-    np.savetxt("upper.txt", numbers[(numbers[:, 1] == L) & (numbers[:, 2] > 0.0), 0])
     arguments = command(**({"rod.npz": "other.npz"} | changed))
     refused(cli(*arguments), message)
     assert not Path("other.npz").exists() and not Path("rod.txt").exists()
 
 
-def test_the_page_has_a_scene_of_it():
+def test_the_page_has_a_scene_of_it(recovered):
     """Which runs, and whose forces act where the file has its points, also if the scene doesn't name them."""
-    assert cli(*recovering(), "--force").exit_code == 0
-    (text,) = re.findall(r"^```toml\n(# imported\.toml\n.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    text = recovered
     Path("imported.toml").write_text(text)
     assert cli("check", "imported.toml").exit_code == 0
     push = '[loads]\npush = {force_on = "rod.waist", direction = [0, 1], value = "1 kN"}\n'
@@ -259,11 +271,11 @@ def test_the_page_has_a_scene_of_it():
     for one in (text, pushed, shorter):
         other = None if one is text else one.replace('"rod-stress.npz"}', named)
         Path("imported.toml").write_text(one)
-        found = kaneflex.simulate(kaneflex.load(kaneflex.read_scene("imported.toml"))).series
+        found = solved(kaneflex.read_scene("imported.toml")).series
         assert abs(found["waist"].values).max() > 1.0
         if other is not None:
             Path("imported.toml").write_text(other)
-            same = kaneflex.simulate(kaneflex.load(kaneflex.read_scene("imported.toml"))).series
+            same = solved(kaneflex.read_scene("imported.toml")).series
             for name in found:
                 np.testing.assert_array_equal(found[name].values, same[name].values)
 
@@ -276,17 +288,13 @@ def test_the_page_has_a_scene_of_it():
         ('"rod.waist"', '"rod.end"', "has no section forces there: it has those at mid, waist. Name a section"),
     ],
 )
-def test_what_a_scene_of_it_must_not_ask(before, after, message):
-    assert cli(*recovering(), "--force").exit_code == 0
-    (text,) = re.findall(r"^```toml\n(# imported\.toml\n.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
-    Path("imported.toml").write_text(text.replace(before, after))
+def test_what_a_scene_of_it_must_not_ask(recovered, before, after, message):
+    Path("imported.toml").write_text(recovered.replace(before, after))
     refused(cli("check", "imported.toml"), message)
 
 
-def test_stresses_are_told_in_megapascal():
-    assert cli(*recovering(), "--force").exit_code == 0
-    (text,) = re.findall(r"^```toml\n(# imported\.toml\n.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
-    Path("imported.toml").write_text(text)
+def test_stresses_are_told_in_megapascal(recovered):
+    Path("imported.toml").write_text(recovered)
     result = cli("run", "imported.toml", "--no-plots", "-o", "imported", "--force")
     (row,) = re.findall(r"^top +MPa +(\S+)", result.stdout, re.MULTILINE)
     assert -100.0 < float(row) < -10.0

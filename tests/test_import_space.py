@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from foreign_rod import AREA, ENDS, FILES, HEIGHT, I_Y, I_Z, NU, PAGE, RHO, WIDTH, E, L, arguments, printed_by
+from runs import solved
 from scipy.io import mmread
 from scipy.sparse.linalg import eigsh
 
@@ -169,7 +170,7 @@ def test_an_engine_in_the_plane_and_lifted_into_space():
 
 
 def run(text):
-    return kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text))).series
+    return solved(kaneflex.scene_of(text)).series
 
 
 @pytest.mark.parametrize(
@@ -208,7 +209,7 @@ def on_feet(legs):
     """Files of the solid with so many beams on nodes of it, which meet in one beside it: names, feet, nodes' table."""
     from closed_forms_spatial import mass, stiffness
     from scipy.io import mmwrite
-    from scipy.sparse import csr_array
+    from scipy.sparse import lil_array
 
     numbers = np.loadtxt("rod-nodes.txt")
     count, tip = len(numbers), np.array([L / 2, 18e-3, 0.0])
@@ -216,8 +217,8 @@ def on_feet(legs):
     feet = [int(np.linalg.norm(numbers[:, 1:] - place, axis=1).argmin()) for place in wanted]
     solid = (6 * np.arange(count)[:, None] + np.arange(3)).ravel()
     for name, element in (("mass", mass), ("stiffness", stiffness)):
-        whole = np.zeros((6 * count + 6,) * 2)
-        whole[np.ix_(solid, solid)] = mmread(f"rod-{name}.mtx").toarray()
+        whole = lil_array((6 * count + 6,) * 2)
+        whole[solid[:, None], solid] = mmread(f"rod-{name}.mtx").tolil()
         for foot in feet:
             way = tip - numbers[foot, 1:]
             length, x = np.linalg.norm(way), way / np.linalg.norm(way)
@@ -226,7 +227,7 @@ def on_feet(legs):
             numbers_of = (1e-6, 1e-12, length) if name == "mass" else (1e1, 1e-3, 1e-3, 1e-3, length)
             at = np.concatenate([6 * node + np.arange(6) for node in (foot, count)])
             whole[np.ix_(at, at)] += turn.T @ element(*numbers_of) @ turn
-        mmwrite(f"mixed-{name}.mtx", csr_array((whole + whole.T) / 2))
+        mmwrite(f"mixed-{name}.mtx", ((whole + whole.T) / 2).tocsr())
     np.savetxt("mixed-nodes.txt", np.vstack([numbers, [count + 1, *tip]]), fmt="%.12g")
     return ["mixed-mass.mtx", "mixed-stiffness.mtx", "mixed-nodes.txt"], feet, numbers
 

@@ -5,7 +5,7 @@ import pytest
 from runs import model, run
 
 from kaneflex.integrate.methods import METHODS
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 
 ENGINE = ("engine", "rod.elements=2")
 PAPER = ("engine-paper",)
@@ -81,5 +81,5 @@ def test_an_instability_of_the_steps_is_not_one_of_the_machine():
     for name in ("coupler_force", "crank_torque"):
         expected = static[name].values
         assert found[name].values == pytest.approx(expected, abs=1e-3 * abs(expected).max()), name
-    grown = simulate(model("engine-elastic-crank", "crank.elements=8", "solve.integrator=newmark")).trajectory
+    grown = solve(model("engine-elastic-crank", "crank.elements=8", "solve.integrator=newmark")).trajectory
     assert grown.message.startswith("unstable steps: those of newmark") and "take integrator radau" in grown.message

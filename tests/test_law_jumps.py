@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from runs import solved
 
-from kaneflex import SceneError, load, simulate
+from kaneflex import SceneError, load
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.study.sensitivity.report import check_differentiable
@@ -36,7 +37,7 @@ def moved(tmp_path, law, *settings, text=WHEEL):
     path = tmp_path / "scene.toml"
     path.write_text(text)
     scene = with_settings(read_scene(path), [f"loads.torque.law={law}", *settings])
-    return simulate(load(scene))
+    return solved(scene)
 
 
 def motion(solution):
@@ -202,7 +203,7 @@ def test_laws_know_joints_without_a_drive(tmp_path, joint, settings):
     kept = {name: f"loads.{name}=none" for name in base.loads}
     spring = f"springs={{twist={{torsional_at='{joint}', stiffness=3, damping=0.02, angle=0.4}}}}"
     law = f"loads={{twist={{torque_at='{joint}', law='-3*({joint} - 0.4) - 0.02*{joint}_speed'}}}}"
-    found = [simulate(load(with_settings(base, [*kept.values(), given]))) for given in (spring, law)]
+    found = [solved(base, *kept.values(), given) for given in (spring, law)]
     assert [each.outcome for each in found] == [Outcome.COMPLETED] * 2
     for name, series in found[0].series.items():
         if not name.endswith("_rigid"):

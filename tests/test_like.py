@@ -9,7 +9,7 @@ from kaneflex.fem.assembly import ElasticEquations
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 
 CASES = [("engine",), ("engine", "solve.preset=linear"), ("engine", "solve.modes=2"), ("engine-elastic-crank",)]
 CASES += [("v-engine", "solve.modes=2"), ("spin-up",), ("quick-return",)]
@@ -47,9 +47,9 @@ def test_of_another_speed_the_same_system_is_integrated_and_sensors_are_those_of
     system = before.system
     found = loaded(name, *settings, "solve.steps=72", faster(name), like=before).sharing(before)
     assert found.system is system and found.monomials == before.monomials
-    assert simulate(before).series  # what its links keep is not to reach into the next run
-    alone = simulate(loaded(name, *settings, "solve.steps=72", faster(name))).series
-    for sensor, series in simulate(found).series.items():
+    assert solve(before).series  # what its links keep is not to reach into the next run
+    alone = solve(loaded(name, *settings, "solve.steps=72", faster(name))).series
+    for sensor, series in solve(found).series.items():
         np.testing.assert_array_equal(series.values, alone[sensor].values)
 
 

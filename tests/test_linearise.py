@@ -19,7 +19,7 @@ from kaneflex.plots import bode
 from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.solve.statespace import linearise
 from kaneflex.support.errors import OutputError, SceneError
 
@@ -95,7 +95,7 @@ def test_adams_damps_by_frequency(folder):
 def test_a_step_of_the_load_gives_the_response_that_a_run_gives(folder):
     """x' = A x + B u from rest has x = (e^(A t) - 1) A^-1 B u."""
     found = cantilever(MODAL, folder)
-    system, solution = linearise(found), simulate(found)
+    system, solution = linearise(found), solve(found)
     force = 100.0
     steady = np.linalg.solve(system.A, system.B[:, 0] * force)
     for k in (1, 400, 1500, 4000):

@@ -12,7 +12,7 @@ from runs import model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve import memory
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
 
@@ -75,7 +75,7 @@ def test_a_coupled_run_is_interrupted_at_once(steps):
     timer.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            simulate(slow)
+            solve(slow)
     finally:
         signal.signal(signal.SIGINT, before)
     assert time.perf_counter() - began < 1.5 + 2.0  # a second, on a machine that does nothing else

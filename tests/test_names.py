@@ -6,9 +6,8 @@ import json
 import numpy as np
 import pytest
 import renaming
-from runs import run
+from runs import run, solved
 
-import kaneflex
 from kaneflex.derive import generate
 from kaneflex.derive.names import numbered
 from kaneflex.mechanism.floating_frames import shape_counts
@@ -57,7 +56,7 @@ def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
     rigid, coupled = (module and renaming.under_new_names(module, new) for module in modules)
     monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (rigid, 0.0))
     monkeypatch.setattr("kaneflex.multibody.system.find_coupled_module", lambda scene, shapes, progress: (coupled, 0.0))
-    found = kaneflex.simulate(kaneflex.load(other))
+    found = solved(other)
     for sensor, series in plain.series.items():
         base = sensor.removesuffix("_rigid")
         again = found.series[new.of["sensors"][base] + sensor.removeprefix(base)]

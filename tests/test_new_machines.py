@@ -6,12 +6,12 @@ import re
 import numpy as np
 import pytest
 from command_line import cli
+from runs import solved
 
-import kaneflex
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.reach import followed
 from kaneflex.report.presentation import parts
-from kaneflex.scene import scene_of, with_settings
+from kaneflex.scene import scene_of
 from kaneflex.support.errors import SceneError
 
 PEAUCELLIER = """
@@ -100,7 +100,7 @@ def scene(text):
 
 def test_peaucelliers_pen_draws_a_straight_line_though_an_arm_of_it_is_a_beam():
     """At (L^2 - l^2) / (2 r). No elastic stage can follow it: the rigid run says so in place of its errors."""
-    solution = kaneflex.simulate(kaneflex.load(scene(PEAUCELLIER.replace("PRESET", "rigid"))))
+    solution = solved(scene(PEAUCELLIER.replace("PRESET", "rigid")))
     assert solution["x"].values == pytest.approx((0.3**2 - 0.12**2) / 0.2, abs=1e-12)
     assert np.ptp(solution["y"].values) > 0.15
     errors, why = solution.errors
@@ -123,8 +123,8 @@ def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_t
     """
     law = '[loads]\nrub = {torque_at = "spindle", law = "-0.3*spindle_speed - 2*(spindle - 1)"}\n'
     spring = '[springs]\nrub = {torsional_at = "spindle", stiffness = 2, angle = 1, damping = 0.3}\n'
-    told = kaneflex.simulate(kaneflex.load(scene(WIPER + law)))
-    known = kaneflex.simulate(kaneflex.load(with_settings(scene(WIPER + spring), ["solve.preset=rigid"])))
+    told = solved(scene(WIPER + law))
+    known = solved(scene(WIPER + spring), "solve.preset=rigid")
     for name in ("torque", "link"):
         right = known[name].values
         assert told[f"{name}_rigid"].values == pytest.approx(right, abs=1e-8 * abs(right).max()), name

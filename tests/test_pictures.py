@@ -14,7 +14,7 @@ from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -32,7 +32,7 @@ steps = 144
 
 @cache
 def solved(name: str, *settings: str) -> Solution:
-    return simulate(load(with_settings(read_scene(name), list(settings))))
+    return solve(load(with_settings(read_scene(name), list(settings))))
 
 
 @cache
@@ -76,7 +76,7 @@ def test_points_beside_the_bodies_are_in_the_pictures():
     }  # fmt: skip
     scene = scene_of(tables)
     with styled():
-        path = paths.figures(simulate(load(scene)))["paths"].axes[0]
+        path = paths.figures(solve(load(scene)))["paths"].axes[0]
     seen = curves(path)["coupler.eye"]
     drawing = show(scene).axes[0]
     placed = {name: pose.place(at) for name, at in (("crank", (-0.6, 0.0)), ("coupler", (0.9, 0.5)))
@@ -109,7 +109,7 @@ steps = 72
 def test_hodographs_in_space_are_those_of_a_point_on_a_circle():
     """v = omega x r about the axis (0, 0.6, 0.8), r turned from (0.5, 0, 0); a point that stands still has none."""
     with styled():
-        (figure,) = spatial.hodographs(simulate(load(scene_of(INCLINED)))).values()
+        (figure,) = spatial.hodographs(solve(load(scene_of(INCLINED)))).values()
     along_z, along_y, along_x, angled = figure.axes
     phi = np.radians(np.linspace(0.0, 360.0, 73))
     v = 10.0 * np.array([-np.sin(phi), 0.8 * np.cos(phi), -0.6 * np.cos(phi)])
@@ -145,7 +145,7 @@ steps = 60
 @pytest.mark.parametrize("preset", ["rigid", "coupled"])
 def test_motors_and_dampers_are_drawn_over_time_and_over_their_speeds(preset):
     with styled():
-        solution = simulate(load(with_settings(scene_of(MOTOR), [f"solve.preset={preset}"])))
+        solution = solve(load(with_settings(scene_of(MOTOR), [f"solve.preset={preset}"])))
         found = loads.figures(solution)
     force, torque = sorted(found["loads"].axes, key=lambda axes: axes.get_title(loc="left"))
     assert (force.get_ylabel(), torque.get_ylabel()) == ("force [N]", "torque [N m]")
@@ -162,7 +162,7 @@ def test_motors_and_dampers_are_drawn_over_time_and_over_their_speeds(preset):
 def test_loads_that_do_not_vary_have_no_picture():
     constant = MOTOR.replace('law = "20 * (1 - shaft_speed / 150)"', "value = 20")
     constant = constant.replace('law = "-3 * bore_speed"', "value = -3")
-    assert loads.figures(simulate(load(with_settings(scene_of(constant), ["solve.preset=rigid"])))) == {}
+    assert loads.figures(solve(load(with_settings(scene_of(constant), ["solve.preset=rigid"])))) == {}
 
 
 def test_orders_are_those_of_the_series():

@@ -5,7 +5,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 import pytest
-from runs import run
+from runs import run, solved
 
 import kaneflex
 from kaneflex.response.least_squares import normal_equations
@@ -48,7 +48,7 @@ def test_a_body_that_turns_all_round_is_left_out_and_one_that_swings_past_pi_is_
         "drives": {"main": {"angle": "66 deg"}},
         "sensors": {"crank_angle": {"position": "crank.start", "component": "angle"}},
     }  # fmt: skip
-    solution = kaneflex.simulate(kaneflex.load(kaneflex.scene_of(tables)))
+    solution = solved(kaneflex.scene_of(tables))
     angle = abs(solution["rocker_angle"].values)
     assert angle.min() < math.pi < angle.max()
     assert left_out(solution) == {"crank_angle"}
@@ -61,7 +61,7 @@ def test_places_of_points_of_turned_bodies_are_traced():
         for component in ("x", "y") for axes in ("global", "body")
     }  # fmt: skip
     tables = {"schema": 1, "like": "four-bar", "sensors": points}
-    assert not left_out(kaneflex.simulate(kaneflex.load(kaneflex.scene_of(tables))))
+    assert not left_out(solved(kaneflex.scene_of(tables)))
 
 
 def left_out(solution: kaneflex.Solution) -> set[str]:

@@ -4,14 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from runs import run
+from runs import run, solved
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.response.deformation import Deformation, deform
 from kaneflex.response.least_squares import least_squares
 from kaneflex.scene import scene_of
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
 from kaneflex.solve.solution import Solution
 
 R, SPEED, PISTON = 0.040, 2 * np.pi * 100, 0.214
@@ -137,7 +135,7 @@ preset = "quasistatic"
 
 def test_a_guide_on_a_moving_body_is_pushed_where_the_slider_is():
     """A block that slides along a driven arm: its push has a lever about the arm's bearing."""
-    solution = simulate(load(scene_of(SWINGING)))
+    solution = solved(scene_of(SWINGING))
     for name in ("torque", "bearing", "slot", "foot"):
         rigid = solution.series[f"{name}_rigid"].values
         # At 20 rad/s the rod is as good as rigid.

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from test_contact_motion import GROUND, SLIDING, ZERO, G, body, contact, run, scenes, system_of
 
-from kaneflex import SceneError, load, simulate
+from kaneflex import SceneError, load
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.report.presentation import parts
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, scene_of, with_settings
+from kaneflex.solve.simulation import solve
 
 __all__ = ["scenes"]
 INERTIA = 0.1
@@ -228,7 +229,7 @@ steps = 400
 
 
 def solved(text, *settings):
-    return simulate(load(with_settings(scene_of(text), settings)))
+    return solve(load(with_settings(scene_of(text), settings)))
 
 
 def test_a_ball_leaves_a_shaken_table_where_its_force_would_pull():

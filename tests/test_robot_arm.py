@@ -103,12 +103,13 @@ def test_gravity_load_in_the_nominal_pose(tmp_path):
 def test_drive_moments_and_tool_over_the_motion():
     solution = run("robot-arm")
     scene = solution.model.scene
-    wanted = np.array([moments(*courses(scene, t)) for t in solution.times])
-    found = np.array([solution[f"torque_{k}"].values for k in range(1, 7)]).T
+    some = solution.times[::20]
+    wanted = np.array([moments(*courses(scene, t)) for t in some])
+    found = np.array([solution[f"torque_{k}"].values[::20] for k in range(1, 7)]).T
     assert found == pytest.approx(wanted, abs=1e-10 * abs(wanted).max())
-    last = (frames(courses(scene, t)[0])[-1] for t in solution.times)
+    last = (frames(courses(scene, t)[0])[-1] for t in some)
     tool = np.array([R @ [0, 0, FACE + EDGE] + o for R, o in last])
-    found = np.array([solution[f"tool_{axis}"].values for axis in "xyz"]).T
+    found = np.array([solution[f"tool_{axis}"].values[::20] for axis in "xyz"]).T
     assert found - tool == pytest.approx(np.tile([0, 0, SHOULDER], (len(tool), 1)), abs=1e-12)
     velocity = np.cumsum([solution[f"tool_{axis}_acceleration"].values for axis in "xyz"], axis=1) * solution.model.step
     assert abs(velocity[:, -1]).max() < 1e-5 * abs(velocity).max()  # from rest to rest

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigid_bars import hanging_chain
+from runs import solved
 
 import kaneflex
 from kaneflex.mechanism.affine import as_array
@@ -43,7 +44,7 @@ steps = 400
 
 
 def run(scene, *settings):
-    return kaneflex.simulate(kaneflex.load(with_settings(scene, list(settings))))
+    return solved(scene, *settings)
 
 
 def test_lumped_masses_push_with_the_acceleration_of_the_deflected_axis():

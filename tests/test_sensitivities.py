@@ -6,7 +6,7 @@ from runs import model, run
 
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.solve.loading import neighbour
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.report import sensitivities
 from kaneflex.study.sensitivity.slopes import neighbour_at
@@ -20,7 +20,7 @@ def differences(scene, settings, parameter, frozen=True, step=STEP):
     """p dy/dp of every sensor by sixth-order differences of runs, one by one, with the same numbers of steps."""
     base, found = model(scene, *settings), {}
     for k, weight in WEIGHTS.items():
-        solution = simulate(neighbour(base, parameter.scaled(base.scene, 1 + k * step), frozen))
+        solution = solve(neighbour(base, parameter.scaled(base.scene, 1 + k * step), frozen))
         for name, series in solution.series.items():
             found[name] = found.get(name, 0.0) + weight / step * series.values
     return found
@@ -110,7 +110,7 @@ def test_statistics_are_those_of_neighbouring_runs():
     found = sensitivities(run("engine", *settings), ["main.speed"])
     (parameter,) = found.parameters
     base = model("engine", *settings)
-    high, low = (sensor_summaries(simulate(neighbour(base, parameter.scaled(base.scene, 1 + k), True)))
+    high, low = (sensor_summaries(solve(neighbour(base, parameter.scaled(base.scene, 1 + k), True)))
                  for k in (1e-4, -1e-4))  # fmt: skip
     here = sensor_summaries(found.solution)
     for sensor in ("mid_transverse", "crank_torque", "rod_mid_strain"):

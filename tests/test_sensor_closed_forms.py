@@ -12,7 +12,7 @@ from runs import STENCIL, derived_on_the_fly, waving
 from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 
 MOVING = {  # scene -> a time in which it moves by about a radian [s]
     "engine": 1.6e-3, "engine-elastic-crank": 1.6e-3, "engine-rig": 0.22, "four-bar": 0.032, "quick-return": 0.08,
@@ -70,7 +70,7 @@ steps = 4
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic"])
 def test_an_arm_that_is_turned_faster_bends_by_its_sections_rotary_inertia_too(tmp_path, preset):
     """M(x) = -epsilon (rho A int_x^L X (X - x) dX + rho I (L - x)): near the tip the second part is most of it."""
-    solution = simulate(derived_on_the_fly(THICK_ARM, tmp_path, f"solve.preset={preset}"))
+    solution = solve(derived_on_the_fly(THICK_ARM, tmp_path, f"solve.preset={preset}"))
     epsilon, rho, A, I = 10.0, 7850.0, 0.2 * 0.05, 0.05 * 0.2**3 / 12
     for name, x in (("root", 0.0), ("middle", 0.5), ("near_tip", 0.9)):
         moment = -epsilon * rho * (A * ((1 - x**3) / 3 - x * (1 - x**2) / 2) + I * (1 - x))
@@ -125,7 +125,7 @@ def test_forces_keep_their_direction_on_a_rigid_body_that_turns_with_the_deforma
     force = '[loads]\npull = {force_on = "hand.end", direction = [1, 0], value = "400 N"}\n'
     assert force in HAND
     text = HAND if pulled == "by a force" else HAND.replace(force, SPRING.lstrip())
-    solution = simulate(derived_on_the_fly(text, tmp_path))
+    solution = solve(derived_on_the_fly(text, tmp_path))
     P, F, L, b, EI, EA = 400.0, 20.0, 1.0, 0.3, 200e9 * 800e-12, 200e9 * 100e-6
     k = np.sqrt(P / EI)
     ch, sh, B = np.cosh(k * L), np.sinh(k * L), F / (k * P)
@@ -193,7 +193,7 @@ def test_a_cut_through_a_tapered_arm_with_lumps_and_a_load_carries_what_lies_bey
 
     first, second = beyond(density * X) + m * L, beyond(density * X * (X - x)) + m * L * (L - x)
     for preset in ("rigid", "quasistatic"):
-        solution = simulate(laden[preset])
+        solution = solve(laden[preset])
         expected = {"N": (10 * solution.times) ** 2 * first, "V": beyond(load) - epsilon * first,
                     "M": beyond(load * (X - x)) - epsilon * second}  # fmt: skip
         for name, value in expected.items():
@@ -243,7 +243,7 @@ steps = 4
 
 def test_a_hand_whose_masses_lie_beside_the_axis_pulls_sideways_as_the_arm_turns_faster(tmp_path):
     """m a = m (-omega^2 X - epsilon Y, epsilon X - omega^2 Y) of its own mass and of the ball that it holds."""
-    solution = simulate(derived_on_the_fly(HOLDING, tmp_path))
+    solution = solve(derived_on_the_fly(HOLDING, tmp_path))
     epsilon, omega = 10.0, 10.0 * solution.times
     pull_x, pull_y, moment = 0.0, 0.0, 0.05 * epsilon
     for m, x, y in ((2.0, 0.2, 0.1), (1.0, 0.1, -0.25)):

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import tomlkit
 from lifting import lifted
+from runs import solved
 from scipy.linalg import eigh
 from test_spatial_elastic import STEEL, matrices, written
 
 import kaneflex.scenes
-from kaneflex import SceneError, load, read_scene, simulate
+from kaneflex import SceneError, load, read_scene
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 
 ACTING = {
@@ -53,9 +54,9 @@ def test_what_acts_in_the_plane_acts_the_same_in_space(tmp_path):
     raw["solve"] = {"preset": "stiffened", "start": "periodic", "tolerance": 1e-10}
     raw["damping"] = {"rayleigh": {"ratio": 0, "at": ["3039 Hz", "4549 Hz"]}}
     planar = written(tmp_path, tomlkit.dumps(raw), "planar.toml")
-    flat = simulate(load(planar))
+    flat = solved(planar)
     given = lifted(planar) | {"solve": raw["solve"]}
-    solution = simulate(load(written(tmp_path, tomlkit.dumps(given), "lifted.toml")))
+    solution = solved(written(tmp_path, tomlkit.dumps(given), "lifted.toml"))
     assert set(ACTING["sensors"]) <= set(given["sensors"])
     for sensor in given["sensors"]:
         wanted, found = flat[sensor].values, solution[sensor].values
@@ -125,7 +126,7 @@ def test_a_load_along_a_cantilever(tmp_path):
     """One that grows from p to 3 p: tip p l^4 (1/8 + 2 * 11/120)/(E I), M and V of the part beyond each section."""
     more = '[loads]\nwind = {spread_on = "arm", direction = [0, 0, 1], value = "60 N/m", profile = [1, 3]}'
     for preset in ("quasistatic", "rigid"):
-        solution = simulate(load(cantilever(tmp_path, more, preset)))
+        solution = solved(cantilever(tmp_path, more, preset))
         assert solution["root_force"].values == pytest.approx(-120.0, rel=1e-9)
         for sensor, x in (("moment", 0.0), ("between", 0.3)):
             wanted = -60 * ((1 + 2 * x) * (1 - x) ** 2 / 2 + 2 * (1 - x) ** 3 / 3)  # M_y = -E I_y w''
@@ -140,7 +141,7 @@ def test_a_load_along_a_cantilever_whose_shapes_carry_it(tmp_path):
     more += '[loads]\nwind = {spread_on = "arm", direction = [0, 0, 1], value = "0.6 N/m", profile = [1, 3]}'
     text = CANTILEVER.replace("MORE", more).replace("PRESET", "coupled")
     text = text.replace('"zero"', '"quasistatic"\nmodes = 4').replace('"1 s"', '"1 ms"')
-    solution = simulate(load(written(tmp_path, text)))
+    solution = solved(written(tmp_path, text))
     assert solution["root_force"].values == pytest.approx(-1.2, rel=1e-9)
     assert solution["shear"].values == pytest.approx(0.6 * (1.6 * 0.7 + 0.7**2), rel=1e-7)
     for sensor, x in (("moment", 0.0), ("between", 0.3)):
@@ -158,7 +159,7 @@ tip = ["1 m", 0, "-0.1 m"]
 [springs]
 above = {between = ["ground.high", "arm.end"], stiffness = "8000 N/m", length = "0.2 m"}
 below = {between = ["arm.end", "ground.tip"], stiffness = "3000 N/m"}'''
-    solution = simulate(load(cantilever(tmp_path, more)))
+    solution = solved(cantilever(tmp_path, more))
     tip = (8000 * 0.05 - 3000 * 0.1) / (3 * EI + 8000 + 3000)
     assert solution["tip"].values == pytest.approx(tip, rel=1e-9)
     assert solution["above"].values == pytest.approx(8000 * (0.05 - tip), rel=1e-9)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import tomlkit
 from lifting import lifted
+from runs import solved
 
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
@@ -35,13 +36,9 @@ def _lifted(tmp_path, name, *settings):
     return flat, read_scene(path)
 
 
-def _found(scene):
-    return kaneflex.simulate(kaneflex.load(scene))
-
-
 def test_a_planar_cycle_lifted_and_turned_is_the_same(tmp_path, count):
     """A blade that a force pushes once a turn: every sensor, and its multipliers among those of space."""
-    plane, space = map(_found, _lifted(tmp_path, "rotating-cantilever", "solve.modes=3"))
+    plane, space = map(solved, _lifted(tmp_path, "rotating-cantilever", "solve.modes=3"))
     assert space.outcome is Outcome.COMPLETED and space.message == "completed" and len(count) <= 3
     for name, series in space.series.items():
         expected = plane.series[name].values
@@ -51,7 +48,7 @@ def test_a_planar_cycle_lifted_and_turned_is_the_same(tmp_path, count):
 
 
 def test_what_nothing_damps_is_found_and_not_called_unstable(tmp_path, count):
-    plane, space = map(_found, _lifted(tmp_path, "rotating-cantilever", "solve.modes=2", "damping=none"))
+    plane, space = map(solved, _lifted(tmp_path, "rotating-cantilever", "solve.modes=2", "damping=none"))
     assert space.outcome is Outcome.COMPLETED and "multiplier is 1 within" in space.message and len(count) <= 4
     expected = plane.series["tip_transverse"].values
     assert abs(space.series["tip_transverse"].values - expected).max() < 1e-5 * abs(expected).max()
@@ -60,8 +57,7 @@ def test_what_nothing_damps_is_found_and_not_called_unstable(tmp_path, count):
 def test_a_cycle_whose_disturbances_grow_says_so(tmp_path):
     """In the first tongue of its pulsating force a strut would leave its motion, by the planar multiplier."""
     flat, deep = _lifted(tmp_path, "pulsating-strut", "solve.modes=1", "drives.clock.speed=2517 rpm")
-    with pytest.warns(match="any disturbance leaves"):
-        plane, space = _found(flat), _found(deep)
+    plane, space = solved(flat), solved(deep)
     assert space.outcome is Outcome.UNSTABLE and "any disturbance leaves" in space.message
     assert space.multipliers[0] == pytest.approx(plane.multipliers[0], rel=1e-3)
 
@@ -119,7 +115,7 @@ def _pendulum(tmp_path, text=PENDULUM):
 
 def test_waiting_leads_to_the_same_motion(tmp_path, monkeypatch, count):
     """A pendulum on a ball that is pushed around: Newton's method has its cycle, and so has cycle after cycle."""
-    found = _found(_pendulum(tmp_path))
+    found = solved(_pendulum(tmp_path))
     assert found.outcome is Outcome.COMPLETED and len(count) <= 5
 
     def unknown(*_):
@@ -127,7 +123,7 @@ def test_waiting_leads_to_the_same_motion(tmp_path, monkeypatch, count):
 
     monkeypatch.setattr(SpatialCycles, "monodromy", unknown)
     count.clear()
-    waited = _found(_pendulum(tmp_path))
+    waited = solved(_pendulum(tmp_path))
     assert len(count) > 8
     for name in ("x", "y", "bend"):
         expected = waited.series[name].values
@@ -162,4 +158,4 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start(tmp_path)
 def test_what_does_not_repeat_is_named(tmp_path):
     text = PENDULUM.replace("1.5 * cos(clock)", "1.5 * cos(clock) + 0.1 * t")
     with pytest.raises(SceneError, match=r"solve\.start = 'periodic': what push asks for is after a cycle not what it"):
-        _found(_pendulum(tmp_path, text))
+        solved(_pendulum(tmp_path, text))

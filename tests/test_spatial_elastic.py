@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import tomlkit
 from lifting import lifted
+from runs import solved
 from scipy.linalg import eig, eigh
 from test_spatial_links import swept
 
 import kaneflex.scenes
-from kaneflex import SceneError, load, read_scene, simulate
+from kaneflex import SceneError, load, read_scene
 from kaneflex.fem.spatial_bodies import at_point, rigid_part
 from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
@@ -73,9 +74,9 @@ def test_a_planar_elastic_mechanism_moves_the_same_in_space(tmp_path, name, pres
     raw.pop("masses", None)  # damped in other axes there
     raw["solve"] = {"preset": preset, "start": "periodic", "tolerance": 1e-10}
     planar = written(tmp_path, tomlkit.dumps(raw), "planar.toml")
-    flat = simulate(load(planar))
+    flat = solved(planar)
     given = lifted(planar) | {"solve": raw["solve"]}
-    solution = simulate(load(written(tmp_path, tomlkit.dumps(given), "lifted.toml")))
+    solution = solved(written(tmp_path, tomlkit.dumps(given), "lifted.toml"))
     assert solution.model.links and len(solution.times) == len(flat.times)
     for sensor in given["sensors"]:
         wanted, found = flat[sensor].values, solution[sensor].values
@@ -124,7 +125,7 @@ steps = 4
 def test_a_bent_frame_bends_and_twists(tmp_path):
     """Tip of a cantilever with a leg across it, by Castigliano: P (l^3 + h^3)/(3 E I) + P h^2 l/(G J); its balance."""
     text = BENT
-    solution = simulate(load(written(tmp_path, text)))
+    solution = solved(written(tmp_path, text))
     E, G, d, long, h, P = 200e9, 200e9 / 2.6, 0.02, 1.0, 0.6, 10.0
     EI, GJ = E * math.pi * d**4 / 64, G * math.pi * d**4 / 32
     wanted = {
@@ -147,7 +148,7 @@ preset = "quasistatic"
 duration = "1 s"
 steps = 4
 """
-    motion = simulate(load(written(tmp_path, text))).motion
+    motion = solved(written(tmp_path, text)).motion
     q = 7850 * math.pi * 0.02**2 / 4
     for x in (0.05, 0.21, 0.62, 0.95):
         _, V_y, V_z, _, M_y, M_z = (part[0] for part in motion.section("arm", x))
@@ -285,7 +286,7 @@ def test_elastic_bodies_are_in_balance(name):
         for key, body in scene.bodies.items() for made_of in [None if body.beam is None else body.beam.constants()]
     }  # fmt: skip
     solve = scene.solve.model_copy(update={"preset": "quasistatic", "start": "zero", "steps": 90})
-    solution = simulate(load(scene.seen(bodies=stiff, solve=solve, damping=None)))
+    solution = solved(scene.seen(bodies=stiff, solve=solve, damping=None))
     motion = solution.motion
     rigid = motion.rigid
     lost = solution.model.module.open_reactions
@@ -313,7 +314,7 @@ ELASTIC = sorted(
 @cache
 def few_steps(name, preset):
     scene = with_settings(read_scene(name), [f"solve.preset={preset}", "solve.start=zero", "solve.steps=12"])
-    return simulate(load(scene))
+    return solved(scene)
 
 
 @pytest.mark.parametrize("preset", ["quasistatic", "linear", "stiffened"])

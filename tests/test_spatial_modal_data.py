@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli, refused
+from runs import solved
 
 import kaneflex
 from kaneflex.fem.spatial_links import link_of_scene
@@ -36,8 +37,8 @@ kick = {{acceleration = "rod.mid", component = "z"}}
 {sensors}
 [solve]
 preset = "coupled"
-duration = "0.05 s"
-steps = 20
+duration = "0.02 s"
+steps = 10
 """
 PUSH = 'force_on = "rod.end", direction = [0.1, 0.6, 0.8], value = "2 N"'
 BEAM = (
@@ -80,7 +81,7 @@ def test_data_fed_back_give_the_same_motion(tmp_path, how):
     beam = written(tmp_path, BEAM, how, DAMPED)
     assert cli("modes", str(beam), "--export", str(tmp_path / "data")).exit_code == 0
     there, here = (
-        kaneflex.simulate(kaneflex.load(read_scene(path))).series for path in (beam, written(tmp_path, DATA, how))
+        solved(read_scene(path)).series for path in (beam, written(tmp_path, DATA, how))
     )
     assert abs(there["z"].values).max() > 1e-4
     for name, series in there.items():
@@ -140,7 +141,7 @@ def test_beams_and_data_in_one_scene(exported):
     text = text.replace("[drives]", 'weld = {weld = ["rod.end", "tip.start"]}\n[drives]').replace(DAMPED, "")
     found = []
     for of in (BEAM, DATA):
-        found.append(kaneflex.simulate(kaneflex.load(scene_of(text.replace(BEAM, of, 1), exported))).series)
+        found.append(solved(scene_of(text.replace(BEAM, of, 1), exported)).series)
     for name in ("y", "z"):
         away = abs(found[1][name].values - found[0][name].values).max() / abs(found[0][name].values).max()
         assert away < 2e-2, name  # the data were exported without a shape for what the weld turns

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lifting import TURN, lifted
+from runs import solved
 
-from kaneflex import load, read_scene, simulate
+from kaneflex import load, read_scene
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody import spatial_curves
@@ -119,7 +120,7 @@ def test_rows_of_a_loop_move_as_their_jacobian_says():
 
 def test_bricard_against_the_reference():
     """IFToMM A04, solved by Exudyn with a step of 5e-4 s, whose own step error may be 1e-4: both agree to 1e-6."""
-    solution = simulate(load(read_scene("bricard")))
+    solution = solved(read_scene("bricard"))
     t, *corner = json.loads((DATA / "bricard.json").read_text())["values"][
         "P3 is the point that starts at (1,-1,1)"
     ][0]
@@ -150,7 +151,7 @@ def test_the_slider_crank_moves_as_the_reference():
     after = 6.0 * (others + allowed @ turning @ given) / (others + allowed @ turning @ allowed)
     scene = read_scene("spatial-slider-crank")
     assert scene.drives["shaft"].initial_speed == pytest.approx(after, rel=1e-12)
-    solution = simulate(load(scene))
+    solution = solved(scene)
     for t, *there in json.loads((DATA / "spatial_slider_crank.json").read_text())["values"]:
         found = [float(solution[name].sel(time=t)) for name in ("slider_x", "crank_angle", "crank_speed")]
         assert found == pytest.approx(there, abs=1e-6)
@@ -203,7 +204,7 @@ def test_the_top_nutates_between_its_two_angles():
     from scipy.integrate import quad
 
     scene = read_scene("spinning-top")
-    solution = simulate(load(scene))
+    solution = solved(scene)
     body = scene.bodies["top"]
     l, (J_3, J_c, _), m = body.centre[0], body.inertia, body.mass
     J_1, omega = J_c + m * l**2, scene.drives["tip"].angular_velocity[0]
@@ -237,7 +238,7 @@ spin = {velocity = "nut", component = "angle_y"}
 [solve]
 duration = 30
 """)
-    solution = simulate(load(scene))
+    solution = solved(scene)
     rigid = solution.motion.rigid
     frame = rigid.frame("nut")
     momentum = frame.to_global(np.array([[3.0], [2.0], [1.2]]) * frame.to_body(frame.omega))

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from numba import njit
+from runs import solved
 from scipy.linalg import expm
 from scipy.sparse import csr_array
 
@@ -192,11 +193,11 @@ def test_more_harmonics_than_instants_are_read_right():
 def test_time_steps_find_the_same(name, settings):
     """Radau in four times the scene's steps, which are accurate to 1e-8 and better."""
     scene = with_settings(kaneflex.read_scene(name), [*settings, "solve.start=periodic"])
-    spectral = simulate(load(scene))
+    spectral = solved(scene)
     assert spectral.trajectory.solver.startswith("spectral: ")
     assert re.search(r" 1 correction leaves | ([02-9]|\d\d+) corrections leave ", spectral.trajectory.solver)
     steps = 4 * spectral.model.options.steps
-    stepped = simulate(load(with_settings(scene, ["solve.integrator=radau", f"solve.steps={steps}"])))
+    stepped = solved(scene, "solve.integrator=radau", f"solve.steps={steps}")
     one, other = spectral.trajectory, stepped.trajectory
     assert abs(one.multipliers[0]) == pytest.approx(abs(other.multipliers[0]), rel=0.1, abs=2e-3)
     for found, expected, allowed in ((one.z, other.z, 5e-6), (one.v, other.v, 1e-4)):
@@ -207,7 +208,7 @@ def test_time_steps_find_the_same(name, settings):
 def test_what_corrections_cannot_find_is_left_to_time_steps():
     """The four-bar's lowest modes come within the orders of its own motion."""
     scene = with_settings(kaneflex.read_scene("four-bar"), ["solve.steps=180"])
-    found, steps = simulate(load(scene)), simulate(load(with_settings(scene, ["solve.integrator=radau"])))
+    found, steps = solved(scene), solved(scene, "solve.integrator=radau")
     assert found.trajectory.solver.startswith("radau, in steps: a correction leaves 0.")
     assert np.array_equal(found.trajectory.z, steps.trajectory.z)
 
@@ -224,8 +225,8 @@ def test_a_cycle_that_repels_is_shown_and_called_unstable():
 def test_a_machine_that_hardly_moves_is_at_its_quasi_static_answer():
     """At 1e-9 rpm no step of a second resolves a vibration; time steps find no periodic state."""
     slow = ["drives.main.speed='1e-9 rpm'", "solve.steps=90", "damping=none"]
-    spectral = simulate(load(with_settings(kaneflex.read_scene("engine"), slow)))
-    static = simulate(load(with_settings(kaneflex.read_scene("engine"), [*slow, "solve.preset=quasistatic"])))
+    spectral = solved(kaneflex.read_scene("engine"), *slow)
+    static = solved(kaneflex.read_scene("engine"), *slow, "solve.preset=quasistatic")
     assert spectral.trajectory.solver.startswith("spectral")
     for name in ("tip_axial", "rod_force_piston", "crank_torque"):
         expected = static.series[name].values

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 import kaneflex
 from kaneflex.scene import Scene, scene_of, with_settings
+from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
 L, E, I, A, RHO = 1.2, 2.1e11, 2e-9, 1e-4, 7850.0
@@ -19,7 +20,7 @@ def written(text, *settings) -> Scene:
 
 
 def solved(text, *settings):
-    return kaneflex.simulate(kaneflex.load(written(text, *settings)))
+    return solve(kaneflex.load(written(text, *settings)))
 
 
 FRAME = f"""

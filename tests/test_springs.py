@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from matplotlib.text import Text
+from runs import solved
 
-from kaneflex import load, scene_of, simulate
+from kaneflex import scene_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.plots.scheme import scheme
 from kaneflex.report.presentation import parts
@@ -24,7 +25,7 @@ RIGID = '[solve]\npreset = "rigid"\nsteps = 360\n'
 
 
 def solve(text):
-    return simulate(load(scene_of(text)))
+    return solved(scene_of(text))
 
 
 def pull(theta, omega, at=(0.2, 0.6), length=0.5, k=2000.0, free=0.1, c=5.0):

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 import kaneflex
 from kaneflex.scene import Scene, scene_of, with_settings
+from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
 L, E, I, A, RHO = 0.8, 2.1e11, 4e-10, 6e-5, 7850.0
@@ -115,7 +116,7 @@ def test_a_stretched_spring_across_is_stiff_by_its_tension():
     for geometric, expected in (("true", stiffened), ("false", 2 * L**3 / (3 * EI))):
         settings = ["solve.preset=quasistatic", "bar.elements=16", "solve.steps=4"]
         model = loaded(text, *settings, f"solve.terms.geometric={geometric}")
-        found = kaneflex.simulate(model).series["tip_y"].values
+        found = solve(model).series["tip_y"].values
         assert found == pytest.approx(expected, rel=1e-5), geometric
 
 
@@ -150,7 +151,7 @@ def test_dampers_take_out_what_the_energy_loses():
     text += "[sensors.pull]\nspring_force = 'tip'\n[sensors.speed]\nvelocity = 'bar.end'\ncomponent = 'y'\n"
     # gauss takes no energy of its own; radau damps what its steps hardly resolve, here by 1e-4 of what the damper takes
     model = loaded(text, "solve.steps=20000", "solve.duration=0.5", "solve.integrator=gauss")
-    solution = kaneflex.simulate(model)
+    solution = solve(model)
     z, v, _ = solution.coordinates
     rigid = model.motion.at(0.0)
     names = {name for monomial in model.equations.K_s.terms for name in monomial}
@@ -208,9 +209,9 @@ def test_the_coupled_equations_agree():
     The damping is nearly proportional to the stiffness alone: proportional to mass it acts on the payload, too, in the
     one-way equations, and on the links alone in the coupled ones.
     """
-    one_way = kaneflex.simulate(loaded(ARM)).series
+    one_way = solve(loaded(ARM)).series
     coupled = ("solve.preset=coupled", "solve.modes=3", "solve.tolerance=1e-6")
-    both = kaneflex.simulate(loaded(ARM, *coupled)).series
+    both = solve(loaded(ARM, *coupled)).series
     for name, tolerance in (
         ("mid", 5e-3), ("tip", 5e-3), ("root", 1e-2), ("torque", 1e-2), ("pull_band", 1e-3), ("pull_guy", 2e-3),
         ("twist", 2e-2), ("wrist", 2e-2), ("wrist_x", 3e-2), ("wrist_y", 2e-2),
@@ -247,7 +248,7 @@ def test_a_damper_on_turning_links_feels_how_fast_its_ends_part():
 
 def test_the_drives_pay_for_what_springs_store_and_dampers_take():
     """Of the rigid arm: power of the drives = growth of energy + what the dampers take."""
-    solution = kaneflex.simulate(loaded(ARM, "solve.preset=rigid", "solve.steps=4000"))
+    solution = solve(loaded(ARM, "solve.preset=rigid", "solve.steps=4000"))
     rigid, scene = solution.rigid, solution.model.scene
     power = rigid["shoulder.drive"] * rigid["arm.omega"]
     power = power + rigid["wrist.drive"] * (rigid["hand.omega"] - rigid["arm.omega"])

@@ -31,22 +31,21 @@ def mathieu(a: float, *settings: str) -> Multipliers:
     return floquet_multipliers(model("mathieu", "bar.elements=24", f"pull.value={a - 1.0!r}", *settings))
 
 
-def boundary(near: float, sign: float, *settings: str) -> float:
-    """Where the sum of the two multipliers is 2 (period pi) or -2 (period 2 pi): both are then 1, or both are -1."""
-    return brentq(
-        lambda a: mathieu(a, *settings).values.sum().real - 2.0 * sign, near - 0.002, near + 0.002, xtol=1e-8
-    )
+def is_boundary(a: float, sign: float, *settings: str) -> bool:
+    """Within 1e-6 the sum of the two multipliers passes 2 (period pi) or -2 (period 2 pi), where both are 1 or -1."""
+    below, above = (mathieu(a + by, *settings).values.sum().real - 2.0 * sign for by in (-1e-6, 1e-6))
+    return below * above < 0.0
 
 
 @pytest.mark.parametrize(("kind", "order"), [("a", 0), ("b", 1), ("a", 1), ("b", 2), ("a", 2), ("b", 3)])
 def test_boundaries_of_mathieus_equation(kind, order):
     exact = float(MATHIEU["1"][kind][order if kind == "a" else order - 1])
-    assert boundary(exact, 1.0 if order % 2 == 0 else -1.0) == pytest.approx(exact, abs=1e-6)
+    assert is_boundary(exact, 1.0 if order % 2 == 0 else -1.0)
 
 
 def test_boundary_of_a_strong_pulsation():
     exact = float(MATHIEU["5"]["a"][1])
-    assert boundary(exact, -1.0, "pulse.law=-10 * cos(clock)") == pytest.approx(exact, abs=1e-6)
+    assert is_boundary(exact, -1.0, "pulse.law=-10 * cos(clock)")
 
 
 @pytest.mark.parametrize(("a", "unstable"), [(-0.5, True), (-0.3, False), (0.5, True), (1.8, True), (1.9, False)])
@@ -228,7 +227,7 @@ def strut_multiplier(speed: float) -> float:
         force = 345 + 518 * np.cos(speed * t)
         return np.concatenate([v, -2 * 0.01 * omega * v - omega**2 * (1 - force / euler) * y])
 
-    found = solve_ivp(rates, (0.0, 2 * np.pi / speed), np.eye(2).ravel(), "DOP853", rtol=1e-11, atol=1e-13)
+    found = solve_ivp(rates, (0.0, 2 * np.pi / speed), np.eye(2).ravel(), "DOP853", rtol=1e-8, atol=1e-10)
     return float(abs(np.linalg.eigvals(found.y[:, -1].reshape(2, 2))).max())
 
 
@@ -239,10 +238,10 @@ def test_bands_of_the_strut_are_those_of_its_first_mode():
     """
     rpm = np.pi / 30
     edges = [
-        brentq(lambda speed: strut_multiplier(rpm * speed) - 1.0, *around, xtol=1e-3)
+        brentq(lambda speed: strut_multiplier(rpm * speed) - 1.0, *around, xtol=0.05)
         for around in ((1200, 1245), (1245, 1300), (2200, 2500), (2500, 2800))
     ]
-    speeds = rpm * np.linspace(150, 3150, 21)
+    speeds = rpm * np.linspace(900, 3000, 15)
     assert not any(edges[0] < speed / rpm < edges[1] for speed in speeds)
     found = sweep(read_scene("pulsating-strut"), speeds, 1)
     assert [edge / rpm for band in found.bands for edge in band] == pytest.approx(edges, rel=1e-3)

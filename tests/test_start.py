@@ -6,15 +6,15 @@ import math
 import numpy as np
 import pytest
 from command_line import cli, refused
-from runs import model, run
+from runs import model, run, solved
 from scipy.linalg import eigh
 
-import kaneflex
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import load
 from kaneflex.solve.quasistatic import slow_start
+from kaneflex.solve.simulation import solve
 from kaneflex.study.plan import file_places
 from kaneflex.support.errors import SceneError
 
@@ -211,10 +211,10 @@ steps = 50
 def test_a_state_keeps_the_turns_that_springs_count(text, settings):
     """Coils wound by more than a turn, at free drives and at a pin that a loop turns."""
     scene = with_settings(scene_of(text), settings)
-    first = kaneflex.simulate(load(scene))
+    first = solved(scene)
     wound = {name: series.values[-1] for name, series in first.series.items()}
     assert max(map(abs, wound.values())) > math.tau
-    second = kaneflex.simulate(load(with_settings(scene, starting(first.state()))))
+    second = solved(scene, *starting(first.state()))
     for name, value in wound.items():
         assert second.series[name].values[0] == pytest.approx(value, rel=1e-9), name
     for name, angles in first.drive_angles.items():
@@ -224,12 +224,12 @@ def test_a_state_keeps_the_turns_that_springs_count(text, settings):
 def test_turns_that_a_drive_takes_from_a_spring_are_refused():
     """After two turns the drive begins at zero anew, and the spring at it would have lost them."""
     driven = COILS.replace("hinge = {free = true, initial_speed = 10.0}", 'hinge = {speed = "2 rps"}')
-    state = kaneflex.simulate(load(scene_of(driven))).state()
+    state = solved(scene_of(driven)).state()
     with pytest.raises(SceneError, match=r"a torsional spring counts the turns of hinge, which is given at 720 deg: .*"
                        r"at -?\d\S* deg\. Continue with --after"):  # fmt: skip
         load(with_settings(scene_of(driven), starting(state)))
     ahead = driven.replace('"2 rps"', '"2 rps", angle = "720 deg"')
-    found = kaneflex.simulate(load(with_settings(scene_of(ahead), starting(state))))
+    found = solved(scene_of(ahead), *starting(state))
     assert found.series["coil"].values[0] == pytest.approx(0.4 * math.pi, rel=1e-9)
 
 
@@ -241,7 +241,7 @@ FOLLOWING = {"crank.phi": 1.0, "coupler.phi": -0.19469540, "rocker.phi": 0.20942
 def rates_at_start(text, velocities, *settings):
     """Of a scene in the plane, as a run begins with them."""
     found = load(with_settings(scene_of(text), starting({"velocities": velocities}, *settings)))
-    trajectory = kaneflex.simulate(found).trajectory
+    trajectory = solve(found).trajectory
     assert beginning(found)[1] == pytest.approx(trajectory.v[0], rel=1e-9, abs=1e-9)
     return {name: rate for (name, _), rate in zip(found.coupled.coordinates, trajectory.v[0], strict=True)}
 
@@ -319,7 +319,7 @@ def test_where_a_loop_must_bend_its_shapes_start_as_they_are_given_too():
     assert rates_at_start(HELD, {"rod.transverse_0": 0.1, "arm.phi": 2.0})["arm.y"] == pytest.approx(0.1, rel=1e-6)
     with pytest.raises(SceneError, match=r"axial_0 = 0\.1: joints and drives make it 0 m/s\. Give rates of shapes"):
         rates_at_start(HELD, {"rod.axial_0": 0.1})
-    first = kaneflex.simulate(load(scene_of(HELD)))
+    first = solved(scene_of(HELD))
     _, rates = beginning(load(with_settings(scene_of(HELD), starting(first.state()))))
     assert rates == pytest.approx(first.trajectory.v[-1], rel=1e-9, abs=1e-9)
 
@@ -391,7 +391,7 @@ def test_what_can_not_begin_from_a_given_state_says_so(tmp_path):
     first = ("solve.duration=10 ms", "solve.steps=10")
     given = model("elastic-pendulum", *starting({"velocities": {"strip.phi": 0.1}}, *PENDULUM, *first))
     with pytest.raises(SceneError, match=r"after = .*: the scene gives a state to start from, too"):
-        kaneflex.simulate(given, after=run("elastic-pendulum", *PENDULUM, *first))
+        solve(given, after=run("elastic-pendulum", *PENDULUM, *first))
     setting = "--set=solve.start={velocities = {'blade.8.v' = 1}}"
     refused(cli("trade", "rotating-cantilever", setting, "-o", tmp_path / "no"), "solve.start", "Start from zero")
     command = ("run", "rotating-cantilever", setting, "--sensitivities", "blade.length", "-o", tmp_path / "no")

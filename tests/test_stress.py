@@ -12,6 +12,7 @@ from kaneflex.report.presentation import modelled
 from kaneflex.report.summary import summarise
 from kaneflex.report.tables import stress_table
 from kaneflex.response.stresses import link_stresses, section_at
+from kaneflex.solve.simulation import solve
 
 L, WIDTH, HEIGHTS, FORCE, PULL = 0.8, 12e-3, (30e-3, 20e-3), 90.0, 5e3
 CANTILEVER = f"""
@@ -38,7 +39,7 @@ SHAPED = f'section = {{rectangle = [{HEIGHTS[0]}, {WIDTH}]}}, taper = {{rectangl
 
 def solved(section: str):
     text = CANTILEVER.replace("\\\n", "").replace("SECTION", section)
-    return kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text)))
+    return solve(kaneflex.load(kaneflex.scene_of(text)))
 
 
 PIVOTED = """
@@ -83,7 +84,7 @@ steps = 2
 )  # fmt: skip
 def test_the_largest_stress_is_found_where_stresses_jump(text, name, place, bent):
     """No evenly spaced station is near: M h / (2 I) on the side that bears more, 10 kN by 30 mm, 200 N by 490 mm."""
-    found = kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text.replace("\\\n", ""))))
+    found = solve(kaneflex.load(kaneflex.scene_of(text.replace("\\\n", ""))))
     stresses = link_stresses(found.motion, name)
     station, instant = stresses.largest
     assert stresses.x[station] == pytest.approx(place)
@@ -125,7 +126,7 @@ def test_sections_without_a_shape_have_no_edges():
 
 def test_without_a_strength_there_is_no_share_of_it():
     text = CANTILEVER.replace("\\\n", "").replace("SECTION", SHAPED).replace('yield_strength = "250 MPa", ', "")
-    told = summarise(kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text))))
+    told = summarise(solve(kaneflex.load(kaneflex.scene_of(text))))
     assert told.stresses["arm"].utilisation is None
     assert "% of" not in stress_table(told)
 
@@ -168,7 +169,7 @@ def shaft(section: str, lever: float, pull: float, down: float, side: float):
     for key, value in {"LEVER": lever, "PULL": pull, "DOWN": down, "SIDE": side,
                        "SIZE": math.hypot(pull, down, side)}.items():  # fmt: skip
         text = text.replace(key, str(value))
-    return kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text)))
+    return solve(kaneflex.load(kaneflex.scene_of(text)))
 
 
 def test_a_shaft_bent_and_twisted():
@@ -204,7 +205,7 @@ def test_a_rod_in_space_that_acts_back_is_stressed_as_one_that_does_not():
     for preset in ("stiffened", "coupled"):
         scene = kaneflex.scene.with_settings(kaneflex.read_scene("spatial-slider-crank-elastic"),
                                              [f"solve.preset={preset}", "solve.steps=500"])  # fmt: skip
-        found = kaneflex.simulate(kaneflex.load(scene)).stresses["rod"]
+        found = solve(kaneflex.load(scene)).stresses["rod"]
         assert found.x[found.largest[0]] == pytest.approx(0.125, abs=0.02)
         largest.append(found.mises.max())
         assert re.search(r"\n +elements +rod 6\n", f"{modelled(kaneflex.load(scene))}\n")

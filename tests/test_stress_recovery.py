@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from command_line import cli
+from runs import solved
 
 import kaneflex
 from kaneflex.multibody.inertia_integrals import link_data
@@ -71,7 +72,7 @@ def scene_of(folder, sensors=SENSORS, data="bar.npz"):
 
 def test_a_cantilever_under_a_skew_force(folder):
     """N/A -+ M h/(2 I) at the root, M that of a beam-column in tension (Timoshenko & Gere, Elastic Stability, 1961)."""
-    series = kaneflex.simulate(kaneflex.load(read_scene(scene_of(folder)))).series
+    series = solved(read_scene(scene_of(folder))).series
     slenderness = np.sqrt(0.6 * FORCE / (E * I_Z))
     moment = 0.8 * FORCE * np.tanh(slenderness * LENGTH) / slenderness
     axial, bending = 0.6 * FORCE / (HEIGHT * WIDTH), moment * HEIGHT / 2 / I_Z
@@ -86,7 +87,7 @@ def test_an_exported_beam_recovers_its_edges_stresses(folder, tmp_path):
     assert cli("modes", str(folder / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
     sensors = "\n".join(f'{point}_{edge} = {{stress = "bar.{point}_{edge}", component = "xx"}}'
                         for point in ("start", "end") for edge in ("upper", "lower"))  # fmt: skip
-    series = kaneflex.simulate(kaneflex.load(read_scene(scene_of(tmp_path, sensors)))).series
+    series = solved(read_scene(scene_of(tmp_path, sensors))).series
     slenderness = np.sqrt(0.6 * FORCE / (E * I_Z))
     moment = 0.8 * FORCE * np.tanh(slenderness * LENGTH) / slenderness
     axial, bending = 0.6 * FORCE / (HEIGHT * WIDTH), moment * HEIGHT / 2 / I_Z
@@ -94,7 +95,7 @@ def test_an_exported_beam_recovers_its_edges_stresses(folder, tmp_path):
     assert series["start_lower"].values == pytest.approx(axial + bending, rel=1e-4)
     assert series["end_upper"].values == pytest.approx(axial, abs=1e-5 * bending)
     assert series["end_lower"].values == pytest.approx(axial, abs=1e-5 * bending)
-    beam = kaneflex.simulate(kaneflex.load(read_scene(folder / "beam.toml")))
+    beam = solved(read_scene(folder / "beam.toml"))
     own = link_stresses(beam.motion, "bar")
     assert series["start_upper"].values == pytest.approx(own.upper[0], rel=1e-4)
     assert series["start_lower"].values == pytest.approx(own.lower[0], rel=1e-4)
@@ -112,8 +113,8 @@ M = {bending_moment = "bar.mark"}"""
     marked = BEAM.replace("{E", "{elements = 4, E").replace("length", 'points = {mark = ["0.2 m", 0]}, length', 1)
     (tmp_path / "beam.toml").write_text(beam.format(of=marked, sensors=sensors, points=""))
     assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
-    own = kaneflex.simulate(kaneflex.load(read_scene(scene_of(tmp_path, sensors)))).series
-    other = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "beam.toml"))).series
+    own = solved(read_scene(scene_of(tmp_path, sensors))).series
+    other = solved(read_scene(tmp_path / "beam.toml")).series
     x, slope = 0.2, 0.8 * FORCE / (E * I_Z)  # v' = slope (L x - x^2/2)
     shortened = 0.5 * slope**2 * (LENGTH**2 * x**3 / 3 - LENGTH * x**4 / 4 + x**5 / 20)
     stretched = 0.6 * FORCE * x / (E * HEIGHT * WIDTH)  # which straightens it by 0.3 %
@@ -154,7 +155,7 @@ def test_shapes_in_space_are_in_their_order(tmp_path):
     np.savez(tmp_path / "bar.npz", **data, stress_points=np.array(["end"]), stress=np.concatenate([end, 0 * end])[None])
     sensors = "\n".join(f'{name} = {{stress = "bar.end", component = "{name}"}}' for name in ("yy", "zz"))
     (tmp_path / "data.toml").write_text(SPATIAL.format(of='modal_data = "bar.npz"', sensors=sensors))
-    series = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "data.toml"))).series
+    series = solved(read_scene(tmp_path / "data.toml")).series
     for stress, moved in (("yy", "y"), ("zz", "z")):
         expected = series[moved].values
         assert abs(expected).max() > 1e-4
@@ -180,7 +181,7 @@ def test_section_forces_in_space_are_those_of_the_beam(tmp_path):
     assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
     (tmp_path / "data.toml").write_text(pushed.format(of='modal_data = "bar.npz"', sensors=sensors))
     own, other = (
-        kaneflex.simulate(kaneflex.load(read_scene(tmp_path / f"{name}.toml"))).series for name in ("data", "beam")
+        solved(read_scene(tmp_path / f"{name}.toml")).series for name in ("data", "beam")
     )
     for alike, bound in ((("N",), 1e-2), (("V_y", "V_z"), 1e-2), (("M_y", "M_z"), 1e-2), (("T",), 0.15)):
         largest = max(abs(other[name].values).max() for name in alike)

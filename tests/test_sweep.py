@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 import xarray
 from command_line import cli, refused
+from runs import solved
 
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.response.time_statistics import statistics, statistics_of_all
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import Record, solve_points
 from kaneflex.study.study import Study, points_of
@@ -102,7 +101,7 @@ def test_statistics_are_those_of_a_run_by_itself(swept):
         read_scene("engine"),
         ["solve.preset=rigid", "solve.steps=36", "drives.main.speed='4000 rpm'", "rod.length='150 mm'"],
     )
-    alone = sensor_summaries(simulate(load(scene)))
+    alone = sensor_summaries(solved(scene))
     row = found.isel(point=4)
     assert (float(row["drives.main.speed"]), float(row["rod.length"])) == (4000.0, 150.0)
     for name, entry in alone.items():
@@ -188,7 +187,7 @@ def test_series_are_those_of_the_run_and_filled_up_to_the_longest(tmp_path):
                    '[parameters]\n"solve.steps" = [36, 18]\n')  # fmt: skip
     sweep(plan, tmp_path / "out")
     found = dataset(tmp_path / "out")
-    alone = simulate(load(plan.at(1)))
+    alone = solved(plan.at(1))
     assert np.array_equal(found["piston_position_series"][1, :19], alone.series["piston_position"].values)
     assert np.array_equal(found["time"][1, :19], alone.times)
     assert np.isnan(found["piston_position_series"][1, 19:]).all() and found.sizes["instant"] == 37
@@ -337,7 +336,7 @@ def test_a_section_is_read_once_a_period(tmp_path):
     found = dataset(tmp_path / "out")
     assert (found.outcome == "completed").all()
     assert found.time.values == pytest.approx(np.array([[0.08, 0.12], [0.04, 0.06], [0.04, 0.06]]), rel=1e-12)
-    whole = simulate(load(plan.at(0)))
+    whole = solved(plan.at(0))
     assert len(whole.times) == 3 * 36 + 1 and whole.times[-1] == pytest.approx(0.12)
     for name, series in whole.series.items():
         assert np.array_equal(found[f"{name}_series"].values[0], series.values[[72, 108]]), name

@@ -9,7 +9,7 @@ import pytest
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.solve import variants
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import Record, solve_points
 
@@ -42,7 +42,7 @@ def test_every_point_is_that_of_a_run_by_itself(solved):
     assert [record.outcome for record in records] == (["completed"] * 5 + ["refused"] * 5) * 2
     assert [record.point for record in records] == list(range(20))
     for record in (record for record in records if record.outcome == "completed"):
-        solution = simulate(load(plan.at(record.point)))
+        solution = solve(load(plan.at(record.point)))
         for name, entry in sensor_summaries(solution).items():
             size = max(abs(entry.min), abs(entry.max))
             expected = [entry.min, entry.max, entry.rms, entry.mean]
@@ -80,7 +80,7 @@ def test_many_speeds_are_read_as_runs_are_and_alike_in_any_chunk(tmp_path):
     assert plan.alike
     records = list(solve_points(plan, [0, 11, 21]))
     for record in records:
-        solution = simulate(load(plan.at(record.point)))
+        solution = solve(load(plan.at(record.point)))
         assert list(record.series) == list(solution.series)
         for name, series in solution.series.items():
             size = abs(series.values).max()
@@ -115,7 +115,7 @@ def test_an_unstable_point_is_recorded_with_its_reason_and_disturbs_no_other(tmp
     plan = plan_of(tmp_path, text + '[parameters]\n"drives.clock.speed" = ["3 rad/s", "2 rad/s", "5 rad/s"]\n')
     records = list(solve_points(plan, range(3)))
     for record in records:
-        alone = simulate(load(plan.at(record.point))).trajectory
+        alone = solve(load(plan.at(record.point))).trajectory
         assert record.outcome == alone.outcome.name.lower()
         assert record.reason == ("" if record.outcome == "completed" else alone.message)
     assert [record.outcome for record in records] == ["completed", "unstable", "completed"]

@@ -5,7 +5,7 @@ import pytest
 from runs import derived_on_the_fly
 
 from kaneflex.multibody.building import reference_modes
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
 SWINGING = """
@@ -63,7 +63,7 @@ def test_a_scene_without_the_terms(folder, case):
     switched, plain = (derived_on_the_fly(SWINGING, folder, *settings) for settings in PAIRS[case])
     for name, matrix in (("M", plain.M(0.1)), ("K_s", plain.K_s(0.1)), ("K_g", plain.K_g(0.1))):
         assert getattr(switched, name)(0.1) == pytest.approx(matrix, rel=1e-11, abs=1e-11 * np.abs(matrix).max())
-    found, expected = simulate(switched).series, simulate(plain).series
+    found, expected = solve(switched).series, solve(plain).series
     assert set(found) == set(expected) and "torque_rigid" in found
     for name, series in expected.items():
         spread = np.abs(series.values).max()
@@ -74,7 +74,7 @@ def test_a_scene_without_the_terms(folder, case):
 def test_every_term_matters_here_and_the_module_stays(folder, term, name):
     whole, part = (derived_on_the_fly(SWINGING, folder, *settings) for settings in ((), off(term)))
     assert part.motion.module.STRUCTURE == whole.motion.module.STRUCTURE == whole.scene.structure_hash()
-    found, expected = (simulate(model).series[name].values for model in (part, whole))
+    found, expected = (solve(model).series[name].values for model in (part, whole))
     assert np.abs(found - expected).max() > 1e-3 * np.abs(expected).max()
     assert not part.warnings
 

@@ -10,7 +10,7 @@ from kaneflex.derive.beam import beam_element
 from kaneflex.derive.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
 from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.model import Model
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve
 
 
 @pytest.mark.parametrize("shear", [False, True])
@@ -144,7 +144,7 @@ def test_rotating_tapered_beam(folder, eta):
 def test_statics_of_a_rotating_tapered_beam(folder):
     """N(X) = omega^2 int_X^1 rho A X dX with A = A_0 (1 - X/2), its strain and the stretch of the tip."""
     model = derived_on_the_fly(SPINNING, folder)
-    series = simulate(model).series
+    series = solve(model).series
     pull = RHO * 2e-4 * 1e4
 
     def tension(X):
@@ -172,7 +172,7 @@ def test_statics_of_a_stepped_beam(folder):
     assert len(model.links["beam"].nodes) == 5
     I_1, I_2 = 0.01 * 0.02**3 / 12, 0.01 * 0.01**3 / 12
     expected = 10 / (3 * E) * ((1 - 0.7**3) / I_1 + 0.7**3 / I_2)
-    series = simulate(model).series
+    series = solve(model).series
     assert series["tip"].values == pytest.approx(expected, rel=1e-8)
     assert np.abs(series["mid_moment"].values) == pytest.approx(5.0, rel=1e-8)
     inertia = model.scene.bodies["beam"].profile.inertia(1.0)
@@ -212,7 +212,7 @@ start = "periodic"
 def test_an_axially_rigid_beam_is_the_stiff_limit(folder):
     """Without the stiff modes the rest stays: bending, reactions, and the tension that no strain carries."""
     models = (derived_on_the_fly(WHIRLING, folder, f"beam.axially_rigid={word}") for word in ("true", "false"))
-    found, elastic = (simulate(model).series for model in models)
+    found, elastic = (solve(model).series for model in models)
     for name, series in elastic.items():
         spread = np.abs(series.values).max()
         assert found[name].values == pytest.approx(series.values, abs=4e-3 * spread), name
@@ -233,7 +233,7 @@ def test_an_axially_rigid_beam_has_no_stiff_modes(folder):
 def test_a_reduced_axially_rigid_beam(folder):
     """Craig-Bampton on top: six modes give the same peaks to half a hundredth."""
     full, reduced = (
-        simulate(derived_on_the_fly(WHIRLING, folder, *settings)).series for settings in ((), ("solve.modes=6",))
+        solve(derived_on_the_fly(WHIRLING, folder, *settings)).series for settings in ((), ("solve.modes=6",))
     )
     for name in ("tip", "mid_tension", "mid_moment"):
         peak = np.abs(full[name].values).max()

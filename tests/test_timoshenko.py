@@ -26,6 +26,7 @@ from kaneflex.derive.shapes import (
 from kaneflex.fem.shape_functions import shape_functions
 from kaneflex.multibody.building import reference_modes
 from kaneflex.solve.modes import mesh_hint, modes
+from kaneflex.solve.simulation import solve
 
 
 def terms(element: Element) -> dict[str, Matrix]:
@@ -340,9 +341,8 @@ def test_links_of_different_theory_share_a_module(swinging):
 
 def test_elastic_forces_balance_the_rigid_ones_with_rotary_inertia(swinging):
     """Both stages know rho_I: reactions from the elements' residuals differ by the deformation's small share only."""
-    from kaneflex.solve.simulation import simulate
 
-    series = simulate(swinging).series
+    series = solve(swinging).series
     for name in ("torque", "elbow_x", "elbow_moment"):
         found, rigid = series[name].values, series[f"{name}_rigid"].values
         assert np.abs(found - rigid).max() < 0.01 * np.abs(rigid).max(), name

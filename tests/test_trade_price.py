@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 from command_line import cli, refused
+from runs import solved
 
-from kaneflex import SceneError, load, simulate
+from kaneflex import SceneError
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.study.trade.price import has_price, price, tightened
 
@@ -68,7 +69,7 @@ def priced():
 
 def test_what_is_compared_with_is_the_tight_mechanism(priced):
     """Written by hand: its statistics are those without the clearance."""
-    solution = simulate(load(scene_of(TIGHT)))
+    solution = solved(scene_of(TIGHT))
     (found,) = priced.prices
     assert (found.part, set(found.gone)) == ("clearance of wrist", {"pin_force", "pin_x", "pin_y"})
     assert {change.sensor for change in found.changes} == set(solution.model.scene.sensors)
@@ -80,7 +81,7 @@ def test_what_is_compared_with_is_the_tight_mechanism(priced):
 
 
 def test_what_is_compared_is_the_scene_as_it_is(priced):
-    solution = simulate(load(priced.scene))
+    solution = solved(priced.scene)
     for change in priced.prices[0].changes:
         assert change.peak[0] == abs(solution.series[change.sensor].values).max()
 
@@ -104,7 +105,7 @@ def test_backlash_is_compared_with_a_shaft_in_one_piece():
     scene = scene_of(COUPLED)
     settings, gone = tightened(scene, ["coupling"])
     assert gone == ("play",)
-    solution = simulate(load(with_settings(scene, settings)))
+    solution = solved(scene, *settings)
     expected = 10 + 6 / 0.06 / 40 * (1 - np.cos(40 * solution.times))
     assert solution.series["speed"].values == pytest.approx(expected, rel=1e-7)
     (found,) = price(scene).prices
@@ -139,7 +140,7 @@ def test_friction_is_compared_with_none():
     (found,) = price(scene).prices
     assert (found.part, found.gone) == ("friction of rub", ("drag",))
     assert found.settings == ("joints.rub.friction=none", "sensors.drag=none")
-    without = simulate(load(with_settings(scene, found.settings)))
+    without = solved(scene, *found.settings)
     for change in found.changes:
         assert change.peak[1] == abs(without.series[change.sensor].values).max()
         assert change.peak[0] > 0 and change.matters(0.01)

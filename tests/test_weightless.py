@@ -6,6 +6,7 @@ import pytest
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene import scene_of
+from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
 FOUR_BAR = """
@@ -66,7 +67,7 @@ def load(text):
 def test_a_massless_rocker_moves_as_one_of_next_to_no_mass(drive):
     text, found = FOUR_BAR.replace("{free = true, angle = 1.0}", drive), []
     for rocker in ('{length = "0.25 m"}', '{length = "0.25 m", mass = "1e-7 kg"}'):
-        solution = kaneflex.simulate(load(text.replace('{length = "0.25 m"}', rocker)))
+        solution = solve(load(text.replace('{length = "0.25 m"}', rocker)))
         assert solution.outcome is Outcome.COMPLETED, solution.message
         found.append(solution.series["psi"].values)
         assert np.isfinite(solution.stresses["coupler"].mises).all()
@@ -91,5 +92,5 @@ def test_a_bar_of_a_tenth_of_a_micrometre_is_no_massless_one():
     found = []
     for size in (1e-7, 1.0, 1e3):
         text = BAR.format(size=size, mass=size**3, duration=0.3 * size**0.5)
-        found.append(kaneflex.simulate(load(text)).series["phi"].values)
+        found.append(solve(load(text)).series["phi"].values)
     assert found[0] == pytest.approx(found[1], abs=1e-7) and found[2] == pytest.approx(found[1], abs=1e-7)

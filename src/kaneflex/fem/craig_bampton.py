@@ -14,11 +14,11 @@ that the integrals of X psi dJ become those of -Y u, and a shape's kinetic energ
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import cumulative_simpson
-from scipy.interpolate import BSpline, CubicSpline
+from scipy.interpolate import BSpline
 from scipy.linalg import eigh, null_space
 from scipy.sparse import bmat, csc_array
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
@@ -28,8 +28,8 @@ from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import FORMAT, ModalData, checked_data, symmetrised
 from kaneflex.support.errors import Fault
 
-DEGREE, _PIECES, FINE = 5, 12, 4001
-"""Of the spline that is the mean line, and the places at which its slopes are multiplied."""
+DEGREE, _PIECES = 5, 12
+"""Of the spline that is the mean line."""
 _FEW = 100
 """Coordinates of which all modes are found at once."""
 _LOOSE = "the stiffness leaves a motion free that no point holds"
@@ -149,7 +149,7 @@ def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float =
         "mass_s": np.zeros(s.shape[1]), "mass_w": on_v @ M @ w,
         "mass_X_s": (X + Y) @ M @ s, "mass_X_w": X_across @ M @ w,
         "mass_s_s": np.diag(along.mass), "mass_w_w": across_alone, "mass_s_w": turned.T @ M @ w,
-        "mass_H": np.zeros((w.shape[1],) * 2), "mass_X_H": np.einsum("i,ijk->jk", carried * x, line.shortening(x)),
+        "mass_H": np.zeros((w.shape[1],) * 2), "mass_X_H": line.shortening(x, carried * x),
         "inertia_psi": -(Y_along @ M @ w), "inertia_psi_psi": np.diag(across.mass) - across_alone,
         "stiffness": stiffness, "damping": np.diag(2.0 * damping * np.sqrt(stiffness * mass)),
     } | _points(link, s, w, line))  # fmt: skip
@@ -171,7 +171,8 @@ def _points(link: Foreign, s: np.ndarray, w: np.ndarray, line: MeanLine) -> dict
         on_line = (part(places) for part in (line.along, line.across, line.slope))
         moved = [np.concatenate(parts) for parts in zip(moved, on_line, strict=True)]
     found = dict(zip(("s", "w", "psi"), moved, strict=True))
-    return found | {"points": np.array(names), "X": X, "H": line.shortening(X)}
+    H = np.stack([line.shortening(X[k : k + 1], np.ones(1)) for k in range(len(X))])
+    return found | {"points": np.array(names), "X": X, "H": H}
 
 
 def splines(x: np.ndarray) -> tuple[np.ndarray, csc_array]:
@@ -181,11 +182,28 @@ def splines(x: np.ndarray) -> tuple[np.ndarray, csc_array]:
     return knots, BSpline.design_matrix(np.clip(x, first, last), knots, DEGREE).tocsc()
 
 
+def shortened(slopes: Sequence[BSpline], x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Integrals of the slopes' products from the line's begin to each place x [m], summed with weights: (n, n) [1/m].
+
+    A piece of the line counts by what the places beyond it weigh. Between knots and places the products are
+    polynomials, which Gauss's rule integrates exactly.
+    """
+    knots, order = slopes[0].t, np.argsort(x)
+    places, summed = np.clip(x[order], knots[0], knots[-1]), np.concatenate([[0.0], np.cumsum(weights[order])])
+    cuts = np.unique(np.concatenate([knots, places]))
+    middles, halves = (cuts[1:] + cuts[:-1]) / 2, np.diff(cuts) / 2
+    beyond = summed[-1] - summed[np.searchsorted(places, middles)]
+    roots, shares = np.polynomial.legendre.leggauss(DEGREE)
+    fine, weighed = (middles[:, None] + np.outer(halves, roots)).ravel(), np.outer(halves * beyond, shares).ravel()
+    found = sum((slope(fine).T * weighed) @ slope(fine) for slope in slopes)
+    return 0.5 * (found + found.T)
+
+
 @dataclass(frozen=True, eq=False)
 class MeanLine:
     """Mean displacements of a link's sections, splines over X by least squares over its mass.
 
-    along, across, slope: of each shape, (n_places, n); mean: what shortens the mass in the mean [1/m], (n, n).
+    along, across, slope: of each shape, (n_places, n); carried: places of the mass [m], and the mass there [kg].
     """
 
     along: BSpline
@@ -209,11 +227,8 @@ class MeanLine:
         across = fitted(lifted, 1)
         return cls(fitted(s, 0), across, across.derivative(), (float(first), float(last)), (x, carried))
 
-    def shortening(self, x: np.ndarray) -> np.ndarray:
-        """H (n_places, n, n) [1/m]: the integral of w_j' w_k' up to each place, less its mean over the mass."""
-        fine = np.linspace(*self.ends, FINE)
-        slope = self.slope(fine)
-        grown = cumulative_simpson(np.einsum("ij,ik->ijk", slope, slope), x=fine, axis=0, initial=0.0)
-        whole = CubicSpline(fine, grown)
+    def shortening(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """The integrals of w_j' w_k' up to the places x, less their mean over the mass, summed with weights (n, n)."""
         at, carried = self.carried
-        return whole(x) - np.einsum("i,ijk->jk", carried, whole(at)) / carried.sum()
+        mean = shortened([self.slope], at, carried) / carried.sum()
+        return shortened([self.slope], x, weights) - weights.sum() * mean
