@@ -10,10 +10,11 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema
 
 from kaneflex.scene.merge import merged
+from kaneflex.scene.quantities import either
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.errors import Fault
 from kaneflex.support.reading import read_text
-from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
+from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension
 
 STARTS = ("zero", "quasistatic", "periodic")
 _TABLES = "Give tables displacements and velocities, as solution.state() has them"
@@ -23,15 +24,8 @@ def _one_of(*dimensions: Dimension) -> Any:
     """A quantity of one of these kinds, as it is written: which of them it must be is known with its coordinate."""
 
     def check(value: object) -> object:
-        faults = []
-        for dimension in dimensions:
-            try:
-                to_si(value, dimension)
-            except Fault as fault:
-                faults.append(fault)
-            else:
-                return value
-        raise faults[0]
+        either(value, *dimensions)
+        return value
 
     units = " or ".join(dimension.unit for dimension in dimensions)
     schema = {"type": ["number", "string"], "description": f"in {units}; or a string with a unit"}

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation, cubics_through
 from kaneflex.support.reading import read_text
 from kaneflex.support.units import ANGLE, FORCE, LARGEST, TIME, Dimension, scaled
@@ -180,10 +180,8 @@ def _read(
         reason = f"{Path(path).name} has {len(rows) - 1} rows of numbers"
         raise Fault(reason, f"Give at least {_FEWEST_ROWS}", below="table")
     x_dimension = TIME if x_unit == "s" else ANGLE
-    try:
+    with within("unit"):
         scaled(1.0, unit, dimension)
-    except Fault as fault:
-        raise Fault(fault.reason, fault.cure, below="unit") from None
     cells = [(line, _cell(path, line, row, 0), _cell(path, line, row, at)) for line, row in rows[1:]]
     span = cells[-1][1] - cells[0][1]
     if abs(span) < 1.0 / LARGEST:
