@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kaneflex.cli.folders import output_option
 from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
 from kaneflex.support.errors import SceneError
 
@@ -23,9 +24,7 @@ _QUIET = 2.0
 
 @click.command()
 @click.argument("study", metavar="STUDY.toml", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the sweep. [default: STUDY-sweep]"
-)
+@output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
 @click.option("--workers", type=click.IntRange(min=1), help="Solve in so many processes of this machine.")
 @click.option(
     "--scheduler", metavar="ADDRESS",
