@@ -10,7 +10,7 @@ import click
 
 from kaneflex.cli.folders import check_file, force_option, output_option
 from kaneflex.cli.scene import gathered
-from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.errors import Fault, told
 
 if TYPE_CHECKING:
     from kaneflex.fem.foreign import Foreign
@@ -114,12 +114,10 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
     from kaneflex.report.tables import imported_table
 
     check_file(output, "a file of arrays", ".npz", force)
-    try:
+    with told("import", None):
         made = spatial_foreign_data if elements.space else foreign_data
         link = elements.read()
         data = made(link, modes, coupling == "rigid", damping)
-    except Fault as fault:
-        raise SceneError("import", None, fault.reason, fault.cure) from None
     data.save(output)
     for doubt in link.doubts:
         click.echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)

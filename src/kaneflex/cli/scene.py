@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli.folders import Decorator, together
-from kaneflex.support.errors import Fault, SceneError, nearest
+from kaneflex.support.errors import SceneError, nearest, told
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -96,10 +96,9 @@ def quantity(option: str, text: str, dimension: Dimension, whole: str | None = N
     """What an option says in SI: a plain number is in SI, any other has a unit; ``text`` may be a part of the whole."""
     from kaneflex.support.units import to_si
 
-    try:
-        return to_si(_plain(text), dimension)
-    except Fault as fault:
-        raise SceneError(option, whole or text, fault.reason, fault.cure) from None
+    with told(option, whole or text):
+        found = to_si(_plain(text), dimension)
+    return found
 
 
 def _plain(text: str) -> float | str:

@@ -17,7 +17,7 @@ from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, fram
 from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import new_figure, round_down
 from kaneflex.plots.view import FRAMES, View, angle_name, frames_of, view
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import installed, told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,11 +31,9 @@ _DRAWN = 0.1
 
 def demand_ffmpeg() -> str:
     """The encoder's file. Raises SceneError where imageio-ffmpeg, which brings one, is not installed."""
-    try:
+    cure = "Run: pip install 'kaneflex[mp4]', or leave it out"
+    with told("--mp4", None), installed("imageio-ffmpeg", cure, "imageio_ffmpeg"):
         from imageio_ffmpeg import get_ffmpeg_exe
-    except ModuleNotFoundError:
-        cure = "Run: pip install 'kaneflex[mp4]', or leave it out"
-        raise SceneError("--mp4", None, "imageio-ffmpeg is not installed", cure) from None
     return str(get_ffmpeg_exe())
 
 

@@ -16,7 +16,7 @@ from kaneflex.scene.fields import known_keys
 from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.settings import nested
-from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest
+from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
 from kaneflex.support.reading import beside, is_file, read_text
 
 _DEEPEST = 20
@@ -146,12 +146,11 @@ def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ..
 
 def _toml(path: Path) -> dict[str, Any]:
     """A file's tables. Raises SceneError: unreadable, not TOML, numbers or tables beyond any scene's."""
-    try:
-        text = read_text(path)
-    except Fault as fault:
-        raise SceneError("scene", path.name, fault.reason, fault.cure) from None
-    except FileNotFoundError:  # gone since it was looked for
-        raise SceneError("scene", path.name, "no such file", "Give the path of a scene") from None
+    with told("scene", path.name):
+        try:
+            text = read_text(path)
+        except FileNotFoundError:  # gone since it was looked for
+            raise Fault("no such file", "Give the path of a scene") from None
     return _parsed(text, path.name)
 
 

@@ -39,6 +39,29 @@ def within(key: str) -> Iterator[None]:
         raise Fault(fault.reason, fault.cure, below=f"{key}.{fault.below}".rstrip(".")) from None
 
 
+@contextmanager
+def told(key: str, value: object) -> Iterator[None]:
+    """Faults of a value become a SceneError with its key."""
+    try:
+        yield
+    except Fault as fault:
+        raise SceneError(key, value, fault.reason, fault.cure) from None
+
+
+@contextmanager
+def installed(said: str, cure: str, *modules: str) -> Iterator[None]:
+    """Around the import of a package that not everyone has, a Fault where it is missing; ``said``: how it is called.
+
+    What it lacks itself, other than these modules, is raised as it is.
+    """
+    try:
+        yield
+    except ImportError as error:
+        if error.name not in modules:
+            raise
+        raise Fault(f"{said} is not installed", cure) from None
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing that is wrong: where (`key`), what stands there (`value`), why it is wrong and what to do."""
