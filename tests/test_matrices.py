@@ -159,14 +159,14 @@ def test_a_node_that_is_not_listed(stiffness):
 
 
 def test_nastran_without_its_reader(stiffness, monkeypatch):
-    """The cure names the extra that brings it."""
+    """The cure names the extra that brings it; what the reader itself lacks is another matter."""
     import builtins
 
-    ordinary = builtins.__import__
+    ordinary, lacking = builtins.__import__, "pyyeti"
 
     def without(name, *args, **kwargs):
         if name.partition(".")[0] == "pyyeti":
-            raise ImportError("no pyyeti", name="pyyeti")
+            raise ImportError(f"no {lacking}", name=lacking)
         return ordinary(name, *args, **kwargs)
 
     Path("job.op4").write_text("")
@@ -174,3 +174,6 @@ def test_nastran_without_its_reader(stiffness, monkeypatch):
     with pytest.raises(Fault, match="pyYeti") as caught:
         read_matrix("job.op4", NUMBERS, "k")
     assert "kaneflex[nastran]" in caught.value.cure
+    lacking = "pandas"
+    with pytest.raises(ImportError, match="no pandas"):
+        read_matrix("job.op4", NUMBERS, "k")

@@ -261,6 +261,17 @@ def test_what_a_scene_must_not_ask(exported, before, after, message):
     assert message in str(error.value)
 
 
+def test_a_scene_like_another_takes_its_modal_data_away(exported):
+    (exported.parent / "with_data.toml").write_text(WITH_DATA)
+    other = """
+    schema = 1
+    like = "with_data.toml"
+    bodies.rod = {modal_data = "none", length = 0.3, beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}
+    """
+    rod = scene_of(other, exported.parent).bodies["rod"]
+    assert rod.modal is None and rod.elastic
+
+
 def test_presets_that_need_elements_refuse(fed_back):
     with pytest.raises(SceneError) as error:
         kaneflex.load(with_settings(read_scene(fed_back), ["solve.preset=stiffened"]))

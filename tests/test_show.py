@@ -16,8 +16,8 @@ from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import coordinate_at, drive_rates, place
 from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
-from kaneflex.plots.scheme import scheme, scheme_picture
-from kaneflex.plots.style import styled
+from kaneflex.plots.scheme import scheme
+from kaneflex.plots.style import picture, styled
 from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.support.errors import SceneError
 
@@ -238,7 +238,8 @@ def test_labels_cover_neither_each_other_nor_leave_the_picture():
 def test_the_same_scene_gives_the_same_bytes():
     scene = read_scene("four-bar")
     for kind in ("png", "svg", "pdf"):
-        assert scheme_picture(scene, place(scene), kind) == scheme_picture(scene, place(scene), kind)
+        one, other = (picture(lambda: scheme(scene, place(scene)), kind) for _ in range(2))
+        assert one == other
 
 
 def test_a_structure_with_gravity_is_drawn(tmp_path):

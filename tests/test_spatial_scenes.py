@@ -100,8 +100,11 @@ PLANAR = (
         ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = ["5 mm", 0]}',
          r"sensors.gauge.fibre.*a planar beam bends in one plane"),
         ("free = true", "free = true, initial_speeds = [1, 2]", r"drives.hinge.initial_speeds: a planar joint has one"),
+        ("[bodies.bar]", "[bodies.rod]\nlength = 1\n"
+         "beam = {material = 'steel', A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}\n[bodies.bar]",
+         r"^bodies.rod.beam.J = 2e-09: planar beams don't twist. Give I, or give vectors three components"),
     ],
-)
+)  # fmt: skip
 def test_what_only_a_scene_in_space_has_is_refused_in_the_plane(tmp_path, old, new, said):
     assert old in PLANAR
     path = tmp_path / "planar.toml"

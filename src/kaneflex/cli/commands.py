@@ -19,7 +19,7 @@ import click
 from kaneflex.cli.compare import compare
 from kaneflex.cli.explore import explore
 from kaneflex.cli.exporting import export
-from kaneflex.cli.folders import Target, folder_options
+from kaneflex.cli.folders import Target, folder_options, path_option
 from kaneflex.cli.importing import import_link
 from kaneflex.cli.mechanism import derive, equations, linearise, new, show
 from kaneflex.cli.scene import (
@@ -35,7 +35,7 @@ from kaneflex.cli.stability import stability
 from kaneflex.cli.sweep import sweep
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, terms, tolerance_of, trade
 from kaneflex.support.errors import SceneError, UserError
-from kaneflex.support.terminal import LOG
+from kaneflex.support.terminal import LOG, Waiting
 
 if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
@@ -146,7 +146,6 @@ def check(asked: SceneArguments) -> None:
     """
     from kaneflex.report.checked import description, notes, warnings
     from kaneflex.solve.loading import load
-    from kaneflex.support.terminal import Waiting
 
     scene = asked.read()
     with Waiting() as waiting:
@@ -160,10 +159,9 @@ def check(asked: SceneArguments) -> None:
 
 @main.command()
 @scene_options()
-@click.option(
-    "--after", type=click.Path(path_type=Path), metavar="RESULTS",
-    help="Continue from the last state of another run's folder (preset coupled).",
-)  # fmt: skip
+@path_option(
+    "--after", metavar="RESULTS", help="Continue from the last state of another run's folder (preset coupled)."
+)
 @click.option(
     "--sensitivities", "parameters", multiple=True, metavar="PATHS",
     help="Differentiate every sensor by these numbers of the scene: rod.E,rod.I,main.speed. Can be repeated.",
@@ -251,10 +249,9 @@ def _report(summary: Summary, folder: Path) -> None:
 @at_option
 @click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
-@click.option(
-    "--export", type=click.Path(path_type=Path), metavar="FOLDER",
-    help="Instead, write each link's modal data under preset coupled to FOLDER/LINK.npz.",
-)  # fmt: skip
+@path_option(
+    "--export", metavar="FOLDER", help="Instead, write each link's modal data under preset coupled to FOLDER/LINK.npz."
+)
 @click.option("--force", is_flag=True, help="Replace existing files of --export.")
 @gathered(asked=SceneArguments)
 def modes(
@@ -267,7 +264,6 @@ def modes(
     """
     from kaneflex.solve.modes import mesh_hint
     from kaneflex.solve.modes import modes as found_modes
-    from kaneflex.support.terminal import Waiting
 
     if export is not None:
         _export(asked.read(), export, force)
@@ -288,7 +284,6 @@ def modes(
 
 def _export(scene: Scene, folder: Path, force: bool) -> None:
     from kaneflex.response.modal_data import export, links_data
-    from kaneflex.support.terminal import Waiting
 
     if not any(body.elastic for body in scene.bodies.values()):
         raise SceneError("--export", str(folder), "no body has a beam: there are no shapes", "Give a body a beam")

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import click
 
-from kaneflex.cli.folders import check_picture, force_option
+from kaneflex.cli.folders import check_picture, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
+from kaneflex.support.atomic_output import write_bytes
 
 
 @click.command()
@@ -22,10 +23,7 @@ from kaneflex.cli.scene import SceneArguments, gathered, scene_options
     "--sensor", "sensors", multiple=True, metavar="NAME",
     help="Show this one; can be repeated. [default: the first four kinds]",
 )  # fmt: skip
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.png",
-    help="Write the window as it opens, .png, .svg or .pdf, and open none.",
-)  # fmt: skip
+@output_option("FILE.png", "Write the window as it opens, .png, .svg or .pdf, and open none.")
 @force_option
 @gathered(asked=SceneArguments)
 def explore(
@@ -37,15 +35,15 @@ def explore(
     that can't be computed, the window says why. When it is closed, the settings of the sliders are printed.
     """
     from kaneflex.study.exploration import Exploration, varied
-    from kaneflex.support.atomic_output import write_bytes
 
     scene = asked.read()
     exploration = Exploration(scene, tuple(varied(scene, text) for text in open_), sensors)
     if output is not None:
         check_picture(output, force, "explored.png")
-        from kaneflex.plots.explorer import picture
+        from kaneflex.plots.explorer import figure
+        from kaneflex.plots.style import picture
 
-        write_bytes(output, picture(exploration, output.suffix[1:]))
+        write_bytes(output, picture(lambda: figure(exploration), output.suffix[1:]))
         click.echo(f"Written to {output}")
         return
     from kaneflex.plots.explorer import open_window

@@ -6,17 +6,16 @@ from pathlib import Path
 
 import click
 
-from kaneflex.cli.folders import force_option
+from kaneflex.cli.folders import check_file, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
-from kaneflex.support.errors import OutputError
+from kaneflex.support.atomic_output import write_bytes
+from kaneflex.support.terminal import Waiting
 
 
 @click.command()
 @scene_options("preset", "settings")
 @click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Version of the standard.")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.fmu", required=True, help="File to write."
-)
+@output_option("FILE.fmu", required=True)
 @force_option
 @gathered(asked=SceneArguments)
 def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
@@ -27,12 +26,8 @@ def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
     library for this machine.
     """
     from kaneflex.solve.fmu import fmu
-    from kaneflex.support.atomic_output import refuse_existing, write_bytes
-    from kaneflex.support.terminal import Waiting
 
-    if output.suffix != ".fmu":
-        raise OutputError(str(output), None, "not the name of an FMU", "End it in .fmu")
-    refuse_existing(output, force, "engine.fmu")
+    check_file(output, "an FMU", ".fmu", force)
     scene = asked.read()
     with Waiting() as waiting:
         made = fmu(scene, fmi, waiting)

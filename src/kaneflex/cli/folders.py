@@ -22,7 +22,29 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 _PICTURES = (".png", ".svg", ".pdf")
 
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
+
+
+def path_option(*names: str, metavar: str, help: str, required: bool = False) -> Decorator:
+    """An option that names a file or a folder."""
+    return click.option(*names, type=click.Path(path_type=Path), metavar=metavar, help=help, required=required)
+
+
+def output_option(metavar: str, help: str = "File to write.", required: bool = False) -> Decorator:
+    """The option that names what is written."""
+    return path_option("-o", "--output", metavar=metavar, help=help, required=required)
+
+
+def together(*parts: Decorator) -> Decorator:
+    """Several options as one, in their order."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        for part in reversed(parts):
+            command = part(command)
+        return command
+
+    return decorate
 
 
 @dataclass(frozen=True)
@@ -49,23 +71,13 @@ class Target:
         return self.output
 
 
-def folder_options(ending: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def folder_options(ending: str) -> Decorator:
     """The options that are a :class:`Target`; ``ending`` is that of the folder's name by default."""
-    options = (
-        click.option(
-            "-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
-            help=f"Folder to make. [default: NAME-{ending}]",
-        ),
+    return together(
+        output_option("DIR", f"Folder to make. [default: NAME-{ending}]"),
         click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True),
         click.option("--force", is_flag=True, help="Replace an earlier folder of this command."),
-    )  # fmt: skip
-
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
+    )
 
 
 def into(
@@ -110,6 +122,13 @@ def check_picture(path: Path, force: bool, example: str) -> None:
     if path.suffix not in _PICTURES:
         raise OutputError(str(path), None, "not a kind of picture", f"End the name in {', '.join(_PICTURES)}")
     refuse_existing(path, force, example)
+
+
+def check_file(path: Path, what: str, suffix: str, force: bool, more: str = "") -> None:
+    """The same of a file's name by its ending: ``what`` it is not the name of, and what may be done besides."""
+    refuse_existing(path, force, f"engine{suffix}")
+    if path.suffix != suffix:
+        raise OutputError(str(path), None, f"not the name of {what}", f"End it in {suffix}{more}")
 
 
 def write_json(path: Path, data: object) -> None:

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.folders import force_option
+from kaneflex.cli.folders import check_file, force_option, output_option
 from kaneflex.cli.scene import gathered
-from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.errors import Fault, told
 
 if TYPE_CHECKING:
     from kaneflex.fem.foreign import Foreign
 
 UNITS = {"m-kg": (1.0, 1.0), "mm-t": (1e-3, 1e3), "mm-kg": (1e-3, 1.0)}
 """Units of length [m] and mass [kg] of a file; that of stiffness is the mass unit over s^2, so N/mm with mm-t."""
-_FILE = click.Path(path_type=Path)
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def _number(section: str, text: str) -> float:
 )  # fmt: skip
 @click.option("--space", is_flag=True, help="Of a body that moves in space: no mirror plane is needed.")
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), default=0.0, help="Ratio of every shape's.")
-@click.option("-o", "--output", type=_FILE, metavar="FILE.npz", required=True, help="File to write.")
+@output_option("FILE.npz", required=True)
 @force_option
 @gathered(elements=Elements)
 def import_link(elements: Elements, modes: int, coupling: str, damping: float, output: Path, force: bool) -> None:
@@ -113,17 +112,12 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
     from kaneflex.fem.craig_bampton import foreign_data
     from kaneflex.fem.spatial_foreign import spatial_foreign_data
     from kaneflex.report.tables import imported_table
-    from kaneflex.support.atomic_output import refuse_existing
 
-    if output.suffix != ".npz":
-        raise SceneError(str(output), None, "not the name of a file of arrays", "End it in .npz")
-    refuse_existing(output, force, "rod.npz")
-    try:
+    check_file(output, "a file of arrays", ".npz", force)
+    with told("import", None):
         made = spatial_foreign_data if elements.space else foreign_data
         link = elements.read()
         data = made(link, modes, coupling == "rigid", damping)
-    except Fault as fault:
-        raise SceneError("import", None, fault.reason, fault.cure) from None
     data.save(output)
     for doubt in link.doubts:
         click.echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.folders import check_picture, force_option
+from kaneflex.cli.folders import check_file, check_picture, force_option, output_option, path_option
 from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathered, read, scene_options
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
+from kaneflex.support.atomic_output import refuse_existing, write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError
-from kaneflex.support.output_folders import file_stem
+from kaneflex.support.output_folders import file_stem, whole_folder
+from kaneflex.support.terminal import Waiting
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -22,10 +24,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @scene_options("preset", "settings")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.png",
-    help="Picture to write: .png, .svg or .pdf. [default: NAME.png]",
-)  # fmt: skip
+@output_option("FILE.png", "Picture to write: .png, .svg or .pdf. [default: NAME.png]")
 @click.option(
     "--at", "places", multiple=True, metavar="DRIVE=ANGLE",
     help="Place, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. [default: as the run starts]",
@@ -43,7 +42,6 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     from kaneflex.mechanism.position_analysis import place, with_branches
     from kaneflex.mechanism.reach import followed, reach_lines
     from kaneflex.report.presentation import block, closing_lines, mobility_lines, parts
-    from kaneflex.support.atomic_output import write_bytes
 
     scene = asked.read()
     path = output or Path(f"{file_stem(scene.name)}.png")
@@ -74,9 +72,10 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
         for each in found:
             if each.note:
                 click.echo(f"Note: {each.note}", err=True)
-    from kaneflex.plots.scheme import scheme_picture
+    from kaneflex.plots.scheme import scheme
+    from kaneflex.plots.style import picture
 
-    write_bytes(path, scheme_picture(scene, placement, path.suffix[1:]))
+    write_bytes(path, picture(lambda: scheme(scene, placement), path.suffix[1:]))
     click.echo(f"Written to {path}")
 
 
@@ -99,20 +98,21 @@ def _elastic_count(scene: Scene) -> int | None:
 
 def _spatial_picture(scene: Scene, at: Mapping[str, float], kind: str) -> bytes:
     """The picture of a mechanism in space as it starts; says how many freedoms it has."""
-    from kaneflex.plots.spatial import refuse_places, scheme_picture
+    from kaneflex.plots.spatial import refuse_places, scheme
+    from kaneflex.plots.style import picture
     from kaneflex.report.presentation import spatial_mobility_lines
     from kaneflex.solve.spatial_loading import spatial_start
 
     refuse_places(at)
     system, start, motion = spatial_start(scene)
     click.echo(spatial_mobility_lines(system, start.choice))
-    return scheme_picture(scene, motion, kind)
+    return picture(lambda: scheme(scene, motion), kind)
 
 
 @click.command()
 @click.argument("name", metavar="NAME")
 @click.option("--like", required=True, metavar="SCENE", help="Shipped scene to start from, see `kaneflex list`.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE.toml", help="[default: NAME.toml]")
+@output_option("FILE.toml", "[default: NAME.toml]")
 @click.option("--force", is_flag=True, help="Replace existing files.")
 def new(name: str, like: str, output: Path | None, force: bool) -> None:
     """Write a scene of your own to start from, with comments, and the tables that it reads beside it."""
@@ -129,13 +129,8 @@ def new(name: str, like: str, output: Path | None, force: bool) -> None:
 @scene_options("preset", "settings")
 @at_option
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Output; can be repeated. [default: all]")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", required=True,
-    help="File to write: .npz for NumPy, .mat for MATLAB or .mo for Modelica.",
-)  # fmt: skip
-@click.option(
-    "--bode", type=click.Path(path_type=Path), metavar="FILE.png", help="Draw magnitudes and phases over the frequency."
-)
+@output_option("FILE", "File to write: .npz for NumPy, .mat for MATLAB or .mo for Modelica.", required=True)
+@path_option("--bode", metavar="FILE.png", help="Draw magnitudes and phases over the frequency.")
 @force_option
 @gathered(asked=SceneArguments)
 def linearise(
@@ -150,8 +145,6 @@ def linearise(
     from kaneflex.solve.loading import load
     from kaneflex.solve.statespace import available_sensors, check_file_kind
     from kaneflex.solve.statespace import linearise as state_space
-    from kaneflex.support.atomic_output import refuse_existing, write_bytes
-    from kaneflex.support.terminal import Waiting
 
     check_file_kind(output)
     refuse_existing(output, force, "engine.npz")
@@ -175,24 +168,19 @@ def linearise(
 
 def _bode(system: StateSpace, kind: str) -> bytes:
     from kaneflex.plots.bode import figure
-    from kaneflex.plots.style import as_file, styled
+    from kaneflex.plots.style import picture
 
-    with styled():
-        return as_file(figure(system), kind)
+    return picture(lambda: figure(system), kind)
 
 
 @click.command()
 @click.argument("name", metavar="SCENE")
 @click.option("--latex", "as_latex", is_flag=True, help="As a LaTeX document, the only form there is besides Python.")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.tex", help="File to write. [default: printed]"
-)
+@output_option("FILE.tex", "File to write. [default: printed]")
 @force_option
 def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> None:
     """Print the equations of SCENE that are compiled: the programs of its module, and the element's matrices."""
     from kaneflex.scene.spatial_check import refuse_in_space
-    from kaneflex.support.atomic_output import refuse_existing, write_text
-    from kaneflex.support.terminal import Waiting
 
     if not as_latex:
         raise click.UsageError("Say --latex; as Python, the equations are what `kaneflex derive` writes.")
@@ -216,10 +204,7 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
 
 @click.command()
 @click.argument("name", metavar="SCENE")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True,
-    help="Module to write; the folder to make with --language c.",
-)  # fmt: skip
+@output_option("FILE.py", "Module to write; the folder to make with --language c.", required=True)
 @click.option(
     "--language", type=click.Choice(["python", "c"]), default="python", show_default=True,
     help="c: a folder of portable C11 without allocation, which makes the run without Python, too.",
@@ -249,12 +234,8 @@ def derive(
         raise click.UsageError("--set goes with --language c: a Python module holds no numbers of the scene.")
     from kaneflex.mechanism.floating_frames import shape_counts
     from kaneflex.scene import with_settings
-    from kaneflex.support.atomic_output import refuse_existing, write_text
-    from kaneflex.support.terminal import Waiting
 
-    refuse_existing(output, force, "engine.py")
-    if output.suffix != ".py":
-        raise OutputError(str(output), None, "not the name of a Python module", "End it in .py, or take --language c")
+    check_file(output, "a Python module", ".py", force, ", or take --language c")
     refuse_with_tolerance(tolerance, {"--coupled": coupled or None})
     demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
     scene, choice, whole = read(name, []), None, ""
@@ -285,8 +266,6 @@ def _derive_c(
     from kaneflex.scene.options import resolve_options
     from kaneflex.solve.c_model import c_model
     from kaneflex.solve.coupled_in_c import coupled_in_c
-    from kaneflex.support.output_folders import whole_folder
-    from kaneflex.support.terminal import Waiting
 
     given = [option for option, value in others.items() if value]
     if given:

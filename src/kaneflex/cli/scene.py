@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.support.errors import Fault, SceneError, nearest
+from kaneflex.cli.folders import Decorator, together
+from kaneflex.support.errors import SceneError, nearest, told
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -45,7 +46,7 @@ class SceneArguments:
         return scene if at is None else read(self.name, [*self.changes, f"solve.mode_angle={mode_angle(scene, at)!r}"])
 
 
-def gathered(**kinds: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def gathered(**kinds: type) -> Decorator:
     """A command whose options that are fields of a dataclass come as one argument: its name, and the dataclass."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -78,15 +79,9 @@ at_option = click.option(
 )  # fmt: skip
 
 
-def scene_options(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def scene_options(*names: str) -> Decorator:
     """SCENE and what can be changed in it: by all options, or by those of these names."""
-
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        for name in reversed(names or tuple(_OPTIONS)):
-            command = _OPTIONS[name](command)
-        return click.argument("name", metavar="SCENE")(command)
-
-    return decorate
+    return together(click.argument("name", metavar="SCENE"), *(_OPTIONS[name] for name in names or _OPTIONS))
 
 
 def read(name: str, settings: list[str]) -> Scene:
@@ -101,10 +96,9 @@ def quantity(option: str, text: str, dimension: Dimension, whole: str | None = N
     """What an option says in SI: a plain number is in SI, any other has a unit; ``text`` may be a part of the whole."""
     from kaneflex.support.units import to_si
 
-    try:
-        return to_si(_plain(text), dimension)
-    except Fault as fault:
-        raise SceneError(option, whole or text, fault.reason, fault.cure) from None
+    with told(option, whole or text):
+        found = to_si(_plain(text), dimension)
+    return found
 
 
 def _plain(text: str) -> float | str:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kaneflex.cli.folders import output_option
 from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.study.plan import Plan
-    from kaneflex.study.sweep import Progress, Solver
+    from kaneflex.study.sweep import Finished, Progress, Solver
 
 _FAILURES_SHOWN = 5
 _QUIET = 2.0
@@ -23,9 +24,7 @@ _QUIET = 2.0
 
 @click.command()
 @click.argument("study", metavar="STUDY.toml", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the sweep. [default: STUDY-sweep]"
-)
+@output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
 @click.option("--workers", type=click.IntRange(min=1), help="Solve in so many processes of this machine.")
 @click.option(
     "--scheduler", metavar="ADDRESS",
@@ -65,26 +64,22 @@ def sweep(
         click.echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` says why", err=True)
     click.echo(f"{finished.total - len(finished.failures)} of {finished.total} points completed")
     click.echo(f"Written to {finished.path}")
-    for path in _drawn(finished.path, plan) if plots else ():
+    for path in _drawn(finished, plan) if plots else ():
         click.echo(f"Drawn: {path}")
     if len(finished.failures) == finished.total:
         ctx.exit(STOPPED_EARLY)
 
 
-def _drawn(dataset: Path, plan: Plan) -> list[Path]:
+def _drawn(finished: Finished, plan: Plan) -> list[Path]:
     """Pictures of a dataset, beside it: those that its points allow."""
-    import xarray
-
     from kaneflex.plots import draw
 
-    kinds = ["sweep"] if plan.poincare is None else ["sweep", "bifurcation", "poincare"]
-    drawn = []
-    with xarray.open_dataset(dataset, engine="zarr" if dataset.suffix == ".zarr" else "scipy") as found:
-        for kind in kinds:
-            try:
-                drawn += draw(kind, found.load(), dataset.parent)
-            except ValueError as reason:
-                click.echo(f"No picture {kind}: {reason}", err=True)
+    drawn, dataset = [], finished.dataset
+    for kind in ["sweep"] if plan.poincare is None else ["sweep", "bifurcation", "poincare"]:
+        try:
+            drawn += draw(kind, dataset, finished.path.parent)
+        except ValueError as reason:
+            click.echo(f"No picture {kind}: {reason}", err=True)
     return drawn
 
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from kaneflex.cli.folders import Found, Target, folder_options, into, write_csv, write_json
+from kaneflex.cli.folders import Decorator, Target, folder_options, into, together, write_csv, write_json
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
 from kaneflex.support.errors import SceneError
 
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from kaneflex.study.trade.record import Choice
     from kaneflex.study.trade.terms import Effect, Terms
 
+Weighed = TypeVar("Weighed", "Trade", "Prices", "Terms")
 _UNKNOWN = "What is not known of it"
 
 
-def _options(ending: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def _options(ending: str) -> Decorator:
     """What both commands take; ``ending`` is that of their folder."""
-    parts = (
+    return together(
         scene_options("settings"),
         click.option("--tolerance", default="1%", metavar="SHARE", help="Error of each sensor.", show_default=True),
         click.option("--budget", default="60s", metavar="TIME", help="For running and timing.", show_default=True),
@@ -34,13 +35,6 @@ def _options(ending: str) -> Callable[[Callable[..., None]], Callable[..., None]
         folder_options(ending),
         gathered(asked=SceneArguments, target=Target),
     )
-
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        for part in reversed(parts):
-            command = part(command)
-        return command
-
-    return decorate
 
 
 @click.command()
@@ -89,9 +83,9 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
 
 
 def _weighed(
-    ending: str, question: Callable[..., Found], data: Callable[[Found, list[str]], Data], asked: SceneArguments,
+    ending: str, question: Callable[..., Weighed], data: Callable[[Weighed], Data], asked: SceneArguments,
     target: Target, limits: Mapping[str, Any], picture: str | None = None,
-) -> tuple[Found, Path]:  # fmt: skip
+) -> tuple[Weighed, Path]:  # fmt: skip
     """What a question to the models of a scene found, and the folder that holds it as a table and as JSON.
 
     ``limits``: the options tolerance, budget and sensors.
@@ -102,12 +96,13 @@ def _weighed(
     scene = asked.read()
     target, files = target.named(scene, ending), picture or ending
 
-    def write(found: Found, folder: Path) -> None:
-        about, rows = data(found, asked.changes)
-        write_json(folder / f"{files}.json", about)
+    def write(found: Weighed, folder: Path) -> None:
+        own, rows = data(found)
+        about = {"scene": found.scene.name, "settings": list(asked.changes), "tolerance": found.tolerance}
+        write_json(folder / f"{files}.json", {**about, **own, "left_out": dict(found.left_out)})
         write_csv(folder / f"{files}.csv", list(rows[0]), rows)
 
-    def ask(stage: Callable[[str], None]) -> Found:
+    def ask(stage: Callable[[str], None]) -> Weighed:
         return question(scene, share, seconds, limits["sensors"] or None, stage)
 
     return into(target, f"{files}.json", ask, write, files), target.folder
@@ -252,17 +247,14 @@ def _percent(share: float) -> str:
 
 Row = dict[str, object]
 Data = tuple[dict[str, object], list[Row]]
-"""The whole, and the rows of its table."""
+"""What is its own of the whole, and the rows of its table."""
 
 
-def trade_data(found: Trade, settings: Sequence[str]) -> Data:
+def trade_data(found: Trade) -> Data:
     """What ``trade.json`` and ``trade.csv`` hold: times in s, errors as shares of the reference's peaks."""
     reference = found.reference
     rows = [_ranked_data(found, entry) for entry in found.ranked]
     return {
-        "scene": found.scene.name,
-        "settings": list(settings),
-        "tolerance": found.tolerance,
         "reference": {
             "name": reference.name,
             "settings": list(reference.model.settings),
@@ -278,7 +270,6 @@ def trade_data(found: Trade, settings: Sequence[str]) -> Data:
             | {"sensors": _shares(entry.differences)}
             for row, entry in zip(rows, found.ranked, strict=True)
         ],
-        "left_out": dict(found.left_out),
     }, rows
 
 
@@ -302,7 +293,7 @@ def _ranked_data(found: Trade, entry: Ranked) -> Row:
     }
 
 
-def price_data(found: Prices, settings: Sequence[str]) -> Data:
+def price_data(found: Prices) -> Data:
     """What ``price.json`` and ``price.csv`` hold: statistics in SI, changes as shares of those without the part."""
 
     def known(number: float) -> float | None:
@@ -318,30 +309,22 @@ def price_data(found: Prices, settings: Sequence[str]) -> Data:
                 row[f"{key}_doubt"] = known(doubt)
             rows.append(row | {"matters": change.matters(found.tolerance)})
     return {
-        "scene": found.scene.name,
-        "settings": list(settings),
-        "tolerance": found.tolerance,
         "parts": [
             {"part": each.part, "without": list(each.settings), "gone": list(each.gone),
              "sensors": [row for row in rows if row["part"] == each.part]}
             for each in found.prices
         ],
-        "left_out": dict(found.left_out),
     }, rows  # fmt: skip
 
 
-def terms_data(found: Terms, settings: Sequence[str]) -> Data:
+def terms_data(found: Terms) -> Data:
     """What ``terms.json`` and ``terms.csv`` hold: times in s or ns, changes as shares of each sensor's peak."""
     rows = [_effect_data(effect) for effect in found.effects]
     return {
-        "scene": found.scene.name,
-        "settings": list(settings),
-        "tolerance": found.tolerance,
         "full": asdict(found.full),
         "groups": [
             row | {"sensors": _shares(effect.differences)} for row, effect in zip(rows, found.effects, strict=True)
         ],
-        "left_out": dict(found.left_out),
     }, rows
 
 

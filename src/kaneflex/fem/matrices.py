@@ -23,7 +23,7 @@ from scipy.io import mmread
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from kaneflex.fem.modal_files import has_modes, read_modes
-from kaneflex.support.errors import Fault
+from kaneflex.support.errors import Fault, installed
 from kaneflex.support.reading import check_file
 
 LARGEST = 2**31
@@ -180,13 +180,9 @@ def _punched(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Lab
 
 def _nastran(path: str, first: str, read: Callable):
     """The only matrix that pyYeti reads of a file, or the only one whose name begins so."""
-    try:
+    cure = "Run: pip install 'kaneflex[nastran]', or give a Matrix Market file"
+    with installed("pyYeti, which reads Nastran's files,", cure, "pyyeti"):
         from pyyeti import nastran
-    except ImportError as error:
-        if (error.name or "").partition(".")[0] != "pyyeti":
-            raise
-        cure = "Run: pip install 'kaneflex[nastran]', or give a Matrix Market file"
-        raise Fault("pyYeti, which reads Nastran's files, is not installed", cure) from None
     try:
         found = read(nastran)
     except Exception as error:  # whatever its readers stumble over

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
-from kaneflex.support.errors import Fault
+from kaneflex.support.errors import Fault, installed
 from kaneflex.support.reading import check_file
 
 LARGEST = 2**31
@@ -137,13 +137,8 @@ def _universal(path: str) -> Modes:
 
 
 def _sets(path: str) -> list[dict[str, Any]]:
-    try:
+    with installed("pyuff, which reads universal files,", "Run: pip install 'kaneflex[uff]'", "pyuff"):
         import pyuff
-    except ImportError as error:
-        if (error.name or "").partition(".")[0] != "pyuff":
-            raise
-        cure = "Run: pip install 'kaneflex[uff]'"
-        raise Fault("pyuff, which reads universal files, is not installed", cure) from None
     try:
         found = pyuff.UFF(path).read_sets()
     except Exception as error:  # whatever its readers stumble over

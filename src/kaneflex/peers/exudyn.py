@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from kaneflex.peers.buildable import check_buildable, cycles_to_steady_state, has_elastic
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, installed, told
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
@@ -81,13 +81,9 @@ def _planar_or_spatial(scene: Scene) -> tuple[Callable[..., Any], Callable[..., 
 
 def check(scene: Scene) -> ModuleType:
     """The package exudyn; raise SceneError where it is missing or the scene can't be built there."""
-    try:
+    cure = 'Install it: pip install "kaneflex[peer]"'
+    with told("--with", "exudyn"), installed("the package exudyn", cure, "exudyn"):
         import exudyn
-    except ModuleNotFoundError as error:
-        if error.name != "exudyn":
-            raise
-        cure = 'Install it: pip install "kaneflex[peer]"'
-        raise SceneError("--with", "exudyn", "the package exudyn is not installed", cure) from None
     check_buildable(scene)
     return exudyn
 

@@ -12,11 +12,12 @@ import matplotlib
 import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
+from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import new_figure, round_down
 from kaneflex.plots.view import FRAMES, View, angle_name, frames_of, view
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import installed, told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,11 +31,9 @@ _DRAWN = 0.1
 
 def demand_ffmpeg() -> str:
     """The encoder's file. Raises SceneError where imageio-ffmpeg, which brings one, is not installed."""
-    try:
+    cure = "Run: pip install 'kaneflex[mp4]', or leave it out"
+    with told("--mp4", None), installed("imageio-ffmpeg", cure, "imageio_ffmpeg"):
         from imageio_ffmpeg import get_ffmpeg_exe
-    except ModuleNotFoundError:
-        cure = "Run: pip install 'kaneflex[mp4]', or leave it out"
-        raise SceneError("--mp4", None, "imageio-ffmpeg is not installed", cure) from None
     return str(get_ffmpeg_exe())
 
 
@@ -96,12 +95,14 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
 
 def enlargement(shown: View) -> float:
     """Factor that makes the largest elastic displacement a tenth of the mechanism, rounded down to 1, 2 or 5."""
-    largest = 0.0
-    for name, link in shown.solution.model.links.items():
+    model, largest = shown.solution.model, 0.0
+    size = spatial_mechanism_of(model.scene).size if model.scene.is_spatial else scenery(model).size
+    for name, link in model.links.items():
         for x in link.nodes:
-            u, v, _ = shown.motion.displacement(name, (float(x), 0.0))[0]
-            largest = max(largest, float(np.hypot(u, v).max()))
-    return round_down(_DRAWN * scenery(shown.solution.model).size / largest) if largest else 1.0
+            at = model.scene.vector((float(x), 0.0))
+            moved = shown.motion.displacement(name, at)[0][: len(at)]
+            largest = max(largest, float(np.linalg.norm(moved, axis=0).max()))
+    return round_down(_DRAWN * size / largest) if largest else 1.0
 
 
 def title(factor: float | None) -> str:

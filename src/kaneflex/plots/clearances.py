@@ -15,12 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.transforms import ScaledTranslation
 
-from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable
+from kaneflex.plots.style import GREY, PALETTE, TOUCHED, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
 from kaneflex.solve.touching import eccentricity, record_of
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.impacts import Impact
     from kaneflex.scene.contacts import LooseJoint
     from kaneflex.solve.solution import Solution
 
@@ -30,8 +29,6 @@ _DASHES = ((0, ()), (0, (5, 2.5)), (0, ()), (0, (5, 2.5)))
 """Of a block's corners: the two of a face often go together."""
 _LEAST = 0.01
 """Share of the most tilt there is room for below which the axis of a tilt is not stretched."""
-_TOUCHED = "#FBE3D3"
-"""Behind the curves while something touches."""
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -107,7 +104,7 @@ def _path(axes: Axes, shown: View, contacts: tuple[str, ...], path: np.ndarray, 
     """Free and in contact, and where impacts begin; two rows of coordinates."""
     axes.plot(*path, color=GREY, linewidth=0.7, label=f"path {of}")
     axes.plot(*np.where(_touching(shown, contacts), path, np.nan), color=PALETTE[0], linewidth=1.4, label="in contact")
-    begins = [each.begin for key in contacts for each in _impacts(shown, key)]
+    begins = [each.begin for key in contacts for each in shown.impacts(key)]
     where = [np.interp(begins, shown.times, row) for row in path]
     axes.plot(*where, "v", color=PALETTE[1], markersize=4, label=f"impacts ({len(begins)})")
     below = axes.transAxes + ScaledTranslation(0, -0.5, axes.figure.dpi_scale_trans)
@@ -116,7 +113,7 @@ def _path(axes: Axes, shown: View, contacts: tuple[str, ...], path: np.ndarray, 
 
 def _forces(axes: Axes, shown: View, contacts: Mapping[str, str]) -> None:
     """Forces of contacts by what they are called, each with the peaks of its impacts."""
-    impacts = {key: _impacts(shown, key) for key in contacts}
+    impacts = {key: shown.impacts(key) for key in contacts}
     forces = {key: shown.motion.contact(key)[1] for key in contacts}
     peaks = {key: np.array([each.peak for each in own]) for key, own in impacts.items()}
     factor, unit = readable("N", *forces.values(), *peaks.values())
@@ -138,11 +135,11 @@ def _finish(over: list[Axes], shown: View, touching: np.ndarray) -> None:
     """Legends, and a shade behind the panels over time where something touches."""
     for axes in over:
         axes.fill_between(
-            shown.x, 0, 1, where=touching, transform=axes.get_xaxis_transform(), color=_TOUCHED, linewidth=0, zorder=0
+            shown.x, 0, 1, where=touching, transform=axes.get_xaxis_transform(), color=TOUCHED, linewidth=0, zorder=0
         )
         handles, labels = axes.get_legend_handles_labels()
         if axes is over[0]:
-            handles, labels = [*handles, Patch(color=_TOUCHED)], [*labels, "in contact"]
+            handles, labels = [*handles, Patch(color=TOUCHED)], [*labels, "in contact"]
         if labels:
             legend_beside(axes, handles, labels)
         axes.tick_params(labelbottom=axes is over[-1])
@@ -155,9 +152,3 @@ def _touching(shown: View, contacts: tuple[str, ...]) -> np.ndarray:
     assert record is not None
     columns = [record.names.index(key) for key in contacts]
     return (record.begun[shown.instants][:, columns] > 0).any(axis=1)
-
-
-def _impacts(shown: View, contact: str) -> list[Impact]:
-    """Those of a contact that begin in the time that is shown."""
-    first, last = shown.times[0], shown.times[-1]
-    return [each for each in shown.solution.impacts if each.contact == contact and first <= each.begin <= last]

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from kaneflex.plots.style import new_figure, plot_curves, readable
+from kaneflex.plots.style import cells, new_figure, plot_curves, readable
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
@@ -39,19 +39,18 @@ def figures(solution: Solution) -> dict[str, Figure]:
     for name, length in shown.lengths.items():
         title = f"Displacements at half the length of {name}{shown.note}"
         pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, length), 1, title)
-    thinned = _thinned(shown)
+    count = len(shown.instants)
+    thinned = shown.taken(np.linspace(0, count - 1, min(_INSTANTS, count)).round().astype(int))
     return pictures | {f"surfaces_{name}": _surfaces(thinned, name, length) for name, length in shown.lengths.items()}
 
 
 def _figure(shown: View, panels: list[Panel], columns: int, title: str) -> Figure:
     rows = -(-len(panels) // columns)
     figure = new_figure(7.0 if columns == 1 else 4.4 * columns, 0.7 + 2.0 * rows, title)
-    grid = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
-    for axes, (heading, quantity, unit, curves) in zip(grid, panels, strict=False):
+    grid = cells(figure, rows, columns, len(panels), sharex=True)
+    for axes, (heading, quantity, unit, curves) in zip(grid, panels, strict=True):
         plot_curves(axes, shown.x, curves, unit, heading, quantity)
-    for axes in grid[len(panels) :]:
-        axes.remove()
-    for axes in grid[max(0, len(panels) - columns) : len(panels)]:
+    for axes in grid[-columns:]:
         axes.tick_params(labelbottom=True)
         shown.label_x(axes)
     return figure
@@ -132,11 +131,6 @@ def _middle(shown: View, name: str, length: float) -> list[Panel]:
 
 
 _ALONG, _INSTANTS = 33, 181
-
-
-def _thinned(shown: View) -> View:
-    picked = np.linspace(0, len(shown.instants) - 1, min(_INSTANTS, len(shown.instants))).round().astype(int)
-    return View(shown.solution, shown.instants[picked], shown.turns)
 
 
 def _surfaces(shown: View, name: str, length: float) -> Figure:

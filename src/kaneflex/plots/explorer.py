@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.widgets import Slider
 
 from kaneflex.plots.sensors import QUANTITY, grouped
-from kaneflex.plots.style import GREY, PALETTE, as_file, legend_beside, new_figure, readable, styled
+from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable, styled
 from kaneflex.plots.view import view
 from kaneflex.support.errors import UserError
 
@@ -208,7 +208,6 @@ def open_window(exploration: Exploration) -> list[str]:
     return explorer.settings
 
 
-def picture(exploration: Exploration, kind: str) -> bytes:
-    """The window as it opens, as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
-    with styled():
-        return as_file(Explorer(new_figure(_WIDTH, _WIDTH, "", layout="none"), exploration).figure, kind)
+def figure(exploration: Exploration) -> Figure:
+    """The window as it opens."""
+    return Explorer(new_figure(_WIDTH, _WIDTH, "", layout="none"), exploration).figure

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import Outline, grounded, outline, rigid_outline, scenery
-from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
+from kaneflex.plots.style import GREY, PALETTE, cells, new_figure, shade
 from kaneflex.plots.view import angle_name
 from kaneflex.response.elastic_motion import ElasticMotion
 
@@ -94,10 +94,7 @@ def _panels(count: int, outlines: tuple[Outline, ...], fixed) -> tuple[Figure, l
     rows = -(-count // columns)
     panel = min(9.0 / columns, 4.4)
     figure = new_figure(panel * columns + 0.4, (panel * height / width + 0.35) * rows + 1.0, "")
-    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    for axes in grid[count:]:
-        axes.remove()
-    return figure, list(grid[:count])
+    return figure, cells(figure, rows, columns, count, sharex=True, sharey=True)
 
 
 def title_at_reference(solution: Solution) -> str:

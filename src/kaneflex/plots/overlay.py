@@ -11,13 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, new_figure, readable
+from kaneflex.plots.style import PALETTE, finish, pages, readable
 
 if TYPE_CHECKING:
     from kaneflex.study.comparison import Comparison
 
-_ONE_COLUMN = 4
-"""Most panels that stand one above the other."""
 _DASHES = ((0, ()), (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
 """The later a curve is drawn, the more gaps it has, so that those below it are seen."""
 
@@ -25,19 +23,11 @@ _DASHES = ((0, ()), (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
 def figure(comparison: Comparison) -> Figure:
     """A panel for each sensor; the reference is drawn first, as a broad grey line."""
     names = list(comparison.scene.sensors)
-    columns = 1 if len(names) <= _ONE_COLUMN else 2
-    rows = -(-len(names) // columns)
-    title = f"{comparison.scene.name}: {', '.join(comparison.curves)}"
-    page = new_figure(7.2 * columns, 1.1 + 1.6 * rows, title)
-    panels = page.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
+    page, panels = pages(len(names), f"{comparison.scene.name}: {', '.join(comparison.curves)}", 7.2, 1.6, room=1.1)
     factor, label = readable("s", comparison.times)
-    for axes, name in zip(panels, names, strict=False):
+    for axes, name in zip(panels, names, strict=True):
         _panel(axes, comparison, name, factor * comparison.times)
-    for axes in panels[len(names) :]:
-        axes.remove()
-    for last in {min(rows, len(names)), len(names)}:
-        panels[last - 1].tick_params(labelbottom=True)
-        panels[last - 1].set_xlabel(f"time [{label}]")
+    finish(panels, f"time [{label}]")
     handles, labels = panels[0].get_legend_handles_labels()
     page.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return page

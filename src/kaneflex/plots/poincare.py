@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kaneflex.plots.bifurcation import sections
-from kaneflex.plots.style import PALETTE, new_figure, readable
+from kaneflex.plots.style import PALETTE, cells, new_figure, readable
 from kaneflex.plots.sweep import parameters, written
 
 if TYPE_CHECKING:
@@ -29,18 +29,16 @@ def figure(found: xarray.Dataset) -> Figure:
     rows = -(-len(shown) // columns)
     title = f"{found.attrs['scene']}: Poincare sections, {names[1]} over {names[0]} once a period"
     page = new_figure(max(6.4, 3.4 * columns), 0.8 + 2.7 * rows, title)
-    panels = page.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    panels = cells(page, rows, columns, len(shown), sharex=True, sharey=True)
     values = [found[f"{name}_series"].values for name in names]
     units = [found[name].attrs["units"] for name in names]
     scales = [readable(unit, np.nan_to_num(part[shown])) for unit, part in zip(units, values, strict=True)]
     varied = [path for path in parameters(found) if len(np.unique(found[path])) > 1]
-    for axes, point in zip(panels, shown, strict=False):
+    for axes, point in zip(panels, shown, strict=True):
         x, y = (factor * part[point] for (factor, _), part in zip(scales, values, strict=True))
         axes.plot(x, y, ".", color=PALETTE[0], markersize=2.5)
         axes.set_title(", ".join(f"{path} = {written(found[path], found[path].values[point])}" for path in varied))
         axes.set_xlabel(f"{names[0]} [{scales[0][1]}]")
         axes.set_ylabel(f"{names[1]} [{scales[1][1]}]")
         axes.tick_params(labelbottom=True, labelleft=True)
-    for axes in panels[len(shown) :]:
-        axes.remove()
     return page

@@ -15,7 +15,16 @@ from matplotlib.figure import Figure
 
 from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.plots.sensors import in_clearance
-from kaneflex.plots.style import GREY, PALETTE, legend_above, legend_beside, new_figure, plot_curves, readable
+from kaneflex.plots.style import (
+    GREY,
+    PALETTE,
+    TOUCHED,
+    legend_above,
+    legend_beside,
+    new_figure,
+    plot_curves,
+    readable,
+)
 from kaneflex.plots.view import View, view
 from kaneflex.solve.coupled_linearisation import modes_at_rest
 from kaneflex.support.errors import SceneError
@@ -36,7 +45,6 @@ _DECADES = 3000
 _NATURAL = 6
 _PAUSE = 0.1
 """Share of a turn, or of a run without turning drive, without an impact that ends a zone of them."""
-_ZONE = "#FBE3D3"
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -164,7 +172,7 @@ def _mark_zones(axes: Axes, shown: View) -> None:
     for k, zone in enumerate(zones):
         first, last = np.interp(zone, shown.times, shown.x)
         label = f"impact zones ({len(zones)})" if k == 0 else None
-        axes.axvspan(first, last, facecolor=_ZONE, edgecolor=_ZONE, linewidth=1.0, zorder=0, label=label)
+        axes.axvspan(first, last, facecolor=TOUCHED, edgecolor=TOUCHED, linewidth=1.0, zorder=0, label=label)
 
 
 def _mark_reversals(axes: Axes, shown: View, curves: list[tuple[str, np.ndarray]], title: str) -> None:

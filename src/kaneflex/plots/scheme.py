@@ -19,7 +19,7 @@ from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes, hatched
 from kaneflex.plots.labels import Labels
 from kaneflex.plots.mechanism import Outline, Scenery, grounded, rigid_outline, rigid_scenery
-from kaneflex.plots.style import PALETTE, as_file, new_figure, styled
+from kaneflex.plots.style import PALETTE, new_figure
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
@@ -40,14 +40,8 @@ _PER_CHARACTER, _PER_TITLE_CHARACTER = 0.062, 0.088
 """Widths of a character in the list and in the title, in inches."""
 
 
-def scheme_picture(scene: Scene, placement: Placement, kind: str) -> bytes:
-    """The drawing of a scene at one configuration as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
-    with styled():
-        return as_file(scheme(scene, placement), kind)
-
-
 def scheme(scene: Scene, placement: Placement) -> Figure:
-    """The drawing as a matplotlib Figure."""
+    """The drawing of a scene at one configuration."""
     fixed = rigid_scenery(scene, placement)
     drawn = rigid_outline(scene, placement, fixed)
     figure = new_figure(_LARGEST[0], _LARGEST[1], "", layout="none")

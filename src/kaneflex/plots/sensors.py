@@ -88,10 +88,8 @@ def _reads_gravity(sensor: Sensor) -> bool:
 
 def _peaks(shown: View, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Where the impacts of a sensor's contact began, and their largest forces [N], or torques [N m]."""
-    solution, contact = shown.solution, shown.solution.model.scene.sensors[name].target
-    times = shown.times
-    own = [each for each in solution.impacts if each.contact == contact and times[0] <= each.begin <= times[-1]]
-    return np.interp([each.begin for each in own], times, shown.x), np.array([each.peak for each in own])
+    own = shown.impacts(str(shown.solution.model.scene.sensors[name].target))
+    return np.interp([each.begin for each in own], shown.times, shown.x), np.array([each.peak for each in own])
 
 
 def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:

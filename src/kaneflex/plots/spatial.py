@@ -17,13 +17,13 @@ from matplotlib.ticker import MaxNLocator
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.building import has_modes, reference_modes
-from kaneflex.plots.animation import recording, title
+from kaneflex.plots.animation import enlargement, recording, title
 from kaneflex.plots.drawing import MM
 from kaneflex.plots.mechanism import ALONG_LINK
 from kaneflex.plots.modes import DRAWN, MOST, SMALL, hertz, title_at_reference
 from kaneflex.plots.paths import curve, dotted, read_points, velocity
-from kaneflex.plots.style import GREY, PALETTE, as_file, legend_beside, new_figure, readable, round_down, styled
-from kaneflex.plots.view import FRAMES, View, frames_of, view
+from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable
+from kaneflex.plots.view import FRAMES, frames_of, view
 from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
@@ -42,8 +42,6 @@ _AXIS = 0.09
 """Half the length of a joint's axis as drawn, in sizes of the mechanism."""
 _WIDEST = 85
 """Letters of a line above all four views."""
-_LARGEST = 0.1
-"""Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
 _FLAT = (("x", "y"), ("x", "z"), ("y", "z"))
 """Views along an axis: what is drawn to the right, and up."""
 _PLACE = "{} [mm]"
@@ -87,7 +85,7 @@ def deformed(solution: Solution) -> dict[str, Figure]:
     if not solution.model.links:
         return {}
     shown = view(solution)
-    factor = _enlargement(shown)
+    factor = enlargement(shown)
     lines = _deformed(shown.motion, factor)
     return {"deformed": _drawn(solution.model.scene, shown.rigid, lines, title(factor) + shown.note, {})}
 
@@ -125,14 +123,8 @@ def modes(solution: Solution) -> dict[str, Figure]:
     return {"modes": figure}
 
 
-def scheme_picture(scene: Scene, motion: RigidMotion, kind: str) -> bytes:
-    """The drawing of a scene as it starts as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
-    with styled():
-        return as_file(scheme(scene, motion), kind)
-
-
 def scheme(scene: Scene, motion: RigidMotion) -> Figure:
-    """The drawing as a matplotlib Figure; ``motion`` is that of the instant at which it starts."""
+    """The drawing of a scene as it starts; ``motion`` is that of this instant."""
     title = fill(f"{scene.name}: {scene.description}" if scene.description else scene.name, _WIDEST)
     return _drawn(scene, motion, _bodies(scene, motion), title, {})
 
@@ -147,7 +139,7 @@ def refuse_places(at: Mapping[str, float]) -> None:
 def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, seconds: float | None = None) -> None:
     """The moving mechanism, seen at an angle, as a small GIF or an MP4."""
     shown = frames_of(view(solution), frames)
-    factor = _enlargement(shown) if solution.model.links else None
+    factor = enlargement(shown) if solution.model.links else None
     lines = _deformed(shown.motion, factor or 1.0)
     figure = new_figure(5.0, 4.6, title(factor))
     axes = figure.add_subplot(projection="3d")
@@ -269,17 +261,6 @@ def _shift(motion: Motion, body: str, x: float = 0.0) -> np.ndarray:
 def _along(model: Model) -> dict[str, np.ndarray]:
     """Places on the axes of elastic links at which these are drawn [m]."""
     return {name: np.linspace(0.0, link.length, ALONG_LINK) for name, link in model.links.items()}
-
-
-def _enlargement(shown: View) -> float:
-    """Factor that makes the largest elastic displacement a tenth of the mechanism, rounded down to 1, 2 or 5."""
-    largest = 0.0
-    for name, link in shown.solution.model.links.items():
-        for x in link.nodes:
-            moved = _shift(shown.motion, name, float(x))[:3]
-            largest = max(largest, float(np.linalg.norm(moved, axis=0).max()))
-    size = spatial_mechanism_of(shown.solution.model.scene).size
-    return round_down(_LARGEST * size / largest) if largest else 1.0
 
 
 def _axes(scene: Scene, motion: RigidMotion, reach: float) -> list[np.ndarray]:

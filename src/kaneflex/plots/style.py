@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -19,6 +19,8 @@ from matplotlib.ticker import MultipleLocator
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Colours that the colour-blind tell apart (Okabe & Ito 2008), yellow left out: too pale for a line on white."""
 GREY = "#9A9A9A"
+TOUCHED = "#FBE3D3"
+"""Behind curves while something touches."""
 _ONE_COLUMN = 4
 """Most panels that stand one above the other."""
 
@@ -75,8 +77,7 @@ class Picture(Figure):
     """A figure that a notebook shows, which would show those of pyplot alone."""
 
     def _repr_png_(self) -> bytes:
-        with styled():
-            return as_file(self, "png")
+        return picture(lambda: self, "png")
 
 
 def new_figure(width: float, height: float, title: str, layout: str = "constrained") -> Figure:
@@ -87,14 +88,22 @@ def new_figure(width: float, height: float, title: str, layout: str = "constrain
     return figure
 
 
-def pages(count: int, title: str, width: float = 7.6, height: float = 2.2) -> tuple[Figure, list[Axes]]:
-    """So many panels of that size [inches] over one abscissa, in two columns where they are many."""
-    rows, columns = _grid(count)
-    page = new_figure(width * columns, 0.8 + height * rows, title)
-    panels = page.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
+def cells(figure: Figure, rows: int, columns: int, count: int, by_column: bool = False, **shared: bool) -> list[Axes]:
+    """So many panels of a grid, row by row; ``shared``: whether they have one abscissa or ordinate."""
+    grid = figure.subplots(rows, columns, squeeze=False, **shared)
+    panels = (grid.T if by_column else grid).ravel()
     for axes in panels[count:]:
         axes.remove()
-    return page, list(panels[:count])
+    return list(panels[:count])
+
+
+def pages(
+    count: int, title: str, width: float = 7.6, height: float = 2.2, room: float = 0.8
+) -> tuple[Figure, list[Axes]]:
+    """So many panels of that size over one abscissa, in two columns where they are many; ``room`` besides [inches]."""
+    rows, columns = _grid(count)
+    page = new_figure(width * columns, room + height * rows, title)
+    return page, cells(page, rows, columns, count, by_column=True, sharex=True)
 
 
 def finish(panels: list[Axes], label: str) -> list[Axes]:
@@ -121,10 +130,11 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     return [png, svg]
 
 
-def as_file(figure: Figure, kind: str) -> bytes:
-    """A figure as a "png", "svg" or "pdf" file, without a date in it."""
-    file = io.BytesIO()
-    figure.savefig(file, format=kind, metadata={"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind))
+def picture(make: Callable[[], Figure], kind: str) -> bytes:
+    """A figure as it is made, as a "png", "svg" or "pdf" file without a date in it: the same figure, the same bytes."""
+    file, undated = io.BytesIO(), {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+    with styled():
+        make().savefig(file, format=kind, metadata=undated.get(kind))
     return file.getvalue()
 
 

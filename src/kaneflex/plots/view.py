@@ -15,6 +15,7 @@ from kaneflex.plots.style import mark_angles, readable
 from kaneflex.response.motion import Motion
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.impacts import Impact
     from kaneflex.solve.solution import Solution
 
 FRAMES = 60
@@ -95,6 +96,15 @@ class View:
         """What the title has to add where the picture does not show the whole run."""
         return "" if self.turns is None else f" (last {self.turns:g} turns)"
 
+    def impacts(self, contact: str) -> list[Impact]:
+        """Those of a contact that begin in the time that is shown."""
+        first, last = self.times[0], self.times[-1]
+        return [each for each in self.solution.impacts if each.contact == contact and first <= each.begin <= last]
+
+    def taken(self, picked: np.ndarray) -> View:
+        """Some of the instants, by their numbers here."""
+        return View(self.solution, self.instants[picked], self.turns)
+
     def label_x(self, axes: Axes) -> None:
         """Name the abscissa and put its ticks at round angles."""
         axes.set_xlabel(self.x_label)
@@ -121,7 +131,7 @@ def frames_of(shown: View, count: int) -> View:
     """As many instants at equal distances, or all; the last one of a cycle is left out, as it is the first again."""
     periodic = shown.solution.model.options.cycles
     picked = np.linspace(0, len(shown.instants) - 1, count, endpoint=not periodic).round().astype(int)
-    return View(shown.solution, shown.instants[np.unique(picked)], shown.turns)
+    return shown.taken(np.unique(picked))
 
 
 def _with_impacts(solution: Solution, instants: np.ndarray, thinned: np.ndarray) -> np.ndarray:

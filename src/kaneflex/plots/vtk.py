@@ -11,7 +11,7 @@ import numpy as np
 from kaneflex.plots.mechanism import ALONG_LINK, used_points
 from kaneflex.plots.spatial import outline_points
 from kaneflex.plots.view import FRAMES, frames_of, view
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import installed, told
 
 if TYPE_CHECKING:
     from kaneflex.response.motion import Motion
@@ -24,13 +24,8 @@ INDEX = "motion.pvd"
 
 def demand_meshio() -> None:
     """Raise SceneError where meshio is not installed."""
-    try:
+    with told("--vtk", None), installed("meshio", "Run: pip install 'kaneflex[vtk]', or leave it out", "meshio"):
         import meshio  # noqa: F401
-    except ModuleNotFoundError as error:
-        if error.name != "meshio":
-            raise
-        cure = "Run: pip install 'kaneflex[vtk]', or leave it out"
-        raise SceneError("--vtk", None, "meshio is not installed", cure) from None
 
 
 def write_vtk(solution: Solution, folder: Path, frames: int | None = None) -> Path:

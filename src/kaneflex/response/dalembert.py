@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.fem.links import Link
 from kaneflex.mechanism.body_frame import BodyFrame
 from kaneflex.mechanism.planar import cross
 from kaneflex.response.section_forces import Forces, LinkForces, spread_loads
@@ -18,28 +20,80 @@ from kaneflex.scene.quantities import Address
 if TYPE_CHECKING:
     from kaneflex.response.coupled_motion import CoupledMotion
 
-_GAUSS = np.polynomial.legendre.leggauss(5)
+GAUSS = np.polynomial.legendre.leggauss(5)
 """Exact for rho A (r x a) of an element: the cubic v, and u with its shortening of the fifth degree."""
 _SAME = 1e-9
 """Points closer than this share of a link's length are one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Balance:
+class DAlembert(ABC):
     """d'Alembert's balance of one link in its deformed configuration.
 
     Force and moment at a section are int rho A (a - g) and its moment over the part before it, less all forces on that
     part, where they act; a is the acceleration of the deflected axis. What the shapes can't bend the section forces
     still feel, through the two integrations (the idea of the mode-acceleration method, Craig 1981, ch. 15).
 
+    Sums are a force and its moment about the link's start, in the axes of its floating frame, (components, n_times).
+    Damping in proportion to the mass (Rayleigh's alpha, viscous) acts on the deformation alone, which no joint has to
+    react to: it is none of the forces on the link.
+    """
+
+    def before(self, x: float, after: bool) -> np.ndarray:
+        """What the part before x [m] needs: just before what acts there, or just after it.
+
+        At the start it is after it, at the end before it.
+        """
+        inside = _SAME < x / self._link.length < 1 - _SAME
+        at_x = float(after if inside else x < 0.5 * self._link.length)
+        e, _ = self._link.locate(x)
+        total = self._elements_before[e] + self._sums(e, x) - self._pushes(x, at_x)
+        # The link as a whole balances but for terms of third order: both sides of a section share them.
+        total -= x / self._link.length * self._gap
+        return total
+
+    @cached_property
+    def _gap(self) -> np.ndarray:
+        """Rate of momentum of the whole link less all forces on it."""
+        return self._elements_before[-1] - self._pushes(self._link.length, 1.0)
+
+    @cached_property
+    def _elements_before(self) -> list[np.ndarray]:
+        """Sums over the elements before every node."""
+        return list(accumulate(self._sums(max(k - 1, 0), x) for k, x in enumerate(self._link.nodes)))
+
+    def _pushes(self, x: float, at_x: float) -> np.ndarray:
+        """Sum of what acts before x and of the share ``at_x`` of that at x."""
+        total = np.zeros_like(self._elements_before[-1])
+        for at, push in self._acting:
+            total += (at_x if abs(x - at) <= _SAME * self._link.length else float(at < x)) * push
+        return total
+
+    @cached_property
+    def _acting(self) -> list[tuple[float, np.ndarray]]:
+        return list(self._pushing())
+
+    @property
+    @abstractmethod
+    def _link(self) -> Link: ...
+
+    @abstractmethod
+    def _pushing(self) -> Iterator[tuple[float, np.ndarray]]:
+        """Where [m] something acts, and its sum."""
+
+    @abstractmethod
+    def _sums(self, e: int, x: float) -> np.ndarray:
+        """Rate of momentum of an element as far as x [m], less the loads that are spread along it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balance(DAlembert):
+    """Balance of a link in the plane.
+
     Attributes
     ----------
     forces : mapping of float to (ndarray (2, n_times), ndarray (n_times,))
         Distance from the start [m] -> force and moment there by joints, loads, springs and lumped masses, in the axes
         of the floating frame.
-
-    Damping in proportion to the mass (Rayleigh's alpha, viscous) acts on the deformation alone, which no joint has to
-    react to: it is none of the forces on the link.
     """
 
     motion: CoupledMotion
@@ -49,37 +103,19 @@ class Balance:
     def section(self, x: float, after: bool = False) -> np.ndarray:
         """Axial force N [N, tension positive], shear force V [N] and bending moment M [N m]; (3, n_times).
 
-        N and V are components along the floating frame's axes. The section is just before what acts at x [m] from the
-        start, or just after it; at the start it is after it, at the end before it.
+        N and V are components along the floating frame's axes.
         """
-        own = self.motion.system.links[self.link]
-        inside = _SAME < x / own.length < 1 - _SAME
-        at_x = float(after if inside else x < 0.5 * own.length)
-        e, local = own.locate(x)
-        total = self._elements_before[e] + self._sums(e, local) - self._pushes(x, at_x)
-        # The link as a whole balances but for terms of third order: both sides of a section share them.
-        total -= x / own.length * self._gap
-        place = self._place(x)
-        total[2] -= cross(place, total)
+        total = self.before(x, after)
+        total[2] -= cross(self._place(x), total)
         return total
 
-    @cached_property
-    def _gap(self) -> np.ndarray:
-        """Rate of momentum of the whole link less all forces on it, (3, n_times)."""
-        own = self.motion.system.links[self.link]
-        last = len(own.nodes) - 2
-        return self._elements_before[last] + self._sums(last, own.length_of(last)) - self._pushes(own.length, 1.0)
+    @property
+    def _link(self) -> Link:
+        return self.motion.system.links[self.link]
 
-    def _pushes(self, x: float, at_x: float) -> np.ndarray:
-        """Sum of the forces before x and of the share ``at_x`` of those at x, and their moments about the start."""
-        near = _SAME * self.motion.system.links[self.link].length
-        total = np.zeros((3, len(self.motion.times)))
+    def _pushing(self) -> Iterator[tuple[float, np.ndarray]]:
         for at, (force, moment) in self.forces.items():
-            share = at_x if abs(x - at) <= near else float(at < x)
-            if share:
-                place = self._place(at)
-                total += share * np.array([*force, cross(place, force) + moment])
-        return total
+            yield at, np.array([*force, cross(self._place(at), force) + moment])
 
     def _place(self, x: float) -> np.ndarray:
         """Place of a point of the deflected axis in the floating frame, (2, n_times)."""
@@ -89,24 +125,11 @@ class Balance:
     def _axes(self) -> BodyFrame:
         return self.motion.floating.frame(self.link)
 
-    @cached_property
-    def _elements_before(self) -> list[np.ndarray]:
-        """Sums over the elements before each."""
-        own = self.motion.system.links[self.link]
-        still = np.zeros((3, len(self.motion.times)))
-        return list(accumulate((self._sums(e, own.length_of(e)) for e in range(len(own.nodes) - 2)), initial=still))
-
-    def _sums(self, e: int, reach: float) -> np.ndarray:
-        """Rate of momentum, and of its moment about the start, of an element as far as ``reach`` [m] from its start.
-
-        Less the loads that are spread along it; (3, n_times).
-        """
-        own, scene = self.motion.system.links[self.link], self.motion.model.scene
-        start, gravity = self._axes.origin, np.array(scene.gravity)[:, None]
+    def _sums(self, e: int, x: float) -> np.ndarray:
+        own, reach = self._link, float(x - self._link.nodes[e])
+        start, gravity = self._axes.origin, np.array(self.motion.model.scene.gravity)[:, None]
         total = np.zeros((3, len(self.motion.times)))
-        if not reach:
-            return total
-        for point, weight in zip(*_GAUSS, strict=True):
+        for point, weight in zip(*GAUSS, strict=True) if reach else ():
             local = 0.5 * reach * (1 + point)
             share = local / own.length_of(e) - 0.5
             density, rotary = (

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -28,6 +28,9 @@ class Deformation:
     are the displacements that foreshortening asks of the nodes, those of the bent axis apart. ``residuals`` are those
     of all elements, (elements, 6, n_times), where they are known.
     """
+
+    BENT: ClassVar[Mapping[int, tuple[int, float]]] = {1: (2, 1.0)}
+    """Component of a load across the link -> the moment of which it is the second derivative, and its sign."""
 
     model: Model
     link: Link
@@ -97,8 +100,8 @@ class Deformation:
         unloaded = replace(self.link.part, matrices={"F": Affine.zero(self.link.part.size, 1)})
         return self.rigid.column_of(load_on_link(self.model.scene, unloaded, self.link).matrices["F"])
 
-    def section(self, x: float, after: bool = False) -> tuple[np.ndarray, ...]:
-        """Axial force N [N, tension positive], shear force V [N] and bending moment M = E I v'' [N m] at x.
+    def section(self, x: float, after: bool = False) -> np.ndarray:
+        """Axial force N [N, tension positive], shear force V [N], bending moment M = E I v'' [N m] at x: (3, n_times).
 
         At a node from the equilibrium of the elements beside it; between nodes interpolated with the exact share of
         the rigid body's own inertia load on the element. Where something acts they jump: they are those just before it,
@@ -109,29 +112,31 @@ class Deformation:
         if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self.link.length_of(e):
             return self._at_node(x, after, self._ends(e - 1)[1], left)
         length = self.link.length_of(e)
-        s = local / length
-        N, V, M = (a + (b - a) * s for a, b in zip(left, right, strict=True))
-        if not self.model.balances:
-            return N, V, M
-        axial, transverse = (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
-
+        found = left + (right - left) * (local / length)
         # N' = -n, V' = -p and M'' = p under the loads n along and p across the link.
-        return (N - sag(axial, local, length, 1), V - sag(transverse, local, length, 1),
-                M + sag(transverse, local, length, 2))  # fmt: skip
+        for k, load in enumerate(self._loads(e) if self.model.balances else ()):
+            found[k] -= sag(load, local, length, 1)
+            if k in self.BENT:
+                moment, sign = self.BENT[k]
+                found[moment] += sign * sag(load, local, length, 2)
+        return found
 
-    def _at_node(
-        self, x: float, after: bool, before: tuple[np.ndarray, ...], behind: tuple[np.ndarray, ...]
-    ) -> tuple[np.ndarray, ...]:
+    def _at_node(self, x: float, after: bool, before: np.ndarray, behind: np.ndarray) -> np.ndarray:
         """Of the forces of the elements beside a node between the ends those on one side of what acts there.
 
         Where nothing acts they are the same, but for what a reduction leaves unbalanced: their mean.
         """
         here = self.link.node_at(x)
         if any(self.link.node_at(at) == here for at in self.model.scene.acted_on(self.link.name)):
-            return behind if after else before
-        return tuple(0.5 * (one + other) for one, other in zip(before, behind, strict=True))
+            return (behind if after else before).copy()
+        return 0.5 * (before + behind)
 
-    def _rigid_load(self, e: int) -> tuple[np.ndarray, np.ndarray]:
+    def _loads(self, e: int) -> Iterator[np.ndarray]:
+        """Inertia load of the rigid link and what is spread on it, on an element [N/m] along its axes: coefficients of
+        1, x, x^2 each."""
+        return (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
+
+    def _rigid_load(self, e: int) -> tuple[np.ndarray, ...]:
         """Inertia load of the rigid link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
         rigid, name, x_0 = self.rigid, self.link.name, self.link.nodes[e]
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
@@ -153,10 +158,10 @@ class Deformation:
             total[1] += rise
         return total.transpose(1, 0, 2)
 
-    def _ends(self, e: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-        """(N, V, M) inside the first and the second end of an element."""
-        f = self.end_forces(e)
-        return (-f[0], -f[1], -f[2]), (f[3], f[4], f[5])
+    def _ends(self, e: int) -> tuple[np.ndarray, np.ndarray]:
+        """Section forces inside the first and the second end of an element."""
+        f, n = self.end_forces(e), self.link.dofs
+        return -f[:n], f[n:]
 
     def end_forces(self, e: int) -> np.ndarray:
         """Forces and moments on an element at its nodes, link axes, shape (2 dofs, n_times).

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import ClassVar, cast
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
 from kaneflex.multibody.spatial_elastic import pushed_nodes, spread_on, with_loads
-from kaneflex.response.deformation import Deformation, sag
+from kaneflex.response.deformation import Deformation
 from kaneflex.response.section_forces import spread_loads
 from kaneflex.scene import Scene
 
@@ -24,7 +24,9 @@ beyond a section exerts on the part before it."""
 
 @dataclass(frozen=True, eq=False)
 class SpatialDeformation(Deformation):
-    """One link's deformation in space: u, v, w, theta_x, theta_y, theta_z of every node."""
+    """One link's deformation in space: u, v, w, theta_x, theta_y, theta_z of every node; its sections have SECTION."""
+
+    BENT: ClassVar[Mapping[int, tuple[int, float]]] = {1: (5, 1.0), 2: (4, -1.0)}  # M_z'' = p_y, M_y'' = -p_z
 
     def pushes(self) -> np.ndarray:
         link = self.link
@@ -32,35 +34,14 @@ class SpatialDeformation(Deformation):
         unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
         return self.rigid.column_of(with_loads(unloaded, nodes).matrices["F"])
 
-    def section(self, x: float, after: bool = False) -> np.ndarray:  # type: ignore[override]
-        """SECTION at distance x [m] from the start, (6, n_times), as in the plane."""
-        e, local = self.link.locate(x)
-        left, right = self._ends(e)
-        if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self.link.length_of(e):
-            return np.array(self._at_node(x, after, tuple(self._ends(e - 1)[1]), tuple(left)))
-        length = self.link.length_of(e)
-        found = left + (right - left) * (local / length)
-        if self.model.balances:
-            for k, load in enumerate(self._rigid_load(e)):
-                found[k] -= sag(load, local, length, 1)
-                if k:  # M_z'' = p_y, M_y'' = -p_z
-                    found[5 if k == 1 else 4] += (1.0 if k == 1 else -1.0) * sag(load, local, length, 2)
-        return found
-
-    def _ends(self, e: int) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[override]
-        f = self.end_forces(e)
-        return -f[:6], f[6:]
-
-    def _rigid_load(self, e: int) -> tuple[np.ndarray, ...]:  # type: ignore[override]
-        """Inertia load of the rigid link and what is spread on it, on an element [N/m] along x, y, z: coefficients of
-        1, x, x^2 each."""
+    def _rigid_load(self, e: int) -> tuple[np.ndarray, ...]:
+        """Inertia load of the rigid link on an element along x, y, z [N/m]: coefficients of 1, x, x^2 each."""
         name, x_0 = self.link.name, self.link.nodes[e]
         specific_force, *turning = ([self.rigid[f"{name}.link.{kind}_{axis}"] for axis in "xyz"]
                                     for kind in ("a", "omega", "epsilon"))  # fmt: skip
-        spread = self._spread(e)
         return tuple(
-            self._inertia_load(e, at + growing * x_0, growing) + spread[k]
-            for k, (at, growing) in enumerate(zip(specific_force, _growing(*turning), strict=True))
+            self._inertia_load(e, at + growing * x_0, growing)
+            for at, growing in zip(specific_force, _growing(*turning), strict=True)
         )
 
 

@@ -130,8 +130,7 @@ class Body(SceneTable):
         if self.modal is None:
             return self
         for field in ("beam", "mass", "centre", "inertia", "pose"):
-            if field in self.model_fields_set:
-                raise Fault("not beside modal_data", f"Leave {field} or modal_data out", below=field)
+            self.refuse((field,), "not beside modal_data", f"Leave {field} or modal_data out")
         if abs(self.length - self.modal.length) > _SAME_MASS * self.length:
             reason = f"modal_data is of a link of {self.modal.length:.6g} m"
             raise Fault(reason, "Leave length out", below="length")
@@ -147,8 +146,7 @@ class Body(SceneTable):
         if self.length is None:
             raise Fault("an elastic body without length", "Give its length", below="length")
         for field in ("centre", "inertia"):
-            if field in self.model_fields_set:
-                raise Fault("a uniform beam has its own", f"Leave {field} out", below=field)
+            self.refuse((field,), "a uniform beam has its own", f"Leave {field} out")
         if self.mass == 0:
             raise Fault("neither the body's mass nor the beam's A", "Give one of them", below="beam")
         for name, segment in self.beam.segments.items():

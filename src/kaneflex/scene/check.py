@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from kaneflex.scene.contact_check import clearance_problems, contact_problems, tilt_problems
 from kaneflex.scene.drive_check import drive_problems
@@ -158,20 +158,7 @@ def _masses(scene: Scene) -> Iterator[Problem]:
 def _sensors(scene: Scene) -> Iterator[Problem]:
     for name, sensor in scene.sensors.items():
         key = f"sensors.{name}"
-        if sensor.kind in POINT_KINDS:
-            yield from _point_sensor(scene, key, sensor)
-        elif sensor.kind == "stress":
-            yield from stress_problems(scene, key, sensor)
-        elif sensor.kind in DRIVE_KINDS:
-            yield from _drive_sensor(scene, key, sensor)
-        elif sensor.kind in SPRING_KINDS:
-            yield from _spring_sensor(scene, key, sensor)
-        elif sensor.kind in CONTACT_KINDS:
-            yield from _contact_sensor(scene, key, sensor)
-        elif sensor.kind in FRICTION_KINDS:
-            yield from _friction_sensor(scene, key, sensor)
-        elif sensor.kind == "joint_force":
-            yield from _joint_sensor(scene, key, sensor)
+        yield from _OF_SENSORS[sensor.kind](scene, key, sensor)
         base = name.removesuffix("_rigid")
         if base != name and base in scene.sensors and scene.sensors[base].kind in RIGID_COMPANIONS:
             yield Problem(key, None, f"the rigid value of {base} has this name", "Choose another name")
@@ -283,6 +270,15 @@ def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         yield Problem(
             f"{key}.body", sensor.body, f"{sensor.target} joins {' and '.join(bodies)}", "Name one of them"
         )
+
+
+_OF_SENSORS: dict[str, Callable[[Scene, str, Sensor], Iterator[Problem]]] = {
+    **dict.fromkeys(POINT_KINDS, _point_sensor), "stress": stress_problems,
+    **dict.fromkeys(DRIVE_KINDS, _drive_sensor), **dict.fromkeys(SPRING_KINDS, _spring_sensor),
+    **dict.fromkeys(CONTACT_KINDS, _contact_sensor), **dict.fromkeys(FRICTION_KINDS, _friction_sensor),
+    "joint_force": _joint_sensor,
+}  # fmt: skip
+"""By the kind of a sensor."""
 
 
 def _horizon(scene: Scene) -> Iterator[Problem]:

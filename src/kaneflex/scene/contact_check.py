@@ -95,8 +95,7 @@ def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: st
     """Raise SceneError where bodies of a scene touch and part, or rub, and what is asked for needs a smooth motion."""
     if scene.contacts:
         name, contact = next(iter(scene.contacts.items()))
-        which = f"contacts.{name}" if contact.joint is None else f"joints.{contact.joint}.clearance"
-        raise SceneError(key, value, f"with {which} {reason}", cure)
+        raise SceneError(key, value, f"with {contact.stands(name)} {reason}", cure)
     for name in scene.frictions:
         raise SceneError(key, value, f"with joints.{name}.friction {reason}", cure)
 
@@ -106,9 +105,7 @@ def refuse_bristles(scene: Scene, key: str, value: object) -> None:
     for name, friction in scene.frictions.items():
         if friction.law != "lugre":
             continue
-        owner = f"contacts.{name}" if name in scene.contacts else f"joints.{name}"
-        if name in scene.contacts and (joint := scene.contacts[name].joint) is not None:
-            owner = f"joints.{joint}.clearance"
+        owner = scene.contacts[name].stands(name) if name in scene.contacts else f"joints.{name}"
         reason = f"with {owner}.friction a cycle would begin without the bristles of the one before"
         raise SceneError(key, value, reason, "Start from zero and run long enough, or take law stribeck")
 

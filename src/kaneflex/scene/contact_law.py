@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic import ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from kaneflex.scene.materials import MATERIALS
 from kaneflex.scene.quantities import (
@@ -15,10 +15,10 @@ from kaneflex.scene.quantities import (
     PositiveForce,
     PositiveModulus,
     PositiveRatio,
-    pair_schema,
+    two,
 )
 from kaneflex.scene.table import SceneTable, the_one_given
-from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.units import NUMBER_WITH_UNIT, TORSIONAL_DAMPING, Dimension, to_si
 
 _ABOVE_ZERO = ("flores", "exact")
@@ -27,16 +27,15 @@ _SMALLEST_LOGARITHM = 3.0
 """Of 4 pi E* w (R_1 +- R_2) / F: below it the contact is so wide that Hertz's half-planes are no picture of it."""
 
 
-def _two_materials(value: object) -> tuple[str, str]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise Fault("not two materials", "Write like ['steel', 'aluminium'], one for each side")
-    for name in value:
-        if name not in MATERIALS:
-            raise Fault(f"unknown material {name!r}", nearest(str(name), MATERIALS))
-    return tuple(value)
+def _material(name: object) -> object:
+    if name not in MATERIALS:
+        raise Fault(f"unknown material {name!r}", nearest(str(name), MATERIALS))
+    return name
 
 
-MaterialPair = Annotated[tuple[str, str], BeforeValidator(_two_materials), pair_schema("string", "two materials")]
+MaterialPair = two(
+    str, _material, "not two materials", "Write like ['steel', 'aluminium'], one for each side", "two materials"
+)
 ContactStiffness = Annotated[
     float, WithJsonSchema({"type": ["number", "string"], "description": "K of K d^n, N/m^n; or with that unit"})
 ]
@@ -74,9 +73,7 @@ class ContactLaw(SceneTable):
         if self.exponent < 1:
             cure = "Write 1 for a spring, 1.5 for Hertz's spheres"
             raise Fault("below one the force would rise at once without bounds to its slope", cure, below="exponent")
-        for field in ("exponent",) if given != "stiffness" else ("load",):
-            if field in self.model_fields_set:
-                raise Fault(f"has no meaning beside {given}", "Leave it out", below=field)
+        self.refuse(("exponent",) if given != "stiffness" else ("load",), f"has no meaning beside {given}")
         needs, strange = ("damping", "restitution") if self.law == "kelvin-voigt" else ("restitution", "damping")
         if getattr(self, strange) is not None:
             raise Fault(f"law {self.law} has none", "Leave it out", below=strange)
@@ -92,9 +89,8 @@ class ContactLaw(SceneTable):
         return self
 
     def _rigid(self) -> ContactLaw:
-        for field in ("stiffness", "exponent", "materials", "modulus", "load", "damping"):
-            if field in self.model_fields_set:
-                raise Fault("law newton has rigid sides, which nothing presses in", "Leave it out", below=field)
+        pressed = ("stiffness", "exponent", "materials", "modulus", "load", "damping")
+        self.refuse(pressed, "law newton has rigid sides, which nothing presses in")
         if self.restitution is None:
             raise Fault("law newton needs a restitution", "Give restitution, from 0, which sticks, to 1")
         self._returns_less()
@@ -137,10 +133,8 @@ def of_flanks(given: Mapping[str, object]) -> dict[str, object]:
     }
     for field, convert in units.items():
         if field in found:
-            try:
+            with within(field):
                 found[field] = convert(found[field])
-            except Fault as fault:
-                raise Fault(fault.reason, fault.cure, below=field) from None
     return found
 
 

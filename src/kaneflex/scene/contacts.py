@@ -21,7 +21,7 @@ from kaneflex.scene.quantities import (
     Radii,
 )  # fmt: skip
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
-from kaneflex.support.errors import Fault
+from kaneflex.support.errors import Fault, within
 
 _KINDS = {
     "point_on_line": "point-line", "circle_on_circle": "circle-circle", "circle_in_circle": "circle-in-circle"
@@ -31,10 +31,8 @@ _KINDS = {
 def check_friction(friction: Friction | None) -> None:
     """Raise Fault where a contact can't have a friction."""
     if friction is not None:
-        try:
+        with within("friction"):
             friction.check_at("contact")
-        except Fault as fault:
-            raise Fault(fault.reason, fault.cure, below=f"friction.{fault.below}") from None
 
 
 class Clearance(SceneTable):
@@ -67,10 +65,8 @@ class Clearance(SceneTable):
     def _by_angles(cls, given: object) -> object:
         """Numbers of a contact between flanks are those of torques and angles."""
         if isinstance(given, dict) and "angle" in given and isinstance(given.get("contact"), dict):
-            try:
+            with within("contact"):
                 return given | {"contact": of_flanks(given["contact"])}
-            except Fault as fault:
-                raise Fault(fault.reason, fault.cure, below=f"contact.{fault.below}".rstrip(".")) from None
         return given
 
     @model_validator(mode="after")
@@ -80,9 +76,8 @@ class Clearance(SceneTable):
         own = {"radial": ("radius", "width"), "gap": ("length", "height"), "angle": ("middle",)}
         if given == "angle" and self.friction is not None:
             raise Fault("flanks don't slide", "Give the joint's own friction", below="friction")
-        for field in (each for kind, fields in own.items() if kind != given for each in fields):
-            if field in self.model_fields_set:
-                raise Fault(f"has no meaning for a {given} clearance", "Leave it out", below=field)
+        strange = (each for kind, fields in own.items() if kind != given for each in fields)
+        self.refuse(strange, f"has no meaning for a {given} clearance")
         if given == "gap" and self.length is None:
             raise Fault("the corners of a block without length are one", "Give its length along the guide")
         if given == "angle" and self.contact.stiffness is None and self.contact.law != "newton":
@@ -121,9 +116,7 @@ class Contact(SceneTable):
             raise Fault("a line without the side on which the point may be", "Give normal, like normal = [0, 1]")
         if not line and self.radii is None:
             raise Fault("circles without radii", "Give radii, like radii = ['10 mm', '10.05 mm']")
-        for field in ("radii",) if line else ("normal", "radius"):
-            if field in self.model_fields_set:
-                raise Fault(f"has no meaning for {given}", "Leave it out", below=field)
+        self.refuse(("radii",) if line else ("normal", "radius"), f"has no meaning for {given}")
         radii = self.radii or (0.0, 0.0)
         if given == "circle_in_circle" and not radii[0] < radii[1]:
             raise Fault("the first circle has no room in the second", "Give the smaller radius first", below="radii")
@@ -216,6 +209,10 @@ class Contact(SceneTable):
     def corner(self) -> int:
         """Of a guide's block: whether the corner lies along the normal turned by 90 deg (1) or back (-1), else 0."""
         return 0
+
+    def stands(self, name: str) -> str:
+        """Where the contact of this name stands in the scene, which may be a joint's clearance."""
+        return f"contacts.{name}" if self.joint is None else f"joints.{self.joint}.clearance"
 
     def number(self, name: str) -> float:
         """The contact's number of this name, as the equations know it."""

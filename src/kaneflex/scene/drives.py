@@ -24,16 +24,10 @@ from kaneflex.support.errors import Fault
 from kaneflex.support.units import ANGLE, LENGTH, Dimension, unit_factor
 
 _KINDS = ("speed", "law", "table", "free")
-_BELONGS_TO = {
-    "initial_speed": "free",
-    "initial_speeds": "free",
-    "angular_velocity": "free",
-    "spin_up": "speed",
-    "cycle": "speed",
-    "column": "table",
-    "unit": "table",
-    "closing": "table",
-    "interpolation": "table",
+_OWN = {
+    "free": ("initial_speed", "initial_speeds", "angular_velocity"),
+    "speed": ("spin_up", "cycle"),
+    "table": ("column", "unit", "closing", "interpolation"),
 }
 
 
@@ -82,12 +76,11 @@ class Drive(SceneTable):
     @model_validator(mode="after")
     def _consistent(self) -> Drive:
         given = the_one_given(self, _KINDS)
-        for field in ("angle", "position"):
-            if field in self.model_fields_set and given not in ("speed", "free"):
-                raise Fault(f"a {given} says where the joint starts", "Leave it out", below=field)
-        for field, owner in _BELONGS_TO.items():
-            if field in self.model_fields_set and given != owner:
-                raise Fault(f"belongs to a {owner}; this drive has a {given}", "Leave it out", below=field)
+        if given not in ("speed", "free"):
+            self.refuse(("angle", "position"), f"a {given} says where the joint starts")
+        for owner, fields in _OWN.items():
+            if given != owner:
+                self.refuse(fields, f"belongs to a {owner}; this drive has a {given}")
         if self.repeat is not None and given not in ("law", "table"):
             raise Fault(f"a drive by {given} repeats after an angle or never", "Leave period out", below="period")
         if self.spin_up is not None and self.cycle is not None:

@@ -19,7 +19,7 @@ from kaneflex.scene.quantities import (
 )
 from kaneflex.scene.table import SceneTable
 from kaneflex.support import units
-from kaneflex.support.errors import Fault
+from kaneflex.support.errors import Fault, within
 from kaneflex.support.units import Dimension, to_si
 
 _DIMENSIONS: dict[str, tuple[Dimension, Dimension]] = {
@@ -64,8 +64,7 @@ class Friction(SceneTable):
 
     @model_validator(mode="after")
     def _consistent(self) -> Friction:
-        for key in self.model_fields_set - {"law", *_KNOWS[self.law]}:
-            raise Fault(f"law {self.law} has none", "Leave it out", below=key)
+        self.refuse(self.model_fields_set - {"law", *_KNOWS[self.law]}, f"law {self.law} has none")
         for key in _NEEDS[self.law]:
             if getattr(self, key) is None:
                 raise Fault(f"law {self.law} needs a {key}", "Give it, or take another law")
@@ -95,9 +94,8 @@ class Friction(SceneTable):
         """Raise Fault where a key has no meaning at a "contact", or a "revolute" or "prismatic" joint."""
         if kind == "weld":
             raise Fault("a weld neither slides nor turns", "Leave it out")
-        for key, own in (("radius", "revolute"), ("length", "prismatic")):
-            if key in self.model_fields_set and kind != own:
-                raise Fault(f"has no meaning at a {kind}{' joint' * (kind != 'contact')}", "Leave it out", below=key)
+        strange = (key for key, own in (("radius", "revolute"), ("length", "prismatic")) if kind != own)
+        self.refuse(strange, f"has no meaning at a {kind}{' joint' * (kind != 'contact')}")
         if kind == "revolute" and (self.mu or self.mu_static) and self.radius is None:
             cure = "Give the pin's radius, or a preload in N m"
             raise Fault("mu N is a force, and its arm in a pin isn't known", cure)
@@ -116,8 +114,6 @@ def friction_in(value: Any, turning: bool) -> Any:
         return value
     found = dict(value)
     for key in found.keys() & _DIMENSIONS.keys():
-        try:
+        with within(key):
             found[key] = to_si(found[key], _DIMENSIONS[key][0 if turning else 1])
-        except Fault as fault:
-            raise Fault(fault.reason, fault.cure, below=key) from None
     return found

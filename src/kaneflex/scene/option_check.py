@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from kaneflex.scene import Scene
 from kaneflex.scene.contact_check import refuse_bristles, refuse_contacts
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, refuse
 
 if TYPE_CHECKING:
     from kaneflex.scene.options import Options
@@ -18,50 +18,37 @@ _SMOOTH = "tanh(x / small) for sign(x), step(x, x_0, h_0, x_1, h_1) for step(x)"
 
 def check_coupled(scene: Scene) -> None:
     """The coupled equations are one whole, with shapes and integrators of their own."""
-    solve = scene.solve
-    if solve.reduction is not None:
-        raise SceneError(
-            "solve.reduction", solve.reduction, "preset coupled has shapes of each link", "Leave reduction out"
-        )
-    if solve.integrator not in (None, *COUPLED_INTEGRATORS):
-        raise SceneError(
-            "solve.integrator", solve.integrator, "integrates equations that are linear in the displacements",
-            f"Use {', '.join(COUPLED_INTEGRATORS[:-1])} or {COUPLED_INTEGRATORS[-1]} under preset coupled",
-        )  # fmt: skip
-    if scene.is_spatial and solve.integrator not in (None, "radau"):
-        reason = "under preset coupled bodies in space are integrated by radau alone"
-        raise SceneError("solve.integrator", solve.integrator, reason, "Leave it out")
-    if scene.is_spatial and solve.bounded:
-        reason = "in space solve.tolerance bounds displacements alone"
-        raise SceneError("solve.bounded", list(solve.bounded), reason, "Leave it out, and give a smaller tolerance")
-    for name, on in solve.terms.items():
-        if not on:
-            raise SceneError(
-                f"solve.terms.{name}", on, "the coupled equations are one whole",
-                "Take preset stiffened to leave terms out",
-            )  # fmt: skip
+    solve, known = scene.solve, COUPLED_INTEGRATORS
+    off = next((name for name, on in solve.terms.items() if not on), None)
     rotations = {f"joints.{name}": joint.rotation for name, joint in scene.joints.items() if joint.rotation == "shared"}
     rotations |= {f"drives.{name}": drive.rotation for name, drive in scene.drives.items() if drive.rotation == "free"}
-    for key, rotation in rotations.items():
-        raise SceneError(
-            f"{key}.rotation", rotation, "a choice of models with small displacements: here a joint is what it is",
-            "Leave rotation out, or take preset stiffened",
-        )  # fmt: skip
-    if scene.is_frame:
-        raise SceneError(
-            "solve.preset", "coupled", "a structure that stands still has no motion to be coupled with",
-            "Take preset stiffened",
-        )  # fmt: skip
+    at, rotation = next(iter(rotations.items()), (None, None))
+    refuse(
+        (solve.reduction is not None, "solve.reduction", solve.reduction,
+         "preset coupled has shapes of each link", "Leave reduction out"),
+        (solve.integrator not in (None, *known), "solve.integrator", solve.integrator,
+         "integrates equations that are linear in the displacements",
+         f"Use {', '.join(known[:-1])} or {known[-1]} under preset coupled"),
+        (scene.is_spatial and solve.integrator not in (None, "radau"), "solve.integrator", solve.integrator,
+         "under preset coupled bodies in space are integrated by radau alone", "Leave it out"),
+        (scene.is_spatial and solve.bounded, "solve.bounded", list(solve.bounded),
+         "in space solve.tolerance bounds displacements alone", "Leave it out, and give a smaller tolerance"),
+        (off is not None, f"solve.terms.{off}", False,
+         "the coupled equations are one whole", "Take preset stiffened to leave terms out"),
+        (at is not None, f"{at}.rotation", rotation,
+         "a choice of models with small displacements: here a joint is what it is",
+         "Leave rotation out, or take preset stiffened"),
+        (scene.is_frame, "solve.preset", "coupled",
+         "a structure that stands still has no motion to be coupled with", "Take preset stiffened"),
+    )  # fmt: skip
 
 
 def check_contacts(scene: Scene, dynamics: str) -> None:
     """Bodies that touch and part again, rub, or move freely, move by the coupled equations alone."""
     for name, contact in scene.contacts.items() if dynamics != "coupled" else ():
-        joint = contact.joint
-        key = f"contacts.{name}" if joint is None else f"joints.{joint}.clearance"
-        what = "a contact" if joint is None else "a joint with a clearance"
+        what = "a contact" if contact.joint is None else "a joint with a clearance"
         reason = f"preset {scene.solve.preset} has no equations of {what}"
-        raise SceneError(key, None, reason, "Take preset coupled")
+        raise SceneError(contact.stands(name), None, reason, "Take preset coupled")
     for name in scene.floating:
         if dynamics != "coupled":
             reason = f"preset {scene.solve.preset} has no equations of a body that moves freely"
@@ -102,45 +89,36 @@ def check_laws(scene: Scene, dynamics: str) -> None:
             raise SceneError(key, load.law, reason, "Take integrator radau or gauss, which end a step there")
 
 
+_STATELESS = {
+    "rigid": "nothing deforms: there is no state of deformation to start from",
+    "quasistatic": "preset quasistatic solves each instant by itself, whatever went before",
+    "frozen": "preset paper always starts from rest",
+}
+"""Why a kind of dynamics starts from no given state."""
+
+
 def check_options(options: Options) -> None:
     """Start, reduction and integrator must fit each other and the kind of dynamics."""
-    if options.start == "given" and options.dynamics not in ("dynamic", "coupled"):
-        reason = {
-            "rigid": "nothing deforms: there is no state of deformation to start from",
-            "quasistatic": "preset quasistatic solves each instant by itself, whatever went before",
-            "frozen": f"preset {options.preset} always starts from rest",
-        }[options.dynamics]
-        raise SceneError(
-            "solve.start", "a table of a state", reason,
-            "Take preset linear, stiffened or coupled with an elastic body, or solve.start = zero",
-        )  # fmt: skip
-    if options.start == "periodic" and options.dynamics in ("dynamic", "coupled") and not options.cycles:
-        raise SceneError(
-            "solve.start", "periodic", "there is no cycle to repeat: solve.duration sets a horizon of its own",
-            "Give a drive a cycle and no duration, or start from zero or quasistatic",
-        )  # fmt: skip
-    if options.dynamics == "frozen" and options.reduction != "modal":
-        raise SceneError(
-            "solve.reduction", options.reduction, f"preset {options.preset} superposes modes of the whole mechanism",
-            "Leave the reduction out",
-        )  # fmt: skip
-    if options.start == "periodic" and options.dynamics == "dynamic" and options.integrator == "scipy":
-        raise SceneError(
-            "solve.integrator", "scipy", "it finds no periodic state, and solve.start is periodic",
-            "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator",
-        )  # fmt: skip
-    if options.integrator == "spectral" and options.dynamics == "dynamic" and options.start != "periodic":
-        raise SceneError(
-            "solve.integrator", "spectral", f"it finds periodic motions, and solve.start is {options.start}",
-            "Take radau, or start periodic, like --set solve.start=periodic",
-        )  # fmt: skip
-    if options.bounded and options.dynamics == "coupled" and options.integrator == "scipy":
-        raise SceneError(
-            "solve.bounded", list(options.bounded), "scipy's Radau bounds what it integrates, by solve.tolerance",
-            "Leave it out, or take the integrator radau or gauss",
-        )  # fmt: skip
-    exact = options.integrator == "exact-modal"
-    if exact != (options.dynamics == "frozen") and options.dynamics in ("frozen", "dynamic"):
-        cure = "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"
-        reason = f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}"
-        raise SceneError("solve.integrator", options.integrator, reason, cure)
+    start, dynamics, integrator = options.start, options.dynamics, options.integrator
+    exact = integrator == "exact-modal"
+    refuse(
+        (start == "given" and dynamics in _STATELESS, "solve.start", "a table of a state", _STATELESS.get(dynamics, ""),
+         "Take preset linear, stiffened or coupled with an elastic body, or solve.start = zero"),
+        (start == "periodic" and dynamics in ("dynamic", "coupled") and not options.cycles, "solve.start", "periodic",
+         "there is no cycle to repeat: solve.duration sets a horizon of its own",
+         "Give a drive a cycle and no duration, or start from zero or quasistatic"),
+        (dynamics == "frozen" and options.reduction != "modal", "solve.reduction", options.reduction,
+         f"preset {options.preset} superposes modes of the whole mechanism", "Leave the reduction out"),
+        (start == "periodic" and dynamics == "dynamic" and integrator == "scipy", "solve.integrator", "scipy",
+         "it finds no periodic state, and solve.start is periodic",
+         "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator"),
+        (start != "periodic" and dynamics == "dynamic" and integrator == "spectral", "solve.integrator", "spectral",
+         f"it finds periodic motions, and solve.start is {start}",
+         "Take radau, or start periodic, like --set solve.start=periodic"),
+        (options.bounded and dynamics == "coupled" and integrator == "scipy", "solve.bounded", list(options.bounded),
+         "scipy's Radau bounds what it integrates, by solve.tolerance",
+         "Leave it out, or take the integrator radau or gauss"),
+        (exact != (dynamics == "frozen") and dynamics in ("frozen", "dynamic"), "solve.integrator", integrator,
+         f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}",
+         "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"),
+    )  # fmt: skip

@@ -43,7 +43,7 @@ from kaneflex.scene.quantities import (
 from kaneflex.scene.start import Start, start_of
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.scene.tables import Table, read_table
-from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation
 from kaneflex.support.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
 
@@ -124,25 +124,19 @@ class Joint(SceneTable):
     def _check_friction(self, kind: str, friction: Friction) -> None:
         if self.clearance is not None and not self.has_backlash:
             raise Fault("a joint with a clearance has no force of its own", "Give clearance.friction", below="friction")
-        try:
+        with within("friction"):
             friction.check_at(kind)
-        except Fault as fault:
-            below = f"friction.{fault.below}" if fault.below else "friction"
-            raise Fault(fault.reason, fault.cure, below=below) from None
 
     def _check_clearance(self, kind: str, room: Clearance) -> None:
         wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",)}.get(kind, ())
         if all(getattr(room, key) is None for key in wanted):
             cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
             raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
-        for field in ("branch", "near", "rotation") if room.angle is None else ():
-            if field in self.model_fields_set:
-                raise Fault("a joint with a clearance holds nothing", "Leave it out", below=field)
-        for contact in contacts_of("", self).values():
-            try:
+        if room.angle is None:
+            self.refuse(("branch", "near", "rotation"), "a joint with a clearance holds nothing")
+        with within("clearance"):
+            for contact in contacts_of("", self).values():
                 _ = contact.pushing
-            except Fault as fault:
-                raise Fault(fault.reason, fault.cure, below=f"clearance.{fault.below}") from None
 
     @cached_property
     def kind(self) -> str:
@@ -214,19 +208,17 @@ class Load(SceneTable):
         on = the_one_given(self, ("force_on", "torque_at", "spread_on"))
         if on != "torque_at" and self.direction is None:
             raise Fault("a force without direction", "Give it, like direction = [1, 0]", below="direction")
-        for field in ("direction", "axes") if on == "torque_at" else ():
-            if field in self.model_fields_set:
-                raise Fault("a torque has none", "Leave it out", below=field)
-        if on != "spread_on" and "profile" in self.model_fields_set:
-            raise Fault("belongs to a load that is spread along a body", "Leave it out", below="profile")
+        if on == "torque_at":
+            self.refuse(("direction", "axes"), "a torque has none")
+        if on != "spread_on":
+            self.refuse(("profile",), "belongs to a load that is spread along a body")
         if not any(self.profile):
             raise Fault("no load at either end", "Give two numbers, at least one of them not zero", below="profile")
         if kind == "table" and self.against is None:
             raise Fault("a table without what it is read against", "Give against, a drive's name or 't'")
         if kind != "table":
-            for field in ("column", "unit", "against", "period", "offset", "closing", "interpolation"):
-                if field in self.model_fields_set:
-                    raise Fault(f"belongs to a table; this load has a {kind}", "Leave it out", below=field)
+            of_tables = ("column", "unit", "against", "period", "offset", "closing", "interpolation")
+            self.refuse(of_tables, f"belongs to a table; this load has a {kind}")
         return self
 
     @property

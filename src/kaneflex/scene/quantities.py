@@ -7,6 +7,8 @@ it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from pydantic import BeforeValidator, WithJsonSchema
@@ -79,22 +81,22 @@ def _positive(dimension: Dimension) -> Any:
     return _quantity(dimension, lowest=0.0, zero=False)
 
 
-def _either(value: object, turning: Dimension, sliding: Dimension) -> float:
-    """A quantity of either dimension in SI."""
-    try:
-        return to_si(value, turning)
-    except Fault as fault:
+def either(value: object, *dimensions: Dimension) -> float:
+    """A quantity of one of some dimensions in SI. Raises Fault as the first of them does."""
+    faults = []
+    for dimension in dimensions:
         try:
-            return to_si(value, sliding)
-        except Fault:
-            raise fault from None
+            return to_si(value, dimension)
+        except Fault as fault:
+            faults.append(fault)
+    raise faults[0]
 
 
 def _turning_or_sliding(turning: Dimension, sliding: Dimension) -> Any:
     """A quantity of a joint that turns or slides; which of them it must be, the scene's check knows."""
 
     def convert(value: object) -> float:
-        return _either(value, turning, sliding)
+        return either(value, turning, sliding)
 
     written = f"{turning.name}, {turning.unit}; of a guide {sliding.name}, {sliding.unit}; or a string with a unit"
     schema = {"type": ["number", "string"], "description": written}
@@ -183,12 +185,6 @@ def _address(value: object) -> Address:
     raise Fault("not an address", "Write 'body', 'body.point' or 'ground'; any other point goes to the body's points")
 
 
-def _pair(value: object) -> tuple[Address, Address]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise Fault("a joint has two sides", "Write two addresses, like ['crank.end', 'rod.start']")
-    return _address(value[0]), _address(value[1])
-
-
 def _whole_number(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise Fault("not a whole number", "Write a whole number of one or more")
@@ -213,53 +209,25 @@ def _ratios(value: object) -> tuple[float, ...] | str:
     return ratios
 
 
-def _two_frequencies(value: object) -> tuple[float, float]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise Fault("Rayleigh damping is fixed at two frequencies", "Write like at = ['3039 Hz', '4549 Hz']")
-    low, high = (to_si(item, units.FREQUENCY) for item in value)
-    if not 0 < low < high:
-        raise Fault("the frequencies are not positive and rising", "Write like at = ['3039 Hz', '4549 Hz']")
-    return low, high
+def two(
+    kind: type, read: Callable[[object], object], reason: str, cure: str,
+    of: str, written: list[str] | str = "string", wrong: Callable[[Any, Any], str] = lambda first, second: "",
+) -> Any:  # fmt: skip
+    """A list of two values of a kind, each read from how it is ``written``; ``wrong`` says what is of both together."""
+
+    def convert(value: object) -> tuple[object, object]:
+        if not isinstance(value, (list, tuple)) or len(value) != 2:
+            raise Fault(reason, cure)
+        first, second = map(read, value)
+        if found := wrong(first, second):
+            raise Fault(found, cure)
+        return first, second
+
+    schema = {"type": "array", "items": {"type": written}, "minItems": 2, "maxItems": 2, "description": of}
+    return Annotated[tuple[kind, kind], BeforeValidator(convert), WithJsonSchema(schema)]
 
 
-def _two_speeds(value: object) -> tuple[float, float]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise Fault("not two speeds", "Write like ['0.1 m/s', '20 rad/s']")
-    first, second = (_either(item, units.ANGULAR_SPEED, units.SPEED) for item in value)
-    return first, second
-
-
-def _two_numbers(value: object) -> tuple[float, float]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise Fault("not two numbers", "Write like [1, 0]")
-    return to_si(value[0], units.RATIO), to_si(value[1], units.RATIO)
-
-
-def _two_radii(value: object) -> tuple[float, float]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise Fault("not two radii", "Write like ['10 mm', '10.05 mm']")
-    first, second = (to_si(item, units.LENGTH) for item in value)
-    if min(first, second) < 0:
-        raise Fault("a radius must not be negative", "Write like ['10 mm', '10.05 mm']")
-    return first, second
-
-
-def _text_schema(description: str) -> WithJsonSchema:
-    return WithJsonSchema({"type": "string", "description": description})
-
-
-def _list_schema(item: list[str] | str, count: int, description: str) -> WithJsonSchema:
-    items = {"type": item}
-    return WithJsonSchema(
-        {"type": "array", "items": items, "minItems": count, "maxItems": count, "description": description}
-    )
-
-
-def pair_schema(item: list[str] | str, description: str) -> WithJsonSchema:
-    """That of a list of two."""
-    return _list_schema(item, 2, description)
-
-
+_WRITTEN = ["number", "string"]
 _DIRECTION_SCHEMA = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
 
 PositiveLength = _positive(units.LENGTH)
@@ -277,11 +245,10 @@ AngularSpeed = _quantity(units.ANGULAR_SPEED)
 AngularVelocity = _vector(units.ANGULAR_SPEED)
 DriveCoordinate = _turning_or_sliding(units.ANGLE, units.LENGTH)
 DriveSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
-DriveSpeeds = Annotated[
-    tuple[float, float],
-    BeforeValidator(_two_speeds),
-    _list_schema(["number", "string"], 2, "two speeds, of turning or sliding"),
-]
+DriveSpeeds = two(
+    float, lambda item: either(item, units.ANGULAR_SPEED, units.SPEED), "not two speeds",
+    "Write like ['0.1 m/s', '20 rad/s']", "two speeds, of turning or sliding", _WRITTEN,
+)  # fmt: skip
 JointSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 JointForce = _turning_or_sliding(units.TORQUE, units.FORCE)
 JointStiffness = _turning_or_sliding(units.TORSIONAL_STIFFNESS, units.STIFFNESS)
@@ -324,10 +291,14 @@ Fibre = Annotated[
     WithJsonSchema({"type": ["number", "string", "array"], "description": "a length, m; in space [y, z]"}),
     units.LENGTH,
 ]
-AddressField = Annotated[Address, BeforeValidator(_address), _text_schema("'body', 'body.point' or 'ground'")]
-AddressPair = Annotated[
-    tuple[Address, Address], BeforeValidator(_pair), _list_schema("string", 2, "two addresses, 'body.point'")
-]
+AddressField = Annotated[
+    Address, BeforeValidator(_address),
+    WithJsonSchema({"type": "string", "description": "'body', 'body.point' or 'ground'"}),
+]  # fmt: skip
+AddressPair = two(
+    Address, _address, "a joint has two sides", "Write two addresses, like ['crank.end', 'rod.start']",
+    "two addresses, 'body.point'",
+)  # fmt: skip
 WholeNumber = Annotated[
     int, BeforeValidator(_whole_number), WithJsonSchema({"type": "integer", "minimum": 1})
 ]
@@ -341,12 +312,15 @@ Ratios = Annotated[
     BeforeValidator(_ratios),
     WithJsonSchema({"anyOf": [{"type": ["number", "array"]}, {"const": "adams"}]}),
 ]
-Radii = Annotated[
-    tuple[float, float], BeforeValidator(_two_radii), _list_schema(["number", "string"], 2, "two radii, m")
-]
-NumberPair = Annotated[tuple[float, float], BeforeValidator(_two_numbers), _list_schema("number", 2, "two numbers")]
-FrequencyPair = Annotated[
-    tuple[float, float],
-    BeforeValidator(_two_frequencies),
-    _list_schema(["number", "string"], 2, "two frequencies"),
-]
+Radii = two(
+    float, partial(to_si, dimension=units.LENGTH), "not two radii", "Write like ['10 mm', '10.05 mm']", "two radii, m",
+    _WRITTEN, lambda first, second: "a radius must not be negative" if min(first, second) < 0 else "",
+)  # fmt: skip
+NumberPair = two(
+    float, partial(to_si, dimension=units.RATIO), "not two numbers", "Write like [1, 0]", "two numbers", "number"
+)
+FrequencyPair = two(
+    float, partial(to_si, dimension=units.FREQUENCY), "Rayleigh damping is fixed at two frequencies",
+    "Write like at = ['3039 Hz', '4549 Hz']", "two frequencies", _WRITTEN,
+    lambda low, high: "" if 0 < low < high else "the frequencies are not positive and rising",
+)  # fmt: skip

@@ -16,11 +16,13 @@ from kaneflex.scene.fields import known_keys
 from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.settings import nested
-from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest
+from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
 from kaneflex.support.reading import beside, is_file, read_text
 
 _DEEPEST = 20
 """Tables within tables at most: no scene has more than six."""
+FILE_KEYS = {"loads": "table", "drives": "table", "bodies": "modal_data", "solve": "file"}
+"""Table of named entries -> the key by which one of them names a file."""
 _SHIPPED = Path(__file__).parent.parent / "scenes"
 
 
@@ -134,15 +136,9 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
 def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
     """Tables as :func:`_read_raw` gives them, of what a file in that folder holds."""
     raw.setdefault("name", name)
-    for entry in (*_tables(raw.get("loads")), *_tables(raw.get("drives"))):
-        if isinstance(entry.get("table"), str) and entry["table"] != "none":
-            entry["table"] = str(beside(folder, entry["table"]))
-    for entry in _tables(raw.get("bodies")):
-        if isinstance(entry.get("modal_data"), str):
-            entry["modal_data"] = str(beside(folder, entry["modal_data"]))
-    for entry in _tables(raw.get("solve")):
-        if isinstance(entry.get("file"), str):
-            entry["file"] = str(beside(folder, entry["file"]))
+    for entry, key in file_entries(raw).values():
+        if entry[key] != REMOVED:
+            entry[key] = str(beside(folder, entry[key]))
     if isinstance(raw.get("like"), str):
         raw = merged(_read_raw(located(raw["like"], folder, "like"), readers), raw)
     return reuse_bodies(raw)
@@ -150,12 +146,11 @@ def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ..
 
 def _toml(path: Path) -> dict[str, Any]:
     """A file's tables. Raises SceneError: unreadable, not TOML, numbers or tables beyond any scene's."""
-    try:
-        text = read_text(path)
-    except Fault as fault:
-        raise SceneError("scene", path.name, fault.reason, fault.cure) from None
-    except FileNotFoundError:  # gone since it was looked for
-        raise SceneError("scene", path.name, "no such file", "Give the path of a scene") from None
+    with told("scene", path.name):
+        try:
+            text = read_text(path)
+        except FileNotFoundError:  # gone since it was looked for
+            raise Fault("no such file", "Give the path of a scene") from None
     return _parsed(text, path.name)
 
 
@@ -202,8 +197,15 @@ def _longest_number(text: str) -> tuple[int, int]:
     return max(((line, len(number.replace("_", ""))) for line, number in numbers), key=lambda found: found[1])
 
 
-def _tables(table: object) -> list[dict[str, Any]]:
-    return [entry for entry in table.values() if isinstance(entry, dict)] if isinstance(table, dict) else []
+def file_entries(raw: Mapping[str, Any]) -> dict[str, tuple[dict[str, Any], str]]:
+    """Path of every entry of a scene's tables that names a file -> the table that it stands in, and its key there."""
+    tables = {table: raw.get(table) for table in FILE_KEYS}
+    return {
+        f"{table}.{name}.{FILE_KEYS[table]}": (entry, FILE_KEYS[table])
+        for table, entries in tables.items() if isinstance(entries, dict)
+        for name, entry in entries.items()
+        if isinstance(entry, dict) and isinstance(entry.get(FILE_KEYS[table]), str)
+    }  # fmt: skip
 
 
 def _validated(raw: dict[str, Any], source: str, like: Scene | None = None) -> Scene:

@@ -118,9 +118,7 @@ class Sensor(SceneTable):
             "fibre": ("strain",),
             "cut": SECTION_KINDS,
         }
-        for field, kinds in needs.items():
-            if field in self.model_fields_set and kind not in kinds:
-                raise Fault(f"has no meaning for {kind}", "Leave it out", below=field)
+        self.refuse((field for field, kinds in needs.items() if kind not in kinds), f"has no meaning for {kind}")
         if (kind == "stress") != (self.component in ("mises", *STRESSES[6])):
             reason = f"no component of a {kind.replace('_', ' ')}"
             cure = f"Give mises or one of {', '.join(STRESSES[6])}" if kind == "stress" else "Give x, y, z or an angle"

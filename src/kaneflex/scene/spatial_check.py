@@ -58,31 +58,29 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"bodies.{name}.rotation", None, "a planar body turns by its joints alone", cure)
         if body.free is not None and body.free.angular_velocity is not None:
             yield Problem(f"bodies.{name}.free.angular_velocity", None, "a planar body has one", "Give angular_speed")
+        for part, sectioned in {} if body.beam is None else body.beam.sections.items():
+            if sectioned.J is not None:
+                right = "Give I, or give vectors three components"
+                yield Problem(f"bodies.{name}.{part}.J", sectioned.J, "planar beams don't twist", right)
     for name, mass in scene.masses.items():
         if isinstance(mass.inertia, tuple):
             yield Problem(f"masses.{name}.inertia", None, "a planar body turns about one axis", cure)
     for name, joint in scene.joints.items():
         if joint.kind in SEVERAL_FREEDOMS:
             yield Problem(f"joints.{name}.{joint.kind}", None, "a planar scene has no such joint", cure)
-        for field in ("axis", "axes"):
-            if getattr(joint, field) is not None:
-                yield Problem(f"joints.{name}.{field}", None, "planar joints turn across the plane", cure)
-        for part, sectioned in {} if body.beam is None else body.beam.sections.items():
-            if sectioned.J is not None:
-                right = "Give I, or give vectors three components"
-                yield Problem(f"bodies.{name}.{part}.J", sectioned.J, "planar beams don't twist", right)
-    for name, spring in scene.springs.items():
-        if spring.bushing is not None:
-            right = "Write springs between points and torsional_at a joint"
-            yield Problem(f"springs.{name}.bushing", None, "only scenes in space have bushings", right)
-    for name, drive in scene.drives.items():
-        if drive.angular_velocity is not None:
-            yield Problem(f"drives.{name}.angular_velocity", None, "a planar joint has one", "Give initial_speed")
-        if drive.initial_speeds is not None:
-            yield Problem(f"drives.{name}.initial_speeds", None, "a planar joint has one", "Give initial_speed")
+    for table, field, reason, right in (
+        ("joints", "axis", "planar joints turn across the plane", cure),
+        ("joints", "axes", "planar joints turn across the plane", cure),
+        ("springs", "bushing", "only scenes in space have bushings",
+         "Write springs between points and torsional_at a joint"),
+        ("drives", "angular_velocity", "a planar joint has one", "Give initial_speed"),
+        ("drives", "initial_speeds", "a planar joint has one", "Give initial_speed"),
+        ("sensors", "torsional_moment", "planar beams don't twist", "Leave it out"),
+    ):  # fmt: skip
+        for name, entry in getattr(scene, table).items():
+            if getattr(entry, field) is not None:
+                yield Problem(f"{table}.{name}.{field}", None, reason, right)
     for name, sensor in scene.sensors.items():
-        if sensor.kind == "torsional_moment":
-            yield Problem(f"sensors.{name}.torsional_moment", None, "planar beams don't twist", "Leave it out")
         if sensor.kind in ("shear_force", "bending_moment") and "component" in sensor.model_fields_set:
             yield Problem(f"sensors.{name}.component", sensor.component, "a planar section has one", "Leave it out")
         if isinstance(sensor.fibre, tuple):

@@ -53,9 +53,8 @@ class Spring(SceneTable):
     @model_validator(mode="after")
     def _consistent(self) -> Spring:
         kind = the_one_given(self, ("between", "torsional_at", "bushing"))
-        for stranger in {"between": ("angle",), "torsional_at": ("length",), "bushing": ("length", "angle")}[kind]:
-            if stranger in self.model_fields_set:
-                raise Fault(f"has no meaning for {kind}", "Leave it out", below=stranger)
+        strange = {"between": ("angle",), "torsional_at": ("length",), "bushing": ("length", "angle")}[kind]
+        self.refuse(strange, f"has no meaning for {kind}")
         if not any((*self.stiffnesses, *self.dampings)):
             raise Fault("neither stiffness nor damping", "Give at least one of them")
         if self.ends and self.ends[0].body == self.ends[1].body:

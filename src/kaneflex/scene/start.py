@@ -10,10 +10,11 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema
 
 from kaneflex.scene.merge import merged
+from kaneflex.scene.quantities import either
 from kaneflex.scene.table import SceneTable
-from kaneflex.support.errors import Fault
+from kaneflex.support.errors import Fault, within
 from kaneflex.support.reading import read_text
-from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
+from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension
 
 STARTS = ("zero", "quasistatic", "periodic")
 _TABLES = "Give tables displacements and velocities, as solution.state() has them"
@@ -23,15 +24,8 @@ def _one_of(*dimensions: Dimension) -> Any:
     """A quantity of one of these kinds, as it is written: which of them it must be is known with its coordinate."""
 
     def check(value: object) -> object:
-        faults = []
-        for dimension in dimensions:
-            try:
-                to_si(value, dimension)
-            except Fault as fault:
-                faults.append(fault)
-            else:
-                return value
-        raise faults[0]
+        either(value, *dimensions)
+        return value
 
     units = " or ".join(dimension.unit for dimension in dimensions)
     schema = {"type": ["number", "string"], "description": f"in {units}; or a string with a unit"}
@@ -55,8 +49,10 @@ def start_of(value: object) -> object:
     if isinstance(value, Start) or (isinstance(value, str) and value in STARTS):
         return value
     if isinstance(value, dict):
-        file = value.get("file")
-        return Start.model_validate(merged(_of_file(Path(file)), value) if isinstance(file, str) else value)
+        if isinstance(value.get("file"), str):
+            with within("file"):
+                value = merged(_of_file(Path(value["file"])), value)
+        return Start.model_validate(value)
     raise Fault("must be 'zero', 'quasistatic', 'periodic' or a table of a state", "Correct it")
 
 
@@ -66,18 +62,18 @@ def _of_file(path: Path) -> dict[str, Any]:
         text = read_text(path)
         found = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
         state = Start.model_validate(found)
-    except Fault as fault:
-        raise Fault(fault.reason, fault.cure, below="file") from None
+    except Fault:
+        raise
     except FileNotFoundError:
-        raise Fault("no such file", "Give the path of a state's file, relative to the scene", below="file") from None
+        raise Fault("no such file", "Give the path of a state's file, relative to the scene") from None
     except ValidationError as error:
         first = error.errors()[0]
         fault = first.get("ctx", {}).get("error")
         reason, cure = (fault.reason, fault.cure) if isinstance(fault, Fault) else (first["msg"].lower(), _TABLES)
-        raise Fault(f"{'.'.join(map(str, first['loc'])) or 'the file'}: {reason}", cure, below="file") from None
+        raise Fault(f"{'.'.join(map(str, first['loc'])) or 'the file'}: {reason}", cure) from None
     except (ValueError, RecursionError) as error:  # JSON's and TOML's own
         kind = "JSON" if path.suffix == ".json" else "TOML"
-        raise Fault(f"not {kind}: {error}", _TABLES, below="file") from None
+        raise Fault(f"not {kind}: {error}", _TABLES) from None
     if state.file is not None:
-        raise Fault("names a file in its turn", _TABLES, below="file")
+        raise Fault("names a file in its turn", _TABLES)
     return found

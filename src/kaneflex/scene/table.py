@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict
@@ -20,6 +20,12 @@ class SceneTable(BaseModel):
     def says_a_file(self) -> bool:
         """Whether numbers of a file stand in it, which may say something else by now."""
         return False
+
+    def refuse(self, fields: Iterable[str], reason: str, cure: str = "Leave it out") -> None:
+        """Raise Fault for the first of some fields that is given."""
+        for field in fields:
+            if field in self.model_fields_set:
+                raise Fault(reason, cure, below=field)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with other entries, which knows nothing of what was computed of these ones."""

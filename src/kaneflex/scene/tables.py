@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation, cubics_through
 from kaneflex.support.reading import read_text
 from kaneflex.support.units import ANGLE, FORCE, LARGEST, TIME, Dimension, scaled
@@ -167,7 +167,8 @@ def read_table(
 def _read(
     path: str | Path, version: tuple[int, int] | None, column: str | None, unit: str, x_unit: str, dimension: Dimension
 ) -> Table:
-    rows = _rows(Path(path))
+    with within("table"):
+        rows = _rows(Path(path))
     header = [cell.strip() for cell in rows[0][1]]
     if _number(header[0]) is not None:
         raise Fault(f"{Path(path).name} has no header line", "Name the columns in its first line", below="table")
@@ -180,10 +181,8 @@ def _read(
         reason = f"{Path(path).name} has {len(rows) - 1} rows of numbers"
         raise Fault(reason, f"Give at least {_FEWEST_ROWS}", below="table")
     x_dimension = TIME if x_unit == "s" else ANGLE
-    try:
+    with within("unit"):
         scaled(1.0, unit, dimension)
-    except Fault as fault:
-        raise Fault(fault.reason, fault.cure, below="unit") from None
     cells = [(line, _cell(path, line, row, 0), _cell(path, line, row, at)) for line, row in rows[1:]]
     span = cells[-1][1] - cells[0][1]
     if abs(span) < 1.0 / LARGEST:
@@ -208,23 +207,21 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     except FileNotFoundError:
         # a scene file's paths were made absolute when it was read; those of settings were not
         start = "the scene's file" if path.is_absolute() else "the current folder, as a setting's is"
-        raise Fault("no such file", f"Give the path of a CSV file, relative to {start}", below="table") from None
-    except Fault as fault:
-        raise Fault(fault.reason, fault.cure, below="table") from None
+        raise Fault("no such file", f"Give the path of a CSV file, relative to {start}") from None
     lines = [(line, row) for line, row in enumerate(text.split("\n"), 1) if row.strip() and row[0] != "#"]
     if not lines:
-        raise Fault(f"{path.name} is empty", "Give a header line and rows of numbers", below="table")
+        raise Fault(f"{path.name} is empty", "Give a header line and rows of numbers")
     rows: list[tuple[int, list[str]]] = []
     reader = csv.reader([row for _, row in lines])
     try:
         for cells in reader:
             line = lines[len(rows)][0]
             if reader.line_num > len(rows) + 1:
-                raise Fault(f"{path.name}, line {line}: its quoted cell has no end", "Correct that line", below="table")
+                raise Fault(f"{path.name}, line {line}: its quoted cell has no end", "Correct that line")
             rows.append((line, cells))
     except csv.Error as error:
         reason = f"{path.name}, line {lines[len(rows)][0]}: {error}"
-        raise Fault(reason, "Correct or remove that line", below="table") from None
+        raise Fault(reason, "Correct or remove that line") from None
     return rows
 
 

@@ -92,7 +92,7 @@ def fmu(scene: Scene, version: str = "2", progress: Callable[[str], None] = lamb
         reason = "nothing of them can bend, so that there is nothing to integrate"
         raise SceneError("bodies", ", ".join(made.model.links), reason, "Give them more elements")
     name, variables = made.name, _variables(made)
-    shared = (f"kaneflex_fmi{version}.c", "kaneflex_fmu.c", "kaneflex_fmu.h")
+    shared = (f"kaneflex_fmi{version}.c", "kaneflex_fmi.h", "kaneflex_fmu.c", "kaneflex_fmu.h")
     texts = {key: text for key, text in made.texts.items() if key.endswith((".c", ".h")) and key != f"{name}_run.c"}
     texts |= shared_texts(shared)
     digest = hashlib.sha256("".join(text for _, text in sorted(texts.items())).encode())
@@ -169,16 +169,11 @@ def _described(made: CModel, token: str) -> str:
 
 def _description_2(made: CModel, token: str, variables: list[Variable], sources: list[str]) -> ElementTree.Element:
     root = _root(made, {"fmiVersion": "2.0", "guid": token, "numberOfEventIndicators": "0"})
-    for kind in ("ModelExchange", "CoSimulation"):
-        offered = {"modelIdentifier": made.name, "canGetAndSetFMUstate": "true"}
-        if kind == "CoSimulation":
-            offered["canHandleVariableCommunicationStepSize"] = "true"
-        files = ElementTree.SubElement(ElementTree.SubElement(root, kind, offered), "SourceFiles")
+    for kind in _kinds(root, made.name, "FMUstate"):
+        files = ElementTree.SubElement(kind, "SourceFiles")
         for source in sources:
             ElementTree.SubElement(files, "File", name=source)
-    _units(root, variables)
-    _experiment(root, made.model)
-    listed = ElementTree.SubElement(root, "ModelVariables")
+    listed = _listed(root, made.model, variables)
     for reference, variable in enumerate(variables):
         given = _attributes(variable) | {"valueReference": str(reference)}
         real = {"unit": variable.unit} | {key: given.pop(key) for key in ("start",) if key in given}
@@ -186,8 +181,7 @@ def _description_2(made: CModel, token: str, variables: list[Variable], sources:
             real["derivative"] = str(variable.derivative_of + 1)
         ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", given), "Real", real)
     structure = ElementTree.SubElement(root, "ModelStructure")
-    outputs = [k for k, each in enumerate(variables) if each.causality == "output"]
-    derivatives = [k for k, each in enumerate(variables) if each.derivative_of is not None]
+    outputs, derivatives = _unknowns(variables)
     for tag, numbers in (
         ("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", sorted(outputs + derivatives))
     ):  # fmt: skip
@@ -200,22 +194,15 @@ def _description_2(made: CModel, token: str, variables: list[Variable], sources:
 
 def _description_3(made: CModel, token: str, variables: list[Variable], sources: list[str]) -> ElementTree.Element:
     root = _root(made, {"fmiVersion": "3.0", "instantiationToken": token})
-    for kind in ("ModelExchange", "CoSimulation"):
-        offered = {"modelIdentifier": made.name, "canGetAndSetFMUState": "true"}
-        if kind == "CoSimulation":
-            offered["canHandleVariableCommunicationStepSize"] = "true"
-        ElementTree.SubElement(root, kind, offered)
-    _units(root, variables)
-    _experiment(root, made.model)
-    listed = ElementTree.SubElement(root, "ModelVariables")
+    _kinds(root, made.name, "FMUState")
+    listed = _listed(root, made.model, variables)
     for reference, variable in enumerate(variables):
         given = _attributes(variable) | {"valueReference": str(reference), "unit": variable.unit}
         if variable.derivative_of is not None:
             given["derivative"] = str(variable.derivative_of)
         ElementTree.SubElement(listed, "Float64", given)
     structure = ElementTree.SubElement(root, "ModelStructure")
-    outputs = [k for k, each in enumerate(variables) if each.causality == "output"]
-    derivatives = [k for k, each in enumerate(variables) if each.derivative_of is not None]
+    outputs, derivatives = _unknowns(variables)
     for tag, numbers in (
         ("Output", outputs), ("ContinuousStateDerivative", derivatives), ("InitialUnknown", outputs + derivatives)
     ):  # fmt: skip
@@ -231,6 +218,30 @@ def _root(made: CModel, more: Mapping[str, str]) -> ElementTree.Element:
     given = {"modelName": scene.name, "generationTool": f"kaneflex {__version__}", "variableNamingConvention": "flat"}
     said = {"description": scene.description} if scene.description else {}
     return ElementTree.Element("fmiModelDescription", {**more, **given, **said})
+
+
+def _kinds(root: ElementTree.Element, name: str, state: str) -> list[ElementTree.Element]:
+    """Both kinds of simulation, with what is offered in each; ``state``: how the version writes an FMU's."""
+    offered = {"modelIdentifier": name, f"canGetAndSet{state}": "true"}
+    steps = {"canHandleVariableCommunicationStepSize": "true"}
+    return [
+        ElementTree.SubElement(root, "ModelExchange", offered),
+        ElementTree.SubElement(root, "CoSimulation", offered | steps),
+    ]
+
+
+def _listed(root: ElementTree.Element, model: Model, variables: list[Variable]) -> ElementTree.Element:
+    """Where the variables go, behind their units and what a simulation is by default."""
+    _units(root, variables)
+    given = {"startTime": "0.0", "stopTime": repr(float(model.options.duration)), "stepSize": repr(float(model.step))}
+    ElementTree.SubElement(root, "DefaultExperiment", given)
+    return ElementTree.SubElement(root, "ModelVariables")
+
+
+def _unknowns(variables: list[Variable]) -> tuple[list[int], list[int]]:
+    """Places of the outputs, and of the states' derivatives."""
+    outputs = [k for k, each in enumerate(variables) if each.causality == "output"]
+    return outputs, [k for k, each in enumerate(variables) if each.derivative_of is not None]
 
 
 def _attributes(variable: Variable) -> dict[str, str]:
@@ -260,11 +271,6 @@ def _units(root: ElementTree.Element, variables: list[Variable]) -> None:
                     powers[name] = powers.get(name, 0) + sign * by * int(power or 1)
         given = {name: str(power) for name, power in powers.items() if power}
         ElementTree.SubElement(ElementTree.SubElement(group, "Unit", name=unit), "BaseUnit", given)
-
-
-def _experiment(root: ElementTree.Element, model: Model) -> None:
-    given = {"startTime": "0.0", "stopTime": repr(float(model.options.duration)), "stepSize": repr(float(model.step))}
-    ElementTree.SubElement(root, "DefaultExperiment", given)
 
 
 def _build_description(name: str, sources: list[str]) -> ElementTree.Element:

@@ -155,9 +155,9 @@ def check_apart(model: Model) -> None:
         normal = first.to_global(contact.direction)
         gap = apart(contact.kind, (x, y), np.hypot(x, y) + 1e-300, normal, contact.reach)[0].item()
         if gap < -_TOUCHING * mechanism.size:
-            key = f"contacts.{name}" if contact.joint is None else f"joints.{contact.joint}.clearance"
             raise SceneError(
-                key, None, f"at the start its sides lie {-1e3 * gap:.4g} mm in each other",
+                model.scene.contacts[name].stands(name), None,
+                f"at the start its sides lie {-1e3 * gap:.4g} mm in each other",
                 "Start them apart, as by the angle or position of free drives",
             )  # fmt: skip
 

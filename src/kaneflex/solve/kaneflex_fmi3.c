@@ -35,11 +35,15 @@ typedef void (*fmi3LockPreemptionCallback)(void);
 typedef void (*fmi3UnlockPreemptionCallback)(void);
 #endif
 
-#ifdef _WIN32
-#define OUT __declspec(dllexport)
-#else
-#define OUT __attribute__((visibility("default")))
-#endif
+typedef fmi3Instance handle;
+typedef fmi3FMUState kept_state;
+typedef fmi3Status status;
+typedef fmi3Float64 real;
+typedef fmi3Boolean boolean;
+typedef fmi3String string;
+#define FMI(Name) fmi3##Name
+#define FMI_STATE(verb) fmi3##verb##FMUState
+#define FMI_DERIVATIVES fmi3GetContinuousStateDerivatives
 
 typedef struct {
     kaneflex_instance *instance;
@@ -47,7 +51,7 @@ typedef struct {
     fmi3LogMessageCallback log;
 } component;
 
-static fmi3Status said(component *c, int ended)
+static status said(component *c, int ended)
 {
     if (!ended)
         return fmi3OK;
@@ -56,19 +60,12 @@ static fmi3Status said(component *c, int ended)
     return fmi3Error;
 }
 
-#define INSTANCE(c) (((component *)(c))->instance)
-#define UNUSED(x) (void)(x)
+#include "kaneflex_fmi.h"
 #define REFERENCES const fmi3ValueReference vr[], size_t nvr
 
 OUT const char *fmi3GetVersion(void) { return "3.0"; }
-OUT fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t count, const fmi3String categories[])
-{
-    UNUSED(c), UNUSED(on), UNUSED(count), UNUSED(categories);
-    return fmi3OK;
-}
 
-static fmi3Instance made(int steps_itself, fmi3String token, fmi3InstanceEnvironment environment,
-                         fmi3LogMessageCallback log)
+static handle made(int steps_itself, string token, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
     component *c = token && !strcmp(token, kaneflex_fmu.token) ? calloc(1, sizeof(component)) : NULL;
     if (!c)
@@ -82,73 +79,57 @@ static fmi3Instance made(int steps_itself, fmi3String token, fmi3InstanceEnviron
     return NULL;
 }
 
-OUT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-                                              fmi3Boolean on, fmi3InstanceEnvironment environment,
-                                              fmi3LogMessageCallback log)
+OUT handle fmi3InstantiateModelExchange(string name, string token, string resources, boolean visible, boolean on,
+                                        fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
-    UNUSED(name), UNUSED(resources), UNUSED(visible), UNUSED(on);
     return made(0, token, environment, log);
 }
 
-OUT fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-                                             fmi3Boolean on, fmi3Boolean events, fmi3Boolean early, REFERENCES,
-                                             fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
-                                             fmi3IntermediateUpdateCallback update)
+OUT handle fmi3InstantiateCoSimulation(string name, string token, string resources, boolean visible, boolean on,
+                                       boolean events, boolean early, REFERENCES, fmi3InstanceEnvironment environment,
+                                       fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update)
 {
-    UNUSED(name), UNUSED(resources), UNUSED(visible), UNUSED(on), UNUSED(early), UNUSED(vr), UNUSED(update);
     return events || nvr ? NULL : made(1, token, environment, log); /* neither is offered */
 }
 
-OUT fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
-                                                   fmi3Boolean visible, fmi3Boolean on,
-                                                   fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
-                                                   fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
-                                                   fmi3UnlockPreemptionCallback unlock)
+OUT handle fmi3InstantiateScheduledExecution(string name, string token, string resources, boolean visible, boolean on,
+                                             fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+                                             fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
+                                             fmi3UnlockPreemptionCallback unlock)
 {
-    UNUSED(name), UNUSED(token), UNUSED(resources), UNUSED(visible), UNUSED(on), UNUSED(environment), UNUSED(log);
-    UNUSED(update), UNUSED(lock), UNUSED(unlock);
     return NULL;
 }
 
-OUT void fmi3FreeInstance(fmi3Instance c)
+OUT void fmi3FreeInstance(handle c)
 {
     if (c)
         free(INSTANCE(c)), free(c);
 }
 
-OUT fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean tolerant, fmi3Float64 tolerance, fmi3Float64 start,
-                                           fmi3Boolean ends, fmi3Float64 stop)
+OUT status fmi3EnterInitializationMode(handle c, boolean tolerant, real tolerance, real start, boolean ends, real stop)
 {
-    UNUSED(tolerant), UNUSED(tolerance), UNUSED(ends), UNUSED(stop);
     return start == 0.0 ? fmi3OK : said(c, KANEFLEX_TOO_EARLY);
 }
 
-OUT fmi3Status fmi3ExitInitializationMode(fmi3Instance c) { return said(c, kaneflex_begin(INSTANCE(c))); }
-OUT fmi3Status fmi3EnterEventMode(fmi3Instance c) { UNUSED(c); return fmi3OK; }
-OUT fmi3Status fmi3Terminate(fmi3Instance c) { UNUSED(c); return fmi3OK; }
-OUT fmi3Status fmi3Reset(fmi3Instance c) { return said(c, kaneflex_reset(INSTANCE(c))); }
-
-OUT fmi3Status fmi3GetFloat64(fmi3Instance c, REFERENCES, fmi3Float64 values[], size_t count)
+OUT status fmi3GetFloat64(handle c, REFERENCES, real values[], size_t count)
 {
     return said(c, count == nvr ? kaneflex_get(INSTANCE(c), vr, nvr, values) : KANEFLEX_UNKNOWN);
 }
 
-OUT fmi3Status fmi3SetFloat64(fmi3Instance c, REFERENCES, const fmi3Float64 values[], size_t count)
+OUT status fmi3SetFloat64(handle c, REFERENCES, const real values[], size_t count)
 {
     return said(c, count == nvr ? kaneflex_set(INSTANCE(c), vr, nvr, values) : KANEFLEX_UNKNOWN);
 }
 
 /* There are no variables of other types. */
-#define NONE(Type)                                                                                                  \
-    OUT fmi3Status fmi3Get##Type(fmi3Instance c, REFERENCES, fmi3##Type values[], size_t count)                     \
-    {                                                                                                               \
-        UNUSED(vr), UNUSED(values), UNUSED(count);                                                                  \
-        return said(c, nvr ? KANEFLEX_UNKNOWN : KANEFLEX_OK);                                                       \
-    }                                                                                                               \
-    OUT fmi3Status fmi3Set##Type(fmi3Instance c, REFERENCES, const fmi3##Type values[], size_t count)               \
-    {                                                                                                               \
-        UNUSED(vr), UNUSED(values), UNUSED(count);                                                                  \
-        return said(c, nvr ? KANEFLEX_UNKNOWN : KANEFLEX_OK);                                                       \
+#define NONE(Type)                                                                              \
+    OUT status fmi3Get##Type(handle c, REFERENCES, fmi3##Type values[], size_t count)           \
+    {                                                                                           \
+        return said(c, nvr ? KANEFLEX_UNKNOWN : KANEFLEX_OK);                                   \
+    }                                                                                           \
+    OUT status fmi3Set##Type(handle c, REFERENCES, const fmi3##Type values[], size_t count)     \
+    {                                                                                           \
+        return said(c, nvr ? KANEFLEX_UNKNOWN : KANEFLEX_OK);                                   \
     }
 NONE(Float32)
 NONE(Int8)
@@ -162,156 +143,64 @@ NONE(UInt64)
 NONE(Boolean)
 NONE(String)
 
-/* What is not offered, with all its arguments unused. */
-#define REFUSED(name, ...)                   \
-    OUT fmi3Status name(fmi3Instance c, __VA_ARGS__) \
-    {                                        \
-        return said(c, KANEFLEX_NOT_OFFERED); \
-    }
-#if defined __GNUC__
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
-REFUSED(fmi3GetBinary, REFERENCES, size_t sizes[], fmi3Binary values[], size_t count)
-REFUSED(fmi3SetBinary, REFERENCES, const size_t sizes[], const fmi3Binary values[], size_t count)
-REFUSED(fmi3GetClock, REFERENCES, fmi3Clock values[])
-REFUSED(fmi3SetClock, REFERENCES, const fmi3Clock values[])
-REFUSED(fmi3GetNumberOfVariableDependencies, fmi3ValueReference vr, size_t *count)
-REFUSED(fmi3GetVariableDependencies, fmi3ValueReference dependent, size_t of_dependent[], fmi3ValueReference independents[],
+REFUSED(GetBinary, REFERENCES, size_t sizes[], fmi3Binary values[], size_t count)
+REFUSED(SetBinary, REFERENCES, const size_t sizes[], const fmi3Binary values[], size_t count)
+REFUSED(GetClock, REFERENCES, fmi3Clock values[])
+REFUSED(SetClock, REFERENCES, const fmi3Clock values[])
+REFUSED(GetNumberOfVariableDependencies, fmi3ValueReference vr, size_t *count)
+REFUSED(GetVariableDependencies, fmi3ValueReference dependent, size_t of_dependent[], fmi3ValueReference independents[],
         size_t of_independents[], fmi3DependencyKind kinds[], size_t count)
-REFUSED(fmi3SerializedFMUStateSize, fmi3FMUState state, size_t *size)
-REFUSED(fmi3SerializeFMUState, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-REFUSED(fmi3DeserializeFMUState, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
-REFUSED(fmi3GetDirectionalDerivative, const fmi3ValueReference unknowns[], size_t count, const fmi3ValueReference knowns[],
-        size_t known, const fmi3Float64 seed[], size_t seeds, fmi3Float64 out[], size_t outs)
-REFUSED(fmi3GetAdjointDerivative, const fmi3ValueReference unknowns[], size_t count, const fmi3ValueReference knowns[],
-        size_t known, const fmi3Float64 seed[], size_t seeds, fmi3Float64 out[], size_t outs)
-REFUSED(fmi3GetIntervalDecimal, REFERENCES, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[])
-REFUSED(fmi3GetIntervalFraction, REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
+REFUSED(SerializedFMUStateSize, fmi3FMUState state, size_t *size)
+REFUSED(SerializeFMUState, fmi3FMUState state, fmi3Byte bytes[], size_t size)
+REFUSED(DeserializeFMUState, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
+REFUSED(GetDirectionalDerivative, const fmi3ValueReference unknowns[], size_t count, const fmi3ValueReference knowns[],
+        size_t known, const real seed[], size_t seeds, real out[], size_t outs)
+REFUSED(GetAdjointDerivative, const fmi3ValueReference unknowns[], size_t count, const fmi3ValueReference knowns[],
+        size_t known, const real seed[], size_t seeds, real out[], size_t outs)
+REFUSED(GetIntervalDecimal, REFERENCES, real intervals[], fmi3IntervalQualifier qualifiers[])
+REFUSED(GetIntervalFraction, REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
         fmi3IntervalQualifier qualifiers[])
-REFUSED(fmi3GetShiftDecimal, REFERENCES, fmi3Float64 shifts[])
-REFUSED(fmi3GetShiftFraction, REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
-REFUSED(fmi3SetIntervalDecimal, REFERENCES, const fmi3Float64 intervals[])
-REFUSED(fmi3SetIntervalFraction, REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
-REFUSED(fmi3SetShiftDecimal, REFERENCES, const fmi3Float64 shifts[])
-REFUSED(fmi3SetShiftFraction, REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
-REFUSED(fmi3GetOutputDerivatives, REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[], size_t count)
-REFUSED(fmi3ActivateModelPartition, fmi3ValueReference clock, fmi3Float64 time)
-#if defined __GNUC__
-#pragma GCC diagnostic pop
-#endif
-OUT fmi3Status fmi3EnterConfigurationMode(fmi3Instance c) { return said(c, KANEFLEX_NOT_OFFERED); }
-OUT fmi3Status fmi3ExitConfigurationMode(fmi3Instance c) { return said(c, KANEFLEX_NOT_OFFERED); }
+REFUSED(GetShiftDecimal, REFERENCES, real shifts[])
+REFUSED(GetShiftFraction, REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
+REFUSED(SetIntervalDecimal, REFERENCES, const real intervals[])
+REFUSED(SetIntervalFraction, REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+REFUSED(SetShiftDecimal, REFERENCES, const real shifts[])
+REFUSED(SetShiftFraction, REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+REFUSED(GetOutputDerivatives, REFERENCES, const fmi3Int32 orders[], real values[], size_t count)
+REFUSED(ActivateModelPartition, fmi3ValueReference clock, real time)
+OUT status fmi3EnterConfigurationMode(handle c) { return said(c, KANEFLEX_NOT_OFFERED); }
+OUT status fmi3ExitConfigurationMode(handle c) { return said(c, KANEFLEX_NOT_OFFERED); }
 
-OUT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
+OUT status fmi3EvaluateDiscreteStates(handle c) { return fmi3OK; }
+
+OUT status fmi3UpdateDiscreteStates(handle c, boolean *again, boolean *end, boolean *nominals, boolean *values,
+                                    boolean *defined, real *next)
 {
-    if (*state)
-        kaneflex_restore(*state, INSTANCE(c));
-    else
-        *state = kaneflex_copy(INSTANCE(c));
-    return *state ? fmi3OK : fmi3Error;
-}
-
-OUT fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
-{
-    kaneflex_restore(INSTANCE(c), state);
-    return fmi3OK;
-}
-
-OUT fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
-{
-    UNUSED(c);
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
-}
-
-OUT fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) { UNUSED(c); return fmi3OK; }
-
-OUT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Boolean *end, fmi3Boolean *nominals,
-                                        fmi3Boolean *values, fmi3Boolean *defined, fmi3Float64 *next)
-{
-    UNUSED(c), UNUSED(next);
     *again = *end = *nominals = *values = *defined = false;
     return fmi3OK;
 }
 
-/* ---- model exchange ---- */
-
-OUT fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance c) { UNUSED(c); return fmi3OK; }
-
-OUT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean final, fmi3Boolean *event, fmi3Boolean *end)
+OUT status fmi3GetNumberOfEventIndicators(handle c, size_t *count)
 {
-    UNUSED(c), UNUSED(final);
-    *event = *end = false;
-    return fmi3OK;
-}
-
-OUT fmi3Status fmi3SetTime(fmi3Instance c, fmi3Float64 time)
-{
-    INSTANCE(c)->time = time;
-    INSTANCE(c)->stale = 1;
-    return fmi3OK;
-}
-
-OUT fmi3Status fmi3SetContinuousStates(fmi3Instance c, const fmi3Float64 x[], size_t count)
-{
-    UNUSED(count);
-    kaneflex_set_states(INSTANCE(c), x);
-    return fmi3OK;
-}
-
-OUT fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance c, fmi3Float64 out[], size_t count)
-{
-    UNUSED(count);
-    return said(c, kaneflex_derivatives(INSTANCE(c), out));
-}
-
-OUT fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 out[], size_t count)
-{
-    UNUSED(c), UNUSED(out), UNUSED(count);
-    return fmi3OK;
-}
-
-OUT fmi3Status fmi3GetContinuousStates(fmi3Instance c, fmi3Float64 x[], size_t count)
-{
-    UNUSED(count);
-    kaneflex_get_states(INSTANCE(c), x);
-    return fmi3OK;
-}
-
-OUT fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 x[], size_t count)
-{
-    UNUSED(c);
-    for (size_t i = 0; i < count; i++)
-        x[i] = 1.0;
-    return fmi3OK;
-}
-
-OUT fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *count)
-{
-    UNUSED(c);
     *count = 0;
     return fmi3OK;
 }
 
-OUT fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance c, size_t *count)
+OUT status fmi3GetNumberOfContinuousStates(handle c, size_t *count)
 {
-    UNUSED(c);
     *count = 2 * kaneflex_fmu.linear->n;
     return fmi3OK;
 }
 
 /* ---- co-simulation ---- */
 
-OUT fmi3Status fmi3EnterStepMode(fmi3Instance c) { UNUSED(c); return fmi3OK; }
+OUT status fmi3EnterStepMode(handle c) { return fmi3OK; }
 
-OUT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 from, fmi3Float64 step, fmi3Boolean final, fmi3Boolean *event,
-                          fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *last)
+OUT status fmi3DoStep(handle c, real from, real step, boolean final, boolean *event, boolean *end, boolean *early,
+                      real *last)
 {
-    UNUSED(final);
-    const fmi3Status status = said(c, kaneflex_advance(INSTANCE(c), from + step));
+    const status ended = said(c, kaneflex_advance(INSTANCE(c), from + step));
     *event = *end = *early = false;
     *last = INSTANCE(c)->time;
-    return status;
+    return ended;
 }

@@ -15,7 +15,7 @@ from kaneflex.scene import Scene, with_settings
 from kaneflex.study.plan import Plan, file_places, names_file, setting
 from kaneflex.study.records import Record, solve_chunk
 from kaneflex.study.workers import Answer, Lost, Points, in_chunks
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, installed, told
 from kaneflex.support.module_cache import cache_folder, is_module, keep, sources_digest
 
 if TYPE_CHECKING:
@@ -47,13 +47,9 @@ def on_cluster(address: str) -> Callable[[Plan, Sequence[int]], Generator[Record
 
 
 def _connected(address: str) -> Client:
-    try:
+    cure = "Run: pip install 'kaneflex[cluster]'"
+    with told("--scheduler", address), installed("distributed", cure, "distributed", "dask"):
         from distributed import Client
-    except ModuleNotFoundError as error:
-        if error.name not in ("distributed", "dask"):
-            raise
-        cure = "Run: pip install 'kaneflex[cluster]'"
-        raise SceneError("--scheduler", address, "distributed is not installed", cure) from None
     try:
         return Client(address, timeout=_CONNECTING, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -12,7 +12,7 @@ from kaneflex.study.plan import Plan
 from kaneflex.study.records import STATISTICS, Record
 from kaneflex.study.store import Store
 from kaneflex.study.study import Value, number_and_unit
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import installed, told
 from kaneflex.support.labelled import Labelled
 
 
@@ -107,13 +107,8 @@ _BLOCK = 2**23
 
 def demand_zarr() -> None:
     """Raise SceneError where zarr is not installed."""
-    try:
+    with told("--format", "zarr"), installed("zarr", "Run: pip install 'kaneflex[zarr]', or take netcdf", "zarr"):
         import zarr  # noqa: F401
-    except ModuleNotFoundError as error:
-        if error.name != "zarr":
-            raise
-        cure = "Run: pip install 'kaneflex[zarr]', or take netcdf"
-        raise SceneError("--format", "zarr", "zarr is not installed", cure) from None
 
 
 def write_zarr(plan: Plan, store: Store, path: Path) -> None:

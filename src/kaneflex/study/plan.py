@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.merge import merged
+from kaneflex.scene.read import FILE_KEYS, file_entries
 from kaneflex.scene.settings import demand_once, nested, resolved
 from kaneflex.solve.memory import gib, installed
 from kaneflex.study.poincare import Poincare
@@ -24,8 +25,6 @@ from kaneflex.support.module_cache import sources_digest
 if TYPE_CHECKING:
     from kaneflex.solve.variants import Variants
 
-FILE_KEYS = ("table", "modal_data", "file")
-"""Entries of a scene that name a file."""
 OWN_NAMES = ("point", "statistic", "instant", "outcome", "reason", "time")
 """Names in the dataset that are not sensors."""
 
@@ -38,7 +37,7 @@ _POINT, _VALUE = 500, 70
 
 def names_file(path: str) -> bool:
     """Whether the entry at a path of the scene names a file."""
-    return path.rpartition(".")[2] in FILE_KEYS
+    return path.rpartition(".")[2] in FILE_KEYS.values()
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,13 +212,7 @@ def _whole_path(key: str, value: Value, folder: Path) -> Value:
 
 def file_places(scene: Scene) -> dict[str, str]:
     """Path of every entry of the scene that names a file -> that file."""
-    return {
-        f"{table}.{name}.{key}": entry[key]
-        for table in ("loads", "drives", "bodies", "solve")
-        for name, entry in scene.raw.get(table, {}).items()
-        for key in FILE_KEYS
-        if isinstance(entry, dict) and isinstance(entry.get(key), str)
-    }
+    return {path: entry[key] for path, (entry, key) in file_entries(scene.raw).items()}
 
 
 def _files(scene: Scene, points: list[Point]) -> dict[str, bytes]:

@@ -65,9 +65,7 @@ class Finished:
     @property
     def dataset(self) -> xarray.Dataset:
         """The dataset, read from its file."""
-        import xarray
-
-        with xarray.open_dataset(self.path, engine="zarr" if self.path.suffix == ".zarr" else "scipy") as found:
+        with _opened(self.path) as found:
             return found.load()
 
 
@@ -145,11 +143,14 @@ def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Prog
             progress(Progress(done, total, failed, done - before, rate))
 
 
-def _finished(store: Store, total: int) -> Finished:
+def _opened(path: Path) -> xarray.Dataset:
     import xarray
 
-    engine = "zarr" if store.result.suffix == ".zarr" else "scipy"
-    with xarray.open_dataset(store.result, engine=engine) as found:
+    return xarray.open_dataset(path, engine="zarr" if path.suffix == ".zarr" else "scipy")
+
+
+def _finished(store: Store, total: int) -> Finished:
+    with _opened(store.result) as found:
         endings = zip(found["point"].values, found["outcome"].values, found["reason"].values, strict=True)
         failures = {int(point): str(reason) for point, outcome, reason in endings if outcome != COMPLETED}
     return Finished(store.result, total, failures)

@@ -7,7 +7,8 @@ into a `Problem`, and all problems of one file are raised together as one `Scene
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 _LONGEST_VALUE = 200  # characters of a value that a message repeats
@@ -27,6 +28,38 @@ class Fault(ValueError):
         self.reason = reason
         self.cure = cure
         self.below = below
+
+
+@contextmanager
+def within(key: str) -> Iterator[None]:
+    """Faults of what stands below a key, as its owner tells them."""
+    try:
+        yield
+    except Fault as fault:
+        raise Fault(fault.reason, fault.cure, below=f"{key}.{fault.below}".rstrip(".")) from None
+
+
+@contextmanager
+def told(key: str, value: object) -> Iterator[None]:
+    """Faults of a value become a SceneError with its key."""
+    try:
+        yield
+    except Fault as fault:
+        raise SceneError(key, value, fault.reason, fault.cure) from None
+
+
+@contextmanager
+def installed(said: str, cure: str, *modules: str) -> Iterator[None]:
+    """Around the import of a package that not everyone has, a Fault where it is missing; ``said``: how it is called.
+
+    What it lacks itself, other than these modules, is raised as it is.
+    """
+    try:
+        yield
+    except ImportError as error:
+        if error.name not in modules:
+            raise
+        raise Fault(f"{said} is not installed", cure) from None
 
 
 @dataclass(frozen=True)
@@ -65,6 +98,13 @@ class UserError(ValueError):
 
 class SceneError(UserError):
     """A scene, a table it names or a setting cannot be used."""
+
+
+def refuse(*rules: tuple[object, str, object, str, str]) -> None:
+    """Raise SceneError by the first broken rule: each says whether it is, then key, value, reason and cure."""
+    for broken, *what in rules:
+        if broken:
+            raise SceneError(*what)
 
 
 class StoppedEarly(SceneError):

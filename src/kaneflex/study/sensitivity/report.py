@@ -18,7 +18,7 @@ from kaneflex.solve.solution import Solution
 from kaneflex.study.sensitivity.parameters import Parameter, find_parameters
 from kaneflex.study.sensitivity.slopes import differentiated
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, refuse
 from kaneflex.support.labelled import Labelled
 
 if TYPE_CHECKING:
@@ -175,50 +175,40 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
 
     ``continued`` tells whether it goes on from the last state of another one.
     """
-    if continued:
-        raise SceneError(
-            "after", None, "how the state that a run continues from follows the parameter is not known",
-            "Differentiate a run from its start",
-        )  # fmt: skip
+    refuse(
+        (continued, "after", None, "how the state that a run continues from follows the parameter is not known",
+         "Differentiate a run from its start"),
+    )  # fmt: skip
     options = resolve_options(scene)
-    if options.dynamics not in DYNAMICS:
-        raise SceneError(
-            "solve.preset", options.preset, "its sensors can't be differentiated",
-            "Take preset linear, stiffened, quasistatic or coupled, with a body that has a beam",
-        )  # fmt: skip
-    if options.start == "given":
-        raise SceneError(
-            "solve.start", "a table of a state", "how a given state follows the parameter is not known",
-            "Start from zero, quasistatic or periodic",
-        )  # fmt: skip
+    refuse(
+        (options.dynamics not in DYNAMICS, "solve.preset", options.preset, "its sensors can't be differentiated",
+         "Take preset linear, stiffened, quasistatic or coupled, with a body that has a beam"),
+        (options.start == "given", "solve.start", "a table of a state",
+         "how a given state follows the parameter is not known", "Start from zero, quasistatic or periodic"),
+    )  # fmt: skip
     refuse_contacts(
         scene, "sensitivities", None, "the instants of the impacts would move with the parameter", "Leave it out"
     )
+    coupled = options.dynamics == "coupled"
     for name in scene.loads:
-        law, coupled = scene.law(name), options.dynamics == "coupled"
+        law = scene.law(name)
         turning = None if law is None else law.kinks() if coupled else law.jumps()
-        if turning is not None:
-            raise SceneError(
-                f"loads.{name}.law", scene.loads[name].law,
-                f"the instants at which {turning} {'turns' if coupled else 'jumps'} would move with the parameter",
-                "Write a law without, like sqrt(x**2 + small**2) for abs(x)",
-            )  # fmt: skip
-    if options.integrator == "scipy":
-        raise SceneError(
-            "solve.integrator", "scipy", "what it does within a step has no derivative here",
-            "Take gauss or radau",
+        refuse(
+            (turning is not None, f"loads.{name}.law", scene.loads[name].law,
+             f"the instants at which {turning} {'turns' if coupled else 'jumps'} would move with the parameter",
+             "Write a law without, like sqrt(x**2 + small**2) for abs(x)"),
         )  # fmt: skip
     free = next((name for name, drive in scene.drives.items() if drive.free), None)
-    if free is not None and options.dynamics != "coupled":
-        raise SceneError(
-            f"drives.{free}.free", True, "a motion that follows the forces is differentiated with the links it moves",
-            "Take preset coupled, or give the drive a speed, a law or a table",
-        )  # fmt: skip
     stopping = next((name for name, event in scene.events.items() if event.stop), None)
-    if stopping is not None:
-        raise SceneError(
-            f"events.{stopping}.stop", True, "the end of the run would move with the parameter", "Leave stop out"
-        )
+    refuse(
+        (options.integrator == "scipy", "solve.integrator", "scipy",
+         "what it does within a step has no derivative here", "Take gauss or radau"),
+        (free is not None and not coupled, f"drives.{free}.free", True,
+         "a motion that follows the forces is differentiated with the links it moves",
+         "Take preset coupled, or give the drive a speed, a law or a table"),
+        (stopping is not None, f"events.{stopping}.stop", True,
+         "the end of the run would move with the parameter", "Leave stop out"),
+    )  # fmt: skip
 
 
 def _demand_some(solution: Solution, parameter: Parameter, slopes: Mapping[str, np.ndarray]) -> None:

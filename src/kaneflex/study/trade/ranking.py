@@ -16,7 +16,7 @@ from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.runs import Cost, Run, Runs, cost
 from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings
 from kaneflex.study.trade.reference import Reference, find_reference
-from kaneflex.support.errors import SceneError, nearest
+from kaneflex.support.errors import SceneError, nearest, refuse
 
 _FIRST_RUNS = 0.6
 """Share of the budget after which no further candidate is begun: the rest is for repeats."""
@@ -165,24 +165,20 @@ def check_sensors(scene: Scene, sensors: Sequence[str] | None) -> None:
 
 def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:
     """The sensors that count; SceneError for what can't be asked, before anything is computed."""
-    if not 0 < tolerance < 1:
-        raise SceneError("--tolerance", tolerance, "a share of each sensor's peak", "Give one between 0 and 100 %")
-    if not budget > 0:
-        raise SceneError("--budget", budget, "no time to run anything in", "Give a positive time, like 60s")
+    refuse(
+        (not 0 < tolerance < 1, "--tolerance", tolerance, "a share of each sensor's peak",
+         "Give one between 0 and 100 %"),
+        (not budget > 0, "--budget", budget, "no time to run anything in", "Give a positive time, like 60s"),
+    )  # fmt: skip
     check_sensors(scene, sensors)
-    if isinstance(scene.solve.start, Start):
-        raise SceneError(
-            "solve.start", "a table of a state", "the models that are compared have different coordinates",
-            "Start from zero, quasistatic or periodic",
-        )  # fmt: skip
     modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
-    if modal is not None:
-        raise SceneError(
-            f"bodies.{modal}.modal_data", Path(scene.bodies[modal].modal_data).name,
-            "only preset coupled takes modal data: there is one model", "Give the body a beam",
-        )  # fmt: skip
-    if not elements_of(scene):
-        raise SceneError("bodies", None, "none has a beam: there is one model only", "Give a body a beam")
+    refuse(
+        (isinstance(scene.solve.start, Start), "solve.start", "a table of a state",
+         "the models that are compared have different coordinates", "Start from zero, quasistatic or periodic"),
+        (modal is not None, f"bodies.{modal}.modal_data", modal and Path(str(scene.bodies[modal].modal_data)).name,
+         "only preset coupled takes modal data: there is one model", "Give the body a beam"),
+        (not elements_of(scene), "bodies", None, "none has a beam: there is one model only", "Give a body a beam"),
+    )  # fmt: skip
     return tuple(sensors or scene.sensors)
 
 
