@@ -6,21 +6,13 @@ In link axes, with one scalar of the motion before each constant matrix:
     M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
 
-Operations of one call, written out -> with shared subexpressions:
-    M        56 -> 14
-    K_s      52 -> 12
-    K_d     152 -> 24
-    K_g     348 -> 49
-    C        56 -> 8
-    F        80 -> 38
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
+from kaneflex.generated.packs import pack, unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -34,24 +26,7 @@ ELEMENT_PARAMETERS = (
     ('x_0', 'm', "distance of the element's first node from the link's origin"),
 )
 
-# s: name, unit, meaning
-LINK_SCALARS = (
-    ('omega', 'rad/s', 'angular velocity of the link frame'),
-    ('epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('P_0', 'N', "axial force at the link's origin, tension positive"),
-)
-
-# what element_matrices stores, in its order
-KERNELS = (
-    'M',
-    'K_s',
-    'K_d',
-    'K_g',
-    'C',
-    'F',
-)
+KERNELS = ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')  # what element_matrices stores, in its order
 
 # name, group, kernel that has it, factors of the scalar
 TERMS = (
@@ -86,8 +61,7 @@ def M(p, out):
     """Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
+    rho_A, _, _, length = unpacked(p, 4)
     w0 = length*rho_A
     w1 = (length*length)*rho_A
     w2 = 0.05238095238095238*w1
@@ -120,9 +94,7 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    E_A = p[1]
-    E_I = p[2]
-    length = p[3]
+    _, E_A, E_I, length = unpacked(p, 4)
     w0 = 1.0/length
     w1 = E_A*w0
     w2 = 12.0*E_I/(length*length*length)
@@ -152,10 +124,8 @@ def K_d(p, s, out):
     """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, _, length = unpacked(p, 4)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = w0*w1
@@ -207,12 +177,8 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    omega = s[0]
-    a_x = s[2]
-    P_0 = s[4]
+    rho_A, _, _, length, x_0 = unpacked(p, 5)
+    omega, _, a_x, _, P_0 = unpacked(s, 5)
     w0 = a_x*rho_A
     w1 = omega*omega
     w2 = rho_A*w1*x_0
@@ -249,8 +215,7 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
+    rho_A, _, _, length = unpacked(p, 4)
     omega = s[0]
     w0 = omega*rho_A
     w1 = length*w0
@@ -282,13 +247,8 @@ def F(p, s, out):
     """Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, _, length, x_0 = unpacked(p, 5)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length*rho_A
     w1 = a_x*w0
     w2 = omega*omega

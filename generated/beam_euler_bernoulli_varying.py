@@ -6,22 +6,14 @@ In link axes, with one scalar of the motion before each constant matrix:
     M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
 
-Operations of one call, written out -> with shared subexpressions:
-    M       110 -> 34
-    K_s      80 -> 19
-    K_d     246 -> 73
-    K_g     476 -> 78
-    C        96 -> 31
-    F       143 -> 74
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
+from kaneflex.generated.packs import pack, unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest d3e476e715dab2fb
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -56,9 +48,7 @@ def M(p, out):
     """Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
+    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = length*rho_A_rise
@@ -107,10 +97,7 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    E_A = p[1]
-    E_I = p[2]
-    length = p[3]
-    E_I_rise = p[7]
+    _, E_A, E_I, length, _, _, _, E_I_rise = unpacked(p, 8)
     w0 = 1.0/length
     w1 = E_A*w0
     w2 = 12.0*E_I/(length*length*length)
@@ -148,11 +135,8 @@ def K_d(p, s, out):
     """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
@@ -235,15 +219,8 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    m_0 = p[8]
-    S_0 = p[9]
-    omega = s[0]
-    a_x = s[2]
-    P_0 = s[4]
+    rho_A, _, _, length, x_0, rho_A_rise, _, _, m_0, S_0 = unpacked(p, 10)
+    omega, _, a_x, _, P_0 = unpacked(s, 5)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = length*rho_A_rise
@@ -287,9 +264,7 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
+    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
     omega = s[0]
     w0 = length*rho_A
     w1 = 0.7*w0
@@ -340,14 +315,8 @@ def F(p, s, out):
     """Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, _, length, x_0, rho_A_rise = unpacked(p, 6)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length*rho_A
     w1 = length*rho_A_rise
     w2 = 0.08333333333333333*w1

@@ -7,23 +7,15 @@ In link axes, with one scalar of the motion before each constant matrix:
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
     Beside omega^2 stands the M of translation: rotary inertia neither softens nor stiffens.
 
-Operations of one call, written out -> with shared subexpressions:
-    M       172 -> 55
-    K_s      80 -> 19
-    K_d     246 -> 73
-    K_g     476 -> 78
-    C        96 -> 31
-    F       151 -> 78
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
-from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 3341852d2fb6c2c1
+from kaneflex.generated.packs import pack, unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest d3e476e715dab2fb
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest d7a0703c3cbbbad2
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -62,11 +54,7 @@ def M(p, out):
     M holds the rotary inertia int rho I theta^T theta dx, too.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
-    rho_I = p[10]
-    rho_I_rise = p[11]
+    rho_A, _, _, length, _, rho_A_rise, _, _, _, _, rho_I, rho_I_rise = unpacked(p, 12)
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = length*rho_A_rise
@@ -123,11 +111,8 @@ def K_d(p, s, out):
     M here is that of translation alone.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
@@ -212,16 +197,8 @@ def F(p, s, out):
     It holds the rotary inertia -epsilon int rho I theta^T dx, too.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    rho_I = p[10]
-    rho_I_rise = p[11]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, _, length, x_0, rho_A_rise, _, _, _, _, rho_I, rho_I_rise = unpacked(p, 12)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length*rho_A
     w1 = length*rho_A_rise
     w2 = 0.08333333333333333*w1

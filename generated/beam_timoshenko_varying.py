@@ -7,22 +7,14 @@ In link axes, with one scalar of the motion before each constant matrix:
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
     Beside omega^2 stands the M of translation: rotary inertia neither softens nor stiffens.
 
-Operations of one call, written out -> with shared subexpressions:
-    M      1690 -> 206
-    K_s     188 -> 35
-    K_d    1418 -> 164
-    K_g    4470 -> 273
-    C       500 -> 68
-    F       402 -> 118
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
+from kaneflex.generated.packs import pack, unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest d3e476e715dab2fb
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -63,14 +55,7 @@ def M(p, out):
     So is the correction M_c for the element's answer to its own inertia; K_d and C are without it.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    rho_I = p[10]
-    rho_I_rise = p[11]
-    phi_s = p[12]
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, rho_I, rho_I_rise, phi_s = unpacked(p, 13)
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = 0.08333333333333333*length
@@ -176,11 +161,7 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    E_A = p[1]
-    E_I = p[2]
-    length = p[3]
-    E_I_rise = p[7]
-    phi_s = p[12]
+    _, E_A, E_I, length, _, _, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
     w0 = 1.0/length
     w1 = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
@@ -225,14 +206,8 @@ def K_d(p, s, out):
     M here is that of translation alone.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    phi_s = p[12]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
@@ -362,18 +337,8 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    m_0 = p[8]
-    S_0 = p[9]
-    phi_s = p[12]
-    omega = s[0]
-    a_x = s[2]
-    P_0 = s[4]
+    rho_A, _, E_I, length, x_0, rho_A_rise, _, E_I_rise, m_0, S_0, _, _, phi_s = unpacked(p, 13)
+    omega, _, a_x, _, P_0 = unpacked(s, 5)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = length*rho_A_rise
@@ -474,12 +439,7 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    phi_s = p[12]
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
     omega = s[0]
     w0 = length*rho_A
     w1 = 0.6666666666666666*w0
@@ -554,19 +514,8 @@ def F(p, s, out):
     It holds the rotary inertia -epsilon int rho I theta^T dx, too.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    rho_I = p[10]
-    rho_I_rise = p[11]
-    phi_s = p[12]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, E_I, length, x_0, rho_A_rise, _, E_I_rise, _, _, rho_I, rho_I_rise, phi_s = unpacked(p, 13)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length
     w1 = rho_A*w0
     w2 = 0.08333333333333333*length

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from extreme_cases import press
+from runs import tables
 
 from kaneflex.cli.trade import chosen_lines
 from kaneflex.multibody.binding import generate_text, import_file, operation_count, pruned_text
@@ -336,8 +337,7 @@ def offered(text):
     tree = ast.parse(text)
     names = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
     names |= {alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names}
-    (terms,) = (node.value for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id == "TERMS")
-    return names | {name for name, *_ in ast.literal_eval(terms)}
+    return names | {name for name, *_ in tables(tree)["TERMS"]}
 
 
 PRUNED = {
