@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 import sympy as sm
 from sympy.printing.c import C11CodePrinter
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, packs
 from kaneflex.derive.beam import beam_element
 from kaneflex.derive.elements import element_kernel, in_letters
 from kaneflex.derive.generate import Equations, Progress, derive_equations, kernels_of, lower, table_paths
@@ -92,6 +93,9 @@ def _called(programs: Sequence[Program]) -> list[str]:
 def _function(kernel: emit.Kernel, name: str, identifiers: Mapping[sm.Symbol, str]) -> str:
     """The definition of a kernel. A number that only goes into the array has no name of its own there."""
     program, printer = kernel.program, CPrinter(identifiers)
+    if kernel.fill:
+        program = replace(program, outputs=packs.full(program.outputs))
+        kernel = replace(kernel, program=program)
     assigned = {symbol for symbol, _ in program.assignments}
     rights = [value for _, value in (*program.assignments, *program.outputs) if value not in assigned]
     named = {printer.doprint(symbol) for value in rights for symbol in value.free_symbols}

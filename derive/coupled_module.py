@@ -200,9 +200,10 @@ def _tables(topology: Topology, beam: str, switched: tuple[str, ...]) -> list[st
         joint.name: (joint.kind, *(f"{side.body}.{side.name}" for side in joint.sides), drives.get(joint.name, ""))
         for joint in mechanism.joints.values()
     }
+    bodies = (f"{body!r}: {counts!r}" for body, counts in told(topology.bodies).items())
     observed, springs = (told(tuple(of)) for of in (mechanism.observed, mechanism.springs))
     return [
-        emit.literal("BODIES", told(topology.bodies), "axial, transverse shapes; 1 where its start moves in its frame"),
+        emit.table("BODIES", bodies, "axial, transverse shapes; 1 where its start moves in its frame", "{}"),
         emit.literal("JOINTS", told(joints), "kind, first and second point, kind of the drive"),
         *([emit.literal("OBSERVED", observed, "joints that laws know beside them")] * bool(observed)),
         *([emit.literal("SWITCHES", switched, "loads that change where magnitudes' next pass zero")] * bool(switched)),

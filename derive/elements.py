@@ -8,13 +8,14 @@ scalar at 1 and the others at 0 it gives the constant matrix before that scalar'
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 
 import sympy as sm
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, packs
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.names import Names
-from kaneflex.derive.program import Program, named, share
+from kaneflex.derive.program import Program, named, prune, share
 from kaneflex.derive.rows import LINK_TABLE, rows_text
 from kaneflex.derive.shapes import x_0
 from kaneflex.support.contract import BEAMS, ELEMENT_KERNELS, ELEMENT_TERMS
@@ -99,15 +100,17 @@ def element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
     inputs = [(symbol, f"p[{k}]") for k, (_, symbol, *_) in enumerate(element.parameters)]
     inputs += [(symbol, f"s[{k}]") for k, (_, symbol, *_) in enumerate(element.scalars)]
     symbols = tuple(symbol for symbol, _ in inputs)
-    raw = shorter = Program(name, symbols, (), _stores(total))
+    raw, steps, stored = Program(name, symbols, (), _stores(total)), (), total
     if name == "K_g":  # by the few numbers of the tension, in Horner's form, instead of by all of their products
-        numbers = tuple((symbol, sm.horner(expression, x_0)) for symbol, expression, _ in element.tension)
-        by_tension = sum((symbol * matrix for symbol, _, matrix in element.tension), sm.zeros(*total.shape))
-        shorter = Program(name, symbols, numbers, _stores(by_tension))
+        steps = tuple((symbol, sm.horner(expression, x_0)) for symbol, expression, _ in element.tension)
+        stored = sum((symbol * matrix for symbol, _, matrix in element.tension), sm.zeros(*total.shape))
     arguments = ("p", "s", "out") if any(term.scalar != 1 for term in chosen) else ("p", "out")
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + (" s: LINK_SCALARS." if "s" in arguments else "")
     doc += " out: zeros; structural zeros are not stored."
-    return emit.Kernel(named(share(shorter)), arguments, tuple(inputs), doc, packed=True, unpacked=True), raw
+    matrix = stored.cols > 1
+    program = share(Program(name, symbols, steps, _stores(stored)))
+    program = named(_independent(program, stored) if matrix else program)
+    return emit.Kernel(program, arguments, tuple(inputs), doc, packed=True, unpacked=True, fill=matrix), raw
 
 
 def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
@@ -117,6 +120,16 @@ def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
     return tuple(
         (index(i, j), matrix[i, j]) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0
     )
+
+
+def _independent(program: Program, matrix: sm.Matrix) -> Program:
+    """What a program computes of a 6 x 6 matrix less the entries that follow from others."""
+    places = [(block, place) for block in packs.BLOCKS for place in packs.independent(block)]
+    for block, (i, j) in places:
+        difference = matrix[j, i] - packs.sign(block) * matrix[i, j]
+        assert difference.expand() == 0, f"the {block} of {program.name} is not as packs.BLOCKS says"
+    wanted = {f"out[{i}, {j}]" for _, (i, j) in places}
+    return prune(replace(program, outputs=tuple(entry for entry in program.outputs if entry[0] in wanted)))
 
 
 def every_matrix(terms: Iterable[tuple[str, str, str, tuple[str, ...]]], size: int) -> str:

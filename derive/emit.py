@@ -101,9 +101,10 @@ class Kernel:
     """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers.
 
     One that ``returns`` has no array: its outputs are numbers by names of their own. ``calls``: statements behind the
-    program's own, which read its outputs. ``inline``: into what calls it, whatever its size. ``packed``: outputs, all
-    of them symbols, are stored at last and in one go where they are neighbours. ``unpacked``: what is read of an array
-    is read in one go.
+    program's own, which read its outputs. ``inline``: into what calls it, whatever its size. ``packed``: outputs
+    are stored at last and in one go where they are neighbours. ``unpacked``: what is read of an array
+    is read in one go. ``fill``: they are a matrix that its
+    independent entries are stored as.
     """
 
     program: Program
@@ -116,6 +117,7 @@ class Kernel:
     inline: bool = False
     packed: bool = False
     unpacked: bool = False
+    fill: bool = False
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
@@ -134,11 +136,11 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     read, told = reads(kernel, printer), statements(kernel, printer)
     body = [*packs.loads(read)] if kernel.unpacked else [f"{name} = {source}" for name, source in read]
     if kernel.packed:
-        slots = []
+        slots = {}
         for name, places, value in told:
-            body.append(f"{name} = {value}")
-            slots += [(tuple(map(int, re.findall(r"\d+", place))), name) for place in places]
-        body += packs.stores(slots)
+            body += [f"{name} = {value}"] if name else []
+            slots |= {tuple(map(int, re.findall(r"\d+", place))): name or value for place in places}
+        body += [packs.filled(slots)] if kernel.fill else packs.stores(list(slots.items()))
     else:
         body += [" = ".join([*([name] if name else []), *slots, value]) for name, slots, value in told]
     if kernel.returns:
@@ -265,7 +267,7 @@ def module(
     module of this ``structure``, or of every one.
     """
     kernels, tables = "\n\n".join(kernels), _together(tables)
-    packed = [name for name in packs.CALLED if f"{name}(" in kernels]
+    packed = [name for name in packs.CALLED if f" {name}(" in kernels]
     imports = [*([import_called("packs", packed, packs.TEXT)] if packed else []), *imports]
     if re.search(r"\brows\.\w+\(", tables):
         imports.insert(0, "from kaneflex.generated import rows")

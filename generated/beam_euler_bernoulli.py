@@ -11,7 +11,7 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
-from kaneflex.generated.packs import pack, unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
 
 FORMAT = 3
@@ -71,22 +71,9 @@ def M(p, out):
     v1 = 0.16666666666666666*w0
     v2 = 0.37142857142857144*w0
     v3 = 0.12857142857142856*w0
-    v4 = -w3
-    v5 = 0.009523809523809525*w4
-    v6 = -0.007142857142857143*w4
-    v7 = -w2
-    out[0, 0] = v0
-    out[0, 3] = v1
-    pack(out, (1, 1), (v2, w2))
-    pack(out, (1, 4), (v3, v4))
-    pack(out, (2, 1), (w2, v5))
-    pack(out, (2, 4), (w3, v6))
-    out[3, 0] = v1
-    out[3, 3] = v0
-    pack(out, (4, 1), (v3, w3))
-    pack(out, (4, 4), (v2, v7))
-    pack(out, (5, 1), (v4, v6))
-    pack(out, (5, 4), (v7, v5))
+    v4 = 0.009523809523809525*w4
+    v5 = -0.007142857142857143*w4
+    fill(out, ((v0, v1, v0), (v2, w2, v3, -w3, v4, w3, v5, v2, -w2, v4)))
 
 
 @njit(**OPTIONS)
@@ -100,23 +87,9 @@ def K_s(p, out):
     w2 = 12.0*E_I/(length*length*length)
     w3 = 6.0*E_I/(length*length)
     w4 = E_I*w0
-    v0 = -w1
-    v1 = -w2
-    v2 = 4.0*w4
-    v3 = -w3
-    v4 = 2.0*w4
-    out[0, 0] = w1
-    out[0, 3] = v0
-    pack(out, (1, 1), (w2, w3))
-    pack(out, (1, 4), (v1, w3))
-    pack(out, (2, 1), (w3, v2))
-    pack(out, (2, 4), (v3, v4))
-    out[3, 0] = v0
-    out[3, 3] = w1
-    pack(out, (4, 1), (v1, v3))
-    pack(out, (4, 4), (w2, v3))
-    pack(out, (5, 1), (w3, v4))
-    pack(out, (5, 4), (v3, v2))
+    v0 = 4.0*w4
+    v1 = 2.0*w4
+    fill(out, ((w1, -w1, w1), (w2, w3, -w2, w3, v0, -w3, v1, w2, -w3, v0)))
 
 
 @njit(**OPTIONS)
@@ -141,35 +114,12 @@ def K_d(p, s, out):
     w12 = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
     v0 = -0.3333333333333333*w2
-    v1 = -w4
-    v2 = -w7
-    v3 = -0.16666666666666666*w2
-    v4 = -w8
-    v5 = -0.37142857142857144*w2
-    v6 = -w11
-    v7 = -0.12857142857142856*w2
-    v8 = -0.009523809523809525*w13
-    v9 = -w12
-    v10 = 0.007142857142857143*w13
-    v11 = -w9
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, w9))
-    pack(out, (1, 0), (w4, v5))
-    pack(out, (1, 2), (v6, w8))
-    pack(out, (1, 4), (v7, w12))
-    pack(out, (2, 0), (w7, v6))
-    pack(out, (2, 2), (v8, w9))
-    pack(out, (2, 4), (v9, v10))
-    pack(out, (3, 0), (v3, v4))
-    pack(out, (3, 2), (v11, v0))
-    pack(out, (3, 4), (v1, w7))
-    pack(out, (4, 0), (w8, v7))
-    pack(out, (4, 2), (v9, w4))
-    pack(out, (4, 4), (v5, w11))
-    pack(out, (5, 0), (v11, w12))
-    pack(out, (5, 2), (v10, v2))
-    pack(out, (5, 4), (w11, v8))
+    v1 = -0.16666666666666666*w2
+    v2 = -0.37142857142857144*w2
+    v3 = -0.12857142857142856*w2
+    v4 = -0.009523809523809525*w13
+    v5 = 0.007142857142857143*w13
+    fill(out, ((v0, v1, v0), (v2, -w11, v3, w12, v4, -w12, v5, v2, w11, v4), (-w4, -w7, -w8, w9, -w8, -w9, -w4, w7)))
 
 
 @njit(**OPTIONS)
@@ -194,20 +144,10 @@ def K_g(p, s, out):
     w9 = 0.13333333333333333*P_1*length
     w10 = 0.03333333333333333*length
     w11 = P_3*length
-    v0 = -w4
-    v1 = P_2*w10 + 0.01904761904761905*w11 + w9
-    v2 = -w7
-    v3 = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
-    v4 = -w8
-    v5 = length*w6 + 0.08571428571428572*w11 + w9
-    pack(out, (1, 1), (w4, w7))
-    pack(out, (1, 4), (v0, w8))
-    pack(out, (2, 1), (w7, v1))
-    pack(out, (2, 4), (v2, v3))
-    pack(out, (4, 1), (v0, v2))
-    pack(out, (4, 4), (w4, v4))
-    pack(out, (5, 1), (w8, v3))
-    pack(out, (5, 4), (v4, v5))
+    v0 = P_2*w10 + 0.01904761904761905*w11 + w9
+    v1 = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
+    v2 = length*w6 + 0.08571428571428572*w11 + w9
+    fill(out, ((w4, w7, -w4, w8, v0, -w7, v1, w4, -w8, v2),))
 
 
 @njit(**OPTIONS)
@@ -224,22 +164,7 @@ def C(p, s, out):
     w4 = 0.1*w3
     w5 = 0.3*w1
     w6 = 0.06666666666666667*w3
-    v0 = -w2
-    v1 = -w4
-    v2 = -w5
-    v3 = -w6
-    pack(out, (0, 1), (v0, v1))
-    pack(out, (0, 4), (v2, w6))
-    out[1, 0] = w2
-    out[1, 3] = w5
-    out[2, 0] = w4
-    out[2, 3] = w6
-    pack(out, (3, 1), (v2, v3))
-    pack(out, (3, 4), (v0, w4))
-    out[4, 0] = w5
-    out[4, 3] = w2
-    out[5, 0] = v3
-    out[5, 3] = v1
+    fill(out, ((-w2, -w4, -w5, w6, -w5, -w6, -w2, w4),))
 
 
 @njit(**OPTIONS)

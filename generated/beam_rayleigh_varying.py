@@ -12,10 +12,10 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
-from kaneflex.generated.packs import pack, unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest d3e476e715dab2fb
-from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest d7a0703c3cbbbad2
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest f54de6ca0c98f92d
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 3ae798db380c8f03
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -40,9 +40,9 @@ ELEMENT_PARAMETERS = (
 OPERATIONS = {
     'M': (172, 55),
     'K_s': (80, 19),
-    'K_d': (246, 73),
+    'K_d': (246, 67),
     'K_g': (476, 78),
-    'C': (96, 31),
+    'C': (96, 25),
     'F': (151, 78),
 }
 
@@ -90,18 +90,7 @@ def M(p, out):
     v10 = w4 + w6
     v11 = -w10 - w13 - w21
     v12 = w16 + w18 + w20
-    out[0, 0] = v0
-    out[0, 3] = v1
-    pack(out, (1, 1), (v2, v3))
-    pack(out, (1, 4), (v4, v5))
-    pack(out, (2, 1), (v3, v6))
-    pack(out, (2, 4), (v7, v8))
-    out[3, 0] = v1
-    out[3, 3] = v9
-    pack(out, (4, 1), (v4, v7))
-    pack(out, (4, 4), (v10, v11))
-    pack(out, (5, 1), (v5, v8))
-    pack(out, (5, 4), (v11, v12))
+    fill(out, ((v0, v1, v9), (v2, v3, v4, v5, v6, v7, v8, v10, v11, v12)))
 
 
 @njit(**OPTIONS)
@@ -149,45 +138,21 @@ def K_d(p, s, out):
     v2 = -epsilon*w13
     v3 = -0.16666666666666666*w14
     v4 = -epsilon*w17
-    v5 = epsilon*w7
-    v6 = w0*(-w19 + w20)
-    v7 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
-    v8 = epsilon*w22
-    v9 = -0.12857142857142856*w14
-    v10 = w0*(w23 - w24)
-    v11 = epsilon*w13
-    v12 = w0*(-w27 + w28)
-    v13 = w0*(-w23 - w24)
-    v14 = 0.007142857142857143*w0*w26
-    v15 = -epsilon*w22
-    v16 = -w18
-    v17 = w0*(-w2 - w4)
-    v18 = -epsilon*w29
-    v19 = epsilon*w30
-    v20 = epsilon*w17
-    v21 = epsilon*w29
-    v22 = w0*(-w19 - w20)
-    v23 = w0*(0.009523809523809525*w11 + w21)
-    v24 = -epsilon*w30
-    v25 = w0*(-w27 - w28)
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, w18))
-    pack(out, (1, 0), (v5, v6))
-    pack(out, (1, 2), (v7, v8))
-    pack(out, (1, 4), (v9, v10))
-    pack(out, (2, 0), (v11, v7))
-    pack(out, (2, 2), (v12, w18))
-    pack(out, (2, 4), (v13, v14))
-    pack(out, (3, 0), (v3, v15))
-    pack(out, (3, 2), (v16, v17))
-    pack(out, (3, 4), (v18, v19))
-    pack(out, (4, 0), (v20, v9))
-    pack(out, (4, 2), (v13, v21))
-    pack(out, (4, 4), (v22, v23))
-    pack(out, (5, 0), (v16, v10))
-    pack(out, (5, 2), (v14, v24))
-    pack(out, (5, 4), (v23, v25))
+    v5 = w0*(-w19 + w20)
+    v6 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
+    v7 = -0.12857142857142856*w14
+    v8 = w0*(w23 - w24)
+    v9 = w0*(-w27 + w28)
+    v10 = w0*(-w23 - w24)
+    v11 = 0.007142857142857143*w0*w26
+    v12 = -epsilon*w22
+    v13 = w0*(-w2 - w4)
+    v14 = -epsilon*w29
+    v15 = epsilon*w30
+    v16 = w0*(-w19 - w20)
+    v17 = w0*(0.009523809523809525*w11 + w21)
+    v18 = w0*(-w27 - w28)
+    fill(out, ((v0, v3, v13), (v5, v6, v7, v8, v9, v10, v11, v16, v17, v18), (v1, v2, v4, w18, v12, -w18, v14, v15)))
 
 
 @njit(**OPTIONS)

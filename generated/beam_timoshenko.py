@@ -12,9 +12,9 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
-from kaneflex.generated.packs import pack, unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest d3e476e715dab2fb
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest f54de6ca0c98f92d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -34,9 +34,9 @@ ELEMENT_PARAMETERS = (
 OPERATIONS = {
     'M': (524, 66),
     'K_s': (92, 20),
-    'K_d': (420, 56),
+    'K_d': (420, 54),
     'K_g': (1120, 111),
-    'C': (144, 24),
+    'C': (144, 22),
     'F': (128, 57),
 }
 
@@ -74,21 +74,8 @@ def M(p, out):
     v1 = w1 + w7
     v2 = 0.16666666666666666*length*rho_A - w7
     v3 = 0.3333333333333333*w14 + w16 + w18 + w19
-    v4 = -w13
-    v5 = 0.16666666666666666*w14 - w16 - w18 + w19
-    v6 = -w12
-    out[0, 0] = w1
-    out[0, 3] = v0
-    pack(out, (1, 1), (v1, w12))
-    pack(out, (1, 4), (v2, w13))
-    pack(out, (2, 1), (w12, v3))
-    pack(out, (2, 4), (v4, v5))
-    out[3, 0] = v0
-    out[3, 3] = w1
-    pack(out, (4, 1), (v2, v4))
-    pack(out, (4, 4), (v1, v6))
-    pack(out, (5, 1), (w13, v5))
-    pack(out, (5, 4), (v6, v3))
+    v4 = 0.16666666666666666*w14 - w16 - w18 + w19
+    fill(out, ((w1, v0, w1), (v1, w12, v2, w13, v3, -w13, v4, v1, -w12, v3)))
 
 
 @njit(**OPTIONS)
@@ -104,23 +91,9 @@ def K_s(p, out):
     w4 = 12.0*w3/(length*length*length)
     w5 = 6.0*w3/(length*length)
     w6 = E_I*w0
-    v0 = -w1
-    v1 = -w4
-    v2 = 3.0*w2*w6 + w6
-    v3 = -w5
-    v4 = 3.0*E_I*w0*w2 - w6
-    out[0, 0] = w1
-    out[0, 3] = v0
-    pack(out, (1, 1), (w4, w5))
-    pack(out, (1, 4), (v1, w5))
-    pack(out, (2, 1), (w5, v2))
-    pack(out, (2, 4), (v3, v4))
-    out[3, 0] = v0
-    out[3, 3] = w1
-    pack(out, (4, 1), (v1, v3))
-    pack(out, (4, 4), (w4, v3))
-    pack(out, (5, 1), (w5, v4))
-    pack(out, (5, 4), (v3, v2))
+    v0 = 3.0*w2*w6 + w6
+    v1 = 3.0*E_I*w0*w2 - w6
+    fill(out, ((w1, -w1, w1), (w4, w5, -w4, w5, v0, -w5, v1, w4, -w5, v0)))
 
 
 @njit(**OPTIONS)
@@ -161,36 +134,17 @@ def K_d(p, s, out):
     v3 = -w0*w12
     v4 = -epsilon*w13
     v5 = epsilon*w14
-    v6 = epsilon*w7
-    v7 = w0*(-w16 - w2)
-    v8 = -w0*w18
-    v9 = epsilon*w13
-    v10 = w0*(-w12 + w16)
-    v11 = -w0*w19
-    v12 = epsilon*w11
-    v13 = w0*(-w21 - w22)
-    v14 = w0*w19
-    v15 = w0*(w21 - w22)
-    v16 = -epsilon*w14
-    v17 = w0*w18
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, v5))
-    pack(out, (1, 0), (v6, v7))
-    pack(out, (1, 2), (v8, v9))
-    pack(out, (1, 4), (v10, v11))
-    pack(out, (2, 0), (v12, v8))
-    pack(out, (2, 2), (v13, v5))
-    pack(out, (2, 4), (v14, v15))
-    pack(out, (3, 0), (v3, v4))
-    pack(out, (3, 2), (v16, v0))
-    pack(out, (3, 4), (v1, v12))
-    pack(out, (4, 0), (v9, v10))
-    pack(out, (4, 2), (v14, v6))
-    pack(out, (4, 4), (v7, v17))
-    pack(out, (5, 0), (v16, v11))
-    pack(out, (5, 2), (v15, v2))
-    pack(out, (5, 4), (v17, v13))
+    v6 = w0*(-w16 - w2)
+    v7 = -w0*w18
+    v8 = w0*(-w12 + w16)
+    v9 = -w0*w19
+    v10 = w0*(-w21 - w22)
+    v11 = w0*w19
+    v12 = w0*(w21 - w22)
+    v13 = -epsilon*w14
+    v14 = epsilon*w11
+    v15 = w0*w18
+    fill(out, ((v0, v3, v0), (v6, v7, v8, v9, v10, v11, v12, v6, v15, v10), (v1, v2, v4, v5, v4, v13, v1, v14)))
 
 
 @njit(**OPTIONS)
@@ -241,14 +195,7 @@ def K_g(p, s, out):
     v6 = P_1*(0.05*length*w5 - w19) + P_2*(0.025*length*w5 - w23) + P_3*(0.01904761904761905*length*w5 - w26)
     v7 = -P_2*w17 - P_3*w18 + w28
     v8 = P_2*(w21 + w25) + P_3*(w21 + w27) + w20
-    pack(out, (1, 1), (v0, v1))
-    pack(out, (1, 4), (v2, v3))
-    pack(out, (2, 1), (v1, v4))
-    pack(out, (2, 4), (v5, v6))
-    pack(out, (4, 1), (v2, v5))
-    pack(out, (4, 4), (v0, v7))
-    pack(out, (5, 1), (v3, v6))
-    pack(out, (5, 4), (v7, v8))
+    fill(out, ((v0, v1, v2, v3, v4, v5, v6, v0, v7, v8),))
 
 
 @njit(**OPTIONS)
@@ -272,22 +219,9 @@ def C(p, s, out):
     v1 = -omega*w7
     v2 = -omega*w8
     v3 = omega*w9
-    v4 = omega*w3
-    v5 = omega*w8
-    v6 = omega*w7
-    v7 = -omega*w9
-    pack(out, (0, 1), (v0, v1))
-    pack(out, (0, 4), (v2, v3))
-    out[1, 0] = v4
-    out[1, 3] = v5
-    out[2, 0] = v6
-    out[2, 3] = v3
-    pack(out, (3, 1), (v2, v7))
-    pack(out, (3, 4), (v0, v6))
-    out[4, 0] = v5
-    out[4, 3] = v4
-    out[5, 0] = v7
-    out[5, 3] = v1
+    v4 = -omega*w9
+    v5 = omega*w7
+    fill(out, ((v0, v1, v2, v3, v2, v4, v0, v5),))
 
 
 @njit(**OPTIONS)

@@ -19,7 +19,10 @@ FORMAT = 3
 STRUCTURE = "e047d5f791f7ff81"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-BODIES = {'bar': (2, 3, 0)}  # axial, transverse shapes; 1 where its start moves in its frame
+# axial, transverse shapes; 1 where its start moves in its frame
+BODIES = {
+    'bar': (2, 3, 0),
+}
 
 # kind, first and second point, kind of the drive
 JOINTS = {

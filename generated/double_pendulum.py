@@ -10,7 +10,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
 
 FORMAT = 3

@@ -19,7 +19,11 @@ FORMAT = 3
 STRUCTURE = "6077d078cd9cada7"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-BODIES = {'upper': (2, 2, 1), 'lower': (1, 2, 0)}  # axial, transverse shapes; 1 where its start moves in its frame
+# axial, transverse shapes; 1 where its start moves in its frame
+BODIES = {
+    'upper': (2, 2, 1),
+    'lower': (1, 2, 0),
+}
 
 # kind, first and second point, kind of the drive
 JOINTS = {

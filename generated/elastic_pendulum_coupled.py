@@ -19,7 +19,10 @@ FORMAT = 3
 STRUCTURE = "a25f5745e075f479"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-BODIES = {'strip': (1, 3, 0)}  # axial, transverse shapes; 1 where its start moves in its frame
+# axial, transverse shapes; 1 where its start moves in its frame
+BODIES = {
+    'strip': (1, 3, 0),
+}
 
 # kind, first and second point, kind of the drive
 JOINTS = {

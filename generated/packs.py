@@ -10,6 +10,9 @@ from numba.extending import lower_builtin, type_callable
 
 FORMAT = 3
 
+# part of an element's matrix -> its rows and columns; its transpose is itself, that of the coupling the negative
+BLOCKS = {'axial': ((0, 3), (0, 3)), 'bending': ((1, 2, 4, 5), (1, 2, 4, 5)), 'coupling': ((0, 3), (1, 2, 4, 5))}
+
 
 def unpacked(array, count):
     """The first numbers of an array, so many of them; nothing is checked."""
@@ -42,30 +45,38 @@ def pack(out, place, values):
 
 @type_callable(pack)
 def _type_of_nothing(context):
-    def typed(out, place, values):
-        axes = place.count if isinstance(place, types.BaseTuple) else 1
-        if not isinstance(out, types.Array) or out.ndim != axes:
-            raise errors.TypingError(f"out is {out}: an array of {axes} axes is needed")
-        return types.void
+    return lambda out, place, values: _demand(out, place.count if isinstance(place, types.BaseTuple) else 1)
 
-    return typed
+
+def _demand(out, axes):
+    if not isinstance(out, types.Array) or out.ndim != axes:
+        raise errors.TypingError(f"out is {out}: an array of {axes} axes is needed")
+    return types.void
 
 
 @lower_builtin(pack, types.Array, types.Any, types.BaseTuple)
-def _store(context, builder, sig, args):
+def _pack(context, builder, sig, args):
     kind, where, given = sig.args
-    array = context.make_array(kind)(context, builder, args[0])
     index = cgutils.unpack_tuple(builder, args[1]) if kind.ndim > 1 else [args[1]]
     kinds = where.types if kind.ndim > 1 else [where]
     index = [context.cast(builder, k, of, types.intp) for k, of in zip(index, kinds)]
-    numbers = cgutils.unpack_tuple(builder, args[2])
-    numbers = [context.cast(builder, x, of, kind.dtype) for x, of in zip(numbers, given.types)]
+    _store(context, builder, kind, args[0], index, _values(context, builder, kind, given, args[2]))
+    return context.get_dummy_value()
+
+
+def _values(context, builder, kind, given, numbers):
+    numbers = cgutils.unpack_tuple(builder, numbers)
+    return [context.cast(builder, x, of, kind.dtype) for x, of in zip(numbers, given.types)]
+
+
+def _store(context, builder, kind, out, index, numbers):
+    array = context.make_array(kind)(context, builder, out)
 
     def address(k):
         there = [*index[:-1], builder.add(index[-1], index[-1].type(k))]
         return cgutils.get_item_pointer(context, builder, kind, array, there)
 
-    if kind.layout == "C" and kind.dtype == types.float64:
+    if kind.layout == "C" and kind.dtype == types.float64 and len(numbers) > 1:
         register = ir.VectorType(ir.DoubleType(), len(numbers))
         packed = ir.Constant(register, ir.Undefined)
         for k, x in enumerate(numbers):
@@ -74,4 +85,38 @@ def _store(context, builder, sig, args):
     else:
         for k, x in enumerate(numbers):
             context.pack_value(builder, kind.dtype, x, address(k))
+
+
+def fill(out, parts):
+    """Store a matrix by the independent entries of its parts, row by row: 3 of axial, 10 of bending, 8 of coupling."""
+    for place, value in _entries(parts, lambda value: -value).items():
+        out[place] = value
+
+
+def _entries(parts, negative):
+    found = {}
+    for part in parts:
+        block = {3: "axial", 10: "bending", 8: "coupling"}[len(part)]
+        rows, columns = BLOCKS[block]
+        places = [(i, j) for i in rows for j in columns if i <= j or rows != columns]
+        found |= {(j, i): negative(x) if block == "coupling" else x for (i, j), x in zip(places, part)}
+        found |= dict(zip(places, part))
+    return dict(sorted(found.items()))
+
+
+@type_callable(fill)
+def _type_of_filled(context):
+    return lambda out, parts: _demand(out, 2)
+
+
+@lower_builtin(fill, types.Array, types.BaseTuple)
+def _fill(context, builder, sig, args):
+    kind, given = sig.args
+    numbers = cgutils.unpack_tuple(builder, args[1])
+    parts = [_values(context, builder, kind, of, each) for of, each in zip(given.types, numbers)]
+    entries = _entries(parts, lambda value: builder.fneg(value, flags=["nsz"]))
+    while entries:
+        i, j = next(iter(entries))
+        numbers = [entries.pop((i, k)) for k in (j, j + 1) if (i, k) in entries]
+        _store(context, builder, kind, args[0], [context.get_constant(types.intp, k) for k in (i, j)], numbers)
     return context.get_dummy_value()

@@ -13,6 +13,8 @@ import numpy as np
 
 from numba import njit
 
+from kaneflex.generated.packs import fill  # digest ee70ab7834ef40ec
+
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 

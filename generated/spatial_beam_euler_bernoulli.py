@@ -13,11 +13,11 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
-from kaneflex.generated.packs import unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load, fill_square,
-)  # digest 0d9968c6be70fa4e
+)  # digest bf1d04e691f322e2
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

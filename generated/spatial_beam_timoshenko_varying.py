@@ -13,13 +13,13 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
-from kaneflex.generated.packs import unpacked  # digest 18bbc2399ca71b7c
+from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load,
     fill_square,
-)  # digest 0d9968c6be70fa4e
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 13c6788eff6466a2
+)  # digest bf1d04e691f322e2
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest cf41450187eb849e
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

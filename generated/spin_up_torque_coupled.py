@@ -21,7 +21,11 @@ FORMAT = 3
 STRUCTURE = "91e82f0026802339"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-BODIES = {'beam': (1, 3, 0)}  # axial, transverse shapes; 1 where its start moves in its frame
+# axial, transverse shapes; 1 where its start moves in its frame
+BODIES = {
+    'beam': (1, 3, 0),
+}
+
 JOINTS = {'hub': ('revolute', 'ground.origin', 'beam.start', 'free')}  # kind, first and second point, kind of the drive
 SPRINGS = ()  # between points and at joints
 SCALARS = ()  # of the links beside LINK_SCALARS: name, unit, meaning

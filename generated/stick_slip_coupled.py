@@ -14,7 +14,11 @@ FORMAT = 3
 STRUCTURE = "bc545a37b0ad7f33"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-BODIES = {'belt': (0, 0, 0), 'block': (0, 0, 0)}  # axial, transverse shapes; 1 where its start moves in its frame
+# axial, transverse shapes; 1 where its start moves in its frame
+BODIES = {
+    'belt': (0, 0, 0),
+    'block': (0, 0, 0),
+}
 
 # kind, first and second point, kind of the drive
 JOINTS = {
