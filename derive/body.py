@@ -14,7 +14,7 @@ from textwrap import indent
 from kaneflex.derive import emit
 from kaneflex.derive.body_kernels import kernels
 from kaneflex.derive.body_proof import prove
-from kaneflex.support.contract import BODY_BLOCK, FORMAT, POINT_BLOCK, Slot
+from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, Slot
 
 
 @cache
@@ -29,10 +29,9 @@ def body_text() -> str:
     text = kernels_text()
     prove(text)
     title = "Kernels of one body that moves freely in the plane and deforms"
-    about = ABOUT.format(format=FORMAT, version=emit.version())
     said = "# What the numbers in p are is said in kaneflex.support.contract, BODY_BLOCK and POINT_BLOCK."
-    before = "from functools import cache\nfrom types import SimpleNamespace\n\n"
-    return emit.shared_module(title, about, [said, ""], [text], before)
+    before = ("from functools import cache", "from types import SimpleNamespace")
+    return emit.module(title, [_ABOUT.strip(), "", emit.UNCHECKED], [said], [text], before=before)
 
 
 def kernels_text() -> str:
@@ -54,14 +53,12 @@ def _offsets(block: Sequence[Slot], size: str) -> list[str]:
     return [*lines, f"{size} = {start}"]
 
 
-ABOUT = """Format {format}, SymPy {version}; made by: make derive
-
+_ABOUT = """
 A slice of the body stands at r + R(phi) (X + s_j b_j - 1/2 H_jk a_j a_k, Y + w_j a_j) and turns by phi + psi_k a_k.
 Its modal coordinates, axial b before transverse a, begin at q[i], their rates at v[i], their accelerations at a[i];
 c and s are the cosine and the sine of phi, omega its rate. The numbers of a body begin at p[o], or those of a point of
 it. Sums over the shapes l are called after what they weigh: sw_a1 is sum_l m_sw[j, l] v[i + axial + l].
-
-Kernels check nothing: of an array that is too short they read what lies behind it."""
+"""
 
 KERNELS = '''@cache
 def kernels(axial, transverse):

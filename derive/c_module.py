@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 import sympy as sm
 from sympy.printing.c import C11CodePrinter
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, packs
 from kaneflex.derive.beam import beam_element
-from kaneflex.derive.elements import element_kernel
+from kaneflex.derive.elements import element_kernel, in_letters
 from kaneflex.derive.generate import Equations, Progress, derive_equations, kernels_of, lower, table_paths
 from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
 from kaneflex.derive.names import ascii_identifier
@@ -92,11 +93,15 @@ def _called(programs: Sequence[Program]) -> list[str]:
 def _function(kernel: emit.Kernel, name: str, identifiers: Mapping[sm.Symbol, str]) -> str:
     """The definition of a kernel. A number that only goes into the array has no name of its own there."""
     program, printer = kernel.program, CPrinter(identifiers)
+    if kernel.fill:
+        program = replace(program, outputs=packs.full(program.outputs))
+        kernel = replace(kernel, program=program)
     assigned = {symbol for symbol, _ in program.assignments}
     rights = [value for _, value in (*program.assignments, *program.outputs) if value not in assigned]
     named = {printer.doprint(symbol) for value in rights for symbol in value.free_symbols}
     lines, texts = [], []
-    for local, slots, value in emit.statements(kernel, printer):
+    read = ((local, [], source) for local, source in emit.reads(kernel, printer))
+    for local, slots, value in (*read, *emit.statements(kernel, printer)):
         places = [slot.replace(", ", "][") for slot in slots]
         texts.append(value)
         targets = ([f"const double {local}"] if local in named or not places else []) + places
@@ -186,13 +191,15 @@ def _about(scene: Any, equations: Equations, counts: Mapping[str, tuple[int, int
     if equations.beam:
         lines += [
             "In link axes, with one scalar of the motion before each constant matrix:",
-            "    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F",
+            f"    {in_letters()}",
             "    q = (u1, v1, theta1, u2, v2, theta2) of an element",
             *emit.ROTARY * BEAMS[equations.beam]["rotary"],
             "",
         ]
-    lines += [*emit.operation_lines(counts), "", "Kernels check nothing, and allocate nothing."]
-    return "\n".join(lines)
+    width = max(map(len, counts))
+    lines.append("Operations of one call, written out -> with shared subexpressions:")
+    lines += [f"    {name:<{width}}  {before:>6} -> {after}" for name, (before, after) in counts.items()]
+    return "\n".join([*lines, "", "Kernels check nothing, and allocate nothing."])
 
 
 _HEADER = """{about}

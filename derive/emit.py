@@ -7,6 +7,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from types import MappingProxyType
 
 import sympy as sm
@@ -100,8 +101,10 @@ class Kernel:
     """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers.
 
     One that ``returns`` has no array: its outputs are numbers by names of their own. ``calls``: statements behind the
-    program's own, which read its outputs. ``inline``: into what calls it, whatever its size. ``packed``: outputs, all
-    of them symbols, are stored at last and in one go where they are neighbours.
+    program's own, which read its outputs. ``inline``: into what calls it, whatever its size. ``packed``: outputs
+    are stored at last and in one go where they are neighbours. ``unpacked``: what is read of an array
+    is read in one go. ``fill``: they are a matrix that its
+    independent entries are stored as.
     """
 
     program: Program
@@ -113,6 +116,8 @@ class Kernel:
     calls: tuple[str, ...] = ()
     inline: bool = False
     packed: bool = False
+    unpacked: bool = False
+    fill: bool = False
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
@@ -120,40 +125,47 @@ def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
     kernels = list(kernels)
     arguments = [argument for kernel in kernels for argument in kernel.arguments]
     programs = [kernel.program for kernel in kernels]
-    identifiers = names.identifiers(programs, [*arguments, *TABLE_LOOKUPS, *LAW_FUNCTIONS])
+    identifiers = names.identifiers(programs, [*arguments, *packs.CALLED, *TABLE_LOOKUPS, *LAW_FUNCTIONS])
     return [print_kernel(kernel, identifiers) for kernel in kernels]
 
 
 def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> str:
     """One jitted function: parameters and scalars read once, then the assignments, which store what is asked for, then
     the other stores."""
-    told = statements(kernel, NumbaPrinter(identifiers))
+    printer = NumbaPrinter(identifiers)
+    read, told = reads(kernel, printer), statements(kernel, printer)
+    body = [*packs.loads(read)] if kernel.unpacked else [f"{name} = {source}" for name, source in read]
     if kernel.packed:
-        body, slots = [], []
+        slots = {}
         for name, places, value in told:
-            body.append(f"{name} = {value}")
-            slots += [(tuple(map(int, re.findall(r"\d+", place))), name) for place in places]
-        body += packs.stores(slots)
+            body += [f"{name} = {value}"] if name else []
+            slots |= {tuple(map(int, re.findall(r"\d+", place))): name or value for place in places}
+        body += [packs.filled(slots)] if kernel.fill else packs.stores(list(slots.items()))
     else:
-        body = [" = ".join([*([name] if name else []), *slots, value]) for name, slots, value in told]
+        body += [" = ".join([*([name] if name else []), *slots, value]) for name, slots, value in told]
     if kernel.returns:
-        text = NumbaPrinter(identifiers).doprint
-        body.append(f"return {', '.join(_bare(text(expression)) for _, expression in kernel.program.outputs)}")
+        values = (_bare(printer.doprint(expression)) for _, expression in kernel.program.outputs)
+        body.append(f"return {', '.join(values)}")
     body += kernel.calls
-    doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
-    code = "\n".join(f"    {line}" for line in body or ["pass"])
+    text = textwrap.indent("\n".join([f'"""{kernel.doc}"""', *(body or ["pass"])]), "    ")
     options = "forceinline=True, **OPTIONS" if kernel.inline else "**OPTIONS"
-    return f"@njit({options})\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"
+    return f"@njit({options})\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{text}\n"
+
+
+def reads(kernel: Kernel, printer: ScalarPrinter) -> Iterator[tuple[str, str]]:
+    """What a kernel reads of its arrays, in any language: name of the number, its place."""
+    program = kernel.program
+    used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)))
+    return ((printer.doprint(symbol), source) for symbol, source in kernel.reads if symbol in used)
 
 
 def statements(kernel: Kernel, printer: ScalarPrinter) -> Iterator[tuple[str, list[str], str]]:
-    """What a kernel computes, in any language: name of the number, empty where it has none; where it is stored; value.
+    """What a kernel computes of these, in any language: the number's name, empty where it has none; where it is stored;
+    its value.
 
     Arrays arrive zeroed, mostly: an entry that is zero by structure is not stored. Equal entries share a statement.
     """
     program, text = kernel.program, printer.doprint
-    used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)), set())
-    yield from ((text(symbol), [], source) for symbol, source in kernel.reads if symbol in used)
     stored: dict[sm.Expr, list[str]] = {}
     for slot, expression in () if kernel.returns else program.outputs:
         if expression != 0 or kernel.zeros:
@@ -176,31 +188,51 @@ def operations(kernels: Sequence[tuple[Kernel, Program]]) -> dict[str, tuple[int
 
 
 def literal(name: str, value: object, comment: str = "") -> str:
-    """A module-level table, one entry a line, so that differences between modules read well.
+    """A module-level table; where one line does not hold it one entry a line, so that differences between modules read
+    well, and of mere words as many as there is room for.
 
     Names that a scene gives enter the text of a module here, as literals, and as identifiers; nowhere else.
     """
-    if isinstance(value, dict):
-        opening, lines, closing = "{", [f"{key!r}: {entry!r}," for key, entry in value.items()], "}"
-    else:
-        opening, lines, closing = "(", [f"{entry!r}," for entry in value], ")"
-    head = f"# {comment}\n" if comment else ""
-    if not lines:
-        return f"{head}{name} = {opening}{closing}\n"
-    return f"{head}{name} = {opening}\n" + "".join(f"    {line}\n" for line in lines) + f"{closing}\n"
+    brackets = "{}" if isinstance(value, dict) else "()"
+    entries = [f"{key!r}: {entry!r}" for key, entry in value.items()] if isinstance(value, dict) else map(repr, value)
+    line = f"{name} = {value!r}" + (f"  # {comment}" if comment else "")
+    if len(line) <= _LINE:
+        return line
+    if isinstance(value, tuple) and all(isinstance(entry, str) for entry in value):
+        words = wrapped("", list(entries), ",").lstrip()
+        return f"# {comment}\n{name} = (\n    {words}\n)"
+    return table(name, entries, comment, brackets)
 
 
-UNCHECKED = (
-    "",
-    "Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has",
-    "the same kernels with a check before each call that names the argument.",
-)
-"""What a module of kernels for everybody says of them."""
+def table(name: str, lines: Iterable[str], comment: str, brackets: str = "()") -> str:
+    """A module-level table of entries in text."""
+    lines = [f"    {line}," for line in lines]
+    inside = "\n".join(["", *lines, ""]) if lines else ""
+    return f"# {comment}\n{name} = {brackets[0]}{inside}{brackets[1]}"
+
+
+def wrapped(opening: str, entries: Sequence[str], closing: str) -> str:
+    """Entries between brackets, in so many lines as hold them four columns from the left."""
+    lines = [opening]
+    for k, entry in enumerate(entries, start=1):
+        entry += "," if k < len(entries) else closing
+        if len(lines[-1]) + 1 + len(entry) > _LINE - 5:
+            lines.append(f"    {entry}")
+        else:
+            lines[-1] += entry if lines[-1].endswith("(") else f" {entry}"
+    return "\n    ".join(lines)
+
+
+UNCHECKED = "Kernels check nothing: of an array that is too short they read what lies behind it."
+"""What a module of kernels says of them."""
+
+CHECKED = "Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead."
+"""What one says whose kernels ``kaneflex.checked`` takes."""
 
 ROTARY = ["    Beside omega^2 stands the M of translation: rotary inertia neither softens nor stiffens."]
 """What a module says of an element's equations where sections have rotary inertia."""
 
-MODULE = '''"""{title}
+MODULE = '''"""{title}, generated by kaneflex. Do not edit.
 
 {about}
 """
@@ -212,58 +244,64 @@ OPTIONS = {{"cache": True, "error_model": "numpy", "fastmath": {{"nsz", "arcp", 
 
 {tables}
 
+
 {kernels}'''
 
 _LINE = 120
 OPERATIONS = "kernel -> operations written out, operations with shared subexpressions"
 
 
-def operation_lines(counts: Mapping[str, tuple[int, int]]) -> list[str]:
-    """The counts as the text of a module says them first."""
-    width = max(map(len, counts))
-    head = "Operations of one call, written out -> with shared subexpressions:"
-    return [head, *(f"    {name:<{width}}  {before:>6} -> {after}" for name, (before, after) in counts.items())]
-
-
-_NOT_COUNTED = f"Format {FORMAT}; made by: make derive"
-"""What a module of texts says of itself."""
-
-
-def shared_module(
-    title: str, about: str, tables: Iterable[str], kernels: Iterable[str], before: str = "import math\n\n"
+def module(
+    title: str,
+    about: Iterable[str],
+    tables: Iterable[str],
+    kernels: Iterable[str],
+    imports: Iterable[str] = (),
+    before: Iterable[str] = (),
+    structure: str = "",
+    made: str = "make derive",
 ) -> str:
-    """Text of a module that is printed once for every scene; ``before``: imports before that of numba."""
+    """Text of a module, which imports ``math``, ``rows`` and ``packs`` where its text calls them.
+
+    ``imports`` are those of other siblings, ``before`` other ones before numba's; ``made``: the command that makes a
+    module of this ``structure``, or of every one.
+    """
+    kernels, tables = "\n\n".join(kernels), _together(tables)
+    packed = [name for name in packs.CALLED if f" {name}(" in kernels]
+    imports = [*([import_called("packs", packed, packs.TEXT)] if packed else []), *imports]
+    if re.search(r"\brows\.\w+\(", tables):
+        imports.insert(0, "from kaneflex.generated import rows")
+    before = ["import math"] * ("math." in kernels) + list(before)
+    lines = [*before, *([""] if before else []), "from numba import njit"]
+    found, constants = f"format {FORMAT}, SymPy {version()}; made by: {made}", [f"FORMAT = {FORMAT}"]
+    if structure:
+        found, constants = f"structure {structure}, {found}", [*constants, f'STRUCTURE = "{structure}"']
     return MODULE.format(
-        title=f"{title}, generated by kaneflex. Do not edit.",
-        about=about,
-        imports=f"{before}from numba import njit",
-        constants=f"FORMAT = {FORMAT}",
-        tables="\n".join(tables),
-        kernels="\n\n".join(kernels),
+        title=title,
+        about="\n".join([f"{found[0].upper()}{found[1:]}", "", *about]),
+        imports="\n".join([*lines, *([""] if imports else []), *imports]),
+        constants="\n".join(constants),
+        tables=tables,
+        kernels=kernels,
     )
+
+
+def _together(tables: Iterable[str]) -> str:
+    """Tables of one line beside each other, the others apart."""
+    text = ""
+    for before, each in pairwise(["", *tables]):
+        text += f"{each}\n" if not before or "\n" not in before + each else f"\n{each}\n"
+    return text.rstrip("\n")
 
 
 def kernels_module(
     title: str, about: str, tables: Iterable[str], kernels: Sequence[tuple[Kernel, Program]], more: str
 ) -> str:
-    """Text of such a module, of kernels with their operations; ``more``: those that call the others."""
-    counts = operations(kernels)
+    """Text of a module that is printed once for every scene, of kernels with their operations; ``more``: those that
+    call the others."""
     printed = print_kernels((kernel for kernel, _ in kernels), Names({}))
-    tables = [*tables, literal("OPERATIONS", counts, OPERATIONS)]
-    return shared_module(title, shared_about(about, counts), tables, [*printed, more])
-
-
-def shared_about(about: str, counts: Mapping[str, tuple[int, int]]) -> str:
-    """What a module says of itself that is printed once for every scene."""
-    return "\n".join([
-        f"Format {FORMAT}, SymPy {version()}; made by: make derive",
-        "",
-        *textwrap.wrap(about.strip(), 118),
-        "",
-        *operation_lines(counts),
-        "",
-        "Kernels check nothing: of an array that is too short they read what lies behind it.",
-    ])  # fmt: skip
+    tables = [*tables, literal("OPERATIONS", operations(kernels), OPERATIONS)]
+    return module(title, [*textwrap.wrap(about.strip(), 118), "", UNCHECKED], tables, [*printed, more])
 
 
 def offset(begin: str, k: int) -> str:
@@ -349,8 +387,8 @@ TABLE_LOOKUPS = {
 
 def tables_text() -> str:
     """Text of the module of lookups in tables, which every module imports what it calls from."""
-    said = "# Names of a block's numbers are said in kaneflex.scene.tables."
-    return shared_module("Piecewise cubic tables", _NOT_COUNTED, [said, ""], TABLE_LOOKUPS.values())
+    said = "Names of a block's numbers are said in kaneflex.scene.tables."
+    return module("Piecewise cubic tables", [said], [], TABLE_LOOKUPS.values())
 
 
 _LAW = '''@njit(**OPTIONS)
@@ -382,5 +420,5 @@ LAW_FUNCTIONS = {
 
 def laws_text() -> str:
     """Text of the module of what laws call beside math, which every module imports what it calls from."""
-    said = "# What is no number comes through as none."
-    return shared_module("Functions of laws", _NOT_COUNTED, [said, ""], LAW_FUNCTIONS.values())
+    said = "What is no number comes through as none."
+    return module("Functions of laws", [said], [], LAW_FUNCTIONS.values())

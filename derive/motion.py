@@ -30,7 +30,7 @@ from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_acceleration, minus
-from kaneflex.support.contract import COURSES, LINK_SCALARS
+from kaneflex.support.contract import BODY_SCALARS, COURSES, LINK_SCALARS
 
 
 @dataclass(frozen=True)
@@ -327,18 +327,8 @@ class Rates:
 
 def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scalar]:
     """The rigid coordinates of a body and their rates."""
-    return [
-        Scalar(f"{body}.x", "m", "global x of the body's start", pose.x),
-        Scalar(f"{body}.y", "m", "global y of the body's start", pose.y),
-        Scalar(f"{body}.c", "1", "cosine of the body's angle", pose.c),
-        Scalar(f"{body}.s", "1", "sine of the body's angle", pose.s),
-        Scalar(f"{body}.v_x", "m/s", "velocity of the body's start, global x", value["v_x"]),
-        Scalar(f"{body}.v_y", "m/s", "velocity of the body's start, global y", value["v_y"]),
-        Scalar(f"{body}.omega", "rad/s", "angular velocity of the body", value["omega"]),
-        Scalar(f"{body}.a_x", "m/s^2", "acceleration of the body's start, global x", value["a_x"]),
-        Scalar(f"{body}.a_y", "m/s^2", "acceleration of the body's start, global y", value["a_y"]),
-        Scalar(f"{body}.epsilon", "rad/s^2", "angular acceleration of the body", value["epsilon"]),
-    ]
+    values = {"x": pose.x, "y": pose.y, "c": pose.c, "s": pose.s, **value}
+    return [Scalar(f"{body}.{name}", unit, meaning, values[name]) for name, (unit, meaning) in BODY_SCALARS.items()]
 
 
 def _reactions(

@@ -111,12 +111,12 @@ def share(program: Program, prefix: str = "w") -> Program:
 
 
 def named(program: Program, prefix: str = "v") -> Program:
-    """With a symbol for every output that is an expression; equal ones have the same."""
+    """With a symbol for every output that is an expression, but for mere signs; equal ones have the same."""
     taken = {*program.inputs, *(symbol for symbol, _ in program.assignments)}
     free = (symbol for symbol in sm.numbered_symbols(prefix) if symbol not in taken)
     found: dict[sm.Expr, sm.Symbol] = {}
     for _, expression in program.outputs:
-        if not expression.is_Symbol and expression not in found:
+        if not expression.is_Symbol and not (-expression).is_Symbol and expression not in found:
             found[expression] = next(free)
     assignments = (*program.assignments, *((symbol, expression) for expression, symbol in found.items()))
     outputs = tuple((slot, found.get(expression, expression)) for slot, expression in program.outputs)

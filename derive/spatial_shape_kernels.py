@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from textwrap import indent
+from textwrap import indent, wrap
 
 import sympy as sm
 
@@ -49,13 +49,15 @@ def spatial_shapes_text() -> str:
     kernels = kernels_text()
     prove(kernels)
     section, raw = _section()
-    about = emit.shared_about(_ABOUT, emit.operations([(section, raw)]))
+    before, after = emit.operations([(section, raw)])["section"]
+    counted = f"Operations of section, written out -> with shared subexpressions: {before} -> {after}."
+    about = [*wrap(_ABOUT.strip(), 118), counted, "", emit.UNCHECKED]
     tables = [
         emit.literal("SINGLE", SINGLE, "p: the numbers of shape j begin at o + 12 j"),
         emit.literal("PAIR", (*PAIR, "stiffness", "damping"), f"those of j and l at o + 12 n + {STRIDE} (n j + l)"),
     ]
     printed = [kernels, *emit.print_kernels([section], Names({}))]
-    return emit.shared_module("Bodies in space that deform", about, tables, printed, before="")
+    return emit.module("Bodies in space that deform", about, tables, printed)
 
 
 def kernels_text() -> str:

@@ -6,21 +6,13 @@ In link axes, with one scalar of the motion before each constant matrix:
     M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
 
-Operations of one call, written out -> with shared subexpressions:
-    M        56 -> 14
-    K_s      52 -> 12
-    K_d     152 -> 24
-    K_g     348 -> 49
-    C        56 -> 8
-    F        80 -> 38
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -34,24 +26,7 @@ ELEMENT_PARAMETERS = (
     ('x_0', 'm', "distance of the element's first node from the link's origin"),
 )
 
-# s: name, unit, meaning
-LINK_SCALARS = (
-    ('omega', 'rad/s', 'angular velocity of the link frame'),
-    ('epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('P_0', 'N', "axial force at the link's origin, tension positive"),
-)
-
-# what element_matrices stores, in its order
-KERNELS = (
-    'M',
-    'K_s',
-    'K_d',
-    'K_g',
-    'C',
-    'F',
-)
+KERNELS = ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')  # what element_matrices stores, in its order
 
 # name, group, kernel that has it, factors of the scalar
 TERMS = (
@@ -86,8 +61,7 @@ def M(p, out):
     """Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
+    rho_A, _, _, length = unpacked(p, 4)
     w0 = length*rho_A
     w1 = (length*length)*rho_A
     w2 = 0.05238095238095238*w1
@@ -97,22 +71,9 @@ def M(p, out):
     v1 = 0.16666666666666666*w0
     v2 = 0.37142857142857144*w0
     v3 = 0.12857142857142856*w0
-    v4 = -w3
-    v5 = 0.009523809523809525*w4
-    v6 = -0.007142857142857143*w4
-    v7 = -w2
-    out[0, 0] = v0
-    out[0, 3] = v1
-    pack(out, (1, 1), (v2, w2))
-    pack(out, (1, 4), (v3, v4))
-    pack(out, (2, 1), (w2, v5))
-    pack(out, (2, 4), (w3, v6))
-    out[3, 0] = v1
-    out[3, 3] = v0
-    pack(out, (4, 1), (v3, w3))
-    pack(out, (4, 4), (v2, v7))
-    pack(out, (5, 1), (v4, v6))
-    pack(out, (5, 4), (v7, v5))
+    v4 = 0.009523809523809525*w4
+    v5 = -0.007142857142857143*w4
+    fill(out, ((v0, v1, v0), (v2, w2, v3, -w3, v4, w3, v5, v2, -w2, v4)))
 
 
 @njit(**OPTIONS)
@@ -120,31 +81,15 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    E_A = p[1]
-    E_I = p[2]
-    length = p[3]
+    _, E_A, E_I, length = unpacked(p, 4)
     w0 = 1.0/length
     w1 = E_A*w0
     w2 = 12.0*E_I/(length*length*length)
     w3 = 6.0*E_I/(length*length)
     w4 = E_I*w0
-    v0 = -w1
-    v1 = -w2
-    v2 = 4.0*w4
-    v3 = -w3
-    v4 = 2.0*w4
-    out[0, 0] = w1
-    out[0, 3] = v0
-    pack(out, (1, 1), (w2, w3))
-    pack(out, (1, 4), (v1, w3))
-    pack(out, (2, 1), (w3, v2))
-    pack(out, (2, 4), (v3, v4))
-    out[3, 0] = v0
-    out[3, 3] = w1
-    pack(out, (4, 1), (v1, v3))
-    pack(out, (4, 4), (w2, v3))
-    pack(out, (5, 1), (w3, v4))
-    pack(out, (5, 4), (v3, v2))
+    v0 = 4.0*w4
+    v1 = 2.0*w4
+    fill(out, ((w1, -w1, w1), (w2, w3, -w2, w3, v0, -w3, v1, w2, -w3, v0)))
 
 
 @njit(**OPTIONS)
@@ -152,10 +97,8 @@ def K_d(p, s, out):
     """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, _, length = unpacked(p, 4)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = w0*w1
@@ -171,35 +114,12 @@ def K_d(p, s, out):
     w12 = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
     v0 = -0.3333333333333333*w2
-    v1 = -w4
-    v2 = -w7
-    v3 = -0.16666666666666666*w2
-    v4 = -w8
-    v5 = -0.37142857142857144*w2
-    v6 = -w11
-    v7 = -0.12857142857142856*w2
-    v8 = -0.009523809523809525*w13
-    v9 = -w12
-    v10 = 0.007142857142857143*w13
-    v11 = -w9
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, w9))
-    pack(out, (1, 0), (w4, v5))
-    pack(out, (1, 2), (v6, w8))
-    pack(out, (1, 4), (v7, w12))
-    pack(out, (2, 0), (w7, v6))
-    pack(out, (2, 2), (v8, w9))
-    pack(out, (2, 4), (v9, v10))
-    pack(out, (3, 0), (v3, v4))
-    pack(out, (3, 2), (v11, v0))
-    pack(out, (3, 4), (v1, w7))
-    pack(out, (4, 0), (w8, v7))
-    pack(out, (4, 2), (v9, w4))
-    pack(out, (4, 4), (v5, w11))
-    pack(out, (5, 0), (v11, w12))
-    pack(out, (5, 2), (v10, v2))
-    pack(out, (5, 4), (w11, v8))
+    v1 = -0.16666666666666666*w2
+    v2 = -0.37142857142857144*w2
+    v3 = -0.12857142857142856*w2
+    v4 = -0.009523809523809525*w13
+    v5 = 0.007142857142857143*w13
+    fill(out, ((v0, v1, v0), (v2, -w11, v3, w12, v4, -w12, v5, v2, w11, v4), (-w4, -w7, -w8, w9, -w8, -w9, -w4, w7)))
 
 
 @njit(**OPTIONS)
@@ -207,12 +127,8 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    omega = s[0]
-    a_x = s[2]
-    P_0 = s[4]
+    rho_A, _, _, length, x_0 = unpacked(p, 5)
+    omega, _, a_x, _, P_0 = unpacked(s, 5)
     w0 = a_x*rho_A
     w1 = omega*omega
     w2 = rho_A*w1*x_0
@@ -228,20 +144,10 @@ def K_g(p, s, out):
     w9 = 0.13333333333333333*P_1*length
     w10 = 0.03333333333333333*length
     w11 = P_3*length
-    v0 = -w4
-    v1 = P_2*w10 + 0.01904761904761905*w11 + w9
-    v2 = -w7
-    v3 = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
-    v4 = -w8
-    v5 = length*w6 + 0.08571428571428572*w11 + w9
-    pack(out, (1, 1), (w4, w7))
-    pack(out, (1, 4), (v0, w8))
-    pack(out, (2, 1), (w7, v1))
-    pack(out, (2, 4), (v2, v3))
-    pack(out, (4, 1), (v0, v2))
-    pack(out, (4, 4), (w4, v4))
-    pack(out, (5, 1), (w8, v3))
-    pack(out, (5, 4), (v4, v5))
+    v0 = P_2*w10 + 0.01904761904761905*w11 + w9
+    v1 = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
+    v2 = length*w6 + 0.08571428571428572*w11 + w9
+    fill(out, ((w4, w7, -w4, w8, v0, -w7, v1, w4, -w8, v2),))
 
 
 @njit(**OPTIONS)
@@ -249,8 +155,7 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
+    rho_A, _, _, length = unpacked(p, 4)
     omega = s[0]
     w0 = omega*rho_A
     w1 = length*w0
@@ -259,22 +164,7 @@ def C(p, s, out):
     w4 = 0.1*w3
     w5 = 0.3*w1
     w6 = 0.06666666666666667*w3
-    v0 = -w2
-    v1 = -w4
-    v2 = -w5
-    v3 = -w6
-    pack(out, (0, 1), (v0, v1))
-    pack(out, (0, 4), (v2, w6))
-    out[1, 0] = w2
-    out[1, 3] = w5
-    out[2, 0] = w4
-    out[2, 3] = w6
-    pack(out, (3, 1), (v2, v3))
-    pack(out, (3, 4), (v0, w4))
-    out[4, 0] = w5
-    out[4, 3] = w2
-    out[5, 0] = v3
-    out[5, 3] = v1
+    fill(out, ((-w2, -w4, -w5, w6, -w5, -w6, -w2, w4),))
 
 
 @njit(**OPTIONS)
@@ -282,13 +172,8 @@ def F(p, s, out):
     """Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, _, length, x_0 = unpacked(p, 5)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length*rho_A
     w1 = a_x*w0
     w2 = omega*omega

@@ -6,22 +6,14 @@ In link axes, with one scalar of the motion before each constant matrix:
     M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
 
-Operations of one call, written out -> with shared subexpressions:
-    M       110 -> 34
-    K_s      80 -> 19
-    K_d     246 -> 73
-    K_g     476 -> 78
-    C        96 -> 31
-    F       143 -> 74
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest f54de6ca0c98f92d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -44,9 +36,9 @@ ELEMENT_PARAMETERS = (
 OPERATIONS = {
     'M': (110, 34),
     'K_s': (80, 19),
-    'K_d': (246, 73),
+    'K_d': (246, 67),
     'K_g': (476, 78),
-    'C': (96, 31),
+    'C': (96, 25),
     'F': (143, 74),
 }
 
@@ -56,9 +48,7 @@ def M(p, out):
     """Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
+    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = length*rho_A_rise
@@ -88,18 +78,7 @@ def M(p, out):
     v10 = w4 + w5
     v11 = -w10 - w8
     v12 = w14 + w15
-    out[0, 0] = v0
-    out[0, 3] = v1
-    pack(out, (1, 1), (v2, v3))
-    pack(out, (1, 4), (v4, v5))
-    pack(out, (2, 1), (v3, v6))
-    pack(out, (2, 4), (v7, v8))
-    out[3, 0] = v1
-    out[3, 3] = v9
-    pack(out, (4, 1), (v4, v7))
-    pack(out, (4, 4), (v10, v11))
-    pack(out, (5, 1), (v5, v8))
-    pack(out, (5, 4), (v11, v12))
+    fill(out, ((v0, v1, v9), (v2, v3, v4, v5, v6, v7, v8, v10, v11, v12)))
 
 
 @njit(**OPTIONS)
@@ -107,10 +86,7 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    E_A = p[1]
-    E_I = p[2]
-    length = p[3]
-    E_I_rise = p[7]
+    _, E_A, E_I, length, _, _, _, E_I_rise = unpacked(p, 8)
     w0 = 1.0/length
     w1 = E_A*w0
     w2 = 12.0*E_I/(length*length*length)
@@ -122,25 +98,10 @@ def K_s(p, out):
     w8 = E_I*w0
     w9 = 4.0*w8
     w10 = E_I_rise*w0
-    v0 = -w1
-    v1 = -w2
-    v2 = -w10 + w9
-    v3 = -w6
-    v4 = 2.0*w8
-    v5 = -w7
-    v6 = w10 + w9
-    out[0, 0] = w1
-    out[0, 3] = v0
-    pack(out, (1, 1), (w2, w6))
-    pack(out, (1, 4), (v1, w7))
-    pack(out, (2, 1), (w6, v2))
-    pack(out, (2, 4), (v3, v4))
-    out[3, 0] = v0
-    out[3, 3] = w1
-    pack(out, (4, 1), (v1, v3))
-    pack(out, (4, 4), (w2, v5))
-    pack(out, (5, 1), (w7, v4))
-    pack(out, (5, 4), (v5, v6))
+    v0 = -w10 + w9
+    v1 = 2.0*w8
+    v2 = w10 + w9
+    fill(out, ((w1, -w1, w1), (w2, w6, -w2, w7, v0, -w6, v1, w2, -w7, v2)))
 
 
 @njit(**OPTIONS)
@@ -148,11 +109,8 @@ def K_d(p, s, out):
     """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
@@ -189,45 +147,21 @@ def K_d(p, s, out):
     v2 = -epsilon*w13
     v3 = -0.16666666666666666*w14
     v4 = -epsilon*w17
-    v5 = epsilon*w7
-    v6 = w0*(-w19 + w20)
-    v7 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
-    v8 = epsilon*w22
-    v9 = -0.12857142857142856*w14
-    v10 = w0*(w23 - w24)
-    v11 = epsilon*w13
-    v12 = w0*(-w27 + w28)
-    v13 = w0*(-w23 - w24)
-    v14 = 0.007142857142857143*w0*w26
-    v15 = -epsilon*w22
-    v16 = -w18
-    v17 = w0*(-w2 - w4)
-    v18 = -epsilon*w29
-    v19 = epsilon*w30
-    v20 = epsilon*w17
-    v21 = epsilon*w29
-    v22 = w0*(-w19 - w20)
-    v23 = w0*(0.009523809523809525*w11 + w21)
-    v24 = -epsilon*w30
-    v25 = w0*(-w27 - w28)
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, w18))
-    pack(out, (1, 0), (v5, v6))
-    pack(out, (1, 2), (v7, v8))
-    pack(out, (1, 4), (v9, v10))
-    pack(out, (2, 0), (v11, v7))
-    pack(out, (2, 2), (v12, w18))
-    pack(out, (2, 4), (v13, v14))
-    pack(out, (3, 0), (v3, v15))
-    pack(out, (3, 2), (v16, v17))
-    pack(out, (3, 4), (v18, v19))
-    pack(out, (4, 0), (v20, v9))
-    pack(out, (4, 2), (v13, v21))
-    pack(out, (4, 4), (v22, v23))
-    pack(out, (5, 0), (v16, v10))
-    pack(out, (5, 2), (v14, v24))
-    pack(out, (5, 4), (v23, v25))
+    v5 = w0*(-w19 + w20)
+    v6 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
+    v7 = -0.12857142857142856*w14
+    v8 = w0*(w23 - w24)
+    v9 = w0*(-w27 + w28)
+    v10 = w0*(-w23 - w24)
+    v11 = 0.007142857142857143*w0*w26
+    v12 = -epsilon*w22
+    v13 = w0*(-w2 - w4)
+    v14 = -epsilon*w29
+    v15 = epsilon*w30
+    v16 = w0*(-w19 - w20)
+    v17 = w0*(0.009523809523809525*w11 + w21)
+    v18 = w0*(-w27 - w28)
+    fill(out, ((v0, v3, v13), (v5, v6, v7, v8, v9, v10, v11, v16, v17, v18), (v1, v2, v4, w18, v12, -w18, v14, v15)))
 
 
 @njit(**OPTIONS)
@@ -235,15 +169,8 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    m_0 = p[8]
-    S_0 = p[9]
-    omega = s[0]
-    a_x = s[2]
-    P_0 = s[4]
+    rho_A, _, _, length, x_0, rho_A_rise, _, _, m_0, S_0 = unpacked(p, 10)
+    omega, _, a_x, _, P_0 = unpacked(s, 5)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = length*rho_A_rise
@@ -266,20 +193,10 @@ def K_g(p, s, out):
     w15 = P_3*length
     w16 = P_4*length
     w17 = 0.013095238095238096*w16
-    v0 = -w8
-    v1 = -w12
-    v2 = P_2*w14 + w13 + 0.01904761904761905*w15 + w17
-    v3 = -w11
-    v4 = -P_1*w14 - 0.016666666666666666*P_2*length - 0.014285714285714285*w15 - w17
-    v5 = length*w10 + w13 + 0.08571428571428572*w15 + 0.07738095238095238*w16
-    pack(out, (1, 1), (w8, w11))
-    pack(out, (1, 4), (v0, v1))
-    pack(out, (2, 1), (w11, v2))
-    pack(out, (2, 4), (v3, v4))
-    pack(out, (4, 1), (v0, v3))
-    pack(out, (4, 4), (w8, w12))
-    pack(out, (5, 1), (v1, v4))
-    pack(out, (5, 4), (w12, v5))
+    v0 = P_2*w14 + w13 + 0.01904761904761905*w15 + w17
+    v1 = -P_1*w14 - 0.016666666666666666*P_2*length - 0.014285714285714285*w15 - w17
+    v2 = length*w10 + w13 + 0.08571428571428572*w15 + 0.07738095238095238*w16
+    fill(out, ((w8, w11, -w8, -w12, v0, -w11, v1, w8, w12, v2),))
 
 
 @njit(**OPTIONS)
@@ -287,9 +204,7 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
+    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
     omega = s[0]
     w0 = length*rho_A
     w1 = 0.7*w0
@@ -311,28 +226,10 @@ def C(p, s, out):
     v0 = -omega*w4
     v1 = -omega*w9
     v2 = -omega*w12
-    v3 = omega*w4
-    v4 = omega*w14
-    v5 = omega*w9
-    v6 = -omega*w14
-    v7 = -w13
-    v8 = -omega*w15
-    v9 = omega*w16
-    v10 = omega*w12
-    v11 = omega*w15
-    v12 = -omega*w16
-    pack(out, (0, 1), (v0, v1))
-    pack(out, (0, 4), (v2, w13))
-    out[1, 0] = v3
-    out[1, 3] = v4
-    out[2, 0] = v5
-    out[2, 3] = w13
-    pack(out, (3, 1), (v6, v7))
-    pack(out, (3, 4), (v8, v9))
-    out[4, 0] = v10
-    out[4, 3] = v11
-    out[5, 0] = v7
-    out[5, 3] = v12
+    v3 = -omega*w14
+    v4 = -omega*w15
+    v5 = omega*w16
+    fill(out, ((v0, v1, v2, w13, v3, -w13, v4, v5),))
 
 
 @njit(**OPTIONS)
@@ -340,14 +237,8 @@ def F(p, s, out):
     """Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, _, length, x_0, rho_A_rise = unpacked(p, 6)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length*rho_A
     w1 = length*rho_A_rise
     w2 = 0.08333333333333333*w1

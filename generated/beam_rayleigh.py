@@ -7,22 +7,14 @@ In link axes, with one scalar of the motion before each constant matrix:
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
     Beside omega^2 stands the M of translation: rotary inertia neither softens nor stiffens.
 
-Operations of one call, written out -> with shared subexpressions:
-    M        96 -> 26
-    K_s      52 -> 12
-    K_d     152 -> 24
-    K_g     348 -> 49
-    C        56 -> 8
-    F        82 -> 40
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS, K_s, K_g, C  # digest c10a14a286019c97
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS, K_s, K_g, C  # digest f54de6ca0c98f92d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -55,9 +47,7 @@ def M(p, out):
     M holds the rotary inertia int rho I theta^T theta dx, too.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_I = p[5]
+    rho_A, _, _, length, _, rho_I = unpacked(p, 6)
     w0 = length*rho_A
     w1 = 1.2*rho_I/length
     w2 = 0.1*rho_I
@@ -70,22 +60,9 @@ def M(p, out):
     v1 = 0.16666666666666666*w0
     v2 = 0.37142857142857144*w0 + w1
     v3 = 0.12857142857142856*w0 - w1
-    v4 = -w5
-    v5 = 0.13333333333333333*w6 + 0.009523809523809525*w7
-    v6 = -0.03333333333333333*w6 - 0.007142857142857143*w7
-    v7 = -w4
-    out[0, 0] = v0
-    out[0, 3] = v1
-    pack(out, (1, 1), (v2, w4))
-    pack(out, (1, 4), (v3, v4))
-    pack(out, (2, 1), (w4, v5))
-    pack(out, (2, 4), (w5, v6))
-    out[3, 0] = v1
-    out[3, 3] = v0
-    pack(out, (4, 1), (v3, w5))
-    pack(out, (4, 4), (v2, v7))
-    pack(out, (5, 1), (v4, v6))
-    pack(out, (5, 4), (v7, v5))
+    v4 = 0.13333333333333333*w6 + 0.009523809523809525*w7
+    v5 = -0.03333333333333333*w6 - 0.007142857142857143*w7
+    fill(out, ((v0, v1, v0), (v2, w4, v3, -w5, v4, w5, v5, v2, -w4, v4)))
 
 
 @njit(**OPTIONS)
@@ -95,10 +72,8 @@ def K_d(p, s, out):
     M here is that of translation alone.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, _, length = unpacked(p, 4)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = w0*w1
@@ -114,35 +89,12 @@ def K_d(p, s, out):
     w12 = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
     v0 = -0.3333333333333333*w2
-    v1 = -w4
-    v2 = -w7
-    v3 = -0.16666666666666666*w2
-    v4 = -w8
-    v5 = -0.37142857142857144*w2
-    v6 = -w11
-    v7 = -0.12857142857142856*w2
-    v8 = -0.009523809523809525*w13
-    v9 = -w12
-    v10 = 0.007142857142857143*w13
-    v11 = -w9
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, w9))
-    pack(out, (1, 0), (w4, v5))
-    pack(out, (1, 2), (v6, w8))
-    pack(out, (1, 4), (v7, w12))
-    pack(out, (2, 0), (w7, v6))
-    pack(out, (2, 2), (v8, w9))
-    pack(out, (2, 4), (v9, v10))
-    pack(out, (3, 0), (v3, v4))
-    pack(out, (3, 2), (v11, v0))
-    pack(out, (3, 4), (v1, w7))
-    pack(out, (4, 0), (w8, v7))
-    pack(out, (4, 2), (v9, w4))
-    pack(out, (4, 4), (v5, w11))
-    pack(out, (5, 0), (v11, w12))
-    pack(out, (5, 2), (v10, v2))
-    pack(out, (5, 4), (w11, v8))
+    v1 = -0.16666666666666666*w2
+    v2 = -0.37142857142857144*w2
+    v3 = -0.12857142857142856*w2
+    v4 = -0.009523809523809525*w13
+    v5 = 0.007142857142857143*w13
+    fill(out, ((v0, v1, v0), (v2, -w11, v3, w12, v4, -w12, v5, v2, w11, v4), (-w4, -w7, -w8, w9, -w8, -w9, -w4, w7)))
 
 
 @njit(**OPTIONS)
@@ -152,14 +104,8 @@ def F(p, s, out):
     It holds the rotary inertia -epsilon int rho I theta^T dx, too.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_I = p[5]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, _, length, x_0, rho_I = unpacked(p, 6)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length*rho_A
     w1 = a_x*w0
     w2 = omega*omega

@@ -7,23 +7,15 @@ In link axes, with one scalar of the motion before each constant matrix:
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
     Beside omega^2 stands the M of translation: rotary inertia neither softens nor stiffens.
 
-Operations of one call, written out -> with shared subexpressions:
-    M       172 -> 55
-    K_s      80 -> 19
-    K_d     246 -> 73
-    K_g     476 -> 78
-    C        96 -> 31
-    F       151 -> 78
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
-from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 3341852d2fb6c2c1
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest f54de6ca0c98f92d
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 3ae798db380c8f03
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -48,9 +40,9 @@ ELEMENT_PARAMETERS = (
 OPERATIONS = {
     'M': (172, 55),
     'K_s': (80, 19),
-    'K_d': (246, 73),
+    'K_d': (246, 67),
     'K_g': (476, 78),
-    'C': (96, 31),
+    'C': (96, 25),
     'F': (151, 78),
 }
 
@@ -62,11 +54,7 @@ def M(p, out):
     M holds the rotary inertia int rho I theta^T theta dx, too.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
-    rho_I = p[10]
-    rho_I_rise = p[11]
+    rho_A, _, _, length, _, rho_A_rise, _, _, _, _, rho_I, rho_I_rise = unpacked(p, 12)
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = length*rho_A_rise
@@ -102,18 +90,7 @@ def M(p, out):
     v10 = w4 + w6
     v11 = -w10 - w13 - w21
     v12 = w16 + w18 + w20
-    out[0, 0] = v0
-    out[0, 3] = v1
-    pack(out, (1, 1), (v2, v3))
-    pack(out, (1, 4), (v4, v5))
-    pack(out, (2, 1), (v3, v6))
-    pack(out, (2, 4), (v7, v8))
-    out[3, 0] = v1
-    out[3, 3] = v9
-    pack(out, (4, 1), (v4, v7))
-    pack(out, (4, 4), (v10, v11))
-    pack(out, (5, 1), (v5, v8))
-    pack(out, (5, 4), (v11, v12))
+    fill(out, ((v0, v1, v9), (v2, v3, v4, v5, v6, v7, v8, v10, v11, v12)))
 
 
 @njit(**OPTIONS)
@@ -123,11 +100,8 @@ def K_d(p, s, out):
     M here is that of translation alone.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[5]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
@@ -164,45 +138,21 @@ def K_d(p, s, out):
     v2 = -epsilon*w13
     v3 = -0.16666666666666666*w14
     v4 = -epsilon*w17
-    v5 = epsilon*w7
-    v6 = w0*(-w19 + w20)
-    v7 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
-    v8 = epsilon*w22
-    v9 = -0.12857142857142856*w14
-    v10 = w0*(w23 - w24)
-    v11 = epsilon*w13
-    v12 = w0*(-w27 + w28)
-    v13 = w0*(-w23 - w24)
-    v14 = 0.007142857142857143*w0*w26
-    v15 = -epsilon*w22
-    v16 = -w18
-    v17 = w0*(-w2 - w4)
-    v18 = -epsilon*w29
-    v19 = epsilon*w30
-    v20 = epsilon*w17
-    v21 = epsilon*w29
-    v22 = w0*(-w19 - w20)
-    v23 = w0*(0.009523809523809525*w11 + w21)
-    v24 = -epsilon*w30
-    v25 = w0*(-w27 - w28)
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, w18))
-    pack(out, (1, 0), (v5, v6))
-    pack(out, (1, 2), (v7, v8))
-    pack(out, (1, 4), (v9, v10))
-    pack(out, (2, 0), (v11, v7))
-    pack(out, (2, 2), (v12, w18))
-    pack(out, (2, 4), (v13, v14))
-    pack(out, (3, 0), (v3, v15))
-    pack(out, (3, 2), (v16, v17))
-    pack(out, (3, 4), (v18, v19))
-    pack(out, (4, 0), (v20, v9))
-    pack(out, (4, 2), (v13, v21))
-    pack(out, (4, 4), (v22, v23))
-    pack(out, (5, 0), (v16, v10))
-    pack(out, (5, 2), (v14, v24))
-    pack(out, (5, 4), (v23, v25))
+    v5 = w0*(-w19 + w20)
+    v6 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
+    v7 = -0.12857142857142856*w14
+    v8 = w0*(w23 - w24)
+    v9 = w0*(-w27 + w28)
+    v10 = w0*(-w23 - w24)
+    v11 = 0.007142857142857143*w0*w26
+    v12 = -epsilon*w22
+    v13 = w0*(-w2 - w4)
+    v14 = -epsilon*w29
+    v15 = epsilon*w30
+    v16 = w0*(-w19 - w20)
+    v17 = w0*(0.009523809523809525*w11 + w21)
+    v18 = w0*(-w27 - w28)
+    fill(out, ((v0, v3, v13), (v5, v6, v7, v8, v9, v10, v11, v16, v17, v18), (v1, v2, v4, w18, v12, -w18, v14, v15)))
 
 
 @njit(**OPTIONS)
@@ -212,16 +162,8 @@ def F(p, s, out):
     It holds the rotary inertia -epsilon int rho I theta^T dx, too.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    rho_I = p[10]
-    rho_I_rise = p[11]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, _, length, x_0, rho_A_rise, _, _, _, _, rho_I, rho_I_rise = unpacked(p, 12)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length*rho_A
     w1 = length*rho_A_rise
     w2 = 0.08333333333333333*w1

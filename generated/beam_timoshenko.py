@@ -7,22 +7,14 @@ In link axes, with one scalar of the motion before each constant matrix:
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
     Beside omega^2 stands the M of translation: rotary inertia neither softens nor stiffens.
 
-Operations of one call, written out -> with shared subexpressions:
-    M       524 -> 66
-    K_s      92 -> 20
-    K_d     420 -> 56
-    K_g    1120 -> 111
-    C       144 -> 24
-    F       128 -> 57
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest f54de6ca0c98f92d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -42,9 +34,9 @@ ELEMENT_PARAMETERS = (
 OPERATIONS = {
     'M': (524, 66),
     'K_s': (92, 20),
-    'K_d': (420, 56),
+    'K_d': (420, 54),
     'K_g': (1120, 111),
-    'C': (144, 24),
+    'C': (144, 22),
     'F': (128, 57),
 }
 
@@ -57,10 +49,7 @@ def M(p, out):
     So is the correction M_c for the element's answer to its own inertia; K_d and C are without it.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_I = p[5]
-    phi_s = p[6]
+    rho_A, _, _, length, _, rho_I, phi_s = unpacked(p, 7)
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = phi_s + 1.0
@@ -85,21 +74,8 @@ def M(p, out):
     v1 = w1 + w7
     v2 = 0.16666666666666666*length*rho_A - w7
     v3 = 0.3333333333333333*w14 + w16 + w18 + w19
-    v4 = -w13
-    v5 = 0.16666666666666666*w14 - w16 - w18 + w19
-    v6 = -w12
-    out[0, 0] = w1
-    out[0, 3] = v0
-    pack(out, (1, 1), (v1, w12))
-    pack(out, (1, 4), (v2, w13))
-    pack(out, (2, 1), (w12, v3))
-    pack(out, (2, 4), (v4, v5))
-    out[3, 0] = v0
-    out[3, 3] = w1
-    pack(out, (4, 1), (v2, v4))
-    pack(out, (4, 4), (v1, v6))
-    pack(out, (5, 1), (w13, v5))
-    pack(out, (5, 4), (v6, v3))
+    v4 = 0.16666666666666666*w14 - w16 - w18 + w19
+    fill(out, ((w1, v0, w1), (v1, w12, v2, w13, v3, -w13, v4, v1, -w12, v3)))
 
 
 @njit(**OPTIONS)
@@ -107,10 +83,7 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    E_A = p[1]
-    E_I = p[2]
-    length = p[3]
-    phi_s = p[6]
+    _, E_A, E_I, length, _, _, phi_s = unpacked(p, 7)
     w0 = 1.0/length
     w1 = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
@@ -118,23 +91,9 @@ def K_s(p, out):
     w4 = 12.0*w3/(length*length*length)
     w5 = 6.0*w3/(length*length)
     w6 = E_I*w0
-    v0 = -w1
-    v1 = -w4
-    v2 = 3.0*w2*w6 + w6
-    v3 = -w5
-    v4 = 3.0*E_I*w0*w2 - w6
-    out[0, 0] = w1
-    out[0, 3] = v0
-    pack(out, (1, 1), (w4, w5))
-    pack(out, (1, 4), (v1, w5))
-    pack(out, (2, 1), (w5, v2))
-    pack(out, (2, 4), (v3, v4))
-    out[3, 0] = v0
-    out[3, 3] = w1
-    pack(out, (4, 1), (v1, v3))
-    pack(out, (4, 4), (w4, v3))
-    pack(out, (5, 1), (w5, v4))
-    pack(out, (5, 4), (v3, v2))
+    v0 = 3.0*w2*w6 + w6
+    v1 = 3.0*E_I*w0*w2 - w6
+    fill(out, ((w1, -w1, w1), (w4, w5, -w4, w5, v0, -w5, v1, w4, -w5, v0)))
 
 
 @njit(**OPTIONS)
@@ -144,11 +103,8 @@ def K_d(p, s, out):
     M here is that of translation alone.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    phi_s = p[6]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, _, length, _, _, phi_s = unpacked(p, 7)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
@@ -178,36 +134,17 @@ def K_d(p, s, out):
     v3 = -w0*w12
     v4 = -epsilon*w13
     v5 = epsilon*w14
-    v6 = epsilon*w7
-    v7 = w0*(-w16 - w2)
-    v8 = -w0*w18
-    v9 = epsilon*w13
-    v10 = w0*(-w12 + w16)
-    v11 = -w0*w19
-    v12 = epsilon*w11
-    v13 = w0*(-w21 - w22)
-    v14 = w0*w19
-    v15 = w0*(w21 - w22)
-    v16 = -epsilon*w14
-    v17 = w0*w18
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, v5))
-    pack(out, (1, 0), (v6, v7))
-    pack(out, (1, 2), (v8, v9))
-    pack(out, (1, 4), (v10, v11))
-    pack(out, (2, 0), (v12, v8))
-    pack(out, (2, 2), (v13, v5))
-    pack(out, (2, 4), (v14, v15))
-    pack(out, (3, 0), (v3, v4))
-    pack(out, (3, 2), (v16, v0))
-    pack(out, (3, 4), (v1, v12))
-    pack(out, (4, 0), (v9, v10))
-    pack(out, (4, 2), (v14, v6))
-    pack(out, (4, 4), (v7, v17))
-    pack(out, (5, 0), (v16, v11))
-    pack(out, (5, 2), (v15, v2))
-    pack(out, (5, 4), (v17, v13))
+    v6 = w0*(-w16 - w2)
+    v7 = -w0*w18
+    v8 = w0*(-w12 + w16)
+    v9 = -w0*w19
+    v10 = w0*(-w21 - w22)
+    v11 = w0*w19
+    v12 = w0*(w21 - w22)
+    v13 = -epsilon*w14
+    v14 = epsilon*w11
+    v15 = w0*w18
+    fill(out, ((v0, v3, v0), (v6, v7, v8, v9, v10, v11, v12, v6, v15, v10), (v1, v2, v4, v5, v4, v13, v1, v14)))
 
 
 @njit(**OPTIONS)
@@ -215,13 +152,8 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    phi_s = p[6]
-    omega = s[0]
-    a_x = s[2]
-    P_0 = s[4]
+    rho_A, _, _, length, x_0, _, phi_s = unpacked(p, 7)
+    omega, _, a_x, _, P_0 = unpacked(s, 5)
     w0 = a_x*rho_A
     w1 = omega*omega
     w2 = rho_A*w1*x_0
@@ -263,14 +195,7 @@ def K_g(p, s, out):
     v6 = P_1*(0.05*length*w5 - w19) + P_2*(0.025*length*w5 - w23) + P_3*(0.01904761904761905*length*w5 - w26)
     v7 = -P_2*w17 - P_3*w18 + w28
     v8 = P_2*(w21 + w25) + P_3*(w21 + w27) + w20
-    pack(out, (1, 1), (v0, v1))
-    pack(out, (1, 4), (v2, v3))
-    pack(out, (2, 1), (v1, v4))
-    pack(out, (2, 4), (v5, v6))
-    pack(out, (4, 1), (v2, v5))
-    pack(out, (4, 4), (v0, v7))
-    pack(out, (5, 1), (v3, v6))
-    pack(out, (5, 4), (v7, v8))
+    fill(out, ((v0, v1, v2, v3, v4, v5, v6, v0, v7, v8),))
 
 
 @njit(**OPTIONS)
@@ -278,9 +203,7 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    phi_s = p[6]
+    rho_A, _, _, length, _, _, phi_s = unpacked(p, 7)
     omega = s[0]
     w0 = length*rho_A
     w1 = 1.0/(phi_s + 1.0)
@@ -296,22 +219,9 @@ def C(p, s, out):
     v1 = -omega*w7
     v2 = -omega*w8
     v3 = omega*w9
-    v4 = omega*w3
-    v5 = omega*w8
-    v6 = omega*w7
-    v7 = -omega*w9
-    pack(out, (0, 1), (v0, v1))
-    pack(out, (0, 4), (v2, v3))
-    out[1, 0] = v4
-    out[1, 3] = v5
-    out[2, 0] = v6
-    out[2, 3] = v3
-    pack(out, (3, 1), (v2, v7))
-    pack(out, (3, 4), (v0, v6))
-    out[4, 0] = v5
-    out[4, 3] = v4
-    out[5, 0] = v7
-    out[5, 3] = v1
+    v4 = -omega*w9
+    v5 = omega*w7
+    fill(out, ((v0, v1, v2, v3, v2, v4, v0, v5),))
 
 
 @njit(**OPTIONS)
@@ -321,15 +231,8 @@ def F(p, s, out):
     It holds the rotary inertia -epsilon int rho I theta^T dx, too.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_I = p[5]
-    phi_s = p[6]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, _, length, x_0, rho_I, phi_s = unpacked(p, 7)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length
     w1 = rho_A*w0
     w2 = a_x*w1

@@ -7,22 +7,14 @@ In link axes, with one scalar of the motion before each constant matrix:
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
     Beside omega^2 stands the M of translation: rotary inertia neither softens nor stiffens.
 
-Operations of one call, written out -> with shared subexpressions:
-    M      1690 -> 206
-    K_s     188 -> 35
-    K_d    1418 -> 164
-    K_g    4470 -> 273
-    C       500 -> 68
-    F       402 -> 118
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
-from kaneflex.generated.packs import pack  # digest 08a8dad226607800
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c10a14a286019c97
+from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest f54de6ca0c98f92d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -48,9 +40,9 @@ ELEMENT_PARAMETERS = (
 OPERATIONS = {
     'M': (1690, 206),
     'K_s': (188, 35),
-    'K_d': (1418, 164),
+    'K_d': (1418, 156),
     'K_g': (4470, 273),
-    'C': (500, 68),
+    'C': (500, 60),
     'F': (402, 118),
 }
 
@@ -63,14 +55,7 @@ def M(p, out):
     So is the correction M_c for the element's answer to its own inertia; K_d and C are without it.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    rho_I = p[10]
-    rho_I_rise = p[11]
-    phi_s = p[12]
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, rho_I, rho_I_rise, phi_s = unpacked(p, 13)
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = 0.08333333333333333*length
@@ -157,18 +142,7 @@ def M(p, out):
     v8 = w13 + w74 + w9
     v9 = -w17 - w29 - w45
     v10 = w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73
-    out[0, 0] = w4
-    out[0, 3] = v0
-    pack(out, (1, 1), (v1, v2))
-    pack(out, (1, 4), (v3, v4))
-    pack(out, (2, 1), (v2, v5))
-    pack(out, (2, 4), (v6, v7))
-    out[3, 0] = v0
-    out[3, 3] = w74
-    pack(out, (4, 1), (v3, v6))
-    pack(out, (4, 4), (v8, v9))
-    pack(out, (5, 1), (v4, v7))
-    pack(out, (5, 4), (v9, v10))
+    fill(out, ((w4, v0, w74), (v1, v2, v3, v4, v5, v6, v7, v8, v9, v10)))
 
 
 @njit(**OPTIONS)
@@ -176,11 +150,7 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    E_A = p[1]
-    E_I = p[2]
-    length = p[3]
-    E_I_rise = p[7]
-    phi_s = p[12]
+    _, E_A, E_I, length, _, _, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
     w0 = 1.0/length
     w1 = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
@@ -197,25 +167,10 @@ def K_s(p, out):
     w13 = 0.08333333333333333*(E_I_rise*E_I_rise)*w0/E_I
     w14 = w12 + w13*w2 - w13
     w15 = 3.0*w12*w2 + w14
-    v0 = -w1
-    v1 = -w4
-    v2 = -w11 + w15
-    v3 = -w9
-    v4 = 3.0*E_I*w0*w2 - w14
-    v5 = -w10
-    v6 = w11 + w15
-    out[0, 0] = w1
-    out[0, 3] = v0
-    pack(out, (1, 1), (w4, w9))
-    pack(out, (1, 4), (v1, w10))
-    pack(out, (2, 1), (w9, v2))
-    pack(out, (2, 4), (v3, v4))
-    out[3, 0] = v0
-    out[3, 3] = w1
-    pack(out, (4, 1), (v1, v3))
-    pack(out, (4, 4), (w4, v5))
-    pack(out, (5, 1), (w10, v4))
-    pack(out, (5, 4), (v5, v6))
+    v0 = -w11 + w15
+    v1 = 3.0*E_I*w0*w2 - w14
+    v2 = w11 + w15
+    fill(out, ((w1, -w1, w1), (w4, w9, -w4, w10, v0, -w9, v1, w4, -w10, v2)))
 
 
 @njit(**OPTIONS)
@@ -225,14 +180,8 @@ def K_d(p, s, out):
     M here is that of translation alone.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    phi_s = p[12]
-    omega = s[0]
-    epsilon = s[1]
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
+    omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
@@ -314,47 +263,22 @@ def K_d(p, s, out):
     v3 = -w0*w33
     v4 = -epsilon*w34
     v5 = epsilon*w37
-    v6 = epsilon*w12
-    v7 = w0*(w38 - w40 - w5)
-    v8 = w0*(0.005357142857142857*rho_A_rise*w13*w7 - w27 - w29 + w41 + w44 - w47)
-    v9 = -epsilon*w50
-    v10 = w0*(w40 + w48)
-    v11 = w0*(w19 - w22 + w24 - w46 - w53)
-    v12 = epsilon*w32
-    v13 = w0*(w57 + w60 - w62 - w69)
-    v14 = epsilon*w71
-    v15 = w0*(-w25 - w35 + w45 - w53)
-    v16 = w0*(-w63 + w68)
-    v17 = epsilon*w50
-    v18 = -epsilon*w71
-    v19 = -w0*w72
-    v20 = -epsilon*w73
-    v21 = epsilon*w74
-    v22 = epsilon*w34
-    v23 = epsilon*w73
-    v24 = w0*(-w38 - w40 - w72)
-    v25 = w0*(0.005357142857142857*w23 + w47 + w52)
-    v26 = -epsilon*w37
-    v27 = -epsilon*w74
-    v28 = w0*(-w57 - w60 + w62 - w69)
-    pack(out, (0, 0), (v0, v1))
-    pack(out, (0, 2), (v2, v3))
-    pack(out, (0, 4), (v4, v5))
-    pack(out, (1, 0), (v6, v7))
-    pack(out, (1, 2), (v8, v9))
-    pack(out, (1, 4), (v10, v11))
-    pack(out, (2, 0), (v12, v8))
-    pack(out, (2, 2), (v13, v14))
-    pack(out, (2, 4), (v15, v16))
-    pack(out, (3, 0), (v3, v17))
-    pack(out, (3, 2), (v18, v19))
-    pack(out, (3, 4), (v20, v21))
-    pack(out, (4, 0), (v22, v10))
-    pack(out, (4, 2), (v15, v23))
-    pack(out, (4, 4), (v24, v25))
-    pack(out, (5, 0), (v26, v11))
-    pack(out, (5, 2), (v16, v27))
-    pack(out, (5, 4), (v25, v28))
+    v6 = w0*(w38 - w40 - w5)
+    v7 = w0*(0.005357142857142857*rho_A_rise*w13*w7 - w27 - w29 + w41 + w44 - w47)
+    v8 = w0*(w40 + w48)
+    v9 = w0*(w19 - w22 + w24 - w46 - w53)
+    v10 = w0*(w57 + w60 - w62 - w69)
+    v11 = w0*(-w25 - w35 + w45 - w53)
+    v12 = w0*(-w63 + w68)
+    v13 = epsilon*w50
+    v14 = -epsilon*w71
+    v15 = -w0*w72
+    v16 = -epsilon*w73
+    v17 = epsilon*w74
+    v18 = w0*(-w38 - w40 - w72)
+    v19 = w0*(0.005357142857142857*w23 + w47 + w52)
+    v20 = w0*(-w57 - w60 + w62 - w69)
+    fill(out, ((v0, v3, v15), (v6, v7, v8, v9, v10, v11, v12, v18, v19, v20), (v1, v2, v4, v5, v13, v14, v16, v17)))
 
 
 @njit(**OPTIONS)
@@ -362,18 +286,8 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    m_0 = p[8]
-    S_0 = p[9]
-    phi_s = p[12]
-    omega = s[0]
-    a_x = s[2]
-    P_0 = s[4]
+    rho_A, _, E_I, length, x_0, rho_A_rise, _, E_I_rise, m_0, S_0, _, _, phi_s = unpacked(p, 13)
+    omega, _, a_x, _, P_0 = unpacked(s, 5)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = length*rho_A_rise
@@ -459,14 +373,7 @@ def K_g(p, s, out):
     v6 = P_1*(0.05*length*w9 - w53) + P_2*(0.025*length*w9 - w61 - w70) + P_3*(0.01904761904761905*length*w9 - w64 - w70) + P_4*(0.01607142857142857*length*w9 - 0.005357142857142857*w56 - w68)
     v7 = -P_1*w40 - P_2*w41 - P_3*w42 - P_4*w43
     v8 = P_1*(w46 - w47 + w54) + P_2*(-w30*w50 + w55 + w62 + w71) + P_3*(-0.0007936507936507937*w56 + w63 + w65 + w71) + P_4*(w66 + w67 + w69)
-    pack(out, (1, 1), (v0, v1))
-    pack(out, (1, 4), (v2, v3))
-    pack(out, (2, 1), (v1, v4))
-    pack(out, (2, 4), (v5, v6))
-    pack(out, (4, 1), (v2, v5))
-    pack(out, (4, 4), (v0, v7))
-    pack(out, (5, 1), (v3, v6))
-    pack(out, (5, 4), (v7, v8))
+    fill(out, ((v0, v1, v2, v3, v4, v5, v6, v0, v7, v8),))
 
 
 @njit(**OPTIONS)
@@ -474,12 +381,7 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    phi_s = p[12]
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
     omega = s[0]
     w0 = length*rho_A
     w1 = 0.6666666666666666*w0
@@ -521,30 +423,11 @@ def C(p, s, out):
     v1 = -omega*w24
     v2 = -omega*w26
     v3 = omega*w29
-    v4 = omega*w8
-    v5 = -omega*w31
-    v6 = omega*w24
-    v7 = omega*w33
-    v8 = omega*w31
-    v9 = -omega*w33
-    v10 = -omega*w34
-    v11 = omega*w35
-    v12 = omega*w26
-    v13 = omega*w34
-    v14 = -omega*w29
-    v15 = -omega*w35
-    pack(out, (0, 1), (v0, v1))
-    pack(out, (0, 4), (v2, v3))
-    out[1, 0] = v4
-    out[1, 3] = v5
-    out[2, 0] = v6
-    out[2, 3] = v7
-    pack(out, (3, 1), (v8, v9))
-    pack(out, (3, 4), (v10, v11))
-    out[4, 0] = v12
-    out[4, 3] = v13
-    out[5, 0] = v14
-    out[5, 3] = v15
+    v4 = omega*w31
+    v5 = -omega*w33
+    v6 = -omega*w34
+    v7 = omega*w35
+    fill(out, ((v0, v1, v2, v3, v4, v5, v6, v7),))
 
 
 @njit(**OPTIONS)
@@ -554,19 +437,8 @@ def F(p, s, out):
     It holds the rotary inertia -epsilon int rho I theta^T dx, too.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    E_I = p[2]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[5]
-    E_I_rise = p[7]
-    rho_I = p[10]
-    rho_I_rise = p[11]
-    phi_s = p[12]
-    omega = s[0]
-    epsilon = s[1]
-    a_x = s[2]
-    a_y = s[3]
+    rho_A, _, E_I, length, x_0, rho_A_rise, _, E_I_rise, _, _, rho_I, rho_I_rise, phi_s = unpacked(p, 13)
+    omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length
     w1 = rho_A*w0
     w2 = 0.08333333333333333*length

@@ -10,23 +10,6 @@ and the sum or the difference of their radii; of flanks, all of whose lengths ar
 s/m]; the restitution e that is asked for; the radius [m] of the second side. n_x, n_y is the unit normal in which the
 second side is pushed, the first against it.
 
-Operations of one call, written out -> with shared subexpressions:
-    point_line                  136 -> 46
-    circles                     172 -> 39
-    angle                         5 -> 5
-    point_line_acceleration      74 -> 36
-    circles_acceleration         69 -> 32
-    angle_acceleration            2 -> 2
-    point_line_along            284 -> 70
-    circles_along               476 -> 79
-    elastic                       5 -> 5
-    damped                        7 -> 7
-    hysteretic                   14 -> 9
-    elastic_slopes                5 -> 5
-    damped_slopes                 5 -> 5
-    hysteretic_slopes            21 -> 11
-    stored                        8 -> 8
-
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
 
@@ -37,35 +20,9 @@ from numba import njit
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# of a contact, in p
-NUMBERS = (
-    'direction_x',
-    'direction_y',
-    'reach',
-    'K',
-    'n',
-    'chi',
-    'e',
-    'radius',
-)
-
-# of geometry
-KINDS = (
-    'point-line',
-    'circles',
-    'angle',
-)
-
-# of the force
-LAWS = (
-    'hertz',
-    'kelvin-voigt',
-    'hunt-crossley',
-    'lankarani-nikravesh',
-    'flores',
-    'exact',
-    'newton',
-)
+NUMBERS = ('direction_x', 'direction_y', 'reach', 'K', 'n', 'chi', 'e', 'radius')  # of a contact, in p
+KINDS = ('point-line', 'circles', 'angle')  # of geometry
+LAWS = ('hertz', 'kelvin-voigt', 'hunt-crossley', 'lankarani-nikravesh', 'flores', 'exact', 'newton')  # of the force
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {

@@ -5,11 +5,9 @@ Structure 6d7423f9db6d797c, format 3, SymPy 1.14; made by: kaneflex derive SCENE
 Bodies, joints and springs are those of kaneflex.generated.spatial.
 """
 
-import math
-
 from numba import njit
 
-from kaneflex.generated.tables import table  # digest 4b382767704e89a2
+from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
 
 FORMAT = 3
 STRUCTURE = "6d7423f9db6d797c"
@@ -27,33 +25,13 @@ PARAMETERS = (
     ('loads.gas_3.table', '1'),
 )
 
-# what has a table in p, beginning at <path>.table
-TABLES = (
-    'loads.gas_1',
-    'loads.gas_2',
-    'loads.gas_3',
-)
-
-# kinds; all but the free ones are in courses
-DRIVES = {
-    'main': 'constant speed',
-}
-
-# joints that laws know beside them
-OBSERVED = ()
-
-# in the order of magnitudes
-LOADS = (
-    'gas_1',
-    'gas_2',
-    'gas_3',
-)
+TABLES = ('loads.gas_1', 'loads.gas_2', 'loads.gas_3')  # what has a table in p, which begins at <path>.table
+DRIVES = {'main': 'constant speed'}  # kinds; all but the free ones are in courses
+LOADS = ('gas_1', 'gas_2', 'gas_3')  # in the order of magnitudes
+OBSERVED = ()  # joints that laws know beside them
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'courses': (2, 2),
-    'magnitudes': (6, 6),
-}
+OPERATIONS = {'courses': (2, 2), 'magnitudes': (6, 6)}
 
 
 @njit(**OPTIONS)

@@ -2,19 +2,16 @@
 
 Structure d18cff34b9ece37a, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-Operations of one call, written out -> with shared subexpressions:
-    motion      588 -> 85
-    inverse     196 -> 65
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
-from kaneflex.generated.tables import table  # digest 4b382767704e89a2
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
 
 FORMAT = 3
 STRUCTURE = "d18cff34b9ece37a"
@@ -22,82 +19,40 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.upper.centre_x', 'm'),
-    ('bodies.upper.mass', 'kg'),
-    ('bodies.upper.inertia', 'kg m^2'),
-    ('bodies.lower.centre_x', 'm'),
-    ('bodies.lower.mass', 'kg'),
-    ('bodies.lower.inertia', 'kg m^2'),
+    *rows.numbers('bodies.upper', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.lower', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.upper.length', 'm'),
-    ('drives.pivot.angle_table', '1'),
-    ('drives.pivot.speed_table', '1'),
-    ('drives.pivot.acceleration_table', '1'),
-    ('drives.elbow.angle_table', '1'),
-    ('drives.elbow.speed_table', '1'),
-    ('drives.elbow.acceleration_table', '1'),
+    *rows.numbers('drives.pivot', angle_table='1', speed_table='1', acceleration_table='1'),
+    *rows.numbers('drives.elbow', angle_table='1', speed_table='1', acceleration_table='1'),
     ('gravity.y', 'm/s^2'),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
     ('pivot.angle', 'rad', 'coordinate of the drive'),
     ('elbow.angle', 'rad', 'coordinate of the drive'),
-    ('upper.c', '1', "cosine of the body's angle"),
-    ('upper.s', '1', "sine of the body's angle"),
-    ('upper.omega', 'rad/s', 'angular velocity of the body'),
-    ('upper.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('lower.x', 'm', "global x of the body's start"),
-    ('lower.y', 'm', "global y of the body's start"),
-    ('lower.c', '1', "cosine of the body's angle"),
-    ('lower.s', '1', "sine of the body's angle"),
-    ('lower.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('lower.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('lower.omega', 'rad/s', 'angular velocity of the body'),
-    ('lower.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('lower.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('lower.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('pivot.force_x', 'N', 'force on upper by ground, global x'),
-    ('pivot.force_y', 'N', 'force on upper by ground, global y'),
-    ('elbow.force_x', 'N', 'force on lower by upper, global x'),
-    ('elbow.force_y', 'N', 'force on lower by upper, global y'),
+    *rows.body('upper', 'c s omega epsilon'),
+    *rows.body('lower', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.force('pivot', 'upper by ground'),
+    *rows.force('elbow', 'lower by upper'),
     ('pivot.drive', 'N m', 'torque of the drive'),
     ('elbow.drive', 'N m', 'torque of the drive'),
 )
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'upper.x': 0.0,
-    'upper.y': 0.0,
-    'upper.v_x': 0.0,
-    'upper.v_y': 0.0,
-    'upper.a_x': 0.0,
-    'upper.a_y': 0.0,
+    **rows.constants('upper', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0),
 }
 
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {}
-
-LINK_SCALARS = ()
-
-ELEMENT_PARAMETERS = ()
-
-# terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = ()
-
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = (
-    'pivot',
-    'elbow',
-)
+LINK_SCALARS = ()  # nothing is elastic
+ELEMENT_PARAMETERS = ()  # nothing is elastic
+TERMS = ()  # nothing is elastic
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ('pivot', 'elbow')  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (588, 85),
-    'inverse': (196, 65),
-}
+OPERATIONS = {'motion': (588, 85), 'inverse': (196, 65)}
 
 
 @njit(**OPTIONS)
@@ -105,20 +60,11 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    upper_centre_x = p[0]
-    upper_mass = p[1]
-    upper_inertia = p[2]
-    lower_centre_x = p[3]
-    lower_mass = p[4]
-    lower_inertia = p[5]
-    upper_length = p[6]
-    pivot_angle_table = p[7]
-    pivot_speed_table = p[8]
-    pivot_acceleration_table = p[9]
-    elbow_angle_table = p[10]
-    elbow_speed_table = p[11]
-    elbow_acceleration_table = p[12]
-    gravity_y = p[13]
+    (
+        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia, upper_length,
+        pivot_angle_table, pivot_speed_table, pivot_acceleration_table, elbow_angle_table, elbow_speed_table,
+        elbow_acceleration_table, gravity_y,
+    ) = unpacked(p, 14)
     pivot_coordinate = s[0] = table(t, p, int(pivot_angle_table))
     cos_pivot = s[2] = math.cos(pivot_coordinate)
     w0 = upper_length*cos_pivot
@@ -164,20 +110,11 @@ def inverse(t, y, p, out):
     """Torque that each free joint would need at time t [s] for a state and its accelerations.
 
     p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration of each joint of FREE."""
-    pivot_angle_ = y[0]
-    pivot_speed_ = y[1]
-    pivot_acceleration_ = y[2]
-    elbow_angle_ = y[3]
-    elbow_speed_ = y[4]
-    elbow_acceleration_ = y[5]
-    upper_centre_x = p[0]
-    upper_mass = p[1]
-    upper_inertia = p[2]
-    lower_centre_x = p[3]
-    lower_mass = p[4]
-    lower_inertia = p[5]
-    upper_length = p[6]
-    gravity_y = p[13]
+    pivot_angle_, pivot_speed_, pivot_acceleration_, elbow_angle_, elbow_speed_, elbow_acceleration_ = unpacked(y, 6)
+    (
+        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia, upper_length, _, _, _, _,
+        _, _, gravity_y,
+    ) = unpacked(p, 14)
     cos_pivot = math.cos(pivot_angle_)
     w0 = upper_length*cos_pivot
     sin_pivot = math.sin(pivot_angle_)

@@ -2,21 +2,17 @@
 
 Structure 634c07ca3d197678, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion    3225 -> 97
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
@@ -28,60 +24,27 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.crank.centre_x', 'm'),
-    ('bodies.crank.mass', 'kg'),
-    ('bodies.crank.inertia', 'kg m^2'),
-    ('bodies.rod.centre_x', 'm'),
-    ('bodies.rod.mass', 'kg'),
-    ('bodies.rod.inertia', 'kg m^2'),
+    *rows.numbers('bodies.crank', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.rod', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.piston.mass', 'kg'),
     ('bodies.crank.length', 'm'),
     ('bodies.rod.length', 'm'),
     ('joints.bore.branch', '1'),
-    ('drives.main.speed', 'rad/s'),
-    ('drives.main.angle', 'rad'),
+    *rows.numbers('drives.main', speed='rad/s', angle='rad'),
     ('gravity.x', 'm/s^2'),
-    ('bodies.rod.element.rho_A', 'kg/m'),
-    ('bodies.rod.element.E_A', 'N'),
-    ('bodies.rod.element.E_I', 'N m^2'),
-    ('bodies.rod.element.length', 'm'),
-    ('bodies.rod.element.x_0', 'm'),
+    *rows.element('rod', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('rod.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('rod'),
     ('main.angle', 'rad', 'coordinate of the drive'),
-    ('crank.c', '1', "cosine of the body's angle"),
-    ('crank.s', '1', "sine of the body's angle"),
-    ('crank.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod.x', 'm', "global x of the body's start"),
-    ('rod.y', 'm', "global y of the body's start"),
-    ('rod.c', '1', "cosine of the body's angle"),
-    ('rod.s', '1', "sine of the body's angle"),
-    ('rod.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('piston.x', 'm', "global x of the body's start"),
-    ('piston.y', 'm', "global y of the body's start"),
-    ('piston.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('piston.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('main.force_x', 'N', 'force on crank by ground, global x'),
-    ('main.force_y', 'N', 'force on crank by ground, global y'),
-    ('pin.force_x', 'N', 'force on rod by crank, global x'),
-    ('pin.force_y', 'N', 'force on rod by crank, global y'),
-    ('wrist.force_x', 'N', 'force on piston by rod, global x'),
-    ('wrist.force_y', 'N', 'force on piston by rod, global y'),
+    *rows.body('crank', 'c s omega'),
+    *rows.body('rod', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('piston', 'x y v_x a_x'),
+    *rows.force('main', 'crank by ground'),
+    *rows.force('pin', 'rod by crank'),
+    *rows.force('wrist', 'piston by rod'),
     ('bore.normal', 'N', 'force on piston by ground, normal to the guide'),
     ('main.drive', 'N m', 'torque of the drive'),
     ('bore.closure', '1', "margin of the loop: it can't close below zero"),
@@ -89,50 +52,20 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'crank.x': 0.0,
-    'crank.y': 0.0,
-    'crank.v_x': 0.0,
-    'crank.v_y': 0.0,
-    'crank.a_x': 0.0,
-    'crank.a_y': 0.0,
-    'crank.epsilon': 0.0,
-    'piston.c': 1.0,
-    'piston.s': 0.0,
-    'piston.v_y': 0.0,
-    'piston.omega': 0.0,
-    'piston.a_y': 0.0,
-    'piston.epsilon': 0.0,
+    **rows.constants('crank', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('piston', c=1.0, s=0.0, v_y=0.0, omega=0.0, a_y=0.0, epsilon=0.0),
     'bore.moment': 0.0,
 }
 
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'rod': 0,
-}
-
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('load_x', 'load', 'F', ('a_x',)),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_acceleration', 'geometric', 'K_g', ('a_x',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'rod': 0}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (3225, 97),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (3225, 97)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -140,18 +73,10 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    crank_centre_x = p[0]
-    crank_mass = p[1]
-    rod_centre_x = p[3]
-    rod_mass = p[4]
-    rod_inertia = p[5]
-    piston_mass = p[6]
-    crank_length = p[7]
-    rod_length = p[8]
-    bore_branch = p[9]
-    main_speed = p[10]
-    main_angle = p[11]
-    gravity_x = p[12]
+    (
+        crank_centre_x, crank_mass, _, rod_centre_x, rod_mass, rod_inertia, piston_mass, crank_length, rod_length,
+        bore_branch, main_speed, main_angle, gravity_x,
+    ) = unpacked(p, 13)
     main_coordinate = s[5] = main_angle + main_speed*t
     sin_main = s[7] = math.sin(main_coordinate)
     w0 = crank_length*sin_main

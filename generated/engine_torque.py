@@ -2,27 +2,22 @@
 
 Structure fbb10945be98c061, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion    13980 -> 298
-    inverse    1928 -> 245
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
 )
-from kaneflex.generated.tables import table  # digest 4b382767704e89a2
+from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
 
 FORMAT = 3
 STRUCTURE = "fbb10945be98c061"
@@ -30,145 +25,54 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.crank.mass', 'kg'),
-    ('bodies.crank.inertia', 'kg m^2'),
-    ('bodies.rod_1.centre_x', 'm'),
-    ('bodies.rod_1.mass', 'kg'),
-    ('bodies.rod_1.inertia', 'kg m^2'),
-    ('bodies.rod_2.centre_x', 'm'),
-    ('bodies.rod_2.mass', 'kg'),
-    ('bodies.rod_2.inertia', 'kg m^2'),
-    ('bodies.rod_3.centre_x', 'm'),
-    ('bodies.rod_3.mass', 'kg'),
-    ('bodies.rod_3.inertia', 'kg m^2'),
+    *rows.numbers('bodies.crank', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.rod_1', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.rod_2', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.rod_3', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.piston_1.mass', 'kg'),
     ('bodies.piston_2.mass', 'kg'),
     ('bodies.piston_3.mass', 'kg'),
     ('bodies.crank.points.pin_1.x', 'm'),
     ('bodies.rod_1.length', 'm'),
     ('joints.bore_1.branch', '1'),
-    ('bodies.crank.points.pin_2.x', 'm'),
-    ('bodies.crank.points.pin_2.y', 'm'),
+    *rows.numbers('bodies.crank.points.pin_2', x='m', y='m'),
     ('bodies.rod_2.length', 'm'),
     ('joints.bore_2.branch', '1'),
-    ('bodies.crank.points.pin_3.x', 'm'),
-    ('bodies.crank.points.pin_3.y', 'm'),
+    *rows.numbers('bodies.crank.points.pin_3', x='m', y='m'),
     ('bodies.rod_3.length', 'm'),
     ('joints.bore_3.branch', '1'),
     ('masses.flywheel.inertia', 'kg m^2'),
-    ('drives.main.angle_table', '1'),
-    ('drives.main.speed_table', '1'),
-    ('drives.main.acceleration_table', '1'),
-    ('loads.gas_1.offset', 'rad'),
-    ('loads.gas_1.table', '1'),
-    ('loads.gas_2.offset', 'rad'),
-    ('loads.gas_2.table', '1'),
-    ('loads.gas_3.offset', 'rad'),
-    ('loads.gas_3.table', '1'),
-    ('bodies.rod_1.element.rho_A', 'kg/m'),
-    ('bodies.rod_1.element.E_A', 'N'),
-    ('bodies.rod_1.element.E_I', 'N m^2'),
-    ('bodies.rod_1.element.length', 'm'),
-    ('bodies.rod_1.element.x_0', 'm'),
-    ('bodies.rod_2.element.rho_A', 'kg/m'),
-    ('bodies.rod_2.element.E_A', 'N'),
-    ('bodies.rod_2.element.E_I', 'N m^2'),
-    ('bodies.rod_2.element.length', 'm'),
-    ('bodies.rod_2.element.x_0', 'm'),
-    ('bodies.rod_3.element.rho_A', 'kg/m'),
-    ('bodies.rod_3.element.E_A', 'N'),
-    ('bodies.rod_3.element.E_I', 'N m^2'),
-    ('bodies.rod_3.element.length', 'm'),
-    ('bodies.rod_3.element.x_0', 'm'),
-)
-
-# what has a table in p, which begins where <path>.table says
-TABLES = (
-    'loads.gas_1',
-    'loads.gas_2',
-    'loads.gas_3',
+    *rows.numbers('drives.main', angle_table='1', speed_table='1', acceleration_table='1'),
+    *rows.numbers('loads.gas_1', offset='rad', table='1'),
+    *rows.numbers('loads.gas_2', offset='rad', table='1'),
+    *rows.numbers('loads.gas_3', offset='rad', table='1'),
+    *rows.element('rod_1', ELEMENT_PARAMETERS),
+    *rows.element('rod_2', ELEMENT_PARAMETERS),
+    *rows.element('rod_3', ELEMENT_PARAMETERS),
 )
 
 # s: name, unit, meaning
 SCALARS = (
-    ('rod_1.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod_1.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod_1.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod_1.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod_1.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('rod_2.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod_2.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod_2.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod_2.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod_2.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('rod_3.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod_3.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod_3.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod_3.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod_3.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('rod_1'),
+    *rows.link('rod_2'),
+    *rows.link('rod_3'),
     ('main.angle', 'rad', 'coordinate of the drive'),
-    ('crank.c', '1', "cosine of the body's angle"),
-    ('crank.s', '1', "sine of the body's angle"),
-    ('crank.omega', 'rad/s', 'angular velocity of the body'),
-    ('crank.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('rod_1.x', 'm', "global x of the body's start"),
-    ('rod_1.y', 'm', "global y of the body's start"),
-    ('rod_1.c', '1', "cosine of the body's angle"),
-    ('rod_1.s', '1', "sine of the body's angle"),
-    ('rod_1.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod_1.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod_1.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod_1.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod_1.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod_1.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('rod_2.x', 'm', "global x of the body's start"),
-    ('rod_2.y', 'm', "global y of the body's start"),
-    ('rod_2.c', '1', "cosine of the body's angle"),
-    ('rod_2.s', '1', "sine of the body's angle"),
-    ('rod_2.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod_2.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod_2.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod_2.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod_2.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod_2.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('rod_3.x', 'm', "global x of the body's start"),
-    ('rod_3.y', 'm', "global y of the body's start"),
-    ('rod_3.c', '1', "cosine of the body's angle"),
-    ('rod_3.s', '1', "sine of the body's angle"),
-    ('rod_3.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod_3.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod_3.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod_3.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod_3.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod_3.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('piston_1.x', 'm', "global x of the body's start"),
-    ('piston_1.y', 'm', "global y of the body's start"),
-    ('piston_1.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('piston_1.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('piston_2.x', 'm', "global x of the body's start"),
-    ('piston_2.y', 'm', "global y of the body's start"),
-    ('piston_2.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('piston_2.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('piston_3.x', 'm', "global x of the body's start"),
-    ('piston_3.y', 'm', "global y of the body's start"),
-    ('piston_3.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('piston_3.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('main.force_x', 'N', 'force on crank by ground, global x'),
-    ('main.force_y', 'N', 'force on crank by ground, global y'),
-    ('pin_1.force_x', 'N', 'force on rod_1 by crank, global x'),
-    ('pin_1.force_y', 'N', 'force on rod_1 by crank, global y'),
-    ('wrist_1.force_x', 'N', 'force on piston_1 by rod_1, global x'),
-    ('wrist_1.force_y', 'N', 'force on piston_1 by rod_1, global y'),
+    *rows.body('crank', 'c s omega epsilon'),
+    *rows.body('rod_1', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('rod_2', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('rod_3', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('piston_1', 'x y v_x a_x'),
+    *rows.body('piston_2', 'x y v_x a_x'),
+    *rows.body('piston_3', 'x y v_x a_x'),
+    *rows.force('main', 'crank by ground'),
+    *rows.force('pin_1', 'rod_1 by crank'),
+    *rows.force('wrist_1', 'piston_1 by rod_1'),
     ('bore_1.normal', 'N', 'force on piston_1 by ground, normal to the guide'),
-    ('pin_2.force_x', 'N', 'force on rod_2 by crank, global x'),
-    ('pin_2.force_y', 'N', 'force on rod_2 by crank, global y'),
-    ('wrist_2.force_x', 'N', 'force on piston_2 by rod_2, global x'),
-    ('wrist_2.force_y', 'N', 'force on piston_2 by rod_2, global y'),
+    *rows.force('pin_2', 'rod_2 by crank'),
+    *rows.force('wrist_2', 'piston_2 by rod_2'),
     ('bore_2.normal', 'N', 'force on piston_2 by ground, normal to the guide'),
-    ('pin_3.force_x', 'N', 'force on rod_3 by crank, global x'),
-    ('pin_3.force_y', 'N', 'force on rod_3 by crank, global y'),
-    ('wrist_3.force_x', 'N', 'force on piston_3 by rod_3, global x'),
-    ('wrist_3.force_y', 'N', 'force on piston_3 by rod_3, global y'),
+    *rows.force('pin_3', 'rod_3 by crank'),
+    *rows.force('wrist_3', 'piston_3 by rod_3'),
     ('bore_3.normal', 'N', 'force on piston_3 by ground, normal to the guide'),
     ('main.drive', 'N m', 'torque of the drive'),
     ('gas_1', 'N', 'magnitude of the load'),
@@ -182,68 +86,24 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'crank.x': 0.0,
-    'crank.y': 0.0,
-    'crank.v_x': 0.0,
-    'crank.v_y': 0.0,
-    'crank.a_x': 0.0,
-    'crank.a_y': 0.0,
-    'piston_1.c': 1.0,
-    'piston_1.s': 0.0,
-    'piston_1.v_y': 0.0,
-    'piston_1.omega': 0.0,
-    'piston_1.a_y': 0.0,
-    'piston_1.epsilon': 0.0,
-    'piston_2.c': 1.0,
-    'piston_2.s': 0.0,
-    'piston_2.v_y': 0.0,
-    'piston_2.omega': 0.0,
-    'piston_2.a_y': 0.0,
-    'piston_2.epsilon': 0.0,
-    'piston_3.c': 1.0,
-    'piston_3.s': 0.0,
-    'piston_3.v_y': 0.0,
-    'piston_3.omega': 0.0,
-    'piston_3.a_y': 0.0,
-    'piston_3.epsilon': 0.0,
+    **rows.constants('crank', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0),
+    **rows.constants('piston_1', c=1.0, s=0.0, v_y=0.0, omega=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('piston_2', c=1.0, s=0.0, v_y=0.0, omega=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('piston_3', c=1.0, s=0.0, v_y=0.0, omega=0.0, a_y=0.0, epsilon=0.0),
     'bore_1.moment': 0.0,
     'bore_2.moment': 0.0,
     'bore_3.moment': 0.0,
 }
 
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'rod_1': 0,
-    'rod_2': 5,
-    'rod_3': 10,
-}
-
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('load_x', 'load', 'F', ('a_x',)),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_acceleration', 'geometric', 'K_g', ('a_x',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = (
-    'main',
-)
+TABLES = ('loads.gas_1', 'loads.gas_2', 'loads.gas_3')  # what has a table in p, which begins where <path>.table says
+LINKS = {'rod_1': 0, 'rod_2': 5, 'rod_3': 10}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ('main',)  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (13980, 298),
-    'inverse': (1928, 245),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (13980, 298), 'inverse': (1928, 245)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -251,40 +111,13 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    crank_inertia = p[1]
-    rod_1_centre_x = p[2]
-    rod_1_mass = p[3]
-    rod_1_inertia = p[4]
-    rod_2_centre_x = p[5]
-    rod_2_mass = p[6]
-    rod_2_inertia = p[7]
-    rod_3_centre_x = p[8]
-    rod_3_mass = p[9]
-    rod_3_inertia = p[10]
-    piston_1_mass = p[11]
-    piston_2_mass = p[12]
-    piston_3_mass = p[13]
-    crank_pin_1_x = p[14]
-    rod_1_length = p[15]
-    bore_1_branch = p[16]
-    crank_pin_2_x = p[17]
-    crank_pin_2_y = p[18]
-    rod_2_length = p[19]
-    bore_2_branch = p[20]
-    crank_pin_3_x = p[21]
-    crank_pin_3_y = p[22]
-    rod_3_length = p[23]
-    bore_3_branch = p[24]
-    flywheel_inertia = p[25]
-    main_angle_table = p[26]
-    main_speed_table = p[27]
-    main_acceleration_table = p[28]
-    gas_1_offset = p[29]
-    gas_1_table = p[30]
-    gas_2_offset = p[31]
-    gas_2_table = p[32]
-    gas_3_offset = p[33]
-    gas_3_table = p[34]
+    (
+        _, crank_inertia, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass, rod_2_inertia,
+        rod_3_centre_x, rod_3_mass, rod_3_inertia, piston_1_mass, piston_2_mass, piston_3_mass, crank_pin_1_x,
+        rod_1_length, bore_1_branch, crank_pin_2_x, crank_pin_2_y, rod_2_length, bore_2_branch, crank_pin_3_x,
+        crank_pin_3_y, rod_3_length, bore_3_branch, flywheel_inertia, main_angle_table, main_speed_table,
+        main_acceleration_table, gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table,
+    ) = unpacked(p, 35)
     main_coordinate = s[15] = table(t, p, int(main_angle_table))
     sin_main = s[17] = math.sin(main_coordinate)
     w0 = crank_pin_1_x*sin_main
@@ -421,40 +254,14 @@ def inverse(t, y, p, out):
     """Torque that each free joint would need at time t [s] for a state and its accelerations.
 
     p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration of each joint of FREE."""
-    main_angle_ = y[0]
-    main_speed_ = y[1]
-    main_acceleration_ = y[2]
-    crank_inertia = p[1]
-    rod_1_centre_x = p[2]
-    rod_1_mass = p[3]
-    rod_1_inertia = p[4]
-    rod_2_centre_x = p[5]
-    rod_2_mass = p[6]
-    rod_2_inertia = p[7]
-    rod_3_centre_x = p[8]
-    rod_3_mass = p[9]
-    rod_3_inertia = p[10]
-    piston_1_mass = p[11]
-    piston_2_mass = p[12]
-    piston_3_mass = p[13]
-    crank_pin_1_x = p[14]
-    rod_1_length = p[15]
-    bore_1_branch = p[16]
-    crank_pin_2_x = p[17]
-    crank_pin_2_y = p[18]
-    rod_2_length = p[19]
-    bore_2_branch = p[20]
-    crank_pin_3_x = p[21]
-    crank_pin_3_y = p[22]
-    rod_3_length = p[23]
-    bore_3_branch = p[24]
-    flywheel_inertia = p[25]
-    gas_1_offset = p[29]
-    gas_1_table = p[30]
-    gas_2_offset = p[31]
-    gas_2_table = p[32]
-    gas_3_offset = p[33]
-    gas_3_table = p[34]
+    main_angle_, main_speed_, main_acceleration_ = unpacked(y, 3)
+    (
+        _, crank_inertia, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass, rod_2_inertia,
+        rod_3_centre_x, rod_3_mass, rod_3_inertia, piston_1_mass, piston_2_mass, piston_3_mass, crank_pin_1_x,
+        rod_1_length, bore_1_branch, crank_pin_2_x, crank_pin_2_y, rod_2_length, bore_2_branch, crank_pin_3_x,
+        crank_pin_3_y, rod_3_length, bore_3_branch, flywheel_inertia, _, _, _, gas_1_offset, gas_1_table, gas_2_offset,
+        gas_2_table, gas_3_offset, gas_3_table,
+    ) = unpacked(p, 35)
     sin_main = math.sin(main_angle_)
     w0 = crank_pin_1_x*sin_main
     w1 = rod_1_length*rod_1_length

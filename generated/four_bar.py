@@ -2,21 +2,17 @@
 
 Structure 63642abedd1bcf27, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion  237893 -> 166
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
@@ -28,15 +24,9 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.crank.centre_x', 'm'),
-    ('bodies.crank.mass', 'kg'),
-    ('bodies.crank.inertia', 'kg m^2'),
-    ('bodies.coupler.centre_x', 'm'),
-    ('bodies.coupler.mass', 'kg'),
-    ('bodies.coupler.inertia', 'kg m^2'),
-    ('bodies.follower.centre_x', 'm'),
-    ('bodies.follower.mass', 'kg'),
-    ('bodies.follower.inertia', 'kg m^2'),
+    *rows.numbers('bodies.crank', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.coupler', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.follower', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.crank.length', 'm'),
     ('bodies.coupler.length', 'm'),
     ('bodies.follower.length', 'm'),
@@ -44,127 +34,46 @@ PARAMETERS = (
     ('joints.rocker.branch', '1'),
     ('masses.at_first.mass', 'kg'),
     ('masses.at_second.mass', 'kg'),
-    ('drives.main.speed', 'rad/s'),
-    ('drives.main.angle', 'rad'),
-    ('bodies.crank.element.rho_A', 'kg/m'),
-    ('bodies.crank.element.E_A', 'N'),
-    ('bodies.crank.element.E_I', 'N m^2'),
-    ('bodies.crank.element.length', 'm'),
-    ('bodies.crank.element.x_0', 'm'),
-    ('bodies.coupler.element.rho_A', 'kg/m'),
-    ('bodies.coupler.element.E_A', 'N'),
-    ('bodies.coupler.element.E_I', 'N m^2'),
-    ('bodies.coupler.element.length', 'm'),
-    ('bodies.coupler.element.x_0', 'm'),
-    ('bodies.follower.element.rho_A', 'kg/m'),
-    ('bodies.follower.element.E_A', 'N'),
-    ('bodies.follower.element.E_I', 'N m^2'),
-    ('bodies.follower.element.length', 'm'),
-    ('bodies.follower.element.x_0', 'm'),
+    *rows.numbers('drives.main', speed='rad/s', angle='rad'),
+    *rows.element('crank', ELEMENT_PARAMETERS),
+    *rows.element('coupler', ELEMENT_PARAMETERS),
+    *rows.element('follower', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('crank.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('crank.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('crank.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('crank.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('crank.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('coupler.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('coupler.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('coupler.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('coupler.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('coupler.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('follower.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('follower.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('follower.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('follower.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('follower.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('crank'),
+    *rows.link('coupler'),
+    *rows.link('follower'),
     ('main.angle', 'rad', 'coordinate of the drive'),
-    ('crank.c', '1', "cosine of the body's angle"),
-    ('crank.s', '1', "sine of the body's angle"),
-    ('crank.omega', 'rad/s', 'angular velocity of the body'),
-    ('coupler.x', 'm', "global x of the body's start"),
-    ('coupler.y', 'm', "global y of the body's start"),
-    ('coupler.c', '1', "cosine of the body's angle"),
-    ('coupler.s', '1', "sine of the body's angle"),
-    ('coupler.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('coupler.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('coupler.omega', 'rad/s', 'angular velocity of the body'),
-    ('coupler.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('coupler.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('coupler.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('follower.x', 'm', "global x of the body's start"),
-    ('follower.c', '1', "cosine of the body's angle"),
-    ('follower.s', '1', "sine of the body's angle"),
-    ('follower.omega', 'rad/s', 'angular velocity of the body'),
-    ('follower.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('main.force_x', 'N', 'force on crank by ground, global x'),
-    ('main.force_y', 'N', 'force on crank by ground, global y'),
-    ('first.force_x', 'N', 'force on coupler by crank, global x'),
-    ('first.force_y', 'N', 'force on coupler by crank, global y'),
-    ('second.force_x', 'N', 'force on follower by coupler, global x'),
-    ('second.force_y', 'N', 'force on follower by coupler, global y'),
-    ('rocker.force_x', 'N', 'force on follower by ground, global x'),
-    ('rocker.force_y', 'N', 'force on follower by ground, global y'),
+    *rows.body('crank', 'c s omega'),
+    *rows.body('coupler', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('follower', 'x c s omega epsilon'),
+    *rows.force('main', 'crank by ground'),
+    *rows.force('first', 'coupler by crank'),
+    *rows.force('second', 'follower by coupler'),
+    *rows.force('rocker', 'follower by ground'),
     ('main.drive', 'N m', 'torque of the drive'),
     ('rocker.closure', '1', "margin of the loop: it can't close below zero"),
 )
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'crank.link.epsilon': 0.0,
-    'crank.link.a_x': 0.0,
-    'crank.link.a_y': 0.0,
-    'follower.link.a_x': 0.0,
-    'follower.link.a_y': 0.0,
-    'crank.x': 0.0,
-    'crank.y': 0.0,
-    'crank.v_x': 0.0,
-    'crank.v_y': 0.0,
-    'crank.a_x': 0.0,
-    'crank.a_y': 0.0,
-    'crank.epsilon': 0.0,
-    'follower.y': 0.0,
-    'follower.v_x': 0.0,
-    'follower.v_y': 0.0,
-    'follower.a_x': 0.0,
-    'follower.a_y': 0.0,
-}
-
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'crank': 0,
-    'coupler': 5,
-    'follower': 10,
+    **rows.constants('crank.link', epsilon=0.0, a_x=0.0, a_y=0.0),
+    **rows.constants('follower.link', a_x=0.0, a_y=0.0),
+    **rows.constants('crank', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('follower', y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0),
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('load_x', 'load', 'F', ('a_x',)),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_acceleration', 'geometric', 'K_g', ('a_x',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'crank': 0, 'coupler': 5, 'follower': 10}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (237893, 166),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (237893, 166)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -172,23 +81,11 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    crank_centre_x = p[0]
-    crank_mass = p[1]
-    coupler_centre_x = p[3]
-    coupler_mass = p[4]
-    coupler_inertia = p[5]
-    follower_centre_x = p[6]
-    follower_mass = p[7]
-    follower_inertia = p[8]
-    crank_length = p[9]
-    coupler_length = p[10]
-    follower_length = p[11]
-    ground_right_x = p[12]
-    rocker_branch = p[13]
-    at_first_mass = p[14]
-    at_second_mass = p[15]
-    main_speed = p[16]
-    main_angle = p[17]
+    (
+        crank_centre_x, crank_mass, _, coupler_centre_x, coupler_mass, coupler_inertia, follower_centre_x,
+        follower_mass, follower_inertia, crank_length, coupler_length, follower_length, ground_right_x, rocker_branch,
+        at_first_mass, at_second_mass, main_speed, main_angle,
+    ) = unpacked(p, 18)
     main_coordinate = s[15] = main_angle + main_speed*t
     cos_main = s[16] = math.cos(main_coordinate)
     w0 = crank_length*cos_main

@@ -5,39 +5,20 @@ Structure c3b1e9beae6055a6, format 3, SymPy 1.14; made by: kaneflex derive SCENE
 Bodies, joints and springs are those of kaneflex.generated.spatial.
 """
 
-import math
-
 from numba import njit
 
 FORMAT = 3
 STRUCTURE = "c3b1e9beae6055a6"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# p: path, unit
-PARAMETERS = (
-    ('drives.main.speed', 'rad/s'),
-    ('drives.main.angle', 'rad'),
-)
-
-# what has a table in p, beginning at <path>.table
-TABLES = ()
-
-# kinds; all but the free ones are in courses
-DRIVES = {
-    'main': 'constant speed',
-}
-
-# joints that laws know beside them
-OBSERVED = ()
-
-# in the order of magnitudes
-LOADS = ()
+PARAMETERS = (('drives.main.speed', 'rad/s'), ('drives.main.angle', 'rad'))  # p: path, unit
+TABLES = ()  # what has a table in p, which begins at <path>.table
+DRIVES = {'main': 'constant speed'}  # kinds; all but the free ones are in courses
+LOADS = ()  # in the order of magnitudes
+OBSERVED = ()  # joints that laws know beside them
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'courses': (2, 2),
-    'magnitudes': (0, 0),
-}
+OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 
 
 @njit(**OPTIONS)

@@ -2,21 +2,17 @@
 
 Structure 86fc59b872abb451, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion      13 -> 13
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, element_matrices
 
@@ -26,30 +22,10 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.bottom.centre_x', 'm'),
-    ('bodies.bottom.mass', 'kg'),
-    ('bodies.bottom.inertia', 'kg m^2'),
-    ('bodies.bottom.pose_x', 'm'),
-    ('bodies.bottom.pose_y', 'm'),
-    ('bodies.bottom.pose_angle', 'rad'),
-    ('bodies.right.centre_x', 'm'),
-    ('bodies.right.mass', 'kg'),
-    ('bodies.right.inertia', 'kg m^2'),
-    ('bodies.right.pose_x', 'm'),
-    ('bodies.right.pose_y', 'm'),
-    ('bodies.right.pose_angle', 'rad'),
-    ('bodies.top.centre_x', 'm'),
-    ('bodies.top.mass', 'kg'),
-    ('bodies.top.inertia', 'kg m^2'),
-    ('bodies.top.pose_x', 'm'),
-    ('bodies.top.pose_y', 'm'),
-    ('bodies.top.pose_angle', 'rad'),
-    ('bodies.left.centre_x', 'm'),
-    ('bodies.left.mass', 'kg'),
-    ('bodies.left.inertia', 'kg m^2'),
-    ('bodies.left.pose_x', 'm'),
-    ('bodies.left.pose_y', 'm'),
-    ('bodies.left.pose_angle', 'rad'),
+    *rows.numbers('bodies.bottom', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
+    *rows.numbers('bodies.right', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
+    *rows.numbers('bodies.top', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
+    *rows.numbers('bodies.left', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
     ('bodies.bottom.length', 'm'),
     ('joints.south_east.relative_angle', 'rad'),
     ('bodies.right.length', 'm'),
@@ -57,143 +33,48 @@ PARAMETERS = (
     ('bodies.top.length', 'm'),
     ('joints.north_west.relative_angle', 'rad'),
     ('bodies.left.length', 'm'),
-    ('joints.south_west.branch', '1'),
-    ('joints.south_west.relative_angle', 'rad'),
-    ('bodies.bottom.element.rho_A', 'kg/m'),
-    ('bodies.bottom.element.E_A', 'N'),
-    ('bodies.bottom.element.E_I', 'N m^2'),
-    ('bodies.bottom.element.length', 'm'),
-    ('bodies.bottom.element.x_0', 'm'),
-    ('bodies.right.element.rho_A', 'kg/m'),
-    ('bodies.right.element.E_A', 'N'),
-    ('bodies.right.element.E_I', 'N m^2'),
-    ('bodies.right.element.length', 'm'),
-    ('bodies.right.element.x_0', 'm'),
-    ('bodies.top.element.rho_A', 'kg/m'),
-    ('bodies.top.element.E_A', 'N'),
-    ('bodies.top.element.E_I', 'N m^2'),
-    ('bodies.top.element.length', 'm'),
-    ('bodies.top.element.x_0', 'm'),
-    ('bodies.left.element.rho_A', 'kg/m'),
-    ('bodies.left.element.E_A', 'N'),
-    ('bodies.left.element.E_I', 'N m^2'),
-    ('bodies.left.element.length', 'm'),
-    ('bodies.left.element.x_0', 'm'),
+    *rows.numbers('joints.south_west', branch='1', relative_angle='rad'),
+    *rows.element('bottom', ELEMENT_PARAMETERS),
+    *rows.element('right', ELEMENT_PARAMETERS),
+    *rows.element('top', ELEMENT_PARAMETERS),
+    *rows.element('left', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('bottom.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('bottom.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('bottom.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('bottom.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('bottom.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('right.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('right.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('right.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('right.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('right.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('top.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('top.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('top.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('top.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('top.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('left.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('left.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('left.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('left.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('left.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('bottom'),
+    *rows.link('right'),
+    *rows.link('top'),
+    *rows.link('left'),
     ('blow', 'N', 'magnitude of the load'),
-    ('bottom.x', 'm', "global x of the body's start"),
-    ('bottom.y', 'm', "global y of the body's start"),
-    ('bottom.c', '1', "cosine of the body's angle"),
-    ('bottom.s', '1', "sine of the body's angle"),
-    ('right.x', 'm', "global x of the body's start"),
-    ('right.y', 'm', "global y of the body's start"),
-    ('right.c', '1', "cosine of the body's angle"),
-    ('right.s', '1', "sine of the body's angle"),
-    ('top.x', 'm', "global x of the body's start"),
-    ('top.y', 'm', "global y of the body's start"),
-    ('top.c', '1', "cosine of the body's angle"),
-    ('top.s', '1', "sine of the body's angle"),
-    ('left.x', 'm', "global x of the body's start"),
-    ('left.y', 'm', "global y of the body's start"),
-    ('left.c', '1', "cosine of the body's angle"),
-    ('left.s', '1', "sine of the body's angle"),
+    *rows.body('bottom', 'x y c s'),
+    *rows.body('right', 'x y c s'),
+    *rows.body('top', 'x y c s'),
+    *rows.body('left', 'x y c s'),
 )
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'bottom.link.omega': 0.0,
-    'bottom.link.epsilon': 0.0,
-    'bottom.link.a_x': 0.0,
-    'bottom.link.a_y': 0.0,
-    'bottom.link.P_0': 0.0,
-    'right.link.omega': 0.0,
-    'right.link.epsilon': 0.0,
-    'right.link.a_x': 0.0,
-    'right.link.a_y': 0.0,
-    'right.link.P_0': 0.0,
-    'top.link.omega': 0.0,
-    'top.link.epsilon': 0.0,
-    'top.link.a_x': 0.0,
-    'top.link.a_y': 0.0,
-    'top.link.P_0': 0.0,
-    'left.link.omega': 0.0,
-    'left.link.epsilon': 0.0,
-    'left.link.a_x': 0.0,
-    'left.link.a_y': 0.0,
-    'left.link.P_0': 0.0,
-    'bottom.v_x': 0.0,
-    'bottom.v_y': 0.0,
-    'bottom.omega': 0.0,
-    'bottom.a_x': 0.0,
-    'bottom.a_y': 0.0,
-    'bottom.epsilon': 0.0,
-    'right.v_x': 0.0,
-    'right.v_y': 0.0,
-    'right.omega': 0.0,
-    'right.a_x': 0.0,
-    'right.a_y': 0.0,
-    'right.epsilon': 0.0,
-    'top.v_x': 0.0,
-    'top.v_y': 0.0,
-    'top.omega': 0.0,
-    'top.a_x': 0.0,
-    'top.a_y': 0.0,
-    'top.epsilon': 0.0,
-    'left.v_x': 0.0,
-    'left.v_y': 0.0,
-    'left.omega': 0.0,
-    'left.a_x': 0.0,
-    'left.a_y': 0.0,
-    'left.epsilon': 0.0,
-}
-
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'bottom': 0,
-    'right': 5,
-    'top': 10,
-    'left': 15,
+    **rows.constants('bottom.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0, P_0=0.0),
+    **rows.constants('right.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0, P_0=0.0),
+    **rows.constants('top.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0, P_0=0.0),
+    **rows.constants('left.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0, P_0=0.0),
+    **rows.constants('bottom', v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('right', v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('top', v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('left', v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('stiffness', 'elastic', 'K_s', ()),
-)
+TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
+        'tension_origin', 'tension_acceleration', 'tension_spin', 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'bottom': 0, 'right': 5, 'top': 10, 'left': 15}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (13, 13),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s')}
+OPERATIONS = {'motion': (13, 13)} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s')}
 
 
 @njit(**OPTIONS)
@@ -201,18 +82,10 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    bottom_pose_x = p[3]
-    bottom_pose_y = p[4]
-    bottom_pose_angle = p[5]
-    right_pose_x = p[9]
-    right_pose_y = p[10]
-    right_pose_angle = p[11]
-    top_pose_x = p[15]
-    top_pose_y = p[16]
-    top_pose_angle = p[17]
-    left_pose_x = p[21]
-    left_pose_y = p[22]
-    left_pose_angle = p[23]
+    (
+        _, _, _, bottom_pose_x, bottom_pose_y, bottom_pose_angle, _, _, _, right_pose_x, right_pose_y, right_pose_angle,
+        _, _, _, top_pose_x, top_pose_y, top_pose_angle, _, _, _, left_pose_x, left_pose_y, left_pose_angle,
+    ) = unpacked(p, 24)
     blow = s[20] = 10000.0*math.exp(-(66.66666666666667*t - 3.333333333333334)**2.0)
     c_bottom = s[23] = math.cos(bottom_pose_angle)
     s_bottom = s[24] = math.sin(bottom_pose_angle)

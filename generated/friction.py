@@ -8,17 +8,6 @@ arm of its joint; the number of its law, and of the act that it belongs to; stif
 its bristles, which are bent by z [m or rad]. g is what ``dry`` gives, slope ``dry_slope``, way the sign of v. N is
 what presses the sides together [N or N m], v the speed of the second past the first.
 
-Operations of one call, written out -> with shared subexpressions:
-    limit                  2 -> 2
-    coulomb                2 -> 2
-    stribeck               9 -> 9
-    stribeck_slope        14 -> 10
-    bristle_decay          3 -> 3
-    bristle_rate           5 -> 5
-    bristle_force         10 -> 9
-    bristle_by_speed      11 -> 11
-    bristle_by_dry         5 -> 5
-
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
 
@@ -31,29 +20,11 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # of a friction, in p
 NUMBERS = (
-    'direction_x',
-    'direction_y',
-    'angle',
-    'mu',
-    'mu_static',
-    'v_s',
-    'delta',
-    'viscous',
-    'preload',
-    'arm',
-    'law',
-    'of',
-    'sigma_0',
-    'sigma_1',
+    'direction_x', 'direction_y', 'angle', 'mu', 'mu_static', 'v_s', 'delta', 'viscous', 'preload', 'arm', 'law',
+        'of', 'sigma_0', 'sigma_1',
 )
 
-# of friction
-LAWS = (
-    'coulomb',
-    'stribeck',
-    'viscous',
-    'lugre',
-)
+LAWS = ('coulomb', 'stribeck', 'viscous', 'lugre')  # of friction
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {

@@ -7,16 +7,6 @@ g'', then J_1 and J_2 of g' = J_1 V_1 + J_2 V_2, where V = (v_x, v_y, omega) are
 which a multiplier lambda acts with the forces J_1^T lambda and J_2^T lambda. d is a guide's direction in the axes of
 the first section, angle [rad] by what a weld or a guide holds the second turned against the first.
 
-Operations of one call, written out -> with shared subexpressions:
-    revolute            6 -> 6
-    weld               10 -> 10
-    prismatic         161 -> 51
-    turn                3 -> 3
-    slide             157 -> 47
-    pull_directed     122 -> 25
-    pull_regular       26 -> 12
-    twist              15 -> 11
-
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
 
@@ -29,25 +19,10 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # sec: the numbers of section i begin at 9 i
 SECTION = (
-    'x',
-    'y',
-    'theta',
-    'v_x',
-    'v_y',
-    'omega',
-    'a_x',
-    'a_y',
-    'epsilon',
+    'x', 'y', 'theta', 'v_x', 'v_y', 'omega', 'a_x', 'a_y', 'epsilon',
 )
 
-# kernel -> the rows that it stores
-ROWS = {
-    'revolute': 2,
-    'weld': 3,
-    'prismatic': 2,
-    'turn': 1,
-    'slide': 1,
-}
+ROWS = {'revolute': 2, 'weld': 3, 'prismatic': 2, 'turn': 1, 'slide': 1}  # kernel -> the rows that it stores
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {

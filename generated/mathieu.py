@@ -2,21 +2,17 @@
 
 Structure aca5cf9a75bab0b4, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion      39 -> 11
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_g, element_matrices
 
@@ -26,40 +22,22 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.rotor.mass', 'kg'),
-    ('bodies.rotor.inertia', 'kg m^2'),
-    ('bodies.bar.centre_x', 'm'),
-    ('bodies.bar.mass', 'kg'),
-    ('bodies.bar.inertia', 'kg m^2'),
+    *rows.numbers('bodies.rotor', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.bar', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.block.mass', 'kg'),
     ('ground.aside.x', 'm'),
     ('bodies.bar.length', 'm'),
     ('joints.far.branch', '1'),
-    ('drives.clock.speed', 'rad/s'),
-    ('drives.clock.angle', 'rad'),
+    *rows.numbers('drives.clock', speed='rad/s', angle='rad'),
     ('loads.pull.value', 'N'),
-    ('bodies.bar.element.rho_A', 'kg/m'),
-    ('bodies.bar.element.E_A', 'N'),
-    ('bodies.bar.element.E_I', 'N m^2'),
-    ('bodies.bar.element.length', 'm'),
-    ('bodies.bar.element.x_0', 'm'),
+    *rows.element('bar', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('bar.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('bar.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('bar.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('bar.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('bar.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('bar'),
     ('clock.angle', 'rad', 'coordinate of the drive'),
-    ('rotor.x', 'm', "global x of the body's start"),
-    ('rotor.c', '1', "cosine of the body's angle"),
-    ('rotor.s', '1', "sine of the body's angle"),
-    ('rotor.omega', 'rad/s', 'angular velocity of the body'),
+    *rows.body('rotor', 'x c s omega'),
     ('bar.c', '1', "cosine of the body's angle"),
     ('block.x', 'm', "global x of the body's start"),
     ('near.force_x', 'N', 'force on bar by ground, global x'),
@@ -70,63 +48,28 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'bar.link.omega': 0.0,
-    'bar.link.epsilon': 0.0,
-    'bar.link.a_x': 0.0,
-    'bar.link.a_y': 0.0,
-    'rotor.y': 0.0,
-    'rotor.v_x': 0.0,
-    'rotor.v_y': 0.0,
-    'rotor.a_x': 0.0,
-    'rotor.a_y': 0.0,
-    'rotor.epsilon': 0.0,
-    'bar.x': 0.0,
-    'bar.y': 0.0,
-    'bar.s': 0.0,
-    'bar.v_x': 0.0,
-    'bar.v_y': 0.0,
-    'bar.omega': 0.0,
-    'bar.a_x': 0.0,
-    'bar.a_y': 0.0,
-    'bar.epsilon': 0.0,
-    'block.y': 0.0,
-    'block.c': 1.0,
-    'block.s': 0.0,
-    'block.v_x': 0.0,
-    'block.v_y': 0.0,
-    'block.omega': 0.0,
-    'block.a_x': 0.0,
-    'block.a_y': 0.0,
-    'block.epsilon': 0.0,
-    'clock.force_x': 0.0,
-    'clock.force_y': 0.0,
+    **rows.constants('bar.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0),
+    **rows.constants('rotor', y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('bar', x=0.0, y=0.0, s=0.0, v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('block', y=0.0, c=1.0, s=0.0, v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('clock', force_x=0.0, force_y=0.0),
     'near.force_y': 0.0,
-    'guide.normal': 0.0,
-    'guide.moment': 0.0,
+    **rows.constants('guide', normal=0.0, moment=0.0),
     'far.force_y': 0.0,
     'clock.drive': 0.0,
     'far.closure': 1.0,
 }
 
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'bar': 0,
-}
-
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-)
+TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
+        'tension_acceleration', 'tension_spin', 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'bar': 0}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (39, 11),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_g')}
+OPERATIONS = {'motion': (39, 11)} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_g')}
 
 
 @njit(**OPTIONS)
@@ -134,12 +77,7 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    ground_aside_x = p[6]
-    bar_length = p[7]
-    far_branch = p[8]
-    clock_speed = p[9]
-    clock_angle = p[10]
-    pull_value = p[11]
+    _, _, _, _, _, _, ground_aside_x, bar_length, far_branch, clock_speed, clock_angle, pull_value = unpacked(p, 12)
     clock_coordinate = s[5] = clock_angle + clock_speed*t
     w0 = math.cos(clock_coordinate)
     cos_clock = s[7] = w0

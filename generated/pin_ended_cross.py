@@ -2,21 +2,17 @@
 
 Structure 419c98bd150f4d0d, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion      12 -> 12
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, element_matrices
 
@@ -26,30 +22,10 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.arm_1.centre_x', 'm'),
-    ('bodies.arm_1.mass', 'kg'),
-    ('bodies.arm_1.inertia', 'kg m^2'),
-    ('bodies.arm_1.pose_x', 'm'),
-    ('bodies.arm_1.pose_y', 'm'),
-    ('bodies.arm_1.pose_angle', 'rad'),
-    ('bodies.arm_2.centre_x', 'm'),
-    ('bodies.arm_2.mass', 'kg'),
-    ('bodies.arm_2.inertia', 'kg m^2'),
-    ('bodies.arm_2.pose_x', 'm'),
-    ('bodies.arm_2.pose_y', 'm'),
-    ('bodies.arm_2.pose_angle', 'rad'),
-    ('bodies.arm_3.centre_x', 'm'),
-    ('bodies.arm_3.mass', 'kg'),
-    ('bodies.arm_3.inertia', 'kg m^2'),
-    ('bodies.arm_3.pose_x', 'm'),
-    ('bodies.arm_3.pose_y', 'm'),
-    ('bodies.arm_3.pose_angle', 'rad'),
-    ('bodies.arm_4.centre_x', 'm'),
-    ('bodies.arm_4.mass', 'kg'),
-    ('bodies.arm_4.inertia', 'kg m^2'),
-    ('bodies.arm_4.pose_x', 'm'),
-    ('bodies.arm_4.pose_y', 'm'),
-    ('bodies.arm_4.pose_angle', 'rad'),
+    *rows.numbers('bodies.arm_1', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
+    *rows.numbers('bodies.arm_2', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
+    *rows.numbers('bodies.arm_3', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
+    *rows.numbers('bodies.arm_4', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
     ('joints.hub_2.relative_angle', 'rad'),
     ('joints.hub_3.relative_angle', 'rad'),
     ('joints.hub_4.relative_angle', 'rad'),
@@ -64,141 +40,47 @@ PARAMETERS = (
     ('ground.south.y', 'm'),
     ('bodies.arm_4.length', 'm'),
     ('joints.pin_4.branch', '1'),
-    ('bodies.arm_1.element.rho_A', 'kg/m'),
-    ('bodies.arm_1.element.E_A', 'N'),
-    ('bodies.arm_1.element.E_I', 'N m^2'),
-    ('bodies.arm_1.element.length', 'm'),
-    ('bodies.arm_1.element.x_0', 'm'),
-    ('bodies.arm_2.element.rho_A', 'kg/m'),
-    ('bodies.arm_2.element.E_A', 'N'),
-    ('bodies.arm_2.element.E_I', 'N m^2'),
-    ('bodies.arm_2.element.length', 'm'),
-    ('bodies.arm_2.element.x_0', 'm'),
-    ('bodies.arm_3.element.rho_A', 'kg/m'),
-    ('bodies.arm_3.element.E_A', 'N'),
-    ('bodies.arm_3.element.E_I', 'N m^2'),
-    ('bodies.arm_3.element.length', 'm'),
-    ('bodies.arm_3.element.x_0', 'm'),
-    ('bodies.arm_4.element.rho_A', 'kg/m'),
-    ('bodies.arm_4.element.E_A', 'N'),
-    ('bodies.arm_4.element.E_I', 'N m^2'),
-    ('bodies.arm_4.element.length', 'm'),
-    ('bodies.arm_4.element.x_0', 'm'),
+    *rows.element('arm_1', ELEMENT_PARAMETERS),
+    *rows.element('arm_2', ELEMENT_PARAMETERS),
+    *rows.element('arm_3', ELEMENT_PARAMETERS),
+    *rows.element('arm_4', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('arm_1.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('arm_1.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('arm_1.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('arm_1.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('arm_1.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('arm_2.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('arm_2.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('arm_2.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('arm_2.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('arm_2.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('arm_3.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('arm_3.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('arm_3.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('arm_3.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('arm_3.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('arm_4.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('arm_4.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('arm_4.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('arm_4.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('arm_4.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('arm_1'),
+    *rows.link('arm_2'),
+    *rows.link('arm_3'),
+    *rows.link('arm_4'),
     ('push', 'N', 'magnitude of the load'),
-    ('arm_1.x', 'm', "global x of the body's start"),
-    ('arm_1.y', 'm', "global y of the body's start"),
-    ('arm_1.c', '1', "cosine of the body's angle"),
-    ('arm_1.s', '1', "sine of the body's angle"),
-    ('arm_2.x', 'm', "global x of the body's start"),
-    ('arm_2.y', 'm', "global y of the body's start"),
-    ('arm_2.c', '1', "cosine of the body's angle"),
-    ('arm_2.s', '1', "sine of the body's angle"),
-    ('arm_3.x', 'm', "global x of the body's start"),
-    ('arm_3.y', 'm', "global y of the body's start"),
-    ('arm_3.c', '1', "cosine of the body's angle"),
-    ('arm_3.s', '1', "sine of the body's angle"),
-    ('arm_4.x', 'm', "global x of the body's start"),
-    ('arm_4.y', 'm', "global y of the body's start"),
-    ('arm_4.c', '1', "cosine of the body's angle"),
-    ('arm_4.s', '1', "sine of the body's angle"),
+    *rows.body('arm_1', 'x y c s'),
+    *rows.body('arm_2', 'x y c s'),
+    *rows.body('arm_3', 'x y c s'),
+    *rows.body('arm_4', 'x y c s'),
 )
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'arm_1.link.omega': 0.0,
-    'arm_1.link.epsilon': 0.0,
-    'arm_1.link.a_x': 0.0,
-    'arm_1.link.a_y': 0.0,
-    'arm_1.link.P_0': 0.0,
-    'arm_2.link.omega': 0.0,
-    'arm_2.link.epsilon': 0.0,
-    'arm_2.link.a_x': 0.0,
-    'arm_2.link.a_y': 0.0,
-    'arm_2.link.P_0': 0.0,
-    'arm_3.link.omega': 0.0,
-    'arm_3.link.epsilon': 0.0,
-    'arm_3.link.a_x': 0.0,
-    'arm_3.link.a_y': 0.0,
-    'arm_3.link.P_0': 0.0,
-    'arm_4.link.omega': 0.0,
-    'arm_4.link.epsilon': 0.0,
-    'arm_4.link.a_x': 0.0,
-    'arm_4.link.a_y': 0.0,
-    'arm_4.link.P_0': 0.0,
-    'arm_1.v_x': 0.0,
-    'arm_1.v_y': 0.0,
-    'arm_1.omega': 0.0,
-    'arm_1.a_x': 0.0,
-    'arm_1.a_y': 0.0,
-    'arm_1.epsilon': 0.0,
-    'arm_2.v_x': 0.0,
-    'arm_2.v_y': 0.0,
-    'arm_2.omega': 0.0,
-    'arm_2.a_x': 0.0,
-    'arm_2.a_y': 0.0,
-    'arm_2.epsilon': 0.0,
-    'arm_3.v_x': 0.0,
-    'arm_3.v_y': 0.0,
-    'arm_3.omega': 0.0,
-    'arm_3.a_x': 0.0,
-    'arm_3.a_y': 0.0,
-    'arm_3.epsilon': 0.0,
-    'arm_4.v_x': 0.0,
-    'arm_4.v_y': 0.0,
-    'arm_4.omega': 0.0,
-    'arm_4.a_x': 0.0,
-    'arm_4.a_y': 0.0,
-    'arm_4.epsilon': 0.0,
-}
-
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'arm_1': 0,
-    'arm_2': 5,
-    'arm_3': 10,
-    'arm_4': 15,
+    **rows.constants('arm_1.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0, P_0=0.0),
+    **rows.constants('arm_2.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0, P_0=0.0),
+    **rows.constants('arm_3.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0, P_0=0.0),
+    **rows.constants('arm_4.link', omega=0.0, epsilon=0.0, a_x=0.0, a_y=0.0, P_0=0.0),
+    **rows.constants('arm_1', v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('arm_2', v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('arm_3', v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('arm_4', v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('stiffness', 'elastic', 'K_s', ()),
-)
+TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
+        'tension_origin', 'tension_acceleration', 'tension_spin', 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'arm_1': 0, 'arm_2': 5, 'arm_3': 10, 'arm_4': 15}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (12, 12),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s')}
+OPERATIONS = {'motion': (12, 12)} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s')}
 
 
 @njit(**OPTIONS)
@@ -206,18 +88,10 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    arm_1_pose_x = p[3]
-    arm_1_pose_y = p[4]
-    arm_1_pose_angle = p[5]
-    arm_2_pose_x = p[9]
-    arm_2_pose_y = p[10]
-    arm_2_pose_angle = p[11]
-    arm_3_pose_x = p[15]
-    arm_3_pose_y = p[16]
-    arm_3_pose_angle = p[17]
-    arm_4_pose_x = p[21]
-    arm_4_pose_y = p[22]
-    arm_4_pose_angle = p[23]
+    (
+        _, _, _, arm_1_pose_x, arm_1_pose_y, arm_1_pose_angle, _, _, _, arm_2_pose_x, arm_2_pose_y, arm_2_pose_angle, _,
+        _, _, arm_3_pose_x, arm_3_pose_y, arm_3_pose_angle, _, _, _, arm_4_pose_x, arm_4_pose_y, arm_4_pose_angle,
+    ) = unpacked(p, 24)
     push = s[20] = 1000.0*math.sin(22.0*math.pi*t)
     c_arm_1 = s[23] = math.cos(arm_1_pose_angle)
     s_arm_1 = s[24] = math.sin(arm_1_pose_angle)

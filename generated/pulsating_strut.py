@@ -2,21 +2,17 @@
 
 Structure 6ada49fa0909a48e, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion      58 -> 20
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_g, F, element_matrices
 
@@ -26,108 +22,55 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.rotor.mass', 'kg'),
-    ('bodies.rotor.inertia', 'kg m^2'),
-    ('bodies.strut.centre_x', 'm'),
-    ('bodies.strut.mass', 'kg'),
-    ('bodies.strut.inertia', 'kg m^2'),
+    *rows.numbers('bodies.rotor', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.strut', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.block.mass', 'kg'),
     ('ground.aside.x', 'm'),
     ('bodies.strut.length', 'm'),
     ('joints.far.branch', '1'),
-    ('drives.clock.speed', 'rad/s'),
-    ('drives.clock.angle', 'rad'),
+    *rows.numbers('drives.clock', speed='rad/s', angle='rad'),
     ('loads.mean.value', 'N'),
     ('gravity.y', 'm/s^2'),
-    ('bodies.strut.element.rho_A', 'kg/m'),
-    ('bodies.strut.element.E_A', 'N'),
-    ('bodies.strut.element.E_I', 'N m^2'),
-    ('bodies.strut.element.length', 'm'),
-    ('bodies.strut.element.x_0', 'm'),
+    *rows.element('strut', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('strut.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('strut.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('strut.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('strut.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('strut.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('strut'),
     ('clock.angle', 'rad', 'coordinate of the drive'),
-    ('rotor.x', 'm', "global x of the body's start"),
-    ('rotor.c', '1', "cosine of the body's angle"),
-    ('rotor.s', '1', "sine of the body's angle"),
-    ('rotor.omega', 'rad/s', 'angular velocity of the body'),
+    *rows.body('rotor', 'x c s omega'),
     ('strut.c', '1', "cosine of the body's angle"),
     ('block.x', 'm', "global x of the body's start"),
     ('clock.force_y', 'N', 'force on rotor by ground, global y'),
-    ('near.force_x', 'N', 'force on strut by ground, global x'),
-    ('near.force_y', 'N', 'force on strut by ground, global y'),
+    *rows.force('near', 'strut by ground'),
     ('guide.normal', 'N', 'force on block by ground, normal to the guide'),
-    ('far.force_x', 'N', 'force on block by strut, global x'),
-    ('far.force_y', 'N', 'force on block by strut, global y'),
+    *rows.force('far', 'block by strut'),
     ('mean', 'N', 'magnitude of the load'),
     ('pulse', 'N', 'magnitude of the load'),
 )
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'strut.link.omega': 0.0,
-    'strut.link.epsilon': 0.0,
-    'strut.link.a_x': 0.0,
-    'rotor.y': 0.0,
-    'rotor.v_x': 0.0,
-    'rotor.v_y': 0.0,
-    'rotor.a_x': 0.0,
-    'rotor.a_y': 0.0,
-    'rotor.epsilon': 0.0,
-    'strut.x': 0.0,
-    'strut.y': 0.0,
-    'strut.s': 0.0,
-    'strut.v_x': 0.0,
-    'strut.v_y': 0.0,
-    'strut.omega': 0.0,
-    'strut.a_x': 0.0,
-    'strut.a_y': 0.0,
-    'strut.epsilon': 0.0,
-    'block.y': 0.0,
-    'block.c': 1.0,
-    'block.s': 0.0,
-    'block.v_x': 0.0,
-    'block.v_y': 0.0,
-    'block.omega': 0.0,
-    'block.a_x': 0.0,
-    'block.a_y': 0.0,
-    'block.epsilon': 0.0,
+    **rows.constants('strut.link', omega=0.0, epsilon=0.0, a_x=0.0),
+    **rows.constants('rotor', y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('strut', x=0.0, y=0.0, s=0.0, v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('block', y=0.0, c=1.0, s=0.0, v_x=0.0, v_y=0.0, omega=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
     'clock.force_x': 0.0,
     'guide.moment': 0.0,
     'clock.drive': 0.0,
     'far.closure': 1.0,
 }
 
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'strut': 0,
-}
-
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-)
+TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x',
+        'tension_acceleration', 'tension_spin', 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'strut': 0}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (58, 20),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_g', 'F')}
+OPERATIONS = {'motion': (58, 20)} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_g', 'F')}
 
 
 @njit(**OPTIONS)
@@ -135,17 +78,10 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    rotor_mass = p[0]
-    strut_centre_x = p[2]
-    strut_mass = p[3]
-    block_mass = p[5]
-    ground_aside_x = p[6]
-    strut_length = p[7]
-    far_branch = p[8]
-    clock_speed = p[9]
-    clock_angle = p[10]
-    mean_value = p[11]
-    gravity_y = p[12]
+    (
+        rotor_mass, _, strut_centre_x, strut_mass, _, block_mass, ground_aside_x, strut_length, far_branch, clock_speed,
+        clock_angle, mean_value, gravity_y,
+    ) = unpacked(p, 13)
     clock_coordinate = s[5] = clock_angle + clock_speed*t
     w0 = math.cos(clock_coordinate)
     w1 = 1.0/strut_length

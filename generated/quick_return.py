@@ -2,21 +2,17 @@
 
 Structure abef60bd8068856f, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion  250191 -> 190
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
@@ -28,17 +24,10 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.crank.centre_x', 'm'),
-    ('bodies.crank.mass', 'kg'),
-    ('bodies.crank.inertia', 'kg m^2'),
-    ('bodies.block.mass', 'kg'),
-    ('bodies.block.inertia', 'kg m^2'),
-    ('bodies.lever.centre_x', 'm'),
-    ('bodies.lever.mass', 'kg'),
-    ('bodies.lever.inertia', 'kg m^2'),
-    ('bodies.rod.centre_x', 'm'),
-    ('bodies.rod.mass', 'kg'),
-    ('bodies.rod.inertia', 'kg m^2'),
+    *rows.numbers('bodies.crank', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.block', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.lever', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.rod', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.ram.mass', 'kg'),
     ('bodies.crank.length', 'm'),
     ('ground.pivot.y', 'm'),
@@ -47,71 +36,27 @@ PARAMETERS = (
     ('bodies.rod.length', 'm'),
     ('ground.way.y', 'm'),
     ('joints.way.branch', '1'),
-    ('drives.main.speed', 'rad/s'),
-    ('drives.main.angle', 'rad'),
+    *rows.numbers('drives.main', speed='rad/s', angle='rad'),
     ('gravity.y', 'm/s^2'),
-    ('bodies.rod.element.rho_A', 'kg/m'),
-    ('bodies.rod.element.E_A', 'N'),
-    ('bodies.rod.element.E_I', 'N m^2'),
-    ('bodies.rod.element.length', 'm'),
-    ('bodies.rod.element.x_0', 'm'),
+    *rows.element('rod', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('rod.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('rod'),
     ('main.angle', 'rad', 'coordinate of the drive'),
-    ('crank.c', '1', "cosine of the body's angle"),
-    ('crank.s', '1', "sine of the body's angle"),
-    ('crank.omega', 'rad/s', 'angular velocity of the body'),
-    ('block.x', 'm', "global x of the body's start"),
-    ('block.y', 'm', "global y of the body's start"),
-    ('block.c', '1', "cosine of the body's angle"),
-    ('block.s', '1', "sine of the body's angle"),
-    ('block.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('block.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('block.omega', 'rad/s', 'angular velocity of the body'),
-    ('block.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('block.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('block.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('lever.y', 'm', "global y of the body's start"),
-    ('lever.c', '1', "cosine of the body's angle"),
-    ('lever.s', '1', "sine of the body's angle"),
-    ('lever.omega', 'rad/s', 'angular velocity of the body'),
-    ('lever.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('rod.x', 'm', "global x of the body's start"),
-    ('rod.y', 'm', "global y of the body's start"),
-    ('rod.c', '1', "cosine of the body's angle"),
-    ('rod.s', '1', "sine of the body's angle"),
-    ('rod.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('ram.x', 'm', "global x of the body's start"),
-    ('ram.y', 'm', "global y of the body's start"),
-    ('ram.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('ram.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('main.force_x', 'N', 'force on crank by ground, global x'),
-    ('main.force_y', 'N', 'force on crank by ground, global y'),
-    ('pin.force_x', 'N', 'force on block by crank, global x'),
-    ('pin.force_y', 'N', 'force on block by crank, global y'),
-    ('foot.force_x', 'N', 'force on lever by ground, global x'),
-    ('foot.force_y', 'N', 'force on lever by ground, global y'),
+    *rows.body('crank', 'c s omega'),
+    *rows.body('block', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('lever', 'y c s omega epsilon'),
+    *rows.body('rod', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('ram', 'x y v_x a_x'),
+    *rows.force('main', 'crank by ground'),
+    *rows.force('pin', 'block by crank'),
+    *rows.force('foot', 'lever by ground'),
     ('slot.normal', 'N', 'force on block by lever, normal to the guide'),
     ('slot.moment', 'N m', 'moment on block by lever'),
-    ('head.force_x', 'N', 'force on rod by lever, global x'),
-    ('head.force_y', 'N', 'force on rod by lever, global y'),
-    ('eye.force_x', 'N', 'force on ram by rod, global x'),
-    ('eye.force_y', 'N', 'force on ram by rod, global y'),
+    *rows.force('head', 'rod by lever'),
+    *rows.force('eye', 'ram by rod'),
     ('way.normal', 'N', 'force on ram by ground, normal to the guide'),
     ('main.drive', 'N m', 'torque of the drive'),
     ('cut', 'N', 'magnitude of the load'),
@@ -120,56 +65,22 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'crank.x': 0.0,
-    'crank.y': 0.0,
-    'crank.v_x': 0.0,
-    'crank.v_y': 0.0,
-    'crank.a_x': 0.0,
-    'crank.a_y': 0.0,
-    'crank.epsilon': 0.0,
-    'lever.x': 0.0,
-    'lever.v_x': 0.0,
-    'lever.v_y': 0.0,
-    'lever.a_x': 0.0,
-    'lever.a_y': 0.0,
-    'ram.c': 1.0,
-    'ram.s': 0.0,
-    'ram.v_y': 0.0,
-    'ram.omega': 0.0,
-    'ram.a_y': 0.0,
-    'ram.epsilon': 0.0,
+    **rows.constants('crank', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('lever', x=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0),
+    **rows.constants('ram', c=1.0, s=0.0, v_y=0.0, omega=0.0, a_y=0.0, epsilon=0.0),
     'way.moment': 0.0,
     'slot.closure': 1.0,
 }
 
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'rod': 0,
-}
-
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('load_x', 'load', 'F', ('a_x',)),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_acceleration', 'geometric', 'K_g', ('a_x',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'rod': 0}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (250191, 190),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (250191, 190)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -177,27 +88,11 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    crank_centre_x = p[0]
-    crank_mass = p[1]
-    block_mass = p[3]
-    block_inertia = p[4]
-    lever_centre_x = p[5]
-    lever_mass = p[6]
-    lever_inertia = p[7]
-    rod_centre_x = p[8]
-    rod_mass = p[9]
-    rod_inertia = p[10]
-    ram_mass = p[11]
-    crank_length = p[12]
-    ground_pivot_y = p[13]
-    slot_branch = p[14]
-    lever_length = p[15]
-    rod_length = p[16]
-    ground_way_y = p[17]
-    way_branch = p[18]
-    main_speed = p[19]
-    main_angle = p[20]
-    gravity_y = p[21]
+    (
+        crank_centre_x, crank_mass, _, block_mass, block_inertia, lever_centre_x, lever_mass, lever_inertia,
+        rod_centre_x, rod_mass, rod_inertia, ram_mass, crank_length, ground_pivot_y, slot_branch, lever_length,
+        rod_length, ground_way_y, way_branch, main_speed, main_angle, gravity_y,
+    ) = unpacked(p, 22)
     main_coordinate = s[5] = main_angle + main_speed*t
     w0 = math.sin(main_coordinate)
     cos_main = s[6] = math.cos(main_coordinate)

@@ -13,11 +13,8 @@ FORMAT = 3
 STRUCTURE = "d3f3deb1746cbdc6"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# p: path, unit
-PARAMETERS = ()
-
-# what has a table in p, beginning at <path>.table
-TABLES = ()
+PARAMETERS = ()  # p: path, unit
+TABLES = ()  # what has a table in p, which begins at <path>.table
 
 # kinds; all but the free ones are in courses
 DRIVES = {
@@ -29,17 +26,11 @@ DRIVES = {
     'joint_6': 'law',
 }
 
-# joints that laws know beside them
-OBSERVED = ()
-
-# in the order of magnitudes
-LOADS = ()
+LOADS = ()  # in the order of magnitudes
+OBSERVED = ()  # joints that laws know beside them
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'courses': (135, 32),
-    'magnitudes': (0, 0),
-}
+OPERATIONS = {'courses': (135, 32), 'magnitudes': (0, 0)}
 
 
 @njit(**OPTIONS)

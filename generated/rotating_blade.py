@@ -5,8 +5,6 @@ Structure b49c565d2a51237a, format 3, SymPy 1.14; made by: kaneflex derive SCENE
 Bodies, joints and springs are those of kaneflex.generated.spatial.
 """
 
-import math
-
 from numba import njit
 
 FORMAT = 3
@@ -20,27 +18,13 @@ PARAMETERS = (
     ('loads.push.value', 'N'),
 )
 
-# what has a table in p, beginning at <path>.table
-TABLES = ()
-
-# kinds; all but the free ones are in courses
-DRIVES = {
-    'shaft': 'constant speed',
-}
-
-# joints that laws know beside them
-OBSERVED = ()
-
-# in the order of magnitudes
-LOADS = (
-    'push',
-)
+TABLES = ()  # what has a table in p, which begins at <path>.table
+DRIVES = {'shaft': 'constant speed'}  # kinds; all but the free ones are in courses
+LOADS = ('push',)  # in the order of magnitudes
+OBSERVED = ()  # joints that laws know beside them
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'courses': (2, 2),
-    'magnitudes': (0, 0),
-}
+OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 
 
 @njit(**OPTIONS)

@@ -2,21 +2,17 @@
 
 Structure 0c250a14fb14cd00, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion      52 -> 15
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
@@ -28,77 +24,38 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.blade.centre_x', 'm'),
-    ('bodies.blade.mass', 'kg'),
-    ('bodies.blade.inertia', 'kg m^2'),
-    ('drives.shaft.speed', 'rad/s'),
-    ('drives.shaft.angle', 'rad'),
+    *rows.numbers('bodies.blade', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('drives.shaft', speed='rad/s', angle='rad'),
     ('bodies.blade.length', 'm'),
     ('loads.push.value', 'N'),
-    ('bodies.blade.element.rho_A', 'kg/m'),
-    ('bodies.blade.element.E_A', 'N'),
-    ('bodies.blade.element.E_I', 'N m^2'),
-    ('bodies.blade.element.length', 'm'),
-    ('bodies.blade.element.x_0', 'm'),
+    *rows.element('blade', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('blade.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('blade.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('blade.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('blade.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('blade.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('blade'),
     ('shaft.angle', 'rad', 'coordinate of the drive'),
-    ('blade.c', '1', "cosine of the body's angle"),
-    ('blade.s', '1', "sine of the body's angle"),
-    ('blade.omega', 'rad/s', 'angular velocity of the body'),
-    ('shaft.force_x', 'N', 'force on blade by ground, global x'),
-    ('shaft.force_y', 'N', 'force on blade by ground, global y'),
+    *rows.body('blade', 'c s omega'),
+    *rows.force('shaft', 'blade by ground'),
     ('shaft.drive', 'N m', 'torque of the drive'),
     ('push', 'N', 'magnitude of the load'),
 )
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'blade.link.epsilon': 0.0,
-    'blade.link.a_x': 0.0,
-    'blade.link.a_y': 0.0,
-    'blade.x': 0.0,
-    'blade.y': 0.0,
-    'blade.v_x': 0.0,
-    'blade.v_y': 0.0,
-    'blade.a_x': 0.0,
-    'blade.a_y': 0.0,
-    'blade.epsilon': 0.0,
-}
-
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'blade': 0,
+    **rows.constants('blade.link', epsilon=0.0, a_x=0.0, a_y=0.0),
+    **rows.constants('blade', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'euler', 'euler_load', 'load_x', 'load_y', 'tension_acceleration', 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'blade': 0}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (52, 15),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (52, 15)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -106,12 +63,7 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    blade_centre_x = p[0]
-    blade_mass = p[1]
-    shaft_speed = p[3]
-    shaft_angle = p[4]
-    blade_length = p[5]
-    push_value = p[6]
+    blade_centre_x, blade_mass, _, shaft_speed, shaft_angle, blade_length, push_value = unpacked(p, 7)
     w0 = blade_centre_x*blade_mass*(shaft_speed*shaft_speed)
     shaft_coordinate = s[5] = shaft_angle + shaft_speed*t
     cos_shaft = s[6] = math.cos(shaft_coordinate)

@@ -10,7 +10,10 @@ in shear phi and the growth of E I over the element by its mean.
 """
 
 import numpy as np
+
 from numba import njit
+
+from kaneflex.generated.packs import fill  # digest ee70ab7834ef40ec
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -22,7 +25,6 @@ V = np.array((1, 5, 7, 11))
 W = np.array((2, 4, 8, 10))
 # What the loops take of functions that have no bubble.
 STRAIGHT = (0.0, 0.0, 1.0)
-
 # Of the bubble's size.
 P = np.array((2.0, 1.0, -2.0, 1.0))
 Q = np.array((0.0, 1.0, 0.0, -1.0))

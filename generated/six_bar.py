@@ -2,26 +2,22 @@
 
 Structure 03978bf8e5e33421, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion  122740816624 -> 885
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
 )
-from kaneflex.generated.tables import table  # digest 4b382767704e89a2
+from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
 
 FORMAT = 3
 STRUCTURE = "03978bf8e5e33421"
@@ -29,121 +25,49 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.crank.centre_x', 'm'),
-    ('bodies.crank.mass', 'kg'),
-    ('bodies.crank.inertia', 'kg m^2'),
-    ('bodies.rod.centre_x', 'm'),
-    ('bodies.rod.mass', 'kg'),
-    ('bodies.rod.inertia', 'kg m^2'),
-    ('bodies.platform.centre_x', 'm'),
-    ('bodies.platform.mass', 'kg'),
-    ('bodies.platform.inertia', 'kg m^2'),
-    ('bodies.left_rocker.centre_x', 'm'),
-    ('bodies.left_rocker.mass', 'kg'),
-    ('bodies.left_rocker.inertia', 'kg m^2'),
-    ('bodies.right_rocker.centre_x', 'm'),
-    ('bodies.right_rocker.mass', 'kg'),
-    ('bodies.right_rocker.inertia', 'kg m^2'),
+    *rows.numbers('bodies.crank', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.rod', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.platform', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.left_rocker', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.right_rocker', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.crank.length', 'm'),
     ('bodies.rod.length', 'm'),
-    ('bodies.platform.points.knee.x', 'm'),
-    ('bodies.platform.points.knee.y', 'm'),
-    ('ground.left.x', 'm'),
-    ('ground.left.y', 'm'),
+    *rows.numbers('bodies.platform.points.knee', x='m', y='m'),
+    *rows.numbers('ground.left', x='m', y='m'),
     ('bodies.left_rocker.length', 'm'),
     ('joints.left_knee.branch', '1'),
     ('ground.right.x', 'm'),
     ('bodies.right_rocker.length', 'm'),
     ('bodies.platform.length', 'm'),
     ('joints.right_knee.branch', '1'),
-    ('drives.main.speed', 'rad/s'),
-    ('drives.main.angle', 'rad'),
+    *rows.numbers('drives.main', speed='rad/s', angle='rad'),
     ('gravity.y', 'm/s^2'),
-    ('bodies.rod.seed_c', '1'),
-    ('bodies.rod.seed_s', '1'),
-    ('bodies.platform.seed_c', '1'),
-    ('bodies.platform.seed_s', '1'),
-    ('bodies.left_rocker.seed_c', '1'),
-    ('bodies.left_rocker.seed_s', '1'),
-    ('bodies.right_rocker.seed_c', '1'),
-    ('bodies.right_rocker.seed_s', '1'),
+    *rows.numbers('bodies.rod', seed_c='1', seed_s='1'),
+    *rows.numbers('bodies.platform', seed_c='1', seed_s='1'),
+    *rows.numbers('bodies.left_rocker', seed_c='1', seed_s='1'),
+    *rows.numbers('bodies.right_rocker', seed_c='1', seed_s='1'),
     ('joints.right_knee.side', '1'),
-    ('bodies.rod.element.rho_A', 'kg/m'),
-    ('bodies.rod.element.E_A', 'N'),
-    ('bodies.rod.element.E_I', 'N m^2'),
-    ('bodies.rod.element.length', 'm'),
-    ('bodies.rod.element.x_0', 'm'),
-    ('bodies.right_rocker.element.rho_A', 'kg/m'),
-    ('bodies.right_rocker.element.E_A', 'N'),
-    ('bodies.right_rocker.element.E_I', 'N m^2'),
-    ('bodies.right_rocker.element.length', 'm'),
-    ('bodies.right_rocker.element.x_0', 'm'),
+    *rows.element('rod', ELEMENT_PARAMETERS),
+    *rows.element('right_rocker', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('rod.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('right_rocker.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('right_rocker.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('right_rocker.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('right_rocker.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('right_rocker.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('rod'),
+    *rows.link('right_rocker'),
     ('main.angle', 'rad', 'coordinate of the drive'),
-    ('crank.c', '1', "cosine of the body's angle"),
-    ('crank.s', '1', "sine of the body's angle"),
-    ('crank.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod.x', 'm', "global x of the body's start"),
-    ('rod.y', 'm', "global y of the body's start"),
-    ('rod.c', '1', "cosine of the body's angle"),
-    ('rod.s', '1', "sine of the body's angle"),
-    ('rod.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('platform.x', 'm', "global x of the body's start"),
-    ('platform.y', 'm', "global y of the body's start"),
-    ('platform.c', '1', "cosine of the body's angle"),
-    ('platform.s', '1', "sine of the body's angle"),
-    ('platform.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('platform.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('platform.omega', 'rad/s', 'angular velocity of the body'),
-    ('platform.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('platform.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('platform.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('left_rocker.x', 'm', "global x of the body's start"),
-    ('left_rocker.y', 'm', "global y of the body's start"),
-    ('left_rocker.c', '1', "cosine of the body's angle"),
-    ('left_rocker.s', '1', "sine of the body's angle"),
-    ('left_rocker.omega', 'rad/s', 'angular velocity of the body'),
-    ('left_rocker.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('right_rocker.x', 'm', "global x of the body's start"),
-    ('right_rocker.c', '1', "cosine of the body's angle"),
-    ('right_rocker.s', '1', "sine of the body's angle"),
-    ('right_rocker.omega', 'rad/s', 'angular velocity of the body'),
-    ('right_rocker.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('main.force_x', 'N', 'force on crank by ground, global x'),
-    ('main.force_y', 'N', 'force on crank by ground, global y'),
-    ('pin.force_x', 'N', 'force on rod by crank, global x'),
-    ('pin.force_y', 'N', 'force on rod by crank, global y'),
-    ('head.force_x', 'N', 'force on platform by rod, global x'),
-    ('head.force_y', 'N', 'force on platform by rod, global y'),
-    ('left.force_x', 'N', 'force on left_rocker by ground, global x'),
-    ('left.force_y', 'N', 'force on left_rocker by ground, global y'),
-    ('left_knee.force_x', 'N', 'force on platform by left_rocker, global x'),
-    ('left_knee.force_y', 'N', 'force on platform by left_rocker, global y'),
-    ('right.force_x', 'N', 'force on right_rocker by ground, global x'),
-    ('right.force_y', 'N', 'force on right_rocker by ground, global y'),
-    ('right_knee.force_x', 'N', 'force on platform by right_rocker, global x'),
-    ('right_knee.force_y', 'N', 'force on platform by right_rocker, global y'),
+    *rows.body('crank', 'c s omega'),
+    *rows.body('rod', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('platform', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('left_rocker', 'x y c s omega epsilon'),
+    *rows.body('right_rocker', 'x c s omega epsilon'),
+    *rows.force('main', 'crank by ground'),
+    *rows.force('pin', 'rod by crank'),
+    *rows.force('head', 'platform by rod'),
+    *rows.force('left', 'left_rocker by ground'),
+    *rows.force('left_knee', 'platform by left_rocker'),
+    *rows.force('right', 'right_rocker by ground'),
+    *rows.force('right_knee', 'platform by right_rocker'),
     ('main.drive', 'N m', 'torque of the drive'),
     ('right_knee.closure', '1', "margin of the loop: it can't close below zero"),
     ('right_knee.gap', 'm', "what Newton's method leaves of the loop's gaps"),
@@ -151,48 +75,17 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'crank.x': 0.0,
-    'crank.y': 0.0,
-    'crank.v_x': 0.0,
-    'crank.v_y': 0.0,
-    'crank.a_x': 0.0,
-    'crank.a_y': 0.0,
-    'crank.epsilon': 0.0,
-    'left_rocker.v_x': 0.0,
-    'left_rocker.v_y': 0.0,
-    'left_rocker.a_x': 0.0,
-    'left_rocker.a_y': 0.0,
-    'right_rocker.y': 0.0,
-    'right_rocker.v_x': 0.0,
-    'right_rocker.v_y': 0.0,
-    'right_rocker.a_x': 0.0,
-    'right_rocker.a_y': 0.0,
-}
-
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'rod': 0,
-    'right_rocker': 5,
+    **rows.constants('crank', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('left_rocker', v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0),
+    **rows.constants('right_rocker', y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0),
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('load_x', 'load', 'F', ('a_x',)),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_acceleration', 'geometric', 'K_g', ('a_x',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'rod': 0, 'right_rocker': 5}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # closed by Newton's method: joint, bodies; whose angles, which slides have seeds
 LOOPS = (
@@ -200,9 +93,7 @@ LOOPS = (
 )
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (122740816624, 885),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (122740816624, 885)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -210,42 +101,14 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    crank_centre_x = p[0]
-    crank_mass = p[1]
-    rod_centre_x = p[3]
-    rod_mass = p[4]
-    rod_inertia = p[5]
-    platform_centre_x = p[6]
-    platform_mass = p[7]
-    platform_inertia = p[8]
-    left_rocker_centre_x = p[9]
-    left_rocker_mass = p[10]
-    left_rocker_inertia = p[11]
-    right_rocker_centre_x = p[12]
-    right_rocker_mass = p[13]
-    right_rocker_inertia = p[14]
-    crank_length = p[15]
-    rod_length = p[16]
-    platform_knee_x = p[17]
-    platform_knee_y = p[18]
-    ground_left_x = p[19]
-    ground_left_y = p[20]
-    left_rocker_length = p[21]
-    ground_right_x = p[23]
-    right_rocker_length = p[24]
-    platform_length = p[25]
-    main_speed = p[27]
-    main_angle = p[28]
-    gravity_y = p[29]
-    rod_seed_c = p[30]
-    rod_seed_s = p[31]
-    platform_seed_c = p[32]
-    platform_seed_s = p[33]
-    left_rocker_seed_c = p[34]
-    left_rocker_seed_s = p[35]
-    right_rocker_seed_c = p[36]
-    right_rocker_seed_s = p[37]
-    right_knee_side = p[38]
+    (
+        crank_centre_x, crank_mass, _, rod_centre_x, rod_mass, rod_inertia, platform_centre_x, platform_mass,
+        platform_inertia, left_rocker_centre_x, left_rocker_mass, left_rocker_inertia, right_rocker_centre_x,
+        right_rocker_mass, right_rocker_inertia, crank_length, rod_length, platform_knee_x, platform_knee_y,
+        ground_left_x, ground_left_y, left_rocker_length, _, ground_right_x, right_rocker_length, platform_length, _,
+        main_speed, main_angle, gravity_y, rod_seed_c, rod_seed_s, platform_seed_c, platform_seed_s, left_rocker_seed_c,
+        left_rocker_seed_s, right_rocker_seed_c, right_rocker_seed_s, right_knee_side,
+    ) = unpacked(p, 39)
     main_coordinate = s[10] = main_angle + main_speed*t
     seed_rod_s = table(main_coordinate, p, int(rod_seed_s))
     seed_rod_c = table(main_coordinate, p, int(rod_seed_c))

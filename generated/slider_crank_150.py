@@ -2,21 +2,17 @@
 
 Structure 0a41714101ab0b8c, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion    3114 -> 79
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
@@ -29,56 +25,25 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 # p: path of the number in the scene, unit
 PARAMETERS = (
     ('bodies.crank.centre_x', 'm'),
-    ('bodies.rod.centre_x', 'm'),
-    ('bodies.rod.mass', 'kg'),
-    ('bodies.rod.inertia', 'kg m^2'),
+    *rows.numbers('bodies.rod', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.slider.mass', 'kg'),
     ('bodies.crank.length', 'm'),
     ('bodies.rod.length', 'm'),
     ('joints.guide.branch', '1'),
-    ('drives.main.speed', 'rad/s'),
-    ('drives.main.angle', 'rad'),
-    ('bodies.rod.element.rho_A', 'kg/m'),
-    ('bodies.rod.element.E_A', 'N'),
-    ('bodies.rod.element.E_I', 'N m^2'),
-    ('bodies.rod.element.length', 'm'),
-    ('bodies.rod.element.x_0', 'm'),
+    *rows.numbers('drives.main', speed='rad/s', angle='rad'),
+    *rows.element('rod', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('rod.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('rod'),
     ('main.angle', 'rad', 'coordinate of the drive'),
-    ('crank.c', '1', "cosine of the body's angle"),
-    ('crank.s', '1', "sine of the body's angle"),
-    ('crank.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod.x', 'm', "global x of the body's start"),
-    ('rod.y', 'm', "global y of the body's start"),
-    ('rod.c', '1', "cosine of the body's angle"),
-    ('rod.s', '1', "sine of the body's angle"),
-    ('rod.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('slider.x', 'm', "global x of the body's start"),
-    ('slider.y', 'm', "global y of the body's start"),
-    ('slider.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('slider.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('main.force_x', 'N', 'force on crank by ground, global x'),
-    ('main.force_y', 'N', 'force on crank by ground, global y'),
-    ('pin.force_x', 'N', 'force on rod by crank, global x'),
-    ('pin.force_y', 'N', 'force on rod by crank, global y'),
-    ('wrist.force_x', 'N', 'force on slider by rod, global x'),
-    ('wrist.force_y', 'N', 'force on slider by rod, global y'),
+    *rows.body('crank', 'c s omega'),
+    *rows.body('rod', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('slider', 'x y v_x a_x'),
+    *rows.force('main', 'crank by ground'),
+    *rows.force('pin', 'rod by crank'),
+    *rows.force('wrist', 'slider by rod'),
     ('guide.normal', 'N', 'force on slider by ground, normal to the guide'),
     ('main.drive', 'N m', 'torque of the drive'),
     ('guide.closure', '1', "margin of the loop: it can't close below zero"),
@@ -86,50 +51,20 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'crank.x': 0.0,
-    'crank.y': 0.0,
-    'crank.v_x': 0.0,
-    'crank.v_y': 0.0,
-    'crank.a_x': 0.0,
-    'crank.a_y': 0.0,
-    'crank.epsilon': 0.0,
-    'slider.c': 1.0,
-    'slider.s': 0.0,
-    'slider.v_y': 0.0,
-    'slider.omega': 0.0,
-    'slider.a_y': 0.0,
-    'slider.epsilon': 0.0,
+    **rows.constants('crank', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('slider', c=1.0, s=0.0, v_y=0.0, omega=0.0, a_y=0.0, epsilon=0.0),
     'guide.moment': 0.0,
 }
 
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'rod': 0,
-}
-
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('load_x', 'load', 'F', ('a_x',)),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_acceleration', 'geometric', 'K_g', ('a_x',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'rod': 0}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (3114, 79),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (3114, 79)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -137,15 +72,10 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    rod_centre_x = p[1]
-    rod_mass = p[2]
-    rod_inertia = p[3]
-    slider_mass = p[4]
-    crank_length = p[5]
-    rod_length = p[6]
-    guide_branch = p[7]
-    main_speed = p[8]
-    main_angle = p[9]
+    (
+        _, rod_centre_x, rod_mass, rod_inertia, slider_mass, crank_length, rod_length, guide_branch, main_speed,
+        main_angle,
+    ) = unpacked(p, 10)
     main_coordinate = s[5] = main_angle + main_speed*t
     sin_main = s[7] = math.sin(main_coordinate)
     w0 = crank_length*sin_main

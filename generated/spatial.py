@@ -10,15 +10,6 @@ of the two sections, on which a multiplier lambda acts with the forces and momen
 Every joint in space is some of three elementary constraints (Nikravesh 1988, Computer-Aided Analysis of Mechanical
 Systems, sec. 7.3).
 
-Operations of one call, written out -> with shared subexpressions:
-    demand            294 -> 184
-    inertia            48 -> 21
-    coincide            9 -> 9
-    perpendicular     153 -> 96
-    on_plane          150 -> 93
-    pull_directed     217 -> 32
-    pull_regular       37 -> 16
-
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
 
@@ -31,35 +22,13 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # sec: the numbers of section i begin at 15 i
 SECTION = (
-    'r_x',
-    'r_y',
-    'r_z',
-    'v_x',
-    'v_y',
-    'v_z',
-    'a_x',
-    'a_y',
-    'a_z',
-    'omega_x',
-    'omega_y',
-    'omega_z',
-    'epsilon_x',
-    'epsilon_y',
-    'epsilon_z',
+    'r_x', 'r_y', 'r_z', 'v_x', 'v_y', 'v_z', 'a_x', 'a_y', 'a_z', 'omega_x', 'omega_y', 'omega_z', 'epsilon_x',
+        'epsilon_y', 'epsilon_z',
 )
 
 # p: the numbers of a body begin at o
 BODY = (
-    'mass',
-    'centre_x',
-    'centre_y',
-    'centre_z',
-    'J_x',
-    'J_y',
-    'J_z',
-    'J_xy',
-    'J_yz',
-    'J_zx',
+    'mass', 'centre_x', 'centre_y', 'centre_z', 'J_x', 'J_y', 'J_z', 'J_xy', 'J_yz', 'J_zx',
 )
 
 # kernel -> operations written out, operations with shared subexpressions

@@ -8,24 +8,16 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
     K_g by P = P_0 + int_0^X rho A (a_x - (omega_y^2 + omega_z^2) X) dX
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against torsion alone.
 
-Operations of one call, written out -> with shared subexpressions:
-    M       563 -> 563
-    K_s     568 -> 568
-    K_d    1187 -> 1172
-    K_g    1573 -> 1536
-    C       585 -> 581
-    F       202 -> 192
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load, fill_square,
-)  # digest 9bd0c5aa7b70c54d
+)  # digest bf1d04e691f322e2
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -58,15 +50,7 @@ LINK_SCALARS = (
     ('P_0', 'N', "axial force at the link's origin, tension positive"),
 )
 
-# what element_matrices stores, in its order
-KERNELS = (
-    'M',
-    'K_s',
-    'K_d',
-    'K_g',
-    'C',
-    'F',
-)
+KERNELS = ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')  # what element_matrices stores, in its order
 
 # name, group, kernel that has it, factors of the scalar
 TERMS = (
@@ -118,10 +102,7 @@ def M(p, out):
     """Mass matrix of one element, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    rho_A = p[0]
-    rho_I_y = p[1]
-    rho_I_z = p[2]
-    length = p[8]
+    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length = unpacked(p, 9)
     f_0 = length*rho_A
     f_1 = length*(rho_I_y + rho_I_z)
     bend_v = (0.0, 0.0, length)
@@ -137,11 +118,7 @@ def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    E_I_y = p[3]
-    E_I_z = p[4]
-    E_A = p[5]
-    G_J = p[6]
-    length = p[8]
+    _, _, _, E_I_y, E_I_z, E_A, G_J, _, length = unpacked(p, 9)
     w0 = 1.0/length
     w1 = 1.0/(length*length*length)
     f_0 = E_A*w0
@@ -161,16 +138,8 @@ def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A = p[0]
-    rho_I_y = p[1]
-    rho_I_z = p[2]
-    length = p[8]
-    omega_x = s[0]
-    omega_y = s[1]
-    omega_z = s[2]
-    epsilon_x = s[3]
-    epsilon_y = s[4]
-    epsilon_z = s[5]
+    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length = unpacked(p, 9)
+    omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z = unpacked(s, 6)
     w0 = omega_y*omega_y
     w1 = omega_z*omega_z
     w2 = length*rho_A
@@ -201,14 +170,8 @@ def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A = p[0]
-    I_p_A = p[7]
-    length = p[8]
-    x_0 = p[9]
-    omega_y = s[1]
-    omega_z = s[2]
-    a_x = s[6]
-    P_0 = s[9]
+    rho_A, _, _, _, _, _, _, I_p_A, length, x_0 = unpacked(p, 10)
+    _, omega_y, omega_z, _, _, _, a_x, _, _, P_0 = unpacked(s, 10)
     w0 = omega_y*omega_y
     w1 = 0.5*rho_A
     w2 = w1*(x_0*x_0)
@@ -232,11 +195,8 @@ def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A = p[0]
-    length = p[8]
-    omega_x = s[0]
-    omega_y = s[1]
-    omega_z = s[2]
+    rho_A, _, _, _, _, _, _, _, length = unpacked(p, 9)
+    omega_x, omega_y, omega_z = unpacked(s, 3)
     w0 = 2.0*length*rho_A
     f_0 = -omega_z*w0
     f_1 = omega_y*w0
@@ -253,20 +213,8 @@ def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A = p[0]
-    rho_I_y = p[1]
-    rho_I_z = p[2]
-    length = p[8]
-    x_0 = p[9]
-    omega_x = s[0]
-    omega_y = s[1]
-    omega_z = s[2]
-    epsilon_x = s[3]
-    epsilon_y = s[4]
-    epsilon_z = s[5]
-    a_x = s[6]
-    a_y = s[7]
-    a_z = s[8]
+    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, x_0 = unpacked(p, 10)
+    omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z, a_x, a_y, a_z = unpacked(s, 9)
     w0 = omega_y*omega_y
     w1 = omega_z*omega_z
     w2 = length*rho_A

@@ -5,36 +5,20 @@ Structure f66f86d2dd42abae, format 3, SymPy 1.14; made by: kaneflex derive SCENE
 Bodies, joints and springs are those of kaneflex.generated.spatial.
 """
 
-import math
-
 from numba import njit
 
 FORMAT = 3
 STRUCTURE = "f66f86d2dd42abae"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# p: path, unit
-PARAMETERS = ()
-
-# what has a table in p, beginning at <path>.table
-TABLES = ()
-
-# kinds; all but the free ones are in courses
-DRIVES = {
-    'shaft': 'free',
-}
-
-# joints that laws know beside them
-OBSERVED = ()
-
-# in the order of magnitudes
-LOADS = ()
+PARAMETERS = ()  # p: path, unit
+TABLES = ()  # what has a table in p, which begins at <path>.table
+DRIVES = {'shaft': 'free'}  # kinds; all but the free ones are in courses
+LOADS = ()  # in the order of magnitudes
+OBSERVED = ()  # joints that laws know beside them
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'courses': (0, 0),
-    'magnitudes': (0, 0),
-}
+OPERATIONS = {'courses': (0, 0), 'magnitudes': (0, 0)}
 
 
 @njit(**OPTIONS)

@@ -5,39 +5,20 @@ Structure b1bf50a25f97f753, format 3, SymPy 1.14; made by: kaneflex derive SCENE
 Bodies, joints and springs are those of kaneflex.generated.spatial.
 """
 
-import math
-
 from numba import njit
 
 FORMAT = 3
 STRUCTURE = "b1bf50a25f97f753"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# p: path, unit
-PARAMETERS = (
-    ('drives.shaft.speed', 'rad/s'),
-    ('drives.shaft.angle', 'rad'),
-)
-
-# what has a table in p, beginning at <path>.table
-TABLES = ()
-
-# kinds; all but the free ones are in courses
-DRIVES = {
-    'shaft': 'constant speed',
-}
-
-# joints that laws know beside them
-OBSERVED = ()
-
-# in the order of magnitudes
-LOADS = ()
+PARAMETERS = (('drives.shaft.speed', 'rad/s'), ('drives.shaft.angle', 'rad'))  # p: path, unit
+TABLES = ()  # what has a table in p, which begins at <path>.table
+DRIVES = {'shaft': 'constant speed'}  # kinds; all but the free ones are in courses
+LOADS = ()  # in the order of magnitudes
+OBSERVED = ()  # joints that laws know beside them
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'courses': (2, 2),
-    'magnitudes': (0, 0),
-}
+OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 
 
 @njit(**OPTIONS)

@@ -2,21 +2,17 @@
 
 Structure c70d4cf8ae513d74, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion     465 -> 47
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
@@ -28,76 +24,35 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.beam.centre_x', 'm'),
-    ('bodies.beam.mass', 'kg'),
-    ('bodies.beam.inertia', 'kg m^2'),
-    ('drives.hub.speed', 'rad/s'),
-    ('drives.hub.angle', 'rad'),
-    ('drives.hub.spin_up', 's'),
-    ('bodies.beam.element.rho_A', 'kg/m'),
-    ('bodies.beam.element.E_A', 'N'),
-    ('bodies.beam.element.E_I', 'N m^2'),
-    ('bodies.beam.element.length', 'm'),
-    ('bodies.beam.element.x_0', 'm'),
+    *rows.numbers('bodies.beam', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('drives.hub', speed='rad/s', angle='rad', spin_up='s'),
+    *rows.element('beam', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('beam.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('beam.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('beam.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('beam.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('beam.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('beam'),
     ('hub.angle', 'rad', 'coordinate of the drive'),
-    ('beam.c', '1', "cosine of the body's angle"),
-    ('beam.s', '1', "sine of the body's angle"),
-    ('beam.omega', 'rad/s', 'angular velocity of the body'),
-    ('beam.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('hub.force_x', 'N', 'force on beam by ground, global x'),
-    ('hub.force_y', 'N', 'force on beam by ground, global y'),
+    *rows.body('beam', 'c s omega epsilon'),
+    *rows.force('hub', 'beam by ground'),
     ('hub.drive', 'N m', 'torque of the drive'),
 )
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'beam.link.a_x': 0.0,
-    'beam.link.a_y': 0.0,
-    'beam.x': 0.0,
-    'beam.y': 0.0,
-    'beam.v_x': 0.0,
-    'beam.v_y': 0.0,
-    'beam.a_x': 0.0,
-    'beam.a_y': 0.0,
-}
-
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'beam': 0,
+    **rows.constants('beam.link', a_x=0.0, a_y=0.0),
+    **rows.constants('beam', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0),
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'load_x', 'load_y', 'tension_acceleration', 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'beam': 0}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (465, 47),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (465, 47)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -105,12 +60,7 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    beam_centre_x = p[0]
-    beam_mass = p[1]
-    beam_inertia = p[2]
-    hub_speed = p[3]
-    hub_angle = p[4]
-    hub_spin_up = p[5]
+    beam_centre_x, beam_mass, beam_inertia, hub_speed, hub_angle, hub_spin_up = unpacked(p, 6)
     w0 = 1.0/hub_spin_up
     tau_hub = min(hub_spin_up, t)
     w1 = -tau_hub

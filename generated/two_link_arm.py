@@ -2,21 +2,17 @@
 
 Structure 54269e0c5a57b94b, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion    3994 -> 134
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
@@ -28,106 +24,44 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.upper.centre_x', 'm'),
-    ('bodies.upper.mass', 'kg'),
-    ('bodies.upper.inertia', 'kg m^2'),
-    ('bodies.lower.centre_x', 'm'),
-    ('bodies.lower.mass', 'kg'),
-    ('bodies.lower.inertia', 'kg m^2'),
+    *rows.numbers('bodies.upper', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.lower', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.upper.length', 'm'),
     ('masses.load.mass', 'kg'),
     ('bodies.lower.length', 'm'),
     ('gravity.y', 'm/s^2'),
-    ('bodies.upper.element.rho_A', 'kg/m'),
-    ('bodies.upper.element.E_A', 'N'),
-    ('bodies.upper.element.E_I', 'N m^2'),
-    ('bodies.upper.element.length', 'm'),
-    ('bodies.upper.element.x_0', 'm'),
-    ('bodies.lower.element.rho_A', 'kg/m'),
-    ('bodies.lower.element.E_A', 'N'),
-    ('bodies.lower.element.E_I', 'N m^2'),
-    ('bodies.lower.element.length', 'm'),
-    ('bodies.lower.element.x_0', 'm'),
+    *rows.element('upper', ELEMENT_PARAMETERS),
+    *rows.element('lower', ELEMENT_PARAMETERS),
 )
-
-# what has a table in p, which begins where <path>.table says
-TABLES = ()
 
 # s: name, unit, meaning
 SCALARS = (
-    ('upper.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('upper.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('upper.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('upper.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('upper.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('lower.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('lower.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('lower.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('lower.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('lower.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('upper'),
+    *rows.link('lower'),
     ('shoulder.angle', 'rad', 'coordinate of the drive'),
     ('elbow.angle', 'rad', 'coordinate of the drive'),
-    ('upper.c', '1', "cosine of the body's angle"),
-    ('upper.s', '1', "sine of the body's angle"),
-    ('upper.omega', 'rad/s', 'angular velocity of the body'),
-    ('upper.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('lower.x', 'm', "global x of the body's start"),
-    ('lower.y', 'm', "global y of the body's start"),
-    ('lower.c', '1', "cosine of the body's angle"),
-    ('lower.s', '1', "sine of the body's angle"),
-    ('lower.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('lower.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('lower.omega', 'rad/s', 'angular velocity of the body'),
-    ('lower.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('lower.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('lower.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('shoulder.force_x', 'N', 'force on upper by ground, global x'),
-    ('shoulder.force_y', 'N', 'force on upper by ground, global y'),
-    ('elbow.force_x', 'N', 'force on lower by upper, global x'),
-    ('elbow.force_y', 'N', 'force on lower by upper, global y'),
+    *rows.body('upper', 'c s omega epsilon'),
+    *rows.body('lower', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.force('shoulder', 'upper by ground'),
+    *rows.force('elbow', 'lower by upper'),
     ('shoulder.drive', 'N m', 'torque of the drive'),
     ('elbow.drive', 'N m', 'torque of the drive'),
 )
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'upper.x': 0.0,
-    'upper.y': 0.0,
-    'upper.v_x': 0.0,
-    'upper.v_y': 0.0,
-    'upper.a_x': 0.0,
-    'upper.a_y': 0.0,
-}
-
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'upper': 0,
-    'lower': 5,
+    **rows.constants('upper', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0),
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('load_x', 'load', 'F', ('a_x',)),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_acceleration', 'geometric', 'K_g', ('a_x',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ()  # what has a table in p, which begins where <path>.table says
+LINKS = {'upper': 0, 'lower': 5}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (3994, 134),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (3994, 134)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -135,16 +69,10 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    upper_centre_x = p[0]
-    upper_mass = p[1]
-    upper_inertia = p[2]
-    lower_centre_x = p[3]
-    lower_mass = p[4]
-    lower_inertia = p[5]
-    upper_length = p[6]
-    load_mass = p[7]
-    lower_length = p[8]
-    gravity_y = p[9]
+    (
+        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia, upper_length, load_mass,
+        lower_length, gravity_y,
+    ) = unpacked(p, 10)
     w0 = math.pi*t
     w1 = 2.0*w0
     w2 = math.cos(w1)

@@ -2,26 +2,22 @@
 
 Structure 9f04e115b2f57fc0, format 3, SymPy 1.14; made by: kaneflex derive SCENE -o FILE.py
 
-In link axes, with one scalar of the motion before each constant matrix:
-    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
-    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
+In link axes, as beam_euler_bernoulli has them: M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F
 
-Operations of one call, written out -> with shared subexpressions:
-    motion   43803 -> 258
-
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
 import math
 
 from numba import njit
 
+from kaneflex.generated import rows
+from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
 )
-from kaneflex.generated.tables import table  # digest 4b382767704e89a2
+from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
 
 FORMAT = 3
 STRUCTURE = "9f04e115b2f57fc0"
@@ -29,113 +25,39 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    ('bodies.crank.centre_x', 'm'),
-    ('bodies.crank.mass', 'kg'),
-    ('bodies.crank.inertia', 'kg m^2'),
-    ('bodies.rod_1.centre_x', 'm'),
-    ('bodies.rod_1.mass', 'kg'),
-    ('bodies.rod_1.inertia', 'kg m^2'),
-    ('bodies.rod_2.centre_x', 'm'),
-    ('bodies.rod_2.mass', 'kg'),
-    ('bodies.rod_2.inertia', 'kg m^2'),
+    *rows.numbers('bodies.crank', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.rod_1', centre_x='m', mass='kg', inertia='kg m^2'),
+    *rows.numbers('bodies.rod_2', centre_x='m', mass='kg', inertia='kg m^2'),
     ('bodies.piston_1.mass', 'kg'),
     ('bodies.piston_2.mass', 'kg'),
     ('bodies.crank.length', 'm'),
     ('bodies.rod_1.length', 'm'),
-    ('joints.bore_1.direction_x', '1'),
-    ('joints.bore_1.direction_y', '1'),
-    ('joints.bore_1.branch', '1'),
+    *rows.numbers('joints.bore_1', direction_x='1', direction_y='1', branch='1'),
     ('bodies.rod_2.length', 'm'),
-    ('joints.bore_2.direction_x', '1'),
-    ('joints.bore_2.direction_y', '1'),
-    ('joints.bore_2.branch', '1'),
-    ('drives.main.speed', 'rad/s'),
-    ('drives.main.angle', 'rad'),
-    ('loads.gas_1.direction_x', '1'),
-    ('loads.gas_1.direction_y', '1'),
-    ('loads.gas_1.offset', 'rad'),
-    ('loads.gas_1.table', '1'),
-    ('loads.gas_2.direction_x', '1'),
-    ('loads.gas_2.direction_y', '1'),
-    ('loads.gas_2.offset', 'rad'),
-    ('loads.gas_2.table', '1'),
-    ('bodies.rod_1.element.rho_A', 'kg/m'),
-    ('bodies.rod_1.element.E_A', 'N'),
-    ('bodies.rod_1.element.E_I', 'N m^2'),
-    ('bodies.rod_1.element.length', 'm'),
-    ('bodies.rod_1.element.x_0', 'm'),
-    ('bodies.rod_2.element.rho_A', 'kg/m'),
-    ('bodies.rod_2.element.E_A', 'N'),
-    ('bodies.rod_2.element.E_I', 'N m^2'),
-    ('bodies.rod_2.element.length', 'm'),
-    ('bodies.rod_2.element.x_0', 'm'),
-)
-
-# what has a table in p, which begins where <path>.table says
-TABLES = (
-    'loads.gas_1',
-    'loads.gas_2',
+    *rows.numbers('joints.bore_2', direction_x='1', direction_y='1', branch='1'),
+    *rows.numbers('drives.main', speed='rad/s', angle='rad'),
+    *rows.numbers('loads.gas_1', direction_x='1', direction_y='1', offset='rad', table='1'),
+    *rows.numbers('loads.gas_2', direction_x='1', direction_y='1', offset='rad', table='1'),
+    *rows.element('rod_1', ELEMENT_PARAMETERS),
+    *rows.element('rod_2', ELEMENT_PARAMETERS),
 )
 
 # s: name, unit, meaning
 SCALARS = (
-    ('rod_1.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod_1.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod_1.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod_1.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod_1.link.P_0', 'N', "axial force at the link's origin, tension positive"),
-    ('rod_2.link.omega', 'rad/s', 'angular velocity of the link frame'),
-    ('rod_2.link.epsilon', 'rad/s^2', 'angular acceleration of the link frame'),
-    ('rod_2.link.a_x', 'm/s^2', "acceleration of the link's origin minus gravity, along the link"),
-    ('rod_2.link.a_y', 'm/s^2', "acceleration of the link's origin minus gravity, across the link"),
-    ('rod_2.link.P_0', 'N', "axial force at the link's origin, tension positive"),
+    *rows.link('rod_1'),
+    *rows.link('rod_2'),
     ('main.angle', 'rad', 'coordinate of the drive'),
-    ('crank.c', '1', "cosine of the body's angle"),
-    ('crank.s', '1', "sine of the body's angle"),
-    ('crank.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod_1.x', 'm', "global x of the body's start"),
-    ('rod_1.y', 'm', "global y of the body's start"),
-    ('rod_1.c', '1', "cosine of the body's angle"),
-    ('rod_1.s', '1', "sine of the body's angle"),
-    ('rod_1.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod_1.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod_1.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod_1.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod_1.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod_1.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('rod_2.x', 'm', "global x of the body's start"),
-    ('rod_2.y', 'm', "global y of the body's start"),
-    ('rod_2.c', '1', "cosine of the body's angle"),
-    ('rod_2.s', '1', "sine of the body's angle"),
-    ('rod_2.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('rod_2.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('rod_2.omega', 'rad/s', 'angular velocity of the body'),
-    ('rod_2.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('rod_2.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('rod_2.epsilon', 'rad/s^2', 'angular acceleration of the body'),
-    ('piston_1.x', 'm', "global x of the body's start"),
-    ('piston_1.y', 'm', "global y of the body's start"),
-    ('piston_1.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('piston_1.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('piston_1.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('piston_1.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('piston_2.x', 'm', "global x of the body's start"),
-    ('piston_2.y', 'm', "global y of the body's start"),
-    ('piston_2.v_x', 'm/s', "velocity of the body's start, global x"),
-    ('piston_2.v_y', 'm/s', "velocity of the body's start, global y"),
-    ('piston_2.a_x', 'm/s^2', "acceleration of the body's start, global x"),
-    ('piston_2.a_y', 'm/s^2', "acceleration of the body's start, global y"),
-    ('main.force_x', 'N', 'force on crank by ground, global x'),
-    ('main.force_y', 'N', 'force on crank by ground, global y'),
-    ('pin_1.force_x', 'N', 'force on rod_1 by crank, global x'),
-    ('pin_1.force_y', 'N', 'force on rod_1 by crank, global y'),
-    ('wrist_1.force_x', 'N', 'force on piston_1 by rod_1, global x'),
-    ('wrist_1.force_y', 'N', 'force on piston_1 by rod_1, global y'),
+    *rows.body('crank', 'c s omega'),
+    *rows.body('rod_1', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('rod_2', 'x y c s v_x v_y omega a_x a_y epsilon'),
+    *rows.body('piston_1', 'x y v_x v_y a_x a_y'),
+    *rows.body('piston_2', 'x y v_x v_y a_x a_y'),
+    *rows.force('main', 'crank by ground'),
+    *rows.force('pin_1', 'rod_1 by crank'),
+    *rows.force('wrist_1', 'piston_1 by rod_1'),
     ('bore_1.normal', 'N', 'force on piston_1 by ground, normal to the guide'),
-    ('pin_2.force_x', 'N', 'force on rod_2 by crank, global x'),
-    ('pin_2.force_y', 'N', 'force on rod_2 by crank, global y'),
-    ('wrist_2.force_x', 'N', 'force on piston_2 by rod_2, global x'),
-    ('wrist_2.force_y', 'N', 'force on piston_2 by rod_2, global y'),
+    *rows.force('pin_2', 'rod_2 by crank'),
+    *rows.force('wrist_2', 'piston_2 by rod_2'),
     ('bore_2.normal', 'N', 'force on piston_2 by ground, normal to the guide'),
     ('main.drive', 'N m', 'torque of the drive'),
     ('gas_1', 'N', 'magnitude of the load'),
@@ -146,54 +68,22 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
-    'crank.x': 0.0,
-    'crank.y': 0.0,
-    'crank.v_x': 0.0,
-    'crank.v_y': 0.0,
-    'crank.a_x': 0.0,
-    'crank.a_y': 0.0,
-    'crank.epsilon': 0.0,
-    'piston_1.c': 1.0,
-    'piston_1.s': 0.0,
-    'piston_1.omega': 0.0,
-    'piston_1.epsilon': 0.0,
-    'piston_2.c': 1.0,
-    'piston_2.s': 0.0,
-    'piston_2.omega': 0.0,
-    'piston_2.epsilon': 0.0,
+    **rows.constants('crank', x=0.0, y=0.0, v_x=0.0, v_y=0.0, a_x=0.0, a_y=0.0, epsilon=0.0),
+    **rows.constants('piston_1', c=1.0, s=0.0, omega=0.0, epsilon=0.0),
+    **rows.constants('piston_2', c=1.0, s=0.0, omega=0.0, epsilon=0.0),
     'bore_1.moment': 0.0,
     'bore_2.moment': 0.0,
 }
 
-# elastic link -> where its LINK_SCALARS begin in s
-LINKS = {
-    'rod_1': 0,
-    'rod_2': 5,
-}
-
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = (
-    ('mass', 'inertia', 'M', ()),
-    ('gyroscopic', 'gyroscopic', 'C', ('omega',)),
-    ('spin', 'spin', 'K_d', ('omega', 'omega')),
-    ('euler', 'euler', 'K_d', ('epsilon',)),
-    ('centrifugal_load', 'load', 'F', ('omega', 'omega')),
-    ('euler_load', 'load', 'F', ('epsilon',)),
-    ('load_x', 'load', 'F', ('a_x',)),
-    ('load_y', 'load', 'F', ('a_y',)),
-    ('stiffness', 'elastic', 'K_s', ()),
-    ('tension_origin', 'geometric', 'K_g', ('P_0',)),
-    ('tension_acceleration', 'geometric', 'K_g', ('a_x',)),
-    ('tension_spin', 'geometric', 'K_g', ('omega', 'omega')),
-)
+TERMS = rows.less(beam.TERMS, 'viscous')
 
-# joints left to the forces, in the order of y in the kernel inverse
-FREE = ()
+TABLES = ('loads.gas_1', 'loads.gas_2')  # what has a table in p, which begins where <path>.table says
+LINKS = {'rod_1': 0, 'rod_2': 5}  # elastic link -> where its LINK_SCALARS begin in s
+FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'motion': (43803, 258),
-} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')}
+OPERATIONS = {'motion': (43803, 258)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -201,35 +91,13 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    crank_centre_x = p[0]
-    crank_mass = p[1]
-    rod_1_centre_x = p[3]
-    rod_1_mass = p[4]
-    rod_1_inertia = p[5]
-    rod_2_centre_x = p[6]
-    rod_2_mass = p[7]
-    rod_2_inertia = p[8]
-    piston_1_mass = p[9]
-    piston_2_mass = p[10]
-    crank_length = p[11]
-    rod_1_length = p[12]
-    bore_1_direction_x = p[13]
-    bore_1_direction_y = p[14]
-    bore_1_branch = p[15]
-    rod_2_length = p[16]
-    bore_2_direction_x = p[17]
-    bore_2_direction_y = p[18]
-    bore_2_branch = p[19]
-    main_speed = p[20]
-    main_angle = p[21]
-    gas_1_direction_x = p[22]
-    gas_1_direction_y = p[23]
-    gas_1_offset = p[24]
-    gas_1_table = p[25]
-    gas_2_direction_x = p[26]
-    gas_2_direction_y = p[27]
-    gas_2_offset = p[28]
-    gas_2_table = p[29]
+    (
+        crank_centre_x, crank_mass, _, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass,
+        rod_2_inertia, piston_1_mass, piston_2_mass, crank_length, rod_1_length, bore_1_direction_x, bore_1_direction_y,
+        bore_1_branch, rod_2_length, bore_2_direction_x, bore_2_direction_y, bore_2_branch, main_speed, main_angle,
+        gas_1_direction_x, gas_1_direction_y, gas_1_offset, gas_1_table, gas_2_direction_x, gas_2_direction_y,
+        gas_2_offset, gas_2_table,
+    ) = unpacked(p, 30)
     main_coordinate = s[10] = main_angle + main_speed*t
     cos_main = s[11] = math.cos(main_coordinate)
     w0 = crank_length*cos_main

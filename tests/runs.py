@@ -1,8 +1,9 @@
 """Runs of scenes that several tests look at, those of shipped scenes made once a process; and prescribed ones."""
 
+import ast
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,6 +48,14 @@ def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:
     file.write_text(text)
     found = load(with_settings(read_scene(str(file)), list(settings)))
     assert not found.module.__name__.startswith("kaneflex.generated.")
+    return found
+
+
+def tables(module: ast.Module) -> dict[str, Any]:
+    """Tables of a module's text, of which nothing else is run."""
+    found: dict[str, Any] = {}
+    wanted = [node for node in module.body if isinstance(node, (ast.Assign, ast.ImportFrom))]
+    exec(compile(ast.Module(wanted, type_ignores=[]), "tables", "exec"), found)
     return found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from extreme_cases import press
-from runs import solved
+from runs import solved, tables
 
 from kaneflex.cli.trade import chosen_lines
 from kaneflex.generated import engine as generated_engine
@@ -349,8 +349,7 @@ def offered(text):
     tree = ast.parse(text)
     names = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
     names |= {alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names}
-    (terms,) = (node.value for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id == "TERMS")
-    return names | {name for name, *_ in ast.literal_eval(terms)}
+    return names | {name for name, *_ in tables(tree)["TERMS"]}
 
 
 PRUNED = {

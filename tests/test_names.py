@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 import renaming
-from runs import run, solved
+from runs import run, solved, tables
 
 from kaneflex.derive import generate
 from kaneflex.derive.names import numbered
@@ -72,11 +72,11 @@ def test_a_renamed_module_is_the_same_but_for_names(seed):
     with open(shipped.__file__, encoding="utf-8") as file:
         plain = ast.parse(file.read())
     other = ast.parse(generate(renaming.renamed(scene, new)))
-    tables = {node.targets[0].id: node.value for node in other.body if isinstance(node, ast.Assign)}
+    found = tables(other)
     expected = renaming.under_new_names(shipped, new)
     for table in ("PARAMETERS", "TABLES", "CONSTANTS", "LINKS"):
-        assert ast.literal_eval(tables[table]) == getattr(expected, table), table
-    assert [row[0] for row in ast.literal_eval(tables["SCALARS"])] == [row[0] for row in expected.SCALARS]
+        assert found[table] == getattr(expected, table), table
+    assert [row[0] for row in found["SCALARS"]] == [row[0] for row in expected.SCALARS]
     there, back = {}, {}
     for one, two in zip(functions(plain), functions(other), strict=True):
         for a, b in zip(ast.walk(one), ast.walk(two), strict=True):

@@ -18,6 +18,20 @@ LINK_SCALARS = (
 )
 """Motion scalars of one elastic link, in the order in which every element kernel reads its argument ``s``."""
 
+BODY_SCALARS = {
+    "x": ("m", "global x of the body's start"),
+    "y": ("m", "global y of the body's start"),
+    "c": ("1", "cosine of the body's angle"),
+    "s": ("1", "sine of the body's angle"),
+    "v_x": ("m/s", "velocity of the body's start, global x"),
+    "v_y": ("m/s", "velocity of the body's start, global y"),
+    "omega": ("rad/s", "angular velocity of the body"),
+    "a_x": ("m/s^2", "acceleration of the body's start, global x"),
+    "a_y": ("m/s^2", "acceleration of the body's start, global y"),
+    "epsilon": ("rad/s^2", "angular acceleration of the body"),
+}
+"""Motion scalars of one body with unit and meaning, in their order in a module's SCALARS."""
+
 ELEMENT_PARAMETERS = (
     ("rho_A", "kg/m", "mass per length"),
     ("E_A", "N", "axial stiffness"),
