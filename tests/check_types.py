@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 3,
-    "fem": 31,
+    "fem": 30,
     "integrate": 40,
     "mechanism": 26,
     "multibody": 51,
@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 39,
     "report": 6,
     "response": 42,
-    "scene": 74,
+    "scene": 70,
     "solve": 30,
     "study": 83,
     "support": 5,

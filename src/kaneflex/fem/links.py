@@ -138,11 +138,7 @@ class Link:
 
 def forced_points(scene: Scene, link: str) -> dict[str, float]:
     """Points between a link's ends where joints, loads, springs or masses act: name -> distance from the start [m]."""
-    addresses = [address for joint in scene.joints.values() for address in joint.addresses]
-    addresses += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
-    addresses += [end for spring in scene.springs.values() for end in spring.ends]
-    addresses += [side for contact in scene.contacts.values() for side in contact.sides]
-    inner = sorted({a.point for a in addresses if a.body == link and a.point not in ("start", "end")})
+    inner = sorted({a.point for a in scene.acting if a.body == link and a.point not in ("start", "end")})
     return {point: scene.bodies[link].points_all[point][0] for point in inner}
 
 

@@ -74,10 +74,7 @@ class Sectioned(Made):
             first = (self.A if self.A is not None else area, self.I if self.I_z is None else self.I_z)
             last = (first[0] if self.A_end is None else self.A_end, first[1] if self.I_end is None else self.I_end)
             return Piece(start, stop, partial(_given, self.kappa), first, last, made_of)
-        last = self.section if self.taper is None else self.taper
-        shaped = partial(_shaped, self.section, made_of.nu, self.kappa)
-        ends = self.section.dimensions, last.dimensions
-        return Piece(start, stop, shaped, *ends, made_of, shape=self.section)
+        return self._shaped_piece(start, stop, made_of, _shaped)
 
     def spatial_piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
         """The same in space, whose sections have the numbers of both planes of bending and of torsion."""
@@ -87,10 +84,13 @@ class Sectioned(Made):
             assert A and self.I_y and self.I_z and self.J  # checked with the scene
             given = (A, self.I_y, self.I_z, self.J)
             return Piece(start, stop, numbers, given, given, made_of)
+        return self._shaped_piece(start, stop, made_of, _shaped_in_space)
+
+    def _shaped_piece(self, start: float, stop: float, made_of: Constants, numbers: Callable) -> Piece:
+        assert self.section is not None
         last = self.section if self.taper is None else self.taper
-        shaped = partial(_shaped_in_space, self.section, made_of.nu, self.kappa)
-        ends = self.section.dimensions, last.dimensions
-        return Piece(start, stop, shaped, *ends, made_of, shape=self.section)
+        shaped = partial(numbers, self.section, made_of.nu, self.kappa)
+        return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of, shape=self.section)
 
 
 _IN_SPACE = ("I_y", "I_z", "J")

@@ -218,14 +218,18 @@ class Scene(SceneTable):
             return self.vector((0.0, 0.0) if address.point == "origin" else self.ground[address.point])
         return self.vector(self.bodies[address.body].points_all[address.point])
 
+    @property
+    def acting(self) -> list[Address]:
+        """Points at which joints, springs, contacts, loads and lumped masses act, in that order."""
+        found = [address for joint in self.joints.values() for address in joint.addresses]
+        found += [end for spring in self.springs.values() for end in spring.ends]
+        found += [side for contact in self.contacts.values() for side in contact.sides]
+        found += [load.force_on for load in self.loads.values() if load.force_on is not None]
+        return found + [mass.at for mass in self.masses.values()]
+
     def acted_on(self, body: str) -> tuple[float, ...]:
         """Distances [m] from a link's start, between its ends, at which section forces jump: where something acts."""
-        acting = [address for joint in self.joints.values() for address in joint.addresses]
-        acting += [side for contact in self.contacts.values() for side in contact.sides]
-        acting += [end for spring in self.springs.values() for end in spring.ends]
-        acting += [mass.at for mass in self.masses.values()]
-        acting += [load.force_on for load in self.forces.values() if load.force_on is not None]
-        places = {self.point(address)[0] for address in acting if address.body == body}
+        places = {self.point(address)[0] for address in self.acting if address.body == body}
         return tuple(sorted(x for x in places if 0.0 < x < (self.bodies[body].length or 0.0)))
 
     def loop_joints(self) -> tuple[str, ...]:

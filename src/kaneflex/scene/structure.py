@@ -92,13 +92,8 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
 
 def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the points that a scene names itself and that joints or loads use."""
-    used = [address for joint in scene.joints.values() for address in joint.addresses]
-    used += [address for spring in scene.springs.values() for address in spring.ends]
-    used += [side for contact in scene.contacts.values() for side in contact.sides]
-    used += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
-    return {
-        str(address): _zeros(scene.point(address)) for address in dict.fromkeys(used) if _is_named(scene, address)
-    }
+    used = dict.fromkeys(scene.acting)
+    return {str(address): _zeros(scene.point(address)) for address in used if _is_named(scene, address)}
 
 
 def _is_named(scene: Scene, address: Address) -> bool:
