@@ -14,11 +14,12 @@ that the integrals of X psi dJ become those of -Y u, and a shape's kinetic energ
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.integrate import cumulative_simpson
-from scipy.interpolate import BSpline, CubicSpline
+from scipy.interpolate import BSpline
 from scipy.linalg import eigh, null_space
 from scipy.sparse import bmat, csc_array
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
@@ -28,8 +29,8 @@ from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import FORMAT, ModalData, checked_data, symmetrised
 from kaneflex.support.errors import Fault
 
-DEGREE, _PIECES, FINE = 5, 12, 4001
-"""Of the spline that is the mean line, and the places at which its slopes are multiplied."""
+DEGREE, _PIECES = 5, 12
+"""Of the spline that is the mean line."""
 _FEW = 100
 """Coordinates of which all modes are found at once."""
 _LOOSE = "the stiffness leaves a motion free that no point holds"
@@ -149,7 +150,7 @@ def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float =
         "mass_s": np.zeros(s.shape[1]), "mass_w": on_v @ M @ w,
         "mass_X_s": (X + Y) @ M @ s, "mass_X_w": X_across @ M @ w,
         "mass_s_s": np.diag(along.mass), "mass_w_w": across_alone, "mass_s_w": turned.T @ M @ w,
-        "mass_H": np.zeros((w.shape[1],) * 2), "mass_X_H": np.einsum("i,ijk->jk", carried * x, line.shortening(x)),
+        "mass_H": np.zeros((w.shape[1],) * 2), "mass_X_H": line.shortened(x, carried * x),
         "inertia_psi": -(Y_along @ M @ w), "inertia_psi_psi": np.diag(across.mass) - across_alone,
         "stiffness": stiffness, "damping": np.diag(2.0 * damping * np.sqrt(stiffness * mass)),
     } | _points(link, s, w, line))  # fmt: skip
@@ -185,13 +186,12 @@ def splines(x: np.ndarray) -> tuple[np.ndarray, csc_array]:
 class MeanLine:
     """Mean displacements of a link's sections, splines over X by least squares over its mass.
 
-    along, across, slope: of each shape, (n_places, n); mean: what shortens the mass in the mean [1/m], (n, n).
+    along, across, slope: of each shape, (n_places, n); carried: places [m] and masses [kg] of the nodes.
     """
 
     along: BSpline
     across: BSpline
     slope: BSpline
-    ends: tuple[float, float]
     carried: tuple[np.ndarray, np.ndarray]
 
     @classmethod
@@ -199,7 +199,6 @@ class MeanLine:
         """Of the shapes (n_nodes d, n); ``carried`` (n_nodes,): the mass [kg] at each node."""
         x, d = link.nodes[:, 0], link.axes
         knots, at_nodes = splines(x)
-        first, last = x.min(), x.max()
 
         def fitted(shapes: np.ndarray, axis: int) -> BSpline:
             square = at_nodes.T @ link.M[axis::d, axis::d] @ at_nodes
@@ -207,13 +206,37 @@ class MeanLine:
             return BSpline(knots, np.linalg.lstsq(square.toarray(), side, rcond=1e-12)[0], DEGREE)
 
         across = fitted(lifted, 1)
-        return cls(fitted(s, 0), across, across.derivative(), (float(first), float(last)), (x, carried))
+        return cls(fitted(s, 0), across, across.derivative(), (x, carried))
 
     def shortening(self, x: np.ndarray) -> np.ndarray:
         """H (n_places, n, n) [1/m]: the integral of w_j' w_k' up to each place, less its mean over the mass."""
-        fine = np.linspace(*self.ends, FINE)
-        slope = self.slope(fine)
-        grown = cumulative_simpson(np.einsum("ij,ik->ijk", slope, slope), x=fine, axis=0, initial=0.0)
-        whole = CubicSpline(fine, grown)
-        at, carried = self.carried
-        return whole(x) - np.einsum("i,ijk->jk", carried, whole(at)) / carried.sum()
+        return np.stack([self.shortened(x[k : k + 1], np.ones(1)) for k in range(len(x))])
+
+    def shortened(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """H (n, n) of places, summed with weights (n_places,)."""
+        return grown((self.slope,), x, weights) - weights.sum() * self._mean
+
+    @cached_property
+    def _mean(self) -> np.ndarray:
+        x, carried = self.carried
+        return grown((self.slope,), x, carried) / carried.sum()
+
+
+def grown(slopes: Iterable[BSpline], x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """The integral of s_j s_k from a link's first section up to each place x [m], summed with weights (n_places,):
+    (n, n) [1/m], added up over the slopes s of lines of DEGREE.
+
+    Gauss's rule of DEGREE points is exact between neighbours among knots and places.
+    """
+    at, shares = np.polynomial.legendre.leggauss(DEGREE)
+    total = 0.0
+    for slope in slopes:
+        first, last = slope.t[0], slope.t[-1]
+        bounds, up_to = np.unique(np.clip(np.concatenate([x, slope.t]), first, last), return_inverse=True)
+        half = np.diff(bounds) / 2
+        fine = (bounds[:-1] + half)[:, None] + half[:, None] * at
+        ends_at = np.bincount(up_to[: len(x)], weights, len(bounds))
+        beyond = ends_at[::-1].cumsum()[::-1][1:]  # of the places that a piece lies before
+        found = slope(fine.ravel())
+        total = total + (found * ((beyond * half)[:, None] * shares).reshape(-1, 1)).T @ found
+    return total

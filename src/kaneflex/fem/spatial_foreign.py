@@ -12,12 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import cumulative_simpson
-from scipy.interpolate import BSpline, CubicSpline
+from scipy.interpolate import BSpline
 from scipy.linalg import block_diag
 from scipy.sparse import bmat, csc_array, diags_array
 
-from kaneflex.fem.craig_bampton import DEGREE, FINE, reduced, splines
+from kaneflex.fem.craig_bampton import DEGREE, grown, reduced, splines
 from kaneflex.fem.foreign import TURNS, Foreign
 from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import CROSS, ModalData, spatial_modal_data
@@ -166,17 +165,9 @@ class MeanSections:
             return 0.5 * (one + one.T)
 
         in_y, in_z = weights * y, weights * z
+        shorter = grown([part.derivative() for part in self.line[1:]], x, weights)
         return np.stack([
-            2.0 * (summed(0, 1, in_y) + summed(0, 2, in_z)) - self._shortening(x, weights),
+            2.0 * (summed(0, 1, in_y) + summed(0, 2, in_z)) - shorter,
             summed(1, 2, in_z) - summed(0, 0, in_y) - summed(2, 2, in_y),
             summed(1, 2, in_y) - summed(0, 0, in_z) - summed(1, 1, in_z),
         ])  # fmt: skip
-
-    def _shortening(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """The integral of v' v' + w' w' up to each place, summed with weights, (n, n) [1/m]."""
-        fine = np.linspace(*self.ends, FINE)
-        slopes = [part.derivative()(fine) for part in self.line[1:]]
-        count = slopes[0].shape[1]
-        grown = sum(np.einsum("ij,ik->ijk", slope, slope) for slope in slopes).reshape(FINE, -1)
-        whole = CubicSpline(fine, cumulative_simpson(grown, x=fine, axis=0, initial=0.0))
-        return (weights @ whole(np.clip(x, *self.ends))).reshape(count, count)
