@@ -229,7 +229,7 @@ def grown(slopes: Iterable[BSpline], x: np.ndarray, weights: np.ndarray) -> np.n
     Gauss's rule of DEGREE points is exact between neighbours among knots and places.
     """
     at, shares = np.polynomial.legendre.leggauss(DEGREE)
-    total = 0.0
+    each = []
     for slope in slopes:
         first, last = slope.t[0], slope.t[-1]
         bounds, up_to = np.unique(np.clip(np.concatenate([x, slope.t]), first, last), return_inverse=True)
@@ -238,5 +238,5 @@ def grown(slopes: Iterable[BSpline], x: np.ndarray, weights: np.ndarray) -> np.n
         ends_at = np.bincount(up_to[: len(x)], weights, len(bounds))
         beyond = ends_at[::-1].cumsum()[::-1][1:]  # of the places that a piece lies before
         found = slope(fine.ravel())
-        total = total + (found * ((beyond * half)[:, None] * shares).reshape(-1, 1)).T @ found
-    return total
+        each.append((found * ((beyond * half)[:, None] * shares).reshape(-1, 1)).T @ found)
+    return np.sum(each, axis=0)
