@@ -209,25 +209,25 @@ def on_feet(legs):
     """Files of the solid with so many beams on nodes of it, which meet in one beside it: names, feet, nodes' table."""
     from closed_forms_spatial import mass, stiffness
     from scipy.io import mmwrite
-    from scipy.sparse import lil_array
+    from scipy.sparse import csc_array, eye_array
 
     numbers = np.loadtxt("rod-nodes.txt")
     count, tip = len(numbers), np.array([L / 2, 18e-3, 0.0])
     wanted = ([L / 2, 10e-3, 6e-3], [L / 2, 10e-3, -6e-3], [0.0, 10e-3, 0.0])[:legs]
     feet = [int(np.linalg.norm(numbers[:, 1:] - place, axis=1).argmin()) for place in wanted]
-    solid = (6 * np.arange(count)[:, None] + np.arange(3)).ravel()
+    unknowns = eye_array(6 * (count + 1), format="csc")
+    solid = unknowns[:, (6 * np.arange(count)[:, None] + np.arange(3)).ravel()]
     for name, element in (("mass", mass), ("stiffness", stiffness)):
-        whole = lil_array((6 * count + 6,) * 2)
-        whole[solid[:, None], solid] = mmread(f"rod-{name}.mtx").tolil()
+        whole = solid @ mmread(f"rod-{name}.mtx") @ solid.T
         for foot in feet:
             way = tip - numbers[foot, 1:]
             length, x = np.linalg.norm(way), way / np.linalg.norm(way)
             y = np.cross(x, [0.3, 0.5, 0.8])
             turn = np.kron(np.eye(4), np.stack([x, y / np.linalg.norm(y), np.cross(x, y / np.linalg.norm(y))]))
             numbers_of = (1e-6, 1e-12, length) if name == "mass" else (1e1, 1e-3, 1e-3, 1e-3, length)
-            at = np.concatenate([6 * node + np.arange(6) for node in (foot, count)])
-            whole[np.ix_(at, at)] += turn.T @ element(*numbers_of) @ turn
-        mmwrite(f"mixed-{name}.mtx", ((whole + whole.T) / 2).tocsr())
+            beam = unknowns[:, np.concatenate([6 * node + np.arange(6) for node in (foot, count)])]
+            whole += beam @ csc_array(turn.T @ element(*numbers_of) @ turn) @ beam.T
+        mmwrite(f"mixed-{name}.mtx", (whole + whole.T) / 2)
     np.savetxt("mixed-nodes.txt", np.vstack([numbers, [count + 1, *tip]]), fmt="%.12g")
     return ["mixed-mass.mtx", "mixed-stiffness.mtx", "mixed-nodes.txt"], feet, numbers
 

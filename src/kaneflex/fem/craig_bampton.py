@@ -14,8 +14,9 @@ that the integrals of X psi dJ become those of -Y u, and a shape's kinetic energ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -149,7 +150,7 @@ def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float =
         "mass_s": np.zeros(s.shape[1]), "mass_w": on_v @ M @ w,
         "mass_X_s": (X + Y) @ M @ s, "mass_X_w": X_across @ M @ w,
         "mass_s_s": np.diag(along.mass), "mass_w_w": across_alone, "mass_s_w": turned.T @ M @ w,
-        "mass_H": np.zeros((w.shape[1],) * 2), "mass_X_H": line.shortening(x, carried * x),
+        "mass_H": np.zeros((w.shape[1],) * 2), "mass_X_H": line.shortened(x, carried * x),
         "inertia_psi": -(Y_along @ M @ w), "inertia_psi_psi": np.diag(across.mass) - across_alone,
         "stiffness": stiffness, "damping": np.diag(2.0 * damping * np.sqrt(stiffness * mass)),
     } | _points(link, s, w, line))  # fmt: skip
@@ -171,8 +172,7 @@ def _points(link: Foreign, s: np.ndarray, w: np.ndarray, line: MeanLine) -> dict
         on_line = (part(places) for part in (line.along, line.across, line.slope))
         moved = [np.concatenate(parts) for parts in zip(moved, on_line, strict=True)]
     found = dict(zip(("s", "w", "psi"), moved, strict=True))
-    H = np.stack([line.shortening(X[k : k + 1], np.ones(1)) for k in range(len(X))])
-    return found | {"points": np.array(names), "X": X, "H": H}
+    return found | {"points": np.array(names), "X": X, "H": line.shortening(X)}
 
 
 def splines(x: np.ndarray) -> tuple[np.ndarray, csc_array]:
@@ -182,34 +182,16 @@ def splines(x: np.ndarray) -> tuple[np.ndarray, csc_array]:
     return knots, BSpline.design_matrix(np.clip(x, first, last), knots, DEGREE).tocsc()
 
 
-def shortened(slopes: Sequence[BSpline], x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Integrals of the slopes' products from the line's begin to each place x [m], summed with weights: (n, n) [1/m].
-
-    A piece of the line counts by what the places beyond it weigh. Between knots and places the products are
-    polynomials, which Gauss's rule integrates exactly.
-    """
-    knots, order = slopes[0].t, np.argsort(x)
-    places, summed = np.clip(x[order], knots[0], knots[-1]), np.concatenate([[0.0], np.cumsum(weights[order])])
-    cuts = np.unique(np.concatenate([knots, places]))
-    middles, halves = (cuts[1:] + cuts[:-1]) / 2, np.diff(cuts) / 2
-    beyond = summed[-1] - summed[np.searchsorted(places, middles)]
-    roots, shares = np.polynomial.legendre.leggauss(DEGREE)
-    fine, weighed = (middles[:, None] + np.outer(halves, roots)).ravel(), np.outer(halves * beyond, shares).ravel()
-    found = sum((slope(fine).T * weighed) @ slope(fine) for slope in slopes)
-    return 0.5 * (found + found.T)
-
-
 @dataclass(frozen=True, eq=False)
 class MeanLine:
     """Mean displacements of a link's sections, splines over X by least squares over its mass.
 
-    along, across, slope: of each shape, (n_places, n); carried: places of the mass [m], and the mass there [kg].
+    along, across, slope: of each shape, (n_places, n); carried: places [m] and masses [kg] of the nodes.
     """
 
     along: BSpline
     across: BSpline
     slope: BSpline
-    ends: tuple[float, float]
     carried: tuple[np.ndarray, np.ndarray]
 
     @classmethod
@@ -217,7 +199,6 @@ class MeanLine:
         """Of the shapes (n_nodes d, n); ``carried`` (n_nodes,): the mass [kg] at each node."""
         x, d = link.nodes[:, 0], link.axes
         knots, at_nodes = splines(x)
-        first, last = x.min(), x.max()
 
         def fitted(shapes: np.ndarray, axis: int) -> BSpline:
             square = at_nodes.T @ link.M[axis::d, axis::d] @ at_nodes
@@ -225,10 +206,37 @@ class MeanLine:
             return BSpline(knots, np.linalg.lstsq(square.toarray(), side, rcond=1e-12)[0], DEGREE)
 
         across = fitted(lifted, 1)
-        return cls(fitted(s, 0), across, across.derivative(), (float(first), float(last)), (x, carried))
+        return cls(fitted(s, 0), across, across.derivative(), (x, carried))
 
-    def shortening(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """The integrals of w_j' w_k' up to the places x, less their mean over the mass, summed with weights (n, n)."""
-        at, carried = self.carried
-        mean = shortened([self.slope], at, carried) / carried.sum()
-        return shortened([self.slope], x, weights) - weights.sum() * mean
+    def shortening(self, x: np.ndarray) -> np.ndarray:
+        """H (n_places, n, n) [1/m]: the integral of w_j' w_k' up to each place, less its mean over the mass."""
+        return np.stack([self.shortened(x[k : k + 1], np.ones(1)) for k in range(len(x))])
+
+    def shortened(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """H (n, n) of places, summed with weights (n_places,)."""
+        return grown((self.slope,), x, weights) - weights.sum() * self._mean
+
+    @cached_property
+    def _mean(self) -> np.ndarray:
+        x, carried = self.carried
+        return grown((self.slope,), x, carried) / carried.sum()
+
+
+def grown(slopes: Iterable[BSpline], x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """The integral of s_j s_k from a link's first section up to each place x [m], summed with weights (n_places,):
+    (n, n) [1/m], added up over the slopes s of lines of DEGREE.
+
+    Gauss's rule of DEGREE points is exact between neighbours among knots and places.
+    """
+    at, shares = np.polynomial.legendre.leggauss(DEGREE)
+    each = []
+    for slope in slopes:
+        first, last = slope.t[0], slope.t[-1]
+        bounds, up_to = np.unique(np.clip(np.concatenate([x, slope.t]), first, last), return_inverse=True)
+        half = np.diff(bounds) / 2
+        fine = (bounds[:-1] + half)[:, None] + half[:, None] * at
+        ends_at = np.bincount(up_to[: len(x)], weights, len(bounds))
+        beyond = ends_at[::-1].cumsum()[::-1][1:]  # of the places that a piece lies before
+        found = slope(fine.ravel())
+        each.append((found * ((beyond * half)[:, None] * shares).reshape(-1, 1)).T @ found)
+    return np.sum(each, axis=0)

@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import block_diag
 from scipy.sparse import bmat, csc_array, diags_array
 
-from kaneflex.fem.craig_bampton import DEGREE, reduced, shortened, splines
+from kaneflex.fem.craig_bampton import DEGREE, grown, reduced, splines
 from kaneflex.fem.foreign import TURNS, Foreign
 from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import CROSS, ModalData, spatial_modal_data
@@ -158,15 +158,16 @@ class MeanSections:
         turned section moves by see :attr:`kaneflex.multibody.spatial_shapes.SpatialShapes.moments`.
         """
         x, y, z = r.T
-        turns, slopes = self.turns(x), [part.derivative() for part in self.line[1:]]
+        turns = self.turns(x)
 
         def summed(a: int, b: int, weights: np.ndarray) -> np.ndarray:
             one = (turns[a] * weights[:, None]).T @ turns[b]
             return 0.5 * (one + one.T)
 
         in_y, in_z = weights * y, weights * z
+        shorter = grown([part.derivative() for part in self.line[1:]], x, weights)
         return np.stack([
-            2.0 * (summed(0, 1, in_y) + summed(0, 2, in_z)) - shortened(slopes, x, weights),
+            2.0 * (summed(0, 1, in_y) + summed(0, 2, in_z)) - shorter,
             summed(1, 2, in_z) - summed(0, 0, in_y) - summed(2, 2, in_y),
             summed(1, 2, in_y) - summed(0, 0, in_z) - summed(1, 1, in_z),
         ])  # fmt: skip
