@@ -168,8 +168,8 @@ class SpatialKinematics(RigidKinematics):
         """Coordinate of a joint that closes a loop, turns counted from the start on."""
         coordinate, rate = self._stands(name, motion)
         if name in self._counts:
-            for k in np.argsort(motion.times, kind="stable"):
-                coordinate[k] = self._counts[name](float(motion.times[k]), float(coordinate[k]), float(rate[k]))
+            order = np.argsort(motion.times, kind="stable")
+            coordinate[order] = self._counts[name].over(motion.times[order], coordinate[order], rate[order])
         return coordinate
 
     @cached_property
@@ -178,11 +178,12 @@ class SpatialKinematics(RigidKinematics):
         module = self.module
         joints, longest = module.system.mechanism.joints, module.system.scene.horizon / _STEPS
 
-        def stands(name: str) -> Callable[[float], tuple[float, float]]:
-            def at(t: float) -> tuple[float, float]:
-                here = np.array([t])
-                coordinate, rate = self._stands(name, SpatialMotion(self, here, self._scalars(here)))
-                return float(coordinate[0]), float(rate[0])
+        def stands(name: str) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+            def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                parts = np.split(times, range(_AT_ONCE, len(times), _AT_ONCE))
+                found = [self._stands(name, SpatialMotion(self, part, self._scalars(part))) for part in parts]
+                angles, rates = zip(*found, strict=True)
+                return np.concatenate(angles), np.concatenate(rates)
 
             return at
 

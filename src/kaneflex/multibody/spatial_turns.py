@@ -6,6 +6,8 @@ import bisect
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 _FAR = 1.0
 """Largest way of an angle [rad], at the rate at either end, over which its turns are sure."""
 
@@ -16,25 +18,48 @@ class Count:
     Parameters
     ----------
     at : callable
-        Angle at a time [s], from -pi to pi, and its rate [rad, rad/s].
+        Angles at times [s] in their order, from -pi to pi, and their rates [rad, rad/s].
     longest : float
         Longest step [s].
     """
 
-    def __init__(self, at: Callable[[float], tuple[float, float]], longest: float) -> None:
+    def __init__(self, at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], longest: float) -> None:
         self.at, self.longest = at, longest
-        angle, rate = at(0.0)
-        self.times, self.angles, self.rates = [0.0], [angle], [rate]
+        (angle,), (rate,) = at(np.zeros(1))
+        self.times, self.angles, self.rates = [0.0], [float(angle)], [float(rate)]
 
-    def __call__(self, t: float, angle: float, rate: float) -> float:
-        """The angle [rad] at t [s] with its whole turns; ``angle``: less these, ``rate``: its rate."""
+    def over(self, times: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """The angles [rad] at times [s] in their order with their whole turns; ``angles``: less these."""
+        between, known = self._between(times, rates), [times, angles, rates]
+        if len(between):
+            known = [np.concatenate(each) for each in zip(known, (between, *self.at(between)), strict=True)]
+        found = np.empty(len(known[0]))
+        for k in np.argsort(known[0], kind="stable"):
+            found[k] = self._counted(*(float(part[k]) for part in known))
+        return found[: len(times)]
+
+    def _between(self, times: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Instants between those ahead whose steps are too long by the rates at their ends, to be looked at together:
+        one after the other they would take longer than the run."""
+        ahead = times > self.times[-1]
+        ends = np.concatenate([self.times[-1:], times[ahead]])
+        steps, fast = np.diff(ends), abs(np.concatenate([self.rates[-1:], rates[ahead]]))
+        parts = np.ceil(1.0001 * steps * np.maximum(1.0 / self.longest, np.maximum(fast[1:], fast[:-1]) / _FAR))
+        return np.concatenate([np.empty(0), *(
+            begin + step * np.arange(1, count) / count
+            for begin, step, count in zip(ends, steps, parts, strict=False) if count > 1
+        )])  # fmt: skip
+
+    def _counted(self, t: float, angle: float, rate: float) -> float:
+        """Counted on from the last instant before, by steps between where that is too far."""
         while True:
             last = bisect.bisect_right(self.times, t) - 1
             step = t - self.times[last]
             if step <= self.longest and not step * max(abs(self.rates[last]), abs(rate)) > _FAR:
                 break
             between = self.times[last] + min(self.longest, 0.5 * step)
-            self(between, *self.at(between))
+            (other,), (fast,) = self.at(np.array([between]))
+            self._counted(between, float(other), float(fast))
         near = self.angles[last] + 0.5 * step * (self.rates[last] + rate)
         found = angle + 2.0 * math.pi * round((near - angle) / (2.0 * math.pi))
         if step > 0.0:
