@@ -105,7 +105,7 @@ def _blades() -> list[Case]:
             "elements", f"{count}: tip against F l^3 / (3 E I)", "rotating-cantilever",
             (*slow_blade(ALUMINIUM, BLADE_I), f"blade.elements={count}", "damping=none"),
             blade(ALUMINIUM * BLADE_I, 1e-6 * ALUMINIUM * BLADE_I), 1e-3 if count > 500 else 1e-5, accurate=ELASTIC,
-            slow=() if count == 1 else STEPPED[:-1] if count == 1024 else ELASTIC,
+            slow=() if count == 1 else STEPPED[:-1] if count == 256 else ELASTIC,
         )
         for count in (1, 64, 256, 1024)
     ]  # fmt: skip

@@ -1,22 +1,17 @@
 """Newton's and Euler's equations of every body of a planar mechanism, from the scalars of its rigid motion."""
 
-from pathlib import Path
-
 import numpy as np
 
 from kaneflex.mechanism.closure_continuation import seed_loops
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
+from kaneflex.multibody.binding import bind_parameters, find_module
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
 
-def motion_of(scene: Scene, folder: Path) -> RigidMotion:
-    """The rigid motion over two turns of the first drive in steps of 2 degrees; its module is derived into `folder`."""
-    structure = scene.structure_hash()
-    file = folder / f"{structure}.py"
-    file.write_text(generate_text(scene), encoding="utf-8")
-    module = import_file(file, structure)
+def motion_of(scene: Scene) -> RigidMotion:
+    """The rigid motion over two turns of the first drive in steps of 2 degrees."""
+    module, _ = find_module(scene, lambda stage: None)
     speed = next(iter(scene.drives.values())).speed
     p = seed_loops(scene, module, bind_parameters(scene, module), 4 * np.pi / abs(speed))
     return RigidKinematics(module, p).at(np.radians(np.arange(0, 720, 2)) / speed)

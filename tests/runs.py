@@ -32,6 +32,15 @@ def model(scene: str, *settings: str) -> Model:
     return load(with_settings(read_scene(scene), list(settings)))
 
 
+SHORT = {"engine-torque": ("solve.duration=0.25 s", "solve.steps=2500")}
+"""A tenth of the run of what is integrated for seconds when it is loaded, for what may look at any part of it."""
+
+
+def short(scene: str) -> Model:
+    """A shipped scene, those of SHORT over the first part of their run."""
+    return model(scene, *SHORT.get(scene, ()))
+
+
 def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:
     """The model of a scene, given by its text and written into `folder`, that no shipped module serves."""
     file = folder / "scene.toml"

@@ -27,10 +27,6 @@ HOME, AT, ROW = 4, 7, 2
 # ---- the printed text -------------------------------------------------------------------------------------------
 
 
-def test_the_committed_text_is_kanes_equations_for_small_numbers_of_shapes():
-    prove(PRINTED)
-
-
 def test_every_kernel_is_compared():
     names = {name for name, *_ in comparisons(PRINTED, 1, 1)}
     assert names - {"weight"} == {"deform", "push", "jacobian", "inverse", "inertia", "energy"}

@@ -150,8 +150,8 @@ def test_springs_between_points_are_read(like, directed, compiler, tmp_path):
 
 def test_a_planar_scene_lifted_into_space_reads_the_same(compiler, tmp_path):
     """Up to what steps err by, in coordinates that turn otherwise; damping by mass would differ besides."""
-    few = [f"{link}.elements=2" for link in ("crank", "coupler", "follower")]
-    flat = with_settings(read_scene("four-bar"), ["damping.rayleigh.ratio=0", "solve.steps=1440", *few])
+    few = [f"{link}.elements=1" for link in ("crank", "coupler", "follower")]
+    flat = with_settings(read_scene("four-bar"), ["damping.rayleigh.ratio=0", "solve.steps=720", *few])
     text = tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]})
     (tmp_path / "lifted.toml").write_text(text, encoding="utf-8")
     made, planar = c_model(read_scene(tmp_path / "lifted.toml")), c_model(flat)
@@ -160,7 +160,7 @@ def test_a_planar_scene_lifted_into_space_reads_the_same(compiler, tmp_path):
     shared = {*made.readings.sensors} & {*planar.readings.sensors}
     assert shared
     for name in shared:
-        np.testing.assert_allclose(space[name], plane[name], atol=1e-5 * abs(plane[name]).max(), err_msg=name)
+        np.testing.assert_allclose(space[name], plane[name], atol=5e-5 * abs(plane[name]).max(), err_msg=name)
 
 
 def test_scalars_in_space_are_those_of_the_motion_at_any_time(compiler, tmp_path):

@@ -113,7 +113,7 @@ def mechanism(request, folder) -> tuple[Scene, RigidMotion]:
     drive = '[drives]\nmain = {speed = "60 rad/s", cycle = "360 deg"}\n'
     file.write_text("schema = 1\n" + text.replace('branch = "+"', branch) + drive)
     scene = read_scene(file)
-    return scene, motion_of(scene, folder)
+    return scene, motion_of(scene)
 
 
 def gap(scene: Scene, rigid: RigidMotion, joint: str) -> np.ndarray:
@@ -180,7 +180,7 @@ def test_branch_chooses_the_side(folder):
         drive = '[drives]\nmain = {speed = "60 rad/s", cycle = "360 deg"}\n'
         file.write_text("schema = 1\n" + FOUR_BAR.replace('branch = "+"', f'branch = "{branch}"') + drive)
         scene = read_scene(file)
-        rigid = motion_of(scene, folder)
+        rigid = motion_of(scene)
         near, far, foot = (
             place(scene, rigid, Address(*point))
             for point in (("coupler", "near"), ("coupler", "far"), ("rocker", "start"))

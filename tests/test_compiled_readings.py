@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from runs import SHORT
 
 from kaneflex.response.compiled_readings import CompiledReadings
 from kaneflex.response.sensors import measure
@@ -19,7 +20,7 @@ OTHERS = [("engine", "quasistatic"), ("engine", "rigid"), ("engine", "linear"), 
 
 
 def solved(name: str, *settings: str) -> Solution:
-    return solve(load(with_settings(read_scene(name), ["solve.steps=90", *settings])))
+    return solve(load(with_settings(read_scene(name), [*SHORT.get(name, ()), "solve.steps=90", *settings])))
 
 
 def assert_read_alike(solution: Solution) -> CompiledReadings:

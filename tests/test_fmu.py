@@ -43,6 +43,12 @@ def series(engine):
     return solved(engine[0]).series
 
 
+@pytest.fixture
+def uncompiled(monkeypatch):
+    """FMUs of sources alone, where no library of theirs is called."""
+    monkeypatch.setattr("shutil.which", lambda name: None)
+
+
 def worst(found, series):
     """Largest error of a sensor, of its own peak."""
     names = [name for name in found.dtype.names if name in series]
@@ -158,8 +164,7 @@ def test_signatures_are_those_of_the_standards(fmpy, compiler):
         subprocess.run([compiler, *options, sources / f"kaneflex_fmi{version}.c"], check=True)
 
 
-def test_without_a_compiler_the_sources_are_there(monkeypatch, engine):
-    monkeypatch.setattr("shutil.which", lambda name: None)
+def test_without_a_compiler_the_sources_are_there(uncompiled, engine):
     made = fmu(engine[0], "3")
     assert made.compiled_for is None
     names = zipfile.ZipFile(io.BytesIO(made.content)).namelist()
@@ -168,7 +173,7 @@ def test_without_a_compiler_the_sources_are_there(monkeypatch, engine):
 
 
 @pytest.mark.parametrize("name", ["slider-crank-150-coupled", "spin-up-torque", "elastic-pendulum"])
-def test_what_a_refusal_advises_helps(name):
+def test_what_a_refusal_advises_helps(uncompiled, name):
     """Of scenes that are driven, turned by a torque, and free."""
     scene = read_scene(name)
     with pytest.raises(SceneError, match="like --preset stiffened"):
@@ -176,7 +181,7 @@ def test_what_a_refusal_advises_helps(name):
     assert fmu(with_settings(scene, ["solve.preset=stiffened"])).outputs
 
 
-def test_frozen_matrices_and_modes_let_no_speed_be_changed():
+def test_frozen_matrices_and_modes_let_no_speed_be_changed(uncompiled):
     undamped = fmu(with_settings(read_scene("slider-crank-150"), ["solve.steps=10"]))
     assert undamped.inputs == ("drives.main.speed", "drives.main.angle")
     assert fmu(read_scene("engine-paper")).inputs == ()

@@ -27,13 +27,14 @@ def test_an_ever_stiffer_rod_comes_to_the_rigid_one_with_all_that_rubs():
 @pytest.mark.parametrize("integrator", ["gauss", "radau"])
 def test_an_elastic_rod_without_damping_lets_its_joints_stick_and_slip(integrator):
     """It vibrates through every dead centre, where pins turn to and fro; forces keep to the law, energy to its sum."""
-    found = solved(ELASTIC, *SHORT, f"solve.integrator={integrator}", "solve.tolerance=1e-10")
+    shorter = "solve.duration=0.3 s", "solve.steps=300"
+    found = solved(ELASTIC, *shorter, f"solve.integrator={integrator}", "solve.tolerance=1e-10")
     record = found.trajectory.frictions
     limit, sliding = record.pressed * np.array([0.1, 0.1, 0.1, 0.15]), abs(record.speed) > 1e-9
     assert abs(record.force)[sliding] == pytest.approx(limit[sliding], rel=1e-9)
     assert (record.force * record.speed <= 0)[sliding].all()
     crank = found.trajectory.v[:, [name for name, _ in found.model.coupled.coordinates].index("crank.phi")]
-    assert crank[0] == pytest.approx(40) and crank[-1] < 30
+    assert crank[0] == pytest.approx(40) and crank[-1] < 35
     assert record.lost[-1].sum() == pytest.approx(found.trajectory.energy.dissipated[-1], rel=1e-12)
 
 

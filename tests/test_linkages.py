@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -13,14 +12,14 @@ from newton_euler import imbalance, place, turned
 from scipy.linalg import eigvalsh
 
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
+from kaneflex.multibody.binding import bind_parameters, find_module
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene, read_scene
 from kaneflex.solve.loading import load
 
 # Without shrinking: a first failure already names its numbers, and to shrink would mean to solve hundreds more.
 some = settings(
-    max_examples=12, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+    max_examples=8, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )
 
 FOUR_BAR = {
@@ -127,20 +126,12 @@ def folder(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("linkages")
 
 
-MODULES: dict[str, ModuleType] = {}
-
-
 def turning(text: str, folder: Path) -> tuple[Scene, RigidMotion]:
     """A turn of the first drive in steps of 3 degrees."""
     file = folder / "linkage.toml"
     file.write_text(text)
     scene = read_scene(file)
-    structure = scene.structure_hash()
-    if structure not in MODULES:
-        path = folder / f"{structure}.py"
-        path.write_text(generate_text(scene), encoding="utf-8")
-        MODULES[structure] = import_file(path, structure)
-    module = MODULES[structure]
+    module, _ = find_module(scene, lambda stage: None)
     times = np.radians(np.arange(0, 360, 3)) / abs(next(iter(scene.drives.values())).speed)
     return scene, RigidKinematics(module, bind_parameters(scene, module)).at(times)
 

@@ -194,19 +194,12 @@ def test_every_body_balances(name):
 
 
 @pytest.fixture(scope="module")
-def derived_motion(tmp_path_factory):
-    """A scene -> its rigid motion over two turns, derived on the fly into a folder of its own."""
-    folder = tmp_path_factory.mktemp("derived")
-    return lambda scene: motion_of(scene, folder)
-
-
-@pytest.fixture(scope="module")
 def upright() -> RigidMotion:
     found = model("engine")
     return found.motion.at(np.radians(np.arange(0, 720, 2)) / found.scene.drives["main"].speed)
 
 
-def test_a_tilted_engine_is_the_same_engine_turned(derived_motion, upright):
+def test_a_tilted_engine_is_the_same_engine_turned(upright):
     """Cylinder along (0.6, 0.8), crank and gas turned with it: forces turn, everything else stays."""
     alpha = math.atan2(0.8, 0.6)
     scene = with_settings(
@@ -218,7 +211,7 @@ def test_a_tilted_engine_is_the_same_engine_turned(derived_motion, upright):
             f"loads.gas.offset={alpha!r} rad",
         ],
     )
-    tilted = derived_motion(scene)
+    tilted = motion_of(scene)
     assert imbalance(scene, tilted) < 1e-10
     for name in ("rod.omega", "rod.epsilon", "bore.normal", "main.drive", "gas", "rod.link.P_0", "rod.link.a_y"):
         assert close(tilted[name], upright[name], 1e-11), name
@@ -228,7 +221,7 @@ def test_a_tilted_engine_is_the_same_engine_turned(derived_motion, upright):
         assert close(tilted[f"{joint}.force_y"], 0.8 * x + 0.6 * y, 1e-11)
 
 
-def test_a_joint_may_name_its_bodies_in_either_order(derived_motion, upright):
+def test_a_joint_may_name_its_bodies_in_either_order(upright):
     """The force is that on the second body: it changes its sign, and nothing else does."""
     scene = with_settings(
         read_scene("engine"),
@@ -238,7 +231,7 @@ def test_a_joint_may_name_its_bodies_in_either_order(derived_motion, upright):
             "joints.bore={prismatic=['piston', 'ground'], direction=[1, 0], branch='+'}",
         ],
     )
-    other = derived_motion(scene)
+    other = motion_of(scene)
     assert imbalance(scene, other) < 1e-10
     for name in ("pin.force_x", "pin.force_y", "wrist.force_x", "wrist.force_y", "bore.normal"):
         assert close(other[name], -upright[name], 1e-11), name
@@ -246,7 +239,7 @@ def test_a_joint_may_name_its_bodies_in_either_order(derived_motion, upright):
         assert close(other[name], upright[name], 1e-11), name
 
 
-def test_the_other_branch_is_the_mirrored_engine(derived_motion, upright):
+def test_the_other_branch_is_the_mirrored_engine(upright):
     """Piston on the left, crank half a turn ahead, gas to the right: the engine turned by 180 degrees."""
     scene = with_settings(
         read_scene("engine"),
@@ -257,7 +250,7 @@ def test_the_other_branch_is_the_mirrored_engine(derived_motion, upright):
             "loads.gas.offset=180 deg",
         ],
     )
-    other = derived_motion(scene)
+    other = motion_of(scene)
     assert imbalance(scene, other) < 1e-10
     for name in ("piston.x", "piston.a_x", "rod.c", "rod.s", "pin.force_x", "pin.force_y", "main.force_y"):
         assert close(other[name], -upright[name], 1e-11), name

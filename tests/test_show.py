@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from PIL import Image
-from runs import model
+from runs import model, short
 
 from kaneflex.fem.mobility import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
@@ -80,11 +80,11 @@ def written(folder: Path, text: str):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_places_are_those_of_the_generated_motion(name):
-    """At seven configurations of the run, and on the right branch."""
-    found, scene = model(name), read_scene(name)
+    """At four configurations of the run, and on the right branch."""
+    found, scene = short(name), short(name).scene
     if scene.is_frame:
         return
-    for t in np.linspace(0.0, scene.horizon, 7):
+    for t in np.linspace(0.0, scene.horizon, 4):
         rigid = found.motion.at(t)
         placement = place(scene, {drive: float(rigid[f"{drive}.angle"][0]) for drive in scene.drives})
         for body in scene.bodies:
@@ -95,8 +95,8 @@ def test_places_are_those_of_the_generated_motion(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_drives_start_where_the_run_starts(name):
-    found, scene = model(name), read_scene(name)
-    for name, drive in scene.drives.items():
+    found = short(name)
+    for name, drive in found.scene.drives.items():
         assert coordinate_at(drive, 0.0) == pytest.approx(found.motion.at(0.0)[f"{name}.angle"][0], abs=1e-12)
 
 
@@ -180,7 +180,7 @@ def test_a_linkage_that_can_not_close_or_is_left_open_is_named(tmp_path):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_elastic_coordinates_are_those_of_the_model(name):
-    assert sorted(elastic_coordinates(read_scene(name))) == sorted(model(name).coordinates)
+    assert sorted(elastic_coordinates(read_scene(name))) == sorted(short(name).coordinates)
 
 
 def test_counts_and_verdicts(tmp_path):

@@ -413,7 +413,7 @@ drives.pin = {free = true, initial_speed = 1.0}
 loads.middle = {force_on = "bar.mid", direction = [0, 1, 0], value = 1.0}
 loads.tip = {force_on = "bar.FAR", direction = [0, 1, 0], value = 0.5}
 sensors.pull = {joint_force = "pin", component = "x", body = "bar"}
-solve = {preset = "coupled", modes = 1, tolerance = 1e-9, duration = "2 ms", steps = 20}
+solve = {preset = "coupled", modes = 1, tolerance = 1e-9, duration = "0.5 ms", steps = 5}
 """
 
 

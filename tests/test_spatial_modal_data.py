@@ -37,8 +37,8 @@ kick = {{acceleration = "rod.mid", component = "z"}}
 {sensors}
 [solve]
 preset = "coupled"
-duration = "0.05 s"
-steps = 20
+duration = "0.02 s"
+steps = 10
 """
 PUSH = 'force_on = "rod.end", direction = [0.1, 0.6, 0.8], value = "2 N"'
 BEAM = (

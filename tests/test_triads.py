@@ -1,6 +1,7 @@
 """Loops that no dyad closes: Newton's method from seeds, the assembly that a scene names, and where it locks."""
 
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -85,6 +86,11 @@ def written(text) -> Scene:
     return scene_of(text)
 
 
+@cache
+def motion(name) -> RigidKinematics:
+    return kaneflex.load(written(MECHANISMS[name])).motion
+
+
 def gaps(scene, rigid):
     """How far apart the two points of every joint are [m]; along a guide they may be."""
     for joint in scene.joints.values():
@@ -96,9 +102,9 @@ def gaps(scene, rigid):
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_it_closes_and_balances(name, tmp_path):
+def test_it_closes_and_balances(name):
     scene = written(MECHANISMS[name])
-    rigid = motion_of(scene, tmp_path)
+    rigid = motion_of(scene)
     assert max(gaps(scene, rigid)) < 1e-12 * 0.35
     assert imbalance(scene, rigid) < 1e-10
 
@@ -106,13 +112,12 @@ def test_it_closes_and_balances(name, tmp_path):
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_rates_are_those_of_the_positions(name):
     """Against central differences of fourth order in time."""
-    motion = kaneflex.load(written(MECHANISMS[name])).motion
     t, h = np.linspace(0.0, 0.5, 50), 1e-4
-    middle = motion.at(t)
+    middle = motion(name).at(t)
     for body in ("rod", "platform", "left_rocker"):
         for value, rate in (("x", "v_x"), ("y", "v_y"), ("v_x", "a_x"), ("v_y", "a_y"), ("omega", "epsilon")):
             names = f"{body}.{value}"
-            one, two = (motion.at(t + k * h)[names] - motion.at(t - k * h)[names] for k in (1, 2))
+            one, two = (motion(name).at(t + k * h)[names] - motion(name).at(t - k * h)[names] for k in (1, 2))
             found = (8 * one - two) / (12 * h)
             exact = middle[f"{body}.{rate}"]
             assert abs(found - exact).max() < 1e-7 * max(1.0, abs(exact).max()), (body, rate)
@@ -120,8 +125,6 @@ def test_rates_are_those_of_the_positions(name):
 
 def test_it_is_where_scipy_finds_it():
     """The four angles from the loops written out by hand, by MINPACK's hybrid method."""
-    scene = written(MECHANISMS["three rockers"])
-    motion = kaneflex.load(scene).motion
     a, b, c, d = np.array([0.15, -0.04]), np.array([0.35, 0.0]), np.array([0.06, 0.07]), np.array([0.12, 0.0])
 
     def turn(angle, vector):
@@ -130,7 +133,7 @@ def test_it_is_where_scipy_finds_it():
         ])  # fmt: skip
 
     for t in np.linspace(0.0, 0.5, 40):
-        rigid = motion.at(t)
+        rigid = motion("three rockers").at(t)
         theta = 4 * np.pi * t
 
         def loops(angles, theta=theta):
@@ -154,16 +157,16 @@ def test_a_four_bar_by_newton_is_the_one_in_closed_form(tmp_path, monkeypatch):
     module = import_file(tmp_path / "newton.py", structure)
     monkeypatch.delitem(sys.modules, module.__name__)
     assert [closing for closing, *_ in module.LOOPS] == ["rocker"]
-    motion = RigidKinematics(module, seed_loops(scene, module, bind_parameters(scene, module), scene.period))
+    newton = RigidKinematics(module, seed_loops(scene, module, bind_parameters(scene, module), scene.period))
     times = np.random.default_rng(1).uniform(0.0, 3 * scene.period, 200)
-    here, there = motion.at(times), exact.at(times)
+    here, there = newton.at(times), exact.at(times)
     for name in exact.column:
         if not name.endswith(".closure"):
             assert abs(here[name] - there[name]).max() <= 1e-11 * max(1e-3, abs(there[name]).max()), name
 
 
 def test_the_order_of_the_bodies_does_not_matter():
-    one = kaneflex.load(written(MECHANISMS["three rockers"])).motion
+    one = motion("three rockers")
     lines = HEAD.splitlines()
     bodies = [line for line in lines if line.startswith(("crank", "rod", "left_rocker"))]
     turned = "\n".join([line for line in lines if line not in bodies] + bodies[::-1]) + "\n"
@@ -229,7 +232,7 @@ def test_show_places_the_same_assembly():
     from kaneflex.mechanism.position_analysis import place as placed
 
     scene = written(MECHANISMS["three rockers"])
-    rigid = kaneflex.load(scene).motion.at(0.0)
+    rigid = motion("three rockers").at(0.0)
     at = placed(scene)
     for name in scene.bodies:
         for key in ("x", "y", "c", "s"):
@@ -277,9 +280,9 @@ def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
         placed(read_scene(tmp_path / "near.toml"))
 
 
-def test_addresses_of_the_gaps_are_those_of_the_scene(tmp_path):
+def test_addresses_of_the_gaps_are_those_of_the_scene():
     """The check above would pass on anything if the points were the wrong ones."""
     scene = written(MECHANISMS["three rockers"])
-    rigid = motion_of(scene, tmp_path)
+    rigid = motion_of(scene)
     apart = place(scene, rigid, Address("rod", "end")) - place(scene, rigid, Address("platform", "start"))
     assert np.hypot(*apart).min() > 0.05
