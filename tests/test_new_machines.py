@@ -94,13 +94,9 @@ duration = "5 s"
 """
 
 
-def scene(text):
-    return scene_of(text)
-
-
 def test_peaucelliers_pen_draws_a_straight_line_though_an_arm_of_it_is_a_beam():
     """At (L^2 - l^2) / (2 r). No elastic stage can follow it: the rigid run says so in place of its errors."""
-    solution = solved(scene(PEAUCELLIER.replace("PRESET", "rigid")))
+    solution = solved(scene_of(PEAUCELLIER.replace("PRESET", "rigid")))
     assert solution["x"].values == pytest.approx((0.3**2 - 0.12**2) / 0.2, abs=1e-12)
     assert np.ptp(solution["y"].values) > 0.15
     errors, why = solution.errors
@@ -123,8 +119,8 @@ def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_t
     """
     law = '[loads]\nrub = {torque_at = "spindle", law = "-0.3*spindle_speed - 2*(spindle - 1)"}\n'
     spring = '[springs]\nrub = {torsional_at = "spindle", stiffness = 2, angle = 1, damping = 0.3}\n'
-    told = solved(scene(WIPER + law))
-    known = solved(scene(WIPER + spring), "solve.preset=rigid")
+    told = solved(scene_of(WIPER + law))
+    known = solved(scene_of(WIPER + spring), "solve.preset=rigid")
     for name in ("torque", "link"):
         right = known[name].values
         assert told[f"{name}_rigid"].values == pytest.approx(right, abs=1e-8 * abs(right).max()), name
@@ -137,7 +133,7 @@ def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_t
 
 def test_a_cylinder_that_dwells_is_followed():
     """At rest the tangent step is zero, and what Newton's method corrects is rounding, not a lock."""
-    boom = scene(BOOM.replace("WAY", 'near = {boom = "6 deg"}'))
+    boom = scene_of(BOOM.replace("WAY", 'near = {boom = "6 deg"}'))
     courses = followed(boom, place(boom))
     eye = 2.5 * np.exp(1j * courses["boom"][2])
     assert abs(eye - (0.6 - 0.4j))[[0, -1]] == pytest.approx([2.0, 2.6], abs=1e-9)
@@ -147,7 +143,7 @@ def test_a_cylinder_that_dwells_is_followed():
 def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given():
     said = "the loop closes in 2 ways at the start, and branch chooses in loops of two bodies only: boom "
     with pytest.raises(SceneError, match=re.escape(said)):
-        place(scene(BOOM.replace("WAY", 'branch = "+"')))
+        place(scene_of(BOOM.replace("WAY", 'branch = "+"')))
 
 
 def test_the_speed_of_a_joint_is_refused_by_the_name_that_was_written():
@@ -157,12 +153,12 @@ def test_the_speed_of_a_joint_is_refused_by_the_name_that_was_written():
         "position of cylinder, or the velocity of a body's point."
     )
     with pytest.raises(SceneError, match=re.escape(said)):
-        scene(text)
+        scene_of(text)
 
 
 def test_a_point_of_the_users_where_a_joint_is_does_not_lie_there_by_chance():
     named = WIPER.replace('mass = "0.15 kg"', 'mass = "0.15 kg", points = {eye = ["235 mm", 0]}')
-    machine = scene(named)
+    machine = scene_of(named)
     from kaneflex.mechanism.reach import reach_lines
 
     assert "on each other" not in reach_lines(machine, followed(machine, place(machine)))

@@ -6,16 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from runs import run, solved
 
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.building import reference_modes
 from kaneflex.plots import energy, figures, loads, motion, orders, paths, show, spatial
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
-from kaneflex.scene import read_scene, scene_of, with_settings
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import solve
-from kaneflex.solve.solution import Solution
+from kaneflex.scene import scene_of
 
 DOCS = Path(__file__).parents[1] / "docs"
 SWINGING = """
@@ -31,14 +29,9 @@ steps = 144
 
 
 @cache
-def solved(name: str, *settings: str) -> Solution:
-    return solve(load(with_settings(read_scene(name), list(settings))))
-
-
-@cache
 def drawn(kind: str, name: str, *settings: str):
     with styled():
-        (figure,) = kind.figures(solved(name, *settings)).values()
+        (figure,) = kind.figures(run(name, *settings)).values()
     return figure
 
 
@@ -52,7 +45,7 @@ def test_paths_and_hodographs_are_those_of_the_closed_form():
     """Middle of a centred slider-crank's rod: half-way between pin and wrist, whose height is r sin(theta)."""
     rigid = ("engine", "solve.preset=rigid", "solve.steps=144")
     path, hodograph = drawn(paths, *rigid).axes
-    theta, r, l, omega = np.radians(view(solved(*rigid)).x), 40.0, 137.0, 200 * np.pi
+    theta, r, l, omega = np.radians(view(run(*rigid)).x), 40.0, 137.0, 200 * np.pi
     root = np.sqrt(l**2 - (r * np.sin(theta)) ** 2)
     x, y = r * np.cos(theta) + root / 2, r * np.sin(theta) / 2
     v_x = -r * np.sin(theta) * (1 + r * np.cos(theta) / (2 * root))
@@ -76,7 +69,7 @@ def test_points_beside_the_bodies_are_in_the_pictures():
     }  # fmt: skip
     scene = scene_of(tables)
     with styled():
-        path = paths.figures(solve(load(scene)))["paths"].axes[0]
+        path = paths.figures(solved(scene))["paths"].axes[0]
     seen = curves(path)["coupler.eye"]
     drawing = show(scene).axes[0]
     placed = {name: pose.place(at) for name, at in (("crank", (-0.6, 0.0)), ("coupler", (0.9, 0.5)))
@@ -109,7 +102,7 @@ steps = 72
 def test_hodographs_in_space_are_those_of_a_point_on_a_circle():
     """v = omega x r about the axis (0, 0.6, 0.8), r turned from (0.5, 0, 0); a point that stands still has none."""
     with styled():
-        (figure,) = spatial.hodographs(solve(load(scene_of(INCLINED)))).values()
+        (figure,) = spatial.hodographs(solved(scene_of(INCLINED))).values()
     along_z, along_y, along_x, angled = figure.axes
     phi = np.radians(np.linspace(0.0, 360.0, 73))
     v = 10.0 * np.array([-np.sin(phi), 0.8 * np.cos(phi), -0.6 * np.cos(phi)])
@@ -145,7 +138,7 @@ steps = 60
 @pytest.mark.parametrize("preset", ["rigid", "coupled"])
 def test_motors_and_dampers_are_drawn_over_time_and_over_their_speeds(preset):
     with styled():
-        solution = solve(load(with_settings(scene_of(MOTOR), [f"solve.preset={preset}"])))
+        solution = solved(scene_of(MOTOR), f"solve.preset={preset}")
         found = loads.figures(solution)
     force, torque = sorted(found["loads"].axes, key=lambda axes: axes.get_title(loc="left"))
     assert (force.get_ylabel(), torque.get_ylabel()) == ("force [N]", "torque [N m]")
@@ -162,7 +155,7 @@ def test_motors_and_dampers_are_drawn_over_time_and_over_their_speeds(preset):
 def test_loads_that_do_not_vary_have_no_picture():
     constant = MOTOR.replace('law = "20 * (1 - shaft_speed / 150)"', "value = 20")
     constant = constant.replace('law = "-3 * bore_speed"', "value = -3")
-    assert loads.figures(solve(load(with_settings(scene_of(constant), ["solve.preset=rigid"])))) == {}
+    assert loads.figures(solved(scene_of(constant), "solve.preset=rigid")) == {}
 
 
 def test_orders_are_those_of_the_series():
@@ -182,24 +175,24 @@ def test_orders_are_those_of_the_series():
 
 
 def test_orders_stand_beside_the_natural_frequencies():
-    figure, model = drawn(orders, "four-bar", "solve.steps=144"), solved("four-bar", "solve.steps=144").model
+    figure, model = drawn(orders, "four-bar", "solve.steps=144"), run("four-bar", "solve.steps=144").model
     natural = [line.get_xdata()[0] for line in figure.axes[0].get_lines() if line.get_linestyle() == "--"]
     assert 5.0 * np.array(natural) == pytest.approx(reference_modes(model, 6)[0][: len(natural)] / (2 * np.pi))
     assert len(natural) >= 3
 
 
 def test_what_does_not_repeat_has_no_orders():
-    assert not orders.figures(solved("engine-transient", "solve.duration=0.01 s", "solve.steps=360"))
+    assert not orders.figures(run("engine-transient", "solve.duration=0.01 s", "solve.steps=360"))
     turning = ("four-bar", "solve.steps=144", "sensors.rocker_angle.position=main")
-    every = {*orders.harmonics(solved("four-bar", "solve.steps=144"))}
-    assert every - {*orders.harmonics(solved(*turning))} == {"rocker_angle"}
+    every = {*orders.harmonics(run("four-bar", "solve.steps=144"))}
+    assert every - {*orders.harmonics(run(*turning))} == {"rocker_angle"}
 
 
 def test_the_energy_that_is_drawn_is_the_motors_work():
     """Of a motor of 0.6 (1 - omega / 31.416) N m, whose speed a sensor reads; two rigid bars and a flywheel turn."""
     motor = ("four-bar-motor", "solve.duration=0.2 s", "solve.steps=2000")
     stored, balance = drawn(energy, *motor).axes
-    solution = solved(*motor)
+    solution = run(*motor)
     omega = solution.series["crank_speed"].values
     power = 0.6 * (1.0 - omega / 31.41592653589793) * omega
     work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(solution.times))])
@@ -209,22 +202,22 @@ def test_the_energy_that_is_drawn_is_the_motors_work():
     there = found["stored, growth"][1] + found["dissipated"][1]
     assert there == pytest.approx(found["supplied"][1], rel=1e-6, abs=1e-9)
     assert {*curves(stored)} == {"kinetic", "strain, springs"}
-    assert not energy.figures(solved("four-bar", "solve.steps=144"))
+    assert not energy.figures(run("four-bar", "solve.steps=144"))
 
 
 def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
     """Over its angle, curves would fold back on themselves."""
     (tmp_path / "swinging.toml").write_text(SWINGING)
-    shown = view(solved(tmp_path / "swinging.toml"))
+    shown = view(run(tmp_path / "swinging.toml"))
     assert shown.x_label == "time [s]" and (np.diff(shown.x) > 0).all()
-    assert view(solved("four-bar", "solve.preset=rigid")).x_label == "crank angle [deg]"
+    assert view(run("four-bar", "solve.preset=rigid")).x_label == "crank angle [deg]"
     (torque,) = (axes for axes in drawn(orders, tmp_path / "swinging.toml").axes if "torque" in axes.get_ylabel())
     assert curves(torque)["crank_torque"][0, :3] == pytest.approx([1.0, 2.0, 3.0])  # Hz
     panels = drawn(motion, tmp_path / "swinging.toml").axes
     (course,) = (axes for axes in panels if axes.get_title(loc="left") == "Angle of main")
     (angle,) = course.get_lines()
     assert angle.get_ydata() == pytest.approx(np.degrees(1.5 + 0.3 * np.sin(2 * np.pi * shown.times)))
-    backwards = view(solved("four-bar", "solve.preset=rigid", "main.speed=-300 rpm"))
+    backwards = view(run("four-bar", "solve.preset=rigid", "main.speed=-300 rpm"))
     assert backwards.x_label == "crank angle [deg]" and (np.diff(backwards.x) < 0).all()
 
 
@@ -240,6 +233,6 @@ def test_units_are_those_on_drawings_and_nameplates(unit, largest, expected):
 def test_the_page_names_every_picture():
     text = (DOCS / "results.md").read_text(encoding="utf-8")
     named = re.findall(r"`([\w.]+)`", "".join(re.findall(r"^\| (`.*?) \|", text.split("## Pictures")[1], re.MULTILINE)))
-    drawn = {*figures(solved("four-bar", "solve.steps=144")), *figures(solved("engine", "solve.steps=144"))}
+    drawn = {*figures(run("four-bar", "solve.steps=144")), *figures(run("engine", "solve.steps=144"))}
     general = {re.sub(r"_(rod|crank|coupler|follower)$", "_NAME", name) for name in drawn}
     assert general <= {*named} and len(general) > 7

@@ -20,12 +20,8 @@ from kaneflex.support.errors import SceneError
 SHORT = "\n[solve]\npreset = \"coupled\"\nduration = \"1 ms\"\nsteps = 2\nmodes = {}\n"
 
 
-def _scene(text):
-    return scene_of(text)
-
-
 def _space(text, t=0.0):
-    return kaneflex.linearise(kaneflex.load(_scene(text)), t=t)
+    return kaneflex.linearise(kaneflex.load(scene_of(text)), t=t)
 
 
 BLADE = """
@@ -75,7 +71,7 @@ def test_a_planar_blade_lifted_and_turned_answers_as_it_does_in_the_plane():
     """Its poles are among those of space, and every sensor answers a force and the shaft's acceleration alike."""
     settings = ["solve.preset=coupled", "solve.modes=4", "solve.start=zero", "solve.duration=1 ms", "solve.steps=2"]
     flat = with_settings(read_scene("rotating-cantilever"), settings)
-    deep = _scene(tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]}))
+    deep = scene_of(tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]}))
     plane, space = (kaneflex.linearise(kaneflex.load(scene), t=0.7e-3) for scene in (flat, deep))
     for pole in plane.poles[:5]:
         assert abs(space.poles - pole).min() < 1e-6 * abs(pole)
@@ -215,7 +211,7 @@ band = {between = ["ground.beside", "bar.end"], stiffness = "400 N/m"}
 def test_springs_hold_modes_at_rest_by_their_stiffness_alone():
     """A stiff bar on a bushing: six frequencies of its mass matrix about its start, with k along the strut and of the
     band in all directions; neither weight nor tension."""
-    found = modes(_scene(HELD + SHORT.format(1)), 6)
+    found = modes(scene_of(HELD + SHORT.format(1)), 6)
     area = math.pi * 0.005**2
     m, polar = 3000 * area, 3000 * math.pi * 0.005**4 / 2
     M = np.diag([m, m, m, polar, m / 3, m / 3])
@@ -240,7 +236,7 @@ def test_a_cantilever_has_the_modes_of_its_beam():
     """Euler and Bernoulli's clamped-free roots in both planes: 1.8751, 4.6941, 7.8548."""
     text = BLADE.format(speed=0.0).replace('"1 mm", "1 mm"', '"10 mm", "6 mm"')
     text = text.replace("revolute", "weld").replace(", axis = [0, 0, 1]", "").partition("[drives]")[0]
-    found = modes(_scene(text + SHORT.format(5)), 5).frequencies
+    found = modes(scene_of(text + SHORT.format(5)), 5).frequencies
     roots = np.array([1.8751040687, 4.6940911330, 7.8547574382]) ** 2
     units = math.sqrt(70e9 / 2700.0 / 12.0) * np.array([[6e-3], [10e-3]]) / (2.0 * math.pi)
     assert found == pytest.approx(np.sort((units * roots).ravel())[:5], rel=1e-3)
@@ -291,7 +287,7 @@ steps = 2
 
 def test_the_speeds_of_a_closed_loop_change_with_its_place():
     """N' of a mechanism some of whose ball's speeds depend on others, against N a little before and after."""
-    system = kaneflex.load(_scene(ARM_ON_A_GUIDE)).motion.module.system
+    system = kaneflex.load(scene_of(ARM_ON_A_GUIDE)).motion.module.system
     start = start_of(system)
     which = start.choice.independent
     u = start.u.copy()

@@ -14,7 +14,7 @@ from kaneflex.derive import closure
 from kaneflex.mechanism.closure_continuation import seed_loops
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
-from kaneflex.scene import Scene, read_scene, scene_of, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
@@ -82,13 +82,9 @@ MECHANISMS = {
 }
 
 
-def written(text) -> Scene:
-    return scene_of(text)
-
-
 @cache
 def motion(name) -> RigidKinematics:
-    return kaneflex.load(written(MECHANISMS[name])).motion
+    return kaneflex.load(scene_of(MECHANISMS[name])).motion
 
 
 def gaps(scene, rigid):
@@ -103,7 +99,7 @@ def gaps(scene, rigid):
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_it_closes_and_balances(name):
-    scene = written(MECHANISMS[name])
+    scene = scene_of(MECHANISMS[name])
     rigid = motion_of(scene)
     assert max(gaps(scene, rigid)) < 1e-12 * 0.35
     assert imbalance(scene, rigid) < 1e-10
@@ -170,7 +166,7 @@ def test_the_order_of_the_bodies_does_not_matter():
     lines = HEAD.splitlines()
     bodies = [line for line in lines if line.startswith(("crank", "rod", "left_rocker"))]
     turned = "\n".join([line for line in lines if line not in bodies] + bodies[::-1]) + "\n"
-    other = kaneflex.load(written(turned + ROCKER + PLATE + JOINTS + RIGHT + DRIVE)).motion
+    other = kaneflex.load(scene_of(turned + ROCKER + PLATE + JOINTS + RIGHT + DRIVE)).motion
     times = np.linspace(0.0, 1.0, 100)
     for name in one.column:
         there = one.at(times)[name]
@@ -184,7 +180,7 @@ def test_two_drives():
     shake = "[bodies.shaker]\nlength = '10 mm'\n[joints]\nshake = {revolute = ['ground.left', 'shaker.start']}"
     text = text.replace("[joints]", shake)
     text = text.replace("[drives]", "[drives]\nshake = {speed = '240 rpm', cycle = '720 deg'}")
-    scene = written(text)
+    scene = scene_of(text)
     rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, scene.period, 300))
     assert max(gaps(scene, rigid)) < 1e-12 * 0.35
     assert imbalance(scene, rigid) < 1e-10
@@ -193,7 +189,7 @@ def test_two_drives():
 def test_it_turns_by_itself_and_keeps_its_energy():
     text = MECHANISMS["three rockers"].split("[drives]")[0].replace("[1.0, -9.81]", "[0, 0]")
     text += "[drives]\nmain = {free = true, initial_speed = '60 rpm'}\n[solve]\npreset = 'rigid'\nduration = '3 s'\n"
-    scene = written(text)
+    scene = scene_of(text)
     rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, 3.0, 400))
     energy = 0.0
     for name, body in scene.bodies.items():
@@ -231,7 +227,7 @@ def test_the_drive_does_no_work_over_a_turn():
 def test_show_places_the_same_assembly():
     from kaneflex.mechanism.position_analysis import place as placed
 
-    scene = written(MECHANISMS["three rockers"])
+    scene = scene_of(MECHANISMS["three rockers"])
     rigid = motion("three rockers").at(0.0)
     at = placed(scene)
     for name in scene.bodies:
@@ -266,7 +262,7 @@ def test_show_places_the_same_assembly():
 )
 def test_what_it_refuses(change, message):
     with pytest.raises(SceneError) as error:
-        kaneflex.load(written(MECHANISMS["three rockers"].replace(*change)))
+        kaneflex.load(scene_of(MECHANISMS["three rockers"].replace(*change)))
     assert message in str(error.value)
 
 
@@ -282,7 +278,7 @@ def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
 
 def test_addresses_of_the_gaps_are_those_of_the_scene():
     """The check above would pass on anything if the points were the wrong ones."""
-    scene = written(MECHANISMS["three rockers"])
+    scene = scene_of(MECHANISMS["three rockers"])
     rigid = motion_of(scene)
     apart = place(scene, rigid, Address("rod", "end")) - place(scene, rigid, Address("platform", "start"))
     assert np.hypot(*apart).min() > 0.05

@@ -182,7 +182,8 @@ class SpatialKinematics(RigidKinematics):
             def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
                 parts = np.split(times, range(_AT_ONCE, len(times), _AT_ONCE))
                 found = [self._stands(name, SpatialMotion(self, part, self._scalars(part))) for part in parts]
-                return tuple(map(np.concatenate, zip(*found, strict=True)))
+                angles, rates = zip(*found, strict=True)
+                return np.concatenate(angles), np.concatenate(rates)
 
             return at
 

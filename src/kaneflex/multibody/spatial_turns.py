@@ -30,9 +30,9 @@ class Count:
 
     def over(self, times: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """The angles [rad] at times [s] in their order with their whole turns; ``angles``: less these."""
-        between, known = self._between(times, rates), (times, angles, rates)
+        between, known = self._between(times, rates), [times, angles, rates]
         if len(between):
-            known = tuple(map(np.concatenate, zip(known, (between, *self.at(between)), strict=True)))
+            known = [np.concatenate(each) for each in zip(known, (between, *self.at(between)), strict=True)]
         found = np.empty(len(known[0]))
         for k in np.argsort(known[0], kind="stable"):
             found[k] = self._counted(*(float(part[k]) for part in known))
