@@ -209,12 +209,12 @@ def test_an_elastic_rod_in_space(peer):
     Exudyn's elements' size, and is none of the forces'."""
     peer("exudyn")
     scene = with_settings(read_scene("spatial-slider-crank-elastic"), ["drives.shaft.speed=300 rpm"])
-    coarse, fine = elastic_shares(scene, 3, 90), elastic_shares(scene, 6, 90)
+    coarse, fine = elastic_shares(scene, 6, 180), elastic_shares(scene, 12, 180)
     assert set(fine) == set(scene.sensors)
-    assert fine["slider_x"] < 1e-7 and fine["rod_force"] < 0.01
-    assert fine["side_force"] < 2e-3 and fine["crank_torque"] < 2e-3
+    assert fine["slider_x"] < 1e-7 and fine["rod_force"] < 4e-3
+    assert fine["side_force"] < 1e-3 and fine["crank_torque"] < 1e-3
     for sensor in ("mid_y", "mid_z", "rod_moment"):
-        assert fine[sensor] < 0.06 and 2 * fine[sensor] < coarse[sensor], sensor
+        assert fine[sensor] < 0.02 and fine[sensor] < 0.3 * coarse[sensor], sensor
 
 
 def test_links_that_bend_more_are_further_apart(peer):
@@ -222,9 +222,9 @@ def test_links_that_bend_more_are_further_apart(peer):
     displacements is the size of Exudyn's elements."""
     peer("exudyn")
     scene = read_scene("four-bar-misaligned")
-    fast = elastic_shares(scene, 4, 180)
-    slow = elastic_shares(with_settings(scene, ["drives.main.speed=100 rpm"]), 6, 180)
-    assert all(slow[sensor] < 0.05 and fast[sensor] < 0.2 for sensor in ("coupler_mid", "follower_mid"))
+    fast = elastic_shares(scene, 8, 180)
+    slow = elastic_shares(with_settings(scene, ["drives.main.speed=100 rpm"]), 8, 180)
+    assert all(slow[sensor] < 0.03 and fast[sensor] < 0.05 for sensor in ("coupler_mid", "follower_mid"))
     assert slow["out_of_plane"] < 5e-5 and slow["follower_moment"] < 0.01 and slow["crank_torque"] < 5e-3
     assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
 
