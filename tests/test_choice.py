@@ -383,7 +383,7 @@ def test_a_rigid_module_has_the_motion_alone():
     scene = with_settings(read_scene("engine"), ["solve.preset=rigid"])
     text, whole = pruned_text(scene), generate_text(scene)
     motion = re.search(r"^def motion.*?^@njit", whole, flags=re.MULTILINE | re.DOTALL)[0]
-    assert motion in text and offered(text) == {"njit", "table", "motion", "tabulate"}
+    assert motion in text and offered(text) == {"njit", "rows", "unpacked", "table", "motion", "tabulate"}
     assert "The rigid motion alone: nothing deforms." in text and operation_count(text) == 88
 
 
