@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import sympy as sm
 
 from kaneflex.derive.lookups import T
-from kaneflex.derive.newton import Closed, Loop, close_group
+from kaneflex.derive.newton import Closed, Loop, close_group, hung
 from kaneflex.derive.steps import Steps
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, cross, dot, minus, quarter_turn
@@ -75,19 +75,7 @@ def _place_driven(mechanism, drive_angle, poses, steps) -> bool:
     for name, joint in mechanism.joints.items():
         if (name not in mechanism.drives and joint.kind != "weld") or not _one_open(joint, poses):
             continue
-        forward = joint.first.body in poses
-        base, body = (joint.first, joint.second) if forward else (joint.second, joint.first)
-        pose, at = poses[base.body], poses[base.body].place(base.at)
-        c, s = pose.c, pose.s
-        sign = 1 if forward else -1
-        if joint.kind != "prismatic" and (name in mechanism.drives or joint.angle != 0):
-            angle = drive_angle.get(name, joint.angle)
-            cosine = steps.assign(sm.Symbol(f"cos_{name}"), sm.cos(angle))
-            sine = steps.assign(sm.Symbol(f"sin_{name}"), sm.sin(angle))
-            c, s = pose.c * cosine - sign * pose.s * sine, pose.s * cosine + sign * pose.c * sine
-        elif name in mechanism.drives:
-            along = pose.turn(joint.direction)
-            at = tuple(at[k] + sign * drive_angle[name] * along[k] for k in range(2))
+        body, at, (c, s) = hung(joint, poses, drive_angle.get(name, joint.angle), steps.assign)
         poses[body.body] = _assign_pose(body.body, c, s, at, body, steps)
         return True
     return False

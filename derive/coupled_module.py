@@ -15,14 +15,13 @@ import sympy as sm
 
 from kaneflex.derive import emit
 from kaneflex.derive.generate import beam_of, element_tables, import_element, operations_table, table_paths
-from kaneflex.derive.laws import Switches, law_expression
+from kaneflex.derive.laws import Switches
 from kaneflex.derive.links import forced_points
-from kaneflex.derive.lookups import T, table
+from kaneflex.derive.lookups import T
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
-from kaneflex.derive.motion import drive_courses, law_names
+from kaneflex.derive.motion import drive_courses, load_size
 from kaneflex.derive.program import Program, share
 from kaneflex.derive.steps import Steps
-from kaneflex.mechanism.parts import Load
 from kaneflex.support.contract import ELEMENT_KERNELS
 
 Progress = Callable[[str], None]
@@ -108,7 +107,10 @@ def magnitudes(mechanism: SymbolicMechanism, switches: Switches) -> Program:
     """
     states = {name: _state(name) for name in (*mechanism.drives, *mechanism.observed)}
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
-    values = [_size(mechanism, load, states, switches) for load in mechanism.loads.values()]
+    values = []
+    for load in mechanism.loads.values():
+        switches.load = load.name
+        values.append(load_size(mechanism, load, states, switches.functions))
     for argument in switches.sides:
         values += [argument, _rate(argument, states)]
     return _program("magnitudes", mechanism, _inputs(mechanism, switches), steps, values)
@@ -135,20 +137,6 @@ def _rate(argument: sm.Expr, states: Mapping[str, tuple[sm.Symbol, sm.Symbol]]) 
     for name, (coordinate, speed) in states.items():
         found += argument.diff(coordinate) * speed + argument.diff(speed) * _acceleration(name)
     return found
-
-
-def _size(
-    mechanism: SymbolicMechanism, load: Load, states: Mapping[str, tuple[sm.Symbol, sm.Symbol]], switches: Switches
-) -> sm.Expr:
-    path = f"loads.{load.name}"
-    if load.kind == "constant":
-        return mechanism.symbol(f"{path}.value")
-    if load.kind == "table":
-        x = states[load.against][0] if load.against in states else T
-        return table(x - mechanism.symbol(f"{path}.offset"), mechanism.symbol(f"{path}.table"))
-    switches.load = load.name
-    names, key = law_names(mechanism, states), mechanism.names.text(f"{path}.law")
-    return law_expression(load.law, names, key, switches.functions)
 
 
 def _program(

@@ -16,7 +16,7 @@ from kaneflex.derive import emit, packs
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import Program, named, prune, share
-from kaneflex.derive.rows import LINK_TABLE, rows_text
+from kaneflex.derive.rows import LINK_TABLE, element_table, rows_text
 from kaneflex.derive.shapes import x_0
 from kaneflex.support.contract import BEAMS, ELEMENT_KERNELS, ELEMENT_TERMS
 
@@ -68,14 +68,13 @@ def _text(module: str, element: Element, printed: dict[str, str], texts: dict[st
         shared = [name for name, text in offered.items() if printed[text] == other]
         if shared:
             imports.append(emit.import_called(other, shared, texts[other]))
-    of_element = tuple((name, unit, meaning) for name, _, unit, meaning in element.parameters)
     return emit.module(
         "Matrices of one element of an elastic link",
         _about(element),
         [
-            emit.literal("ELEMENT_PARAMETERS", of_element, "p: name, unit, meaning"),
+            element_table("PLANAR", ((name, unit, meaning) for name, _, unit, meaning in element.parameters)),
             *(text for text in own if text in data.values()),
-            emit.literal("OPERATIONS", counts, emit.OPERATIONS),
+            emit.operations_table(counts),
         ],
         [*(text for text in own if text in blocks), every_matrix(ELEMENT_TERMS, 6)],
         imports,

@@ -204,6 +204,15 @@ def literal(name: str, value: object, comment: str = "") -> str:
     return table(name, entries, comment, brackets)
 
 
+def operations_table(counts: Mapping[str, tuple[int, int]], more: str = "") -> str:
+    """OPERATIONS of a module's own kernels; ``more``: what has those of others."""
+    entries = [f"{name!r}: {pair!r}" for name, pair in counts.items()]
+    line = f"OPERATIONS = {{{', '.join(entries)}}}{more}"
+    if len(line) > _LINE:
+        line = f"OPERATIONS = {{\n    {wrapped('', entries, ',').lstrip()}\n}}{more}"
+    return f"# kernel -> operations written out, operations with shared subexpressions\n{line}"
+
+
 def table(name: str, lines: Iterable[str], comment: str, brackets: str = "()") -> str:
     """A module-level table of entries in text."""
     lines = [f"    {line}," for line in lines]
@@ -248,7 +257,6 @@ OPTIONS = {{"cache": True, "error_model": "numpy", "fastmath": {{"nsz", "arcp", 
 {kernels}'''
 
 _LINE = 120
-OPERATIONS = "kernel -> operations written out, operations with shared subexpressions"
 
 
 def module(
@@ -300,7 +308,7 @@ def kernels_module(
     """Text of a module that is printed once for every scene, of kernels with their operations; ``more``: those that
     call the others."""
     printed = print_kernels((kernel for kernel, _ in kernels), Names({}))
-    tables = [*tables, literal("OPERATIONS", operations(kernels), OPERATIONS)]
+    tables = [*tables, operations_table(operations(kernels))]
     return module(title, [*textwrap.wrap(about.strip(), 118), "", UNCHECKED], tables, [*printed, more])
 
 
@@ -347,18 +355,13 @@ def import_lookups(programs: Sequence[Program]) -> list[str]:
         found += [import_called(module, called, text())] if called else []
     return found
 
-_TABLE_DOC = {
-    "table": "Piecewise cubic table",
-    "table_rate": "First derivative of a piecewise cubic table",
-    "table_curvature": "Second derivative of a piecewise cubic table",
-    "table_jerk": "Third derivative of a piecewise cubic table",
+TABLES = {
+    "table": ("Piecewise cubic table", "p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))"),
+    "table_rate": ("First derivative of a cubic table", "p[k + 1] + d * (2.0 * p[k + 2] + d * 3.0 * p[k + 3])"),
+    "table_curvature": ("Second derivative of a cubic table", "2.0 * p[k + 2] + d * 6.0 * p[k + 3]"),
+    "table_jerk": ("Third derivative of a cubic table", "6.0 * p[k + 3]"),
 }
-_TABLE_VALUE = {
-    "table": "p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))",
-    "table_rate": "p[k + 1] + d * (2.0 * p[k + 2] + d * 3.0 * p[k + 3])",
-    "table_curvature": "2.0 * p[k + 2] + d * 6.0 * p[k + 3]",
-    "table_jerk": "6.0 * p[k + 3]",
-}
+"""Name of a lookup -> what it is, and its value at the distance d from the breakpoint where the cubic at k begins."""
 _TABLE = '''@njit(**OPTIONS)
 def {name}(x, p, start):
     """{doc}: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
@@ -379,9 +382,7 @@ def {name}(x, p, start):
     k = knots + n + 1 + 4 * low
     return {value}
 '''
-TABLE_LOOKUPS = {
-    name: _TABLE.format(name=name, doc=doc, value=_TABLE_VALUE[name]) for name, doc in _TABLE_DOC.items()
-}
+TABLE_LOOKUPS = {name: _TABLE.format(name=name, doc=doc, value=value) for name, (doc, value) in TABLES.items()}
 """Name of a lookup -> its text."""
 
 

@@ -188,8 +188,13 @@ def print_module(
 
 def import_element(beam: str, names: Sequence[str]) -> str:
     """What a module offers of its element beside its own kernels: for its users alone, its own call none of it."""
-    names = ["ELEMENT_PARAMETERS", "LINK_SCALARS", *names, "element_matrices"]
-    return f"from kaneflex.generated import {beam} as beam\n{emit.import_names(beam, names)}"
+    tables = [name for name in names if name not in ELEMENT_KERNELS]
+    kernels = [name for name in names if name in ELEMENT_KERNELS]
+    return "\n".join([
+        f"from kaneflex.generated import {beam} as beam",
+        emit.import_names(beam, ["ELEMENT_PARAMETERS", "LINK_SCALARS", *tables]),
+        emit.import_names(beam, [*kernels, "element_matrices"]),
+    ])
 
 
 def kernels_of(terms: Sequence[TermRow], own: Sequence[str] = ()) -> list[str]:
@@ -205,8 +210,7 @@ def operations_table(
     of_element = f"{{name: beam.OPERATIONS[name] for name in {tuple(imported)!r}}}"
     if tuple(imported) == ELEMENT_KERNELS:
         of_element = "beam.OPERATIONS"
-    more = f" | {of_element}" if beam and imported else ""
-    return f"# {emit.OPERATIONS}\nOPERATIONS = {counts!r}{more}"
+    return emit.operations_table(counts, f" | {of_element}" if beam and imported else "")
 
 
 def _in_letters(beam: str, without: Sequence[str]) -> list[str]:

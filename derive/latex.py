@@ -74,7 +74,7 @@ def align(program: Program, names: Callable[[sm.Symbol], str], targets: Sequence
     rows = [(printer.doprint(symbol), expression) for symbol, expression in program.assignments]
     rows += [(target, expression) for target, (_, expression) in zip(targets, program.outputs, strict=True)]
     lines = [f"{left} &= {broken(printer.doprint(expression))}" for left, expression in rows]
-    return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
+    return _aligned(lines)
 
 
 def _targets(equations: Equations, program: Program) -> list[str]:

@@ -25,7 +25,7 @@ def _step(x: sm.Expr, *course: sm.Expr, side: Callable[[sm.Expr], sm.Expr] = sig
     return h_0 + (h_1 - h_0) * smooth(clamped((x - x_0) / (x_1 - x_0)))
 
 
-_FUNCTIONS = {
+FUNCTIONS = {
     "sin": sm.sin, "cos": sm.cos, "tan": sm.tan, "exp": sm.exp, "log": sm.log, "sqrt": sm.sqrt,
     "tanh": sm.tanh, "abs": sm.Abs, "atan2": sm.atan2, "max": larger, "min": smaller, "sign": sign,
     "step": _step,
@@ -33,7 +33,7 @@ _FUNCTIONS = {
 
 
 def law_expression(
-    text: str, names: Mapping[str, sm.Expr], key: str = "law", functions: Mapping[str, Callable] = _FUNCTIONS
+    text: str, names: Mapping[str, sm.Expr], key: str = "law", functions: Mapping[str, Callable] = FUNCTIONS
 ) -> sm.Expr:
     """The law with each of its names replaced by the expression given for it; ``key`` is where the scene has it.
 
@@ -68,7 +68,7 @@ class Switches:
     @property
     def functions(self) -> dict[str, Callable]:
         """Those of a law, each on the sides of its arguments."""
-        return _FUNCTIONS | {
+        return FUNCTIONS | {
             "abs": lambda x: self._side(x) * x,
             "atan2": lambda y, x: around(self._side(y), y, x),
             "max": lambda a, b: chosen(self._side(a - b), a, b),

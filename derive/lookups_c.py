@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from kaneflex.derive.emit import TABLES
+
 _PLACE = """/* Distance from the breakpoint before x, and where the cubic there begins: p[start] intervals,
  * p[start + 1] the period (0 if none), breakpoints, coefficients. */
 static double place_in_table(double x, const double p[], size_t start, size_t *cubic)
@@ -35,13 +37,8 @@ static double {name}(double x, const double p[], size_t start)
 }}
 """
 TABLE_TEXTS = {"place_in_table": _PLACE} | {
-    name: _TABLE.format(name=name, doc=doc, value=value)
-    for name, doc, value in (
-        ("table", "Piecewise cubic table", "p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))"),
-        ("table_rate", "Its first derivative", "p[k + 1] + d * (2.0 * p[k + 2] + d * 3.0 * p[k + 3])"),
-        ("table_curvature", "Its second derivative", "2.0 * p[k + 2] + d * 6.0 * p[k + 3]"),
-        ("table_jerk", "Its third derivative; the same all over a cubic", "(void)d, 6.0 * p[k + 3]"),
-    )
+    name: _TABLE.format(name=name, doc=doc, value=value if "d *" in value else f"(void)d, {value}")
+    for name, (doc, value) in TABLES.items()
 }
 """Name of a lookup -> its text, after what all of them call."""
 

@@ -16,7 +16,7 @@ import sympy as sm
 
 from kaneflex.derive.closure import UnsupportedLoop, place_bodies
 from kaneflex.derive.constraints import multiplier
-from kaneflex.derive.laws import law_expression
+from kaneflex.derive.laws import FUNCTIONS, law_expression
 from kaneflex.derive.linear import StructurallySingular, solve_blocks
 from kaneflex.derive.links import jump_scalars, link_scalars
 from kaneflex.derive.lookups import T, table, table_curvature, table_rate
@@ -28,7 +28,7 @@ from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
-from kaneflex.mechanism.parts import Mechanism
+from kaneflex.mechanism.parts import Load, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_acceleration, minus
 from kaneflex.support.contract import BODY_SCALARS, COURSES, LINK_SCALARS
 
@@ -241,19 +241,26 @@ def _course(mechanism: SymbolicMechanism, name: str, steps: Steps) -> tuple[sm.E
 
 
 def _loads(mechanism: SymbolicMechanism, drives: dict[str, Drive], steps: Steps) -> dict[str, sm.Expr]:
+    states = {name: (drive.angle, drive.speed) for name, drive in drives.items()}
     magnitude = {}
     for name, load in mechanism.loads.items():
-        if load.kind == "constant":
-            value = mechanism.symbol(f"loads.{name}.value")
-        elif load.kind == "table":
-            x = drives[load.against].angle if load.against in drives else T
-            value = table(x - mechanism.symbol(f"loads.{name}.offset"), mechanism.symbol(f"loads.{name}.table"))
-        else:
-            names = law_names(mechanism, {d: (drive.angle, drive.speed) for d, drive in drives.items()})
+        if load.kind == "law":
             check_known(load.law, mechanism, mechanism.names.text(f"loads.{name}.law"))
-            value = law_expression(load.law, names, mechanism.names.text(f"loads.{name}.law"))
-        magnitude[name] = steps.assign(sm.Symbol(name), value)
+        magnitude[name] = steps.assign(sm.Symbol(name), load_size(mechanism, load, states))
     return magnitude
+
+
+def load_size(
+    mechanism: SymbolicMechanism, load: Load, states: Mapping[str, tuple[sm.Expr, sm.Expr]], functions=FUNCTIONS
+) -> sm.Expr:
+    """Size of a load, by coordinates and speeds of joints; ``functions``: those of its law."""
+    path = f"loads.{load.name}"
+    if load.kind == "constant":
+        return mechanism.symbol(f"{path}.value")
+    if load.kind == "table":
+        x = states[load.against][0] if load.against in states else T
+        return table(x - mechanism.symbol(f"{path}.offset"), mechanism.symbol(f"{path}.table"))
+    return law_expression(load.law, law_names(mechanism, states), mechanism.names.text(f"{path}.law"), functions)
 
 
 def law_names(mechanism: SymbolicMechanism, courses: Mapping[str, tuple[sm.Expr, sm.Expr]]) -> dict[str, sm.Expr]:

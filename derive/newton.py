@@ -9,7 +9,7 @@ passes from one call to the next. A body's unknown angle is carried as its cosin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -21,7 +21,7 @@ from kaneflex.derive.mechanism import SymbolicMechanism
 from kaneflex.derive.steps import Steps
 from kaneflex.mechanism.joints import demanded
 from kaneflex.mechanism.parts import Joint, Mechanism
-from kaneflex.mechanism.planar import Pose, cross, dot, minus
+from kaneflex.mechanism.planar import BodyPoint, Pose, Vector, cross, dot, minus
 
 _ITERATIONS = 2
 
@@ -136,6 +136,31 @@ def _group(mechanism: Mechanism, poses: Mapping[str, Pose]) -> tuple[tuple[str, 
     return None
 
 
+def hung(
+    joint: Joint,
+    frames: Mapping[str, Pose],
+    coordinate: sm.Expr | None,
+    assign: Callable[[sm.Symbol, sm.Expr], sm.Expr] = lambda symbol, value: value,
+) -> tuple[BodyPoint, Vector, tuple[sm.Expr, sm.Expr]]:
+    """What a joint hangs on the body that has a frame: the other's point, where it is, and that body's direction.
+
+    ``coordinate`` is the angle or the slide of the joint's second body against the first; with None that it hangs on
+    has the direction.
+    """
+    forward = joint.first.body in frames
+    base, body = (joint.first, joint.second) if forward else (joint.second, joint.first)
+    frame, sign = frames[base.body], 1 if forward else -1
+    at, c, s = frame.place(base.at), frame.c, frame.s
+    if coordinate is not None and joint.kind == "prismatic":
+        along = frame.turn(joint.direction)
+        at = tuple(at[k] + sign * coordinate * along[k] for k in range(2))
+    elif coordinate is not None:
+        cosine = assign(sm.Symbol(f"cos_{joint.name}"), sm.cos(coordinate))
+        sine = assign(sm.Symbol(f"sin_{joint.name}"), sm.sin(coordinate))
+        c, s = c * cosine - sign * s * sine, s * cosine + sign * c * sine
+    return body, at, (c, s)
+
+
 class _Tree:
     """Poses of a group's bodies in terms of its unknowns: symbols for cosines, sines and slides."""
 
@@ -164,25 +189,17 @@ class _Tree:
         return (fixed or open_ones)[0]
 
     def _attach(self, joint: Joint, coordinate: sm.Expr | None, driven: bool) -> None:
-        forward = joint.first.body in self.frames
-        base, body = (joint.first, joint.second) if forward else (joint.second, joint.first)
-        frame, name, sign = self.frames[base.body], body.body, 1 if forward else -1
-        at, c, s = frame.place(base.at), frame.c, frame.s
-        if joint.kind == "prismatic":
-            if not driven:
-                self.sliding.append(joint.name)
-            slide = coordinate if driven else self.slide[joint.name]
-            along = frame.turn(joint.direction)
-            at = tuple(at[k] + sign * slide * along[k] for k in range(2))
-        elif driven or joint.kind == "weld":
-            angle = coordinate if driven else joint.angle
-            cosine, sine = sm.cos(angle), sm.sin(angle)
-            c, s = frame.c * cosine - sign * frame.s * sine, frame.s * cosine + sign * frame.c * sine
-        else:
-            self.turning.append(name)
-            c, s = self.cosine[name], self.sine[name]
+        if joint.kind == "weld":
+            coordinate = joint.angle
+        elif joint.kind == "prismatic" and not driven:
+            self.sliding.append(joint.name)
+            coordinate = self.slide[joint.name]
+        body, at, (c, s) = hung(joint, self.frames, coordinate)
+        if coordinate is None:
+            self.turning.append(body.body)
+            c, s = self.cosine[body.body], self.sine[body.body]
         dx, dy = Pose(sm.S.Zero, sm.S.Zero, c, s).turn(body.at)
-        self.frames[name] = Pose(at[0] - dx, at[1] - dy, c, s)
+        self.frames[body.body] = Pose(at[0] - dx, at[1] - dy, c, s)
 
     def residuals(self, joint: Joint, coordinate: sm.Expr | None) -> list[sm.Expr]:
         """What a joint that is not in the tree, and its drive, leave open: lengths and sines of angles."""

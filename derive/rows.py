@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
 from kaneflex.derive import emit
-from kaneflex.support.contract import BODY_SCALARS, FORMAT, LINK_SCALARS
+from kaneflex.support.contract import BODY_SCALARS, FORMAT, LINK_SCALARS, element_parameters
+from kaneflex.support.spatial_contract import spatial_element_parameters
 
 Row = tuple[str, ...]
 
@@ -41,6 +42,11 @@ def element(link, parameters):
     return tuple((f"bodies.{link}.element.{name}", unit) for name, unit, _ in parameters)
 
 
+def named(rows, names):
+    """Rows of these names, in their order."""
+    return tuple(row for name in names.split() for row in rows if row[0] == name)
+
+
 def constants(owner, /, **values):
     """CONSTANTS that have one owner."""
     return {f"{owner}.{name}": value for name, value in values.items()}
@@ -52,7 +58,8 @@ def less(rows, *names):
 
 
 LINK_TABLE = emit.literal("LINK_SCALARS", LINK_SCALARS, "s: name, unit, meaning")
-_FUNCTIONS = (link, body, force, numbers, element, constants, less)
+_ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True, True)}
+_FUNCTIONS = (link, body, force, numbers, element, named, constants, less)
 
 
 def rows_text() -> str:
@@ -68,6 +75,9 @@ def rows_text() -> str:
         LINK_TABLE,
         "",
         emit.literal("BODY_SCALARS", BODY_SCALARS, "name -> unit, meaning"),
+        "",
+        "# what p of an element may have: name, unit, meaning",
+        *(emit.literal(f"{kind}_ELEMENT", rows) for kind, rows in _ELEMENTS.items()),
         *(f"\n\n{inspect.getsource(function).rstrip()}" for function in _FUNCTIONS),
         "",
     ])  # fmt: skip
@@ -82,6 +92,12 @@ def parameters_table(rows: Sequence[Row], elements: Iterable[str] = (), comment:
     """PARAMETERS, by rows of path and unit; then those of the links' elements."""
     lines = [*_folded(rows, _numbers_call), *(f"*rows.element({link!r}, ELEMENT_PARAMETERS)" for link in elements)]
     return emit.table("PARAMETERS", lines, comment)
+
+
+def element_table(kind: str, rows: Iterable[Row]) -> str:
+    """ELEMENT_PARAMETERS of one of _ELEMENTS' kinds."""
+    names = " ".join(name for name, *_ in rows)
+    return f"# p: name, unit, meaning\nELEMENT_PARAMETERS = rows.named(rows.{kind}_ELEMENT, {names!r})"
 
 
 def constants_table(values: Mapping[str, float]) -> str:

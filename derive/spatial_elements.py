@@ -19,6 +19,7 @@ from kaneflex.derive import emit
 from kaneflex.derive.elements import every_matrix
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import Program, share
+from kaneflex.derive.rows import element_table
 from kaneflex.derive.shape_integrals import POWERS, s, shape_integrals_text
 from kaneflex.derive.shapes import antiderivative
 from kaneflex.derive.shapes import x as along
@@ -266,9 +267,9 @@ def _text(section: _Section, texts: Mapping[str, str]) -> str:
         "Matrices of one element of an elastic link in space",
         _about(section),
         [
-            emit.literal("ELEMENT_PARAMETERS", _parameters(section), "p: name, unit, meaning"),
+            element_table("SPATIAL", _parameters(section)),
             *(() if first in texts else data.values()),
-            emit.literal("OPERATIONS", counts, emit.OPERATIONS),
+            emit.operations_table(counts),
         ],
         [*kernels, every_matrix(SPATIAL_ELEMENT_TERMS, 12)],
         imports,

@@ -11,20 +11,15 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
-from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
+from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: name, unit, meaning
-ELEMENT_PARAMETERS = (
-    ('rho_A', 'kg/m', 'mass per length'),
-    ('E_A', 'N', 'axial stiffness'),
-    ('E_I', 'N m^2', 'bending stiffness'),
-    ('length', 'm', 'length of the element'),
-    ('x_0', 'm', "distance of the element's first node from the link's origin"),
-)
+ELEMENT_PARAMETERS = rows.named(rows.PLANAR_ELEMENT, 'rho_A E_A E_I length x_0')
 
 KERNELS = ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')  # what element_matrices stores, in its order
 
@@ -46,14 +41,7 @@ TERMS = (
 )
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'M': (56, 14),
-    'K_s': (52, 12),
-    'K_d': (152, 24),
-    'K_g': (348, 49),
-    'C': (56, 8),
-    'F': (80, 38),
-}
+OPERATIONS = {'M': (56, 14), 'K_s': (52, 12), 'K_d': (152, 24), 'K_g': (348, 49), 'C': (56, 8), 'F': (80, 38)}
 
 
 @njit(**OPTIONS)

@@ -12,32 +12,19 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
-from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS, K_s, K_g, C  # digest f54de6ca0c98f92d
+from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS, K_s, K_g, C  # digest c2cb5af4f6e22ae4
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: name, unit, meaning
-ELEMENT_PARAMETERS = (
-    ('rho_A', 'kg/m', 'mass per length'),
-    ('E_A', 'N', 'axial stiffness'),
-    ('E_I', 'N m^2', 'bending stiffness'),
-    ('length', 'm', 'length of the element'),
-    ('x_0', 'm', "distance of the element's first node from the link's origin"),
-    ('rho_I', 'kg m', 'rotary inertia per length'),
-)
+ELEMENT_PARAMETERS = rows.named(rows.PLANAR_ELEMENT, 'rho_A E_A E_I length x_0 rho_I')
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'M': (96, 26),
-    'K_s': (52, 12),
-    'K_d': (152, 24),
-    'K_g': (348, 49),
-    'C': (56, 8),
-    'F': (82, 40),
-}
+OPERATIONS = {'M': (96, 26), 'K_s': (52, 12), 'K_d': (152, 24), 'K_g': (348, 49), 'C': (56, 8), 'F': (82, 40)}
 
 
 @njit(**OPTIONS)

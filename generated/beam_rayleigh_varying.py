@@ -12,39 +12,20 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
-from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest f54de6ca0c98f92d
-from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 3ae798db380c8f03
+from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest c2cb5af4f6e22ae4
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 322c26ea50c3e29f
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: name, unit, meaning
-ELEMENT_PARAMETERS = (
-    ('rho_A', 'kg/m', 'mass per length'),
-    ('E_A', 'N', 'axial stiffness'),
-    ('E_I', 'N m^2', 'bending stiffness'),
-    ('length', 'm', 'length of the element'),
-    ('x_0', 'm', "distance of the element's first node from the link's origin"),
-    ('rho_A_rise', 'kg/m', 'growth of rho_A over the element, of which rho_A is then the mean'),
-    ('E_A_rise', 'N', 'growth of E_A over the element'),
-    ('E_I_rise', 'N m^2', 'growth of E_I over the element'),
-    ('m_0', 'kg', 'mass of the link before the element'),
-    ('S_0', 'kg m', "first moment of that mass about the link's origin"),
-    ('rho_I', 'kg m', 'rotary inertia per length'),
-    ('rho_I_rise', 'kg m', 'growth of rho_I over the element'),
-)
+ELEMENT_PARAMETERS = rows.named(rows.PLANAR_ELEMENT, 'rho_A E_A E_I length x_0 rho_A_rise E_A_rise E_I_rise m_0 S_0 rho_I rho_I_rise')
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'M': (172, 55),
-    'K_s': (80, 19),
-    'K_d': (246, 67),
-    'K_g': (476, 78),
-    'C': (96, 25),
-    'F': (151, 78),
-}
+OPERATIONS = {'M': (172, 55), 'K_s': (80, 19), 'K_d': (246, 67), 'K_g': (476, 78), 'C': (96, 25), 'F': (151, 78)}
 
 
 @njit(**OPTIONS)

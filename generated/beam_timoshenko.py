@@ -12,33 +12,19 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
-from kaneflex.generated.rows import LINK_SCALARS  # digest 956bb622dc6d0118
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest f54de6ca0c98f92d
+from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest c2cb5af4f6e22ae4
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: name, unit, meaning
-ELEMENT_PARAMETERS = (
-    ('rho_A', 'kg/m', 'mass per length'),
-    ('E_A', 'N', 'axial stiffness'),
-    ('E_I', 'N m^2', 'bending stiffness'),
-    ('length', 'm', 'length of the element'),
-    ('x_0', 'm', "distance of the element's first node from the link's origin"),
-    ('rho_I', 'kg m', 'rotary inertia per length'),
-    ('phi_s', '1', 'flexibility in shear against bending, 12 E I / (kappa G A length^2)'),
-)
+ELEMENT_PARAMETERS = rows.named(rows.PLANAR_ELEMENT, 'rho_A E_A E_I length x_0 rho_I phi_s')
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {
-    'M': (524, 66),
-    'K_s': (92, 20),
-    'K_d': (420, 54),
-    'K_g': (1120, 111),
-    'C': (144, 22),
-    'F': (128, 57),
-}
+OPERATIONS = {'M': (524, 66), 'K_s': (92, 20), 'K_d': (420, 54), 'K_g': (1120, 111), 'C': (144, 22), 'F': (128, 57)}
 
 
 @njit(**OPTIONS)

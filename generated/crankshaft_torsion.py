@@ -7,7 +7,7 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 
 from numba import njit
 
-from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
+from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
 
 FORMAT = 3
 STRUCTURE = "6d7423f9db6d797c"

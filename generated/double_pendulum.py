@@ -11,7 +11,7 @@ from numba import njit
 
 from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
-from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
+from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
 
 FORMAT = 3
 STRUCTURE = "d18cff34b9ece37a"

@@ -28,15 +28,8 @@ LAWS = ('coulomb', 'stribeck', 'viscous', 'lugre')  # of friction
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'limit': (2, 2),
-    'coulomb': (2, 2),
-    'stribeck': (9, 9),
-    'stribeck_slope': (14, 10),
-    'bristle_decay': (3, 3),
-    'bristle_rate': (5, 5),
-    'bristle_force': (10, 9),
-    'bristle_by_speed': (11, 11),
-    'bristle_by_dry': (5, 5),
+    'limit': (2, 2), 'coulomb': (2, 2), 'stribeck': (9, 9), 'stribeck_slope': (14, 10), 'bristle_decay': (3, 3),
+        'bristle_rate': (5, 5), 'bristle_force': (10, 9), 'bristle_by_speed': (11, 11), 'bristle_by_dry': (5, 5),
 }
 
 

@@ -26,14 +26,8 @@ ROWS = {'revolute': 2, 'weld': 3, 'prismatic': 2, 'turn': 1, 'slide': 1}  # kern
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'revolute': (6, 6),
-    'weld': (10, 10),
-    'prismatic': (161, 51),
-    'turn': (3, 3),
-    'slide': (157, 47),
-    'pull_directed': (122, 25),
-    'pull_regular': (26, 12),
-    'twist': (15, 11),
+    'revolute': (6, 6), 'weld': (10, 10), 'prismatic': (161, 51), 'turn': (3, 3), 'slide': (157, 47),
+        'pull_directed': (122, 25), 'pull_regular': (26, 12), 'twist': (15, 11),
 }
 
 

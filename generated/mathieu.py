@@ -14,7 +14,8 @@ from numba import njit
 from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
-from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_g, element_matrices
+from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
+from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_g, element_matrices
 
 FORMAT = 3
 STRUCTURE = "aca5cf9a75bab0b4"

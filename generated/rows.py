@@ -28,6 +28,46 @@ BODY_SCALARS = {
     'epsilon': ('rad/s^2', 'angular acceleration of the body'),
 }
 
+# what p of an element may have: name, unit, meaning
+# 
+PLANAR_ELEMENT = (
+    ('rho_A', 'kg/m', 'mass per length'),
+    ('E_A', 'N', 'axial stiffness'),
+    ('E_I', 'N m^2', 'bending stiffness'),
+    ('length', 'm', 'length of the element'),
+    ('x_0', 'm', "distance of the element's first node from the link's origin"),
+    ('rho_A_rise', 'kg/m', 'growth of rho_A over the element, of which rho_A is then the mean'),
+    ('E_A_rise', 'N', 'growth of E_A over the element'),
+    ('E_I_rise', 'N m^2', 'growth of E_I over the element'),
+    ('m_0', 'kg', 'mass of the link before the element'),
+    ('S_0', 'kg m', "first moment of that mass about the link's origin"),
+    ('rho_I', 'kg m', 'rotary inertia per length'),
+    ('rho_I_rise', 'kg m', 'growth of rho_I over the element'),
+    ('phi_s', '1', 'flexibility in shear against bending, 12 E I / (kappa G A length^2)'),
+)
+# 
+SPATIAL_ELEMENT = (
+    ('rho_A', 'kg/m', 'mass per length'),
+    ('rho_I_y', 'kg m', "rotary inertia per length about the section's y, rho int z^2 dA"),
+    ('rho_I_z', 'kg m', "rotary inertia per length about the section's z, rho int y^2 dA; about x it is the sum"),
+    ('E_I_y', 'N m^2', 'bending stiffness about y, of w'),
+    ('E_I_z', 'N m^2', 'bending stiffness about z, of v'),
+    ('E_A', 'N', 'axial stiffness'),
+    ('G_J', 'N m^2', 'torsional stiffness, J after Saint-Venant'),
+    ('I_p_A', 'm^2', 'polar second moment of area over area, by which an axial force stiffens torsion'),
+    ('length', 'm', 'length of the element'),
+    ('x_0', 'm', "distance of the element's first node from the link's origin"),
+    ('rho_A_rise', 'kg/m', 'growth of rho_A over the element'),
+    ('rho_I_y_rise', 'kg m', 'growth of rho_I_y over the element'),
+    ('rho_I_z_rise', 'kg m', 'growth of rho_I_z over the element'),
+    ('E_I_y_rise', 'N m^2', 'growth of E_I_y over the element'),
+    ('E_I_z_rise', 'N m^2', 'growth of E_I_z over the element'),
+    ('m_0', 'kg', 'mass of the link before the element'),
+    ('S_0', 'kg m', "first moment of that mass about the link's origin"),
+    ('phi_y', '1', 'flexibility in shear along y, 12 E I_z / (k_y G A length^2)'),
+    ('phi_z', '1', 'flexibility in shear along z, 12 E I_y / (k_z G A length^2)'),
+)
+
 
 def link(name):
     """SCALARS of an elastic link's frame."""
@@ -52,6 +92,11 @@ def numbers(owner, /, **units):
 def element(link, parameters):
     """PARAMETERS of a link's elements."""
     return tuple((f"bodies.{link}.element.{name}", unit) for name, unit, _ in parameters)
+
+
+def named(rows, names):
+    """Rows of these names, in their order."""
+    return tuple(row for name in names.split() for row in rows if row[0] == name)
 
 
 def constants(owner, /, **values):

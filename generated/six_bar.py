@@ -14,10 +14,9 @@ from numba import njit
 from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
-from kaneflex.generated.beam_euler_bernoulli import (
-    ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
-)
-from kaneflex.generated.tables import table  # digest e0c93ceb3872aa6a
+from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
+from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
+from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
 
 FORMAT = 3
 STRUCTURE = "03978bf8e5e33421"

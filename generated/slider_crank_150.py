@@ -14,9 +14,8 @@ from numba import njit
 from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
 from kaneflex.generated import beam_euler_bernoulli as beam
-from kaneflex.generated.beam_euler_bernoulli import (
-    ELEMENT_PARAMETERS, LINK_SCALARS, M, K_s, K_d, K_g, C, F, element_matrices,
-)
+from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
+from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
 
 FORMAT = 3
 STRUCTURE = "0a41714101ab0b8c"

@@ -11,9 +11,8 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import beam_euler_bernoulli as beam
-from kaneflex.generated.beam_euler_bernoulli import (
-    ELEMENT_PARAMETERS, LINK_SCALARS, TERMS, M, K_s, K_d, K_g, C, F, element_matrices,
-)
+from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, TERMS
+from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
 
 FORMAT = 3
 STRUCTURE = "96fc325396df9a88"

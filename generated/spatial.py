@@ -33,13 +33,8 @@ BODY = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'demand': (294, 184),
-    'inertia': (48, 21),
-    'coincide': (9, 9),
-    'perpendicular': (153, 96),
-    'on_plane': (150, 93),
-    'pull_directed': (217, 32),
-    'pull_regular': (37, 16),
+    'demand': (294, 184), 'inertia': (48, 21), 'coincide': (9, 9), 'perpendicular': (153, 96), 'on_plane': (150, 93),
+        'pull_directed': (217, 32), 'pull_regular': (37, 16),
 }
 
 

@@ -13,6 +13,7 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
@@ -23,18 +24,7 @@ FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: name, unit, meaning
-ELEMENT_PARAMETERS = (
-    ('rho_A', 'kg/m', 'mass per length'),
-    ('rho_I_y', 'kg m', "rotary inertia per length about the section's y, rho int z^2 dA"),
-    ('rho_I_z', 'kg m', "rotary inertia per length about the section's z, rho int y^2 dA; about x it is the sum"),
-    ('E_I_y', 'N m^2', 'bending stiffness about y, of w'),
-    ('E_I_z', 'N m^2', 'bending stiffness about z, of v'),
-    ('E_A', 'N', 'axial stiffness'),
-    ('G_J', 'N m^2', 'torsional stiffness, J after Saint-Venant'),
-    ('I_p_A', 'm^2', 'polar second moment of area over area, by which an axial force stiffens torsion'),
-    ('length', 'm', 'length of the element'),
-    ('x_0', 'm', "distance of the element's first node from the link's origin"),
-)
+ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I_y E_I_z E_A G_J I_p_A length x_0')
 
 # s: name, unit, meaning
 LINK_SCALARS = (
@@ -88,12 +78,7 @@ TERMS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (563, 563),
-    'K_s': (568, 568),
-    'K_d': (1187, 1172),
-    'K_g': (1573, 1536),
-    'C': (585, 581),
-    'F': (202, 192),
+    'M': (563, 563), 'K_s': (568, 568), 'K_d': (1187, 1172), 'K_g': (1573, 1536), 'C': (585, 581), 'F': (202, 192),
 }
 
 

@@ -13,45 +13,24 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load, fill_square,
 )  # digest bf1d04e691f322e2
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest cf41450187eb849e
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2161a196ff0542da
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: name, unit, meaning
-ELEMENT_PARAMETERS = (
-    ('rho_A', 'kg/m', 'mass per length'),
-    ('rho_I_y', 'kg m', "rotary inertia per length about the section's y, rho int z^2 dA"),
-    ('rho_I_z', 'kg m', "rotary inertia per length about the section's z, rho int y^2 dA; about x it is the sum"),
-    ('E_I_y', 'N m^2', 'bending stiffness about y, of w'),
-    ('E_I_z', 'N m^2', 'bending stiffness about z, of v'),
-    ('E_A', 'N', 'axial stiffness'),
-    ('G_J', 'N m^2', 'torsional stiffness, J after Saint-Venant'),
-    ('I_p_A', 'm^2', 'polar second moment of area over area, by which an axial force stiffens torsion'),
-    ('length', 'm', 'length of the element'),
-    ('x_0', 'm', "distance of the element's first node from the link's origin"),
-    ('rho_A_rise', 'kg/m', 'growth of rho_A over the element'),
-    ('rho_I_y_rise', 'kg m', 'growth of rho_I_y over the element'),
-    ('rho_I_z_rise', 'kg m', 'growth of rho_I_z over the element'),
-    ('E_I_y_rise', 'N m^2', 'growth of E_I_y over the element'),
-    ('E_I_z_rise', 'N m^2', 'growth of E_I_z over the element'),
-    ('m_0', 'kg', 'mass of the link before the element'),
-    ('S_0', 'kg m', "first moment of that mass about the link's origin"),
-)
+ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I_y E_I_z E_A G_J I_p_A length x_0 rho_A_rise rho_I_y_rise rho_I_z_rise E_I_y_rise E_I_z_rise m_0 S_0')
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1132, 1132),
-    'K_s': (1026, 1022),
-    'K_d': (2465, 2382),
-    'K_g': (2156, 2069),
-    'C': (1185, 1167),
-    'F': (431, 390),
+    'M': (1132, 1132), 'K_s': (1026, 1022), 'K_d': (2465, 2382), 'K_g': (2156, 2069), 'C': (1185, 1167),
+        'F': (431, 390),
 }
 
 

@@ -13,41 +13,25 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load,
     fill_square,
 )  # digest bf1d04e691f322e2
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest cf41450187eb849e
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2161a196ff0542da
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: name, unit, meaning
-ELEMENT_PARAMETERS = (
-    ('rho_A', 'kg/m', 'mass per length'),
-    ('rho_I_y', 'kg m', "rotary inertia per length about the section's y, rho int z^2 dA"),
-    ('rho_I_z', 'kg m', "rotary inertia per length about the section's z, rho int y^2 dA; about x it is the sum"),
-    ('E_I_y', 'N m^2', 'bending stiffness about y, of w'),
-    ('E_I_z', 'N m^2', 'bending stiffness about z, of v'),
-    ('E_A', 'N', 'axial stiffness'),
-    ('G_J', 'N m^2', 'torsional stiffness, J after Saint-Venant'),
-    ('I_p_A', 'm^2', 'polar second moment of area over area, by which an axial force stiffens torsion'),
-    ('length', 'm', 'length of the element'),
-    ('x_0', 'm', "distance of the element's first node from the link's origin"),
-    ('phi_y', '1', 'flexibility in shear along y, 12 E I_z / (k_y G A length^2)'),
-    ('phi_z', '1', 'flexibility in shear along z, 12 E I_y / (k_z G A length^2)'),
-)
+ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I_y E_I_z E_A G_J I_p_A length x_0 phi_y phi_z')
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1937, 1930),
-    'K_s': (1040, 1034),
-    'K_d': (2272, 2237),
-    'K_g': (1577, 1540),
-    'C': (881, 877),
-    'F': (268, 257),
+    'M': (1937, 1930), 'K_s': (1040, 1034), 'K_d': (2272, 2237), 'K_g': (1577, 1540), 'C': (881, 877),
+        'F': (268, 257),
 }
 
 

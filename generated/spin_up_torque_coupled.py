@@ -13,9 +13,8 @@ import math
 from numba import njit
 
 from kaneflex.generated import beam_euler_bernoulli as beam
-from kaneflex.generated.beam_euler_bernoulli import (
-    ELEMENT_PARAMETERS, LINK_SCALARS, TERMS, M, K_s, K_d, K_g, C, F, element_matrices,
-)
+from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, TERMS
+from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
 
 FORMAT = 3
 STRUCTURE = "91e82f0026802339"

@@ -36,7 +36,7 @@ def table(x, p, start):
 
 @njit(**OPTIONS)
 def table_rate(x, p, start):
-    """First derivative of a piecewise cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
+    """First derivative of a cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
     n = int(p[start])
     period = p[start + 1]
     knots = start + 2
@@ -57,7 +57,7 @@ def table_rate(x, p, start):
 
 @njit(**OPTIONS)
 def table_curvature(x, p, start):
-    """Second derivative of a piecewise cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
+    """Second derivative of a cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
     n = int(p[start])
     period = p[start + 1]
     knots = start + 2
@@ -78,7 +78,7 @@ def table_curvature(x, p, start):
 
 @njit(**OPTIONS)
 def table_jerk(x, p, start):
-    """Third derivative of a piecewise cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
+    """Third derivative of a cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
     n = int(p[start])
     period = p[start + 1]
     knots = start + 2

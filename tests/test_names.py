@@ -149,6 +149,7 @@ def computed(tmp_path, monkeypatch, **names):
         {"LOAD_1": "main_drive", "LOAD_2": "pin_force_x", "LOAD_3": "crank_mass"},
         {"LOAD_1": "omega_rod", "LOAD_2": "I", "LOAD_3": "c_crank"},
         {"LOAD_1": "rod", "LOAD_2": "main", "LOAD_3": "gravity_load"},
+        {"LOAD_1": "rows", "LOAD_2": "unpacked", "LOAD_3": "pack", "POINT_1": "fill"},
         {"POINT_2": "ﬁ", "POINT_3": "fi", "POINT_1": "in"},
     ],
     ids=lambda names: ", ".join(names.values()),
