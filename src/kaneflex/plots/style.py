@@ -88,9 +88,12 @@ def new_figure(width: float, height: float, title: str, layout: str = "constrain
     return figure
 
 
-def cells(figure: Figure, rows: int, columns: int, count: int, by_column: bool = False, **shared: bool) -> list[Axes]:
-    """So many panels of a grid, row by row; ``shared``: whether they have one abscissa or ordinate."""
-    grid = figure.subplots(rows, columns, squeeze=False, **shared)
+def cells(
+    figure: Figure, rows: int, columns: int, count: int, by_column: bool = False, sharex: bool = False,
+    sharey: bool = False,
+) -> list[Axes]:  # fmt: skip
+    """So many panels of a grid, row by row or column by column."""
+    grid = figure.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False)
     panels = (grid.T if by_column else grid).ravel()
     for axes in panels[count:]:
         axes.remove()

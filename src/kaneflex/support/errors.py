@@ -102,9 +102,9 @@ class SceneError(UserError):
 
 def refuse(*rules: tuple[object, str, object, str, str]) -> None:
     """Raise SceneError by the first broken rule: each says whether it is, then key, value, reason and cure."""
-    for broken, *what in rules:
+    for broken, key, value, reason, cure in rules:
         if broken:
-            raise SceneError(*what)
+            raise SceneError(key, value, reason, cure)
 
 
 class StoppedEarly(SceneError):
