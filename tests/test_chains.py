@@ -1,9 +1,10 @@
 """Nothing grows faster than the equations: operations of the motion of chains of elastic links."""
 
-from ast import literal_eval
+import ast
 
 import pytest
 from chains import chain
+from runs import tables
 
 from kaneflex.derive.generate import generate
 from kaneflex.scene import Scene
@@ -11,8 +12,7 @@ from kaneflex.scene import Scene
 
 def operations(scene: Scene) -> int:
     """Operations of the kernel ``motion`` as it is emitted."""
-    table = generate(scene).partition("\nOPERATIONS = ")[2].partition("\n}")[0]
-    return literal_eval(table + "}")["motion"][1]
+    return tables(ast.parse(generate(scene)))["OPERATIONS"]["motion"][1]
 
 
 @pytest.mark.parametrize(("closed", "counts"), [(False, (2, 3, 4)), (True, (4, 5, 6))])
