@@ -14,6 +14,8 @@ from lifting import lifted
 from runs import solved
 
 import kaneflex
+from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.multibody.spatial_shapes import spatial_shapes
 from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.sections import torsion_constant
 from kaneflex.support.errors import SceneError
@@ -345,6 +347,18 @@ def test_a_round_link_turns_freely_whatever_axes_its_section_is_given(askew, clo
     for name in ("angle", "height"):
         expected = straight.series[name].values
         assert abs(turned.series[name].values - expected).max() < close * abs(expected).max(), name
+
+
+def test_shapes_about_an_oblique_axis_turn_the_section_about_it_alone_and_have_no_momentum_about_it():
+    scene, axis = scene_of(_pendulum("")), np.array([0.05, 0.6, np.sqrt(1.0 - 0.36 - 0.0025)])
+    link = link_of_scene(scene, "strip", 4)
+    basis = spatial_shapes(scene, link, 3, (0.0, 0.0, 0.0), axis).basis
+    turned = basis[3:6]
+    assert abs(axis @ turned).max() > 1.0 and abs(np.cross(turned.T, axis)).max() < 1e-10 * abs(turned).max()
+    turn = np.hstack([np.hstack([np.cross(axis, [x, 0.0, 0.0]), axis]) for x in link.nodes])
+    M = link.part.matrices["M"].at({}).toarray()
+    energies = np.einsum("aj,ab,bj->j", basis, M, basis)
+    assert abs(turn @ M @ basis).max() < 1e-10 * np.sqrt((turn @ M @ turn) * energies.max())
 
 
 def test_a_strip_on_a_pin_along_and_across_it_is_warned_of():
