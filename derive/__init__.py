@@ -11,9 +11,11 @@ The pipeline, one file a stage:
     elements    the element's kernels, printed once for each theory: element_texts() -> text of the modules
     program     Program: scalar assignments; sharing, pruning, operation counts
     emit        Program -> numba function, printed
+    module_text tables, imports and the frame of a module around its kernels
+    lookups_numba   what kernels call beside math; lookups_c: the same in C
     packs       what kernels read and store in one statement
     rows        rows of modules' tables, each kind said once: rows_text() -> module text
-    c_module    the same programs as C11: generate_c(scene, name) -> texts of files; lookups_c: what they call
+    c_module    the same programs as C11: generate_c(scene, name) -> texts of files
     generate    the whole: generate(scene) -> module text; generate_pruned: without some groups of terms
     flexible    Kane's equations of one free body with modal coordinates
     joints      what joints and springs do between two sections of bodies, printed once: joints_text() -> module text

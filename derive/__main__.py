@@ -11,10 +11,10 @@ from kaneflex.derive.body import body_text
 from kaneflex.derive.contact import contact_text
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.elements import element_texts
-from kaneflex.derive.emit import laws_text, tables_text
 from kaneflex.derive.friction import friction_text
 from kaneflex.derive.generate import generate
 from kaneflex.derive.joints import joints_text
+from kaneflex.derive.lookups_numba import laws_text, tables_text
 from kaneflex.derive.rows import rows_text
 from kaneflex.derive.spatial import spatial_text
 from kaneflex.derive.spatial_elements import spatial_element_texts

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from functools import cache
 from textwrap import indent
 
-from kaneflex.derive import emit
+from kaneflex.derive import module_text
 from kaneflex.derive.body_kernels import kernels
 from kaneflex.derive.body_proof import prove
 from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, Slot
@@ -31,7 +31,7 @@ def body_text() -> str:
     title = "Kernels of one body that moves freely in the plane and deforms"
     said = "# What the numbers in p are is said in kaneflex.support.contract, BODY_BLOCK and POINT_BLOCK."
     before = ("from functools import cache", "from types import SimpleNamespace")
-    return emit.module(title, [_ABOUT.strip(), "", emit.UNCHECKED], [said], [text], before=before)
+    return module_text.module(title, [_ABOUT.strip(), "", module_text.UNCHECKED], [said], [text], before=before)
 
 
 def kernels_text() -> str:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sm
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, module_text
 from kaneflex.derive.joints import SECTION
 from kaneflex.derive.program import Assignment, Program, share
 from kaneflex.mechanism import contacts
@@ -126,9 +126,9 @@ def contact_text() -> str:
         *(_force_kernel(law, slopes=True) for law in _FORCES), _energy_kernel(),
     ]  # fmt: skip
     tables = [
-        emit.literal("NUMBERS", NUMBERS, "of a contact, in p"),
-        emit.literal("KINDS", contacts.KINDS, "of geometry"),
-        emit.literal("LAWS", contacts.LAWS, "of the force"),
+        module_text.literal("NUMBERS", NUMBERS, "of a contact, in p"),
+        module_text.literal("KINDS", contacts.KINDS, "of geometry"),
+        module_text.literal("LAWS", contacts.LAWS, "of the force"),
     ]
     title = "What two bodies do to each other where they touch"
     return emit.kernels_module(title, _ABOUT, tables, kernels, _DISPATCH)

@@ -13,7 +13,7 @@ from typing import Any
 
 import sympy as sm
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, lookups_numba, module_text
 from kaneflex.derive.generate import beam_of, element_tables, import_element, operations_table, table_paths
 from kaneflex.derive.laws import Switches
 from kaneflex.derive.links import forced_points
@@ -64,7 +64,7 @@ def generate_coupled(
     progress("module text")
     beam = beam_of(description) if counts else ""
     names = mechanism.names
-    return emit.module(
+    return module_text.module(
         "A structure's part in the coupled equations",
         _ABOUT,
         [
@@ -75,7 +75,7 @@ def generate_coupled(
         emit.print_kernels((kernel for kernel, _ in kernels), names),
         [
             *([import_element(beam, ["TERMS", *ELEMENT_KERNELS])] if beam else []),
-            *emit.import_lookups([raw for _, raw in kernels]),
+            *lookups_numba.import_lookups([raw for _, raw in kernels]),
         ],
         structure=structure,
         made="kaneflex derive SCENE --coupled -o FILE.py",
@@ -177,7 +177,7 @@ _ABOUT = (
     "What the engine of all structures must be told of this one: its bodies and joints, how its drives move, and",
     "how large its loads are.",
     "",
-    emit.CHECKED,
+    module_text.CHECKED,
 )
 
 
@@ -191,12 +191,13 @@ def _tables(topology: Topology, beam: str, switched: tuple[str, ...]) -> list[st
     bodies = (f"{body!r}: {counts!r}" for body, counts in told(topology.bodies).items())
     observed, springs = (told(tuple(of)) for of in (mechanism.observed, mechanism.springs))
     return [
-        emit.table("BODIES", bodies, "axial, transverse shapes; 1 where its start moves in its frame", "{}"),
-        emit.literal("JOINTS", told(joints), "kind, first and second point, kind of the drive"),
-        *([emit.literal("OBSERVED", observed, "joints that laws know beside them")] * bool(observed)),
-        *([emit.literal("SWITCHES", switched, "loads that change where magnitudes' next pass zero")] * bool(switched)),
-        emit.literal("SPRINGS", springs, "between points and at joints"),
-        emit.literal("SCALARS", told(topology.jumps), "of the links beside LINK_SCALARS: name, unit, meaning"),
+        module_text.table("BODIES", bodies, "axial, transverse shapes; 1 where its start moves in its frame", "{}"),
+        module_text.literal("JOINTS", told(joints), "kind, first and second point, kind of the drive"),
+        *([module_text.literal("OBSERVED", observed, "joints that laws know beside them")] * bool(observed)),
+        *([module_text.literal("SWITCHES", switched, "loads that change where magnitudes' next pass zero")]
+          * bool(switched)),
+        module_text.literal("SPRINGS", springs, "between points and at joints"),
+        module_text.literal("SCALARS", told(topology.jumps), "of the links beside LINK_SCALARS: name, unit, meaning"),
         *([] if beam else element_tables(beam)),
     ]
 
@@ -206,8 +207,10 @@ def laws_tables(mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.
     told, drives = mechanism.names.told, {name: drive.kind for name, drive in mechanism.drives.items()}
     read = told(tuple((path, unit) for path, (_, unit) in parameters.items()))
     return [
-        emit.literal("PARAMETERS", read, "p: path, unit"),
-        emit.literal("TABLES", told(table_paths(mechanism)), "what has a table in p, which begins at <path>.table"),
-        emit.literal("DRIVES", told(drives), "kinds; all but the free ones are in courses"),
-        emit.literal("LOADS", told(tuple(mechanism.loads)), "in the order of magnitudes"),
+        module_text.literal("PARAMETERS", read, "p: path, unit"),
+        module_text.literal(
+            "TABLES", told(table_paths(mechanism)), "what has a table in p, which begins at <path>.table"
+        ),
+        module_text.literal("DRIVES", told(drives), "kinds; all but the free ones are in courses"),
+        module_text.literal("LOADS", told(tuple(mechanism.loads)), "in the order of magnitudes"),
     ]

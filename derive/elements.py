@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import sympy as sm
 
-from kaneflex.derive import emit, packs
+from kaneflex.derive import emit, module_text, packs
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import Program, named, prune, share
@@ -58,8 +58,8 @@ def _text(module: str, element: Element, printed: dict[str, str], texts: dict[st
     blocks = emit.print_kernels((kernel for kernel, _ in kernels), Names({}))
     data = {
         "LINK_SCALARS": LINK_TABLE,
-        "KERNELS": emit.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
-        "TERMS": emit.literal("TERMS", ELEMENT_TERMS, "name, group, kernel that has it, factors of the scalar"),
+        "KERNELS": module_text.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
+        "TERMS": module_text.literal("TERMS", ELEMENT_TERMS, "name, group, kernel that has it, factors of the scalar"),
     }
     offered = data | dict(zip(ELEMENT_KERNELS, blocks, strict=True))
     own = [text for text in offered.values() if printed.setdefault(text, module) == module]
@@ -67,14 +67,14 @@ def _text(module: str, element: Element, printed: dict[str, str], texts: dict[st
     for other in texts:
         shared = [name for name, text in offered.items() if printed[text] == other]
         if shared:
-            imports.append(emit.import_called(other, shared, texts[other]))
-    return emit.module(
+            imports.append(module_text.import_called(other, shared, texts[other]))
+    return module_text.module(
         "Matrices of one element of an elastic link",
         _about(element),
         [
             element_table("PLANAR", ((name, unit, meaning) for name, _, unit, meaning in element.parameters)),
             *(text for text in own if text in data.values()),
-            emit.operations_table(counts),
+            module_text.operations_table(counts),
         ],
         [*(text for text in own if text in blocks), every_matrix(ELEMENT_TERMS, 6)],
         imports,
@@ -163,7 +163,7 @@ def _about(element: Element) -> list[str]:
         "In link axes, with one scalar of the motion before each constant matrix:",
         f"    {in_letters()}",
         "    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2",
-        *emit.ROTARY * element.has("rho_I"),
+        *module_text.ROTARY * element.has("rho_I"),
         "",
-        emit.CHECKED,
+        module_text.CHECKED,
     ]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sympy as sm
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, module_text
 from kaneflex.derive.program import Program, share
 from kaneflex.mechanism import friction
 
@@ -44,8 +44,8 @@ def dry_slope(p, c, N, v):
 def friction_text() -> str:
     """Text of the module."""
     tables = [
-        emit.literal("NUMBERS", NUMBERS, "of a friction, in p"),
-        emit.literal("LAWS", friction.LAWS, "of friction"),
+        module_text.literal("NUMBERS", NUMBERS, "of a friction, in p"),
+        module_text.literal("LAWS", friction.LAWS, "of friction"),
     ]
     title = "What resists two sides that slide along each other"
     return emit.kernels_module(title, _ABOUT, tables, _kernels(), _DISPATCH)

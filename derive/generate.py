@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from kaneflex.derive import emit, rows
+from kaneflex.derive import emit, lookups_numba, module_text, rows
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.elements import element_kernel, in_letters, monomial
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
@@ -175,12 +175,12 @@ def print_module(
 ) -> str:
     counts, names = emit.operations(kernels), equations.mechanism.names
     imports = [import_element(equations.beam, kernels_of(equations.terms, tuple(counts)))] if equations.beam else []
-    return emit.module(
+    return module_text.module(
         "Equations of motion of a mechanism",
-        [*_in_letters(equations.beam, without), emit.CHECKED],
+        [*_in_letters(equations.beam, without), module_text.CHECKED],
         _tables(equations, counts),
         [*emit.print_kernels((kernel for kernel, _ in kernels), names), TABULATE],
-        [*imports, *emit.import_lookups([raw for _, raw in kernels])],
+        [*imports, *lookups_numba.import_lookups([raw for _, raw in kernels])],
         structure=structure,
         made=f"kaneflex derive SCENE {'--tolerance SHARE ' if without else ''}-o FILE.py",
     )
@@ -192,8 +192,8 @@ def import_element(beam: str, names: Sequence[str]) -> str:
     kernels = [name for name in names if name in ELEMENT_KERNELS]
     return "\n".join([
         f"from kaneflex.generated import {beam} as beam",
-        emit.import_names(beam, ["ELEMENT_PARAMETERS", "LINK_SCALARS", *tables]),
-        emit.import_names(beam, [*kernels, "element_matrices"]),
+        module_text.import_names(beam, ["ELEMENT_PARAMETERS", "LINK_SCALARS", *tables]),
+        module_text.import_names(beam, [*kernels, "element_matrices"]),
     ])
 
 
@@ -210,7 +210,7 @@ def operations_table(
     of_element = f"{{name: beam.OPERATIONS[name] for name in {tuple(imported)!r}}}"
     if tuple(imported) == ELEMENT_KERNELS:
         of_element = "beam.OPERATIONS"
-    return emit.operations_table(counts, f" | {of_element}" if beam and imported else "")
+    return module_text.operations_table(counts, f" | {of_element}" if beam and imported else "")
 
 
 def _in_letters(beam: str, without: Sequence[str]) -> list[str]:
@@ -241,10 +241,10 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         rows.scalars_table(told(scalars)),
         rows.constants_table(told(constants)),
         *element_tables(equations.beam, equations.terms),
-        emit.literal("TABLES", told(tables), "what has a table in p, which begins where <path>.table says"),
-        emit.literal("LINKS", told(links), "elastic link -> where its LINK_SCALARS begin in s"),
-        emit.literal("FREE", told(free), "joints left to the forces, in the order of y in the kernel inverse"),
-        *([emit.literal("LOOPS", loops, closed)] * bool(loops)),
+        module_text.literal("TABLES", told(tables), "what has a table in p, which begins where <path>.table says"),
+        module_text.literal("LINKS", told(links), "elastic link -> where its LINK_SCALARS begin in s"),
+        module_text.literal("FREE", told(free), "joints left to the forces, in the order of y in the kernel inverse"),
+        *([module_text.literal("LOOPS", loops, closed)] * bool(loops)),
         operations_table(counts, equations.beam, kernels_of(equations.terms, tuple(counts))),
     ]  # fmt: skip
 
@@ -254,10 +254,10 @@ def element_tables(beam: str, terms: Sequence[TermRow] = ()) -> list[str]:
     comment = "terms of the elastic links: name, group, kernel, factors of the scalar"
     if beam:
         gone = [row[0] for row in ELEMENT_TERMS if row not in terms]
-        text = emit.wrapped("TERMS = rows.less(", ["beam.TERMS", *map(repr, gone)], ")")
+        text = module_text.wrapped("TERMS = rows.less(", ["beam.TERMS", *map(repr, gone)], ")")
         return [f"# {comment}\n{text}"]
     none = "nothing is elastic"
-    return [emit.literal(name, (), none) for name in ("LINK_SCALARS", "ELEMENT_PARAMETERS", "TERMS")]
+    return [module_text.literal(name, (), none) for name in ("LINK_SCALARS", "ELEMENT_PARAMETERS", "TERMS")]
 
 
 def table_paths(mechanism: SymbolicMechanism) -> tuple[str, ...]:

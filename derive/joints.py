@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sympy as sm
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, module_text
 from kaneflex.derive.program import Assignment, Program, share
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.joints import coordinate, residuals
@@ -71,8 +71,8 @@ def joints_text() -> str:
     """Text of the module."""
     kernels = [*(_joint_kernel(kind) for kind in _DOCS), *(_spring_kernel(name) for name in _SPRINGS)]
     tables = [
-        emit.literal("SECTION", SECTION, "sec: the numbers of section i begin at 9 i"),
-        emit.literal("ROWS", {kind: _count(kind) for kind in _DOCS}, "kernel -> the rows that it stores"),
+        module_text.literal("SECTION", SECTION, "sec: the numbers of section i begin at 9 i"),
+        module_text.literal("ROWS", {kind: _count(kind) for kind in _DOCS}, "kernel -> the rows that it stores"),
     ]
     title = "What joints and springs do between two sections of bodies"
     return emit.kernels_module(title, _ABOUT, tables, kernels, EITHER)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kaneflex.derive.emit import TABLES
+from kaneflex.derive.lookups_numba import TABLES
 
 _PLACE = """/* Distance from the breakpoint before x, and where the cubic there begins: p[start] intervals,
  * p[start + 1] the period (0 if none), breakpoints, coefficients. */

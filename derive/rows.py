@@ -10,7 +10,7 @@ import keyword
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from kaneflex.derive import emit
+from kaneflex.derive import module_text
 from kaneflex.support.contract import BODY_SCALARS, FORMAT, LINK_SCALARS, element_parameters
 from kaneflex.support.spatial_contract import spatial_element_parameters
 
@@ -57,7 +57,7 @@ def less(rows, *names):
     return tuple(row for row in rows if row[0] not in names)
 
 
-LINK_TABLE = emit.literal("LINK_SCALARS", LINK_SCALARS, "s: name, unit, meaning")
+LINK_TABLE = module_text.literal("LINK_SCALARS", LINK_SCALARS, "s: name, unit, meaning")
 _ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True, True)}
 _FUNCTIONS = (link, body, force, numbers, element, named, constants, less)
 
@@ -74,10 +74,10 @@ def rows_text() -> str:
         "",
         LINK_TABLE,
         "",
-        emit.literal("BODY_SCALARS", BODY_SCALARS, "name -> unit, meaning"),
+        module_text.literal("BODY_SCALARS", BODY_SCALARS, "name -> unit, meaning"),
         "",
         "# what p of an element may have: name, unit, meaning",
-        *(emit.literal(f"{kind}_ELEMENT", rows) for kind, rows in _ELEMENTS.items()),
+        *(module_text.literal(f"{kind}_ELEMENT", rows) for kind, rows in _ELEMENTS.items()),
         *(f"\n\n{inspect.getsource(function).rstrip()}" for function in _FUNCTIONS),
         "",
     ])  # fmt: skip
@@ -85,13 +85,13 @@ def rows_text() -> str:
 
 def scalars_table(rows: Sequence[Row]) -> str:
     """SCALARS, by rows of name, unit and meaning."""
-    return emit.table("SCALARS", _folded(rows, _scalars_call), "s: name, unit, meaning")
+    return module_text.table("SCALARS", _folded(rows, _scalars_call), "s: name, unit, meaning")
 
 
 def parameters_table(rows: Sequence[Row], elements: Iterable[str] = (), comment: str = "") -> str:
     """PARAMETERS, by rows of path and unit; then those of the links' elements."""
     lines = [*_folded(rows, _numbers_call), *(f"*rows.element({link!r}, ELEMENT_PARAMETERS)" for link in elements)]
-    return emit.table("PARAMETERS", lines, comment)
+    return module_text.table("PARAMETERS", lines, comment)
 
 
 def element_table(kind: str, rows: Iterable[Row]) -> str:
@@ -107,7 +107,7 @@ def constants_table(values: Mapping[str, float]) -> str:
         entries = list(group)
         call = _call("constants", owner, entries)
         lines += [f"**{call}"] if call and len(entries) > 1 else [f"{name!r}: {value!r}" for name, value in entries]
-    return emit.table("CONSTANTS", lines, "scalars that the structure fixes", "{}")
+    return module_text.table("CONSTANTS", lines, "scalars that the structure fixes", "{}")
 
 
 def _folded(rows: Iterable[Row], call: Callable[[str, list[Row]], str]) -> Iterator[str]:
@@ -138,4 +138,4 @@ def _call(function: str, owner: str, given: Iterable[tuple[str, object]]) -> str
     named = [(name.rpartition(".")[2], value) for name, value in given]
     words = all(name.isascii() and name.isidentifier() and not keyword.iskeyword(name) for name, _ in named)
     entries = [repr(owner), *(f"{name}={value!r}" for name, value in named)]
-    return emit.wrapped(f"rows.{function}(", entries, ")") if owner and words else ""
+    return module_text.wrapped(f"rows.{function}(", entries, ")") if owner and words else ""

@@ -18,7 +18,7 @@ from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, cancel, diff
 
-from kaneflex.derive import emit
+from kaneflex.derive import module_text
 from kaneflex.derive.shapes import E_I, E_I_rise, beam_section, beam_shape, beta_s, length, x
 
 s, growth = Symbol("s", real=True), Symbol("growth", real=True)
@@ -107,7 +107,7 @@ def shape_integrals_text() -> str:
     }
     stacks |= {name: [load_table(name, power).T for power in range(count)] for name, count in LOAD_POWERS.items()}
     stacks["SHEAR_SHEAR"] = [ImmutableMatrix(5, 5, lambda i, j: int(i == j == 4))]
-    return emit.module(
+    return module_text.module(
         "Integrals of products of a spatial element's shape functions",
         _ABOUT,
         [

@@ -20,7 +20,7 @@ from sympy.physics.mechanics import (
     inertia,
 )  # fmt: skip
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, module_text
 from kaneflex.derive.joints import EITHER
 from kaneflex.derive.program import Program, share
 from kaneflex.mechanism import springs
@@ -63,8 +63,8 @@ def spatial_text() -> str:
     """Text of ``generated/spatial.py``."""
     kernels = [_demand(), _inertia(), *(_row(kind) for kind in _ROWS), _pull(True), _pull(False)]
     tables = [
-        emit.literal("SECTION", SECTION, "sec: the numbers of section i begin at 15 i"),
-        emit.literal("BODY", BODY, "p: the numbers of a body begin at o"),
+        module_text.literal("SECTION", SECTION, "sec: the numbers of section i begin at 15 i"),
+        module_text.literal("BODY", BODY, "p: the numbers of a body begin at o"),
     ]
     return emit.kernels_module("What bodies, joints and springs do in space", _ABOUT, tables, kernels, EITHER)
 

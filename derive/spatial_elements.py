@@ -15,7 +15,7 @@ from itertools import combinations_with_replacement
 
 from sympy import Expr, Poly, Rational, S, factor_terms
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, module_text
 from kaneflex.derive.elements import every_matrix
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import Program, share
@@ -246,30 +246,32 @@ def _text(section: _Section, texts: Mapping[str, str]) -> str:
     """Text of one module; those before it have what it imports."""
     integrals, (first, *_) = texts["shape_integrals"], SPATIAL_BEAMS
     data = {
-        "LINK_SCALARS": emit.literal("LINK_SCALARS", SPATIAL_LINK_SCALARS, "s: name, unit, meaning"),
-        "KERNELS": emit.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
-        "TERMS": emit.literal("TERMS", SPATIAL_ELEMENT_TERMS, "name, group, kernel that has it, factors of the scalar"),
+        "LINK_SCALARS": module_text.literal("LINK_SCALARS", SPATIAL_LINK_SCALARS, "s: name, unit, meaning"),
+        "KERNELS": module_text.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
+        "TERMS": module_text.literal(
+            "TERMS", SPATIAL_ELEMENT_TERMS, "name, group, kernel that has it, factors of the scalar"
+        ),
     }
     built = [_kernel(name, section) for name in ELEMENT_KERNELS]
     kernels = emit.print_kernels((kernel for kernel, _, _ in built), Names({}))
     words = sorted({word for kernel, _, _ in built for call in kernel.calls for word in re.findall(r"\w+", call)})
     called = [word for word in words if f"\n{word} = " in integrals or f"\ndef {word}(" in integrals]
-    imports = [emit.import_called("shape_integrals", called, integrals)]
+    imports = [module_text.import_called("shape_integrals", called, integrals)]
     if first in texts:
-        imports.append(emit.import_called(first, data, texts[first]))
+        imports.append(module_text.import_called(first, data, texts[first]))
     counts = {
         name: tuple(count + loops for count in counts)
         for (name, counts), (_, _, loops) in zip(
             emit.operations([pair[:2] for pair in built]).items(), built, strict=True
         )
     }
-    return emit.module(
+    return module_text.module(
         "Matrices of one element of an elastic link in space",
         _about(section),
         [
             element_table("SPATIAL", _parameters(section)),
             *(() if first in texts else data.values()),
-            emit.operations_table(counts),
+            module_text.operations_table(counts),
         ],
         [*kernels, every_matrix(SPATIAL_ELEMENT_TERMS, 12)],
         imports,
@@ -326,5 +328,5 @@ def _about(section: _Section) -> list[str]:
         "    K_g by P = P_0 + int_0^X rho A (a_x - (omega_y^2 + omega_z^2) X) dX",
         f"Sections have the rotary inertia rho I_y, rho I_z and their sum about x: {turning}.",
         "",
-        emit.CHECKED,
+        module_text.CHECKED,
     ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, lookups_numba, module_text
 from kaneflex.derive.coupled_module import courses_and_loads, laws_tables
 from kaneflex.derive.generate import operations_table
 from kaneflex.derive.laws import Switches
@@ -22,16 +22,16 @@ def generate_spatial(scene: Any, progress: Callable[[str], None] = lambda stage:
     mechanism, switches = read_structure(scene.structure()), Switches()
     kernels, parameters = courses_and_loads(mechanism, switches)
     told = mechanism.names.told
-    return emit.module(
+    return module_text.module(
         "Drives and loads of a mechanism in space",
         ["Bodies, joints and springs are those of kaneflex.generated.spatial."],
         [
             *laws_tables(mechanism, parameters),
-            emit.literal("OBSERVED", told(tuple(mechanism.observed)), "joints that laws know beside them"),
+            module_text.literal("OBSERVED", told(tuple(mechanism.observed)), "joints that laws know beside them"),
             operations_table(emit.operations(kernels)),
         ],
         emit.print_kernels((kernel for kernel, _ in kernels), mechanism.names),
-        emit.import_lookups([raw for _, raw in kernels]),
+        lookups_numba.import_lookups([raw for _, raw in kernels]),
         structure=scene.structure_hash(),
         made="kaneflex derive SCENE -o FILE.py",
     )

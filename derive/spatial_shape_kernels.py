@@ -13,7 +13,7 @@ from textwrap import indent, wrap
 
 import sympy as sm
 
-from kaneflex.derive import emit
+from kaneflex.derive import emit, module_text
 from kaneflex.derive.loops import added, code
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import Program, share
@@ -51,13 +51,15 @@ def spatial_shapes_text() -> str:
     section, raw = _section()
     before, after = emit.operations([(section, raw)])["section"]
     counted = f"Operations of section, written out -> with shared subexpressions: {before} -> {after}."
-    about = [*wrap(_ABOUT.strip(), 118), counted, "", emit.UNCHECKED]
+    about = [*wrap(_ABOUT.strip(), 118), counted, "", module_text.UNCHECKED]
     tables = [
-        emit.literal("SINGLE", SINGLE, "p: the numbers of shape j begin at o + 12 j"),
-        emit.literal("PAIR", (*PAIR, "stiffness", "damping"), f"those of j and l at o + 12 n + {STRIDE} (n j + l)"),
+        module_text.literal("SINGLE", SINGLE, "p: the numbers of shape j begin at o + 12 j"),
+        module_text.literal(
+            "PAIR", (*PAIR, "stiffness", "damping"), f"those of j and l at o + 12 n + {STRIDE} (n j + l)"
+        ),
     ]
     printed = [kernels, *emit.print_kernels([section], Names({}))]
-    return emit.module("Bodies in space that deform", about, tables, printed)
+    return module_text.module("Bodies in space that deform", about, tables, printed)
 
 
 def kernels_text() -> str:
