@@ -261,7 +261,7 @@ def spatial_shapes(
         own = _of_kind(K, M, rows, static, wanted + (len(loose) if not static else 0))
         found.append(own[:, still:])
     basis = np.hstack(found)
-    if oblique and first is not None:  # its section turns about the axis alone, and of the link's mean turn rid of it
+    if oblique and first is not None:  # the section turns about it alone, the link in the mean does not
         basis = _by_frequency(K, M, basis + np.outer(beside, basis[6 * first + most]))[:, 1:]
     return SpatialShapes(scene, link, basis, x)
 
