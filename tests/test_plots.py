@@ -140,6 +140,10 @@ def test_so_are_modes_in_space():
     for axes in figure.axes:
         tip = np.array(axes.lines[-1].get_data_3d())[:, -1]
         assert tip[0] == pytest.approx(1600.0, abs=1.0) and np.hypot(*tip[1:]) == pytest.approx(135.0, abs=0.1)
+    with styled():
+        figure.canvas.draw()
+        for axes in figure.axes:  # the next panel would cover what lies beyond this one
+            assert axes.zaxis.label.get_window_extent().x1 < axes.get_window_extent().x1
 
 
 @pytest.mark.parametrize("factor", [0.0, 500.0])
@@ -322,6 +326,34 @@ def test_the_sixty_frames_of_an_animation_take_at_most_a_megabyte(tmp_path):
     with Image.open(path) as gif:
         assert gif.n_frames == 10
     assert FRAMES == 60 and path.stat().st_size < 1e6 * 10 / FRAMES
+
+
+def test_a_frame_shows_what_moves_before_what_stands_still(tmp_path):
+    with styled():
+        figure = style.new_figure(3.0, 2.0, "Figure")
+        axes = figure.subplots()
+        axes.plot([0, 1], [1, 0])
+        (front,) = axes.plot([], [], zorder=4)
+        (line,) = axes.plot([], [], linewidth=9.0, zorder=3)
+        caption, whole = axes.set_title("0"), []
+        with animation.recording(axes, [front, line, caption], [tmp_path / "a.gif"], 3, None) as grab:
+            for k in range(3):
+                front.set_data([0, 0.5], [k / 2, 0.5])
+                line.set_data([0, 1], [0, k / 2])
+                caption.set_text(f"frame {k}")
+                grab()
+        for artist in (front, line, caption):
+            artist.set_animated(False)
+        for k in range(3):
+            front.set_data([0, 0.5], [k / 2, 0.5])
+            line.set_data([0, 1], [0, k / 2])
+            caption.set_text(f"frame {k}")
+            figure.canvas.draw()
+            whole.append(np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(int))
+    with Image.open(tmp_path / "a.gif") as gif:
+        for k, expected in enumerate(whole):
+            gif.seek(k)
+            assert abs(np.asarray(gif.convert("RGB")) - expected).max() < 40, "fewer shades of edges, no other lines"
 
 
 def test_an_animation_is_a_gif_and_an_mp4_of_the_length_that_is_asked_for(tmp_path, peer):

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
-from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
 
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
@@ -20,7 +21,7 @@ from kaneflex.plots.view import FRAMES, View, angle_name, frames_of, view
 from kaneflex.support.errors import installed, told
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
     from kaneflex.solve.solution import Solution
 
@@ -39,29 +40,62 @@ def demand_ffmpeg() -> str:
 
 @contextmanager
 def recording(
-    figure: Figure, files: Sequence[Path], frames: int, seconds: float | None
+    axes: Axes, moving: Sequence[Artist], files: Sequence[Path], frames: int, seconds: float | None
 ) -> Iterator[Callable[[], None]]:
-    """Gives what takes the figure as the next of so many frames, for each file: GIF, or MP4 by its ending.
+    """Gives what takes the axes' figure as the next of so many frames, for each file: GIF, or MP4 by its ending.
 
-    They last so many ``seconds``, or as long as PER_SECOND of them are shown in one.
+    Only the ``moving`` artists of the axes are drawn anew for each. Frames last so many ``seconds``, or as long as
+    PER_SECOND of them are shown in one.
     """
-    rate: Any = PER_SECOND if seconds is None else frames / seconds
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    canvas = FigureCanvasAgg(figure)
+    figure.set_dpi(DPI)
+    canvas.draw()
+    figure.set_layout_engine("none")  # places are found
+    for artist in moving:
+        artist.set_animated(True)  # the canvas leaves it out
+    canvas.draw()
+    behind = canvas.copy_from_bbox(figure.bbox)
+    rate = PER_SECOND if seconds is None else frames / seconds
     with ExitStack() as open_files:
-        writers: list[AbstractMovieWriter] = []
-        for file in files:
-            if file.suffix == ".mp4":
-                open_files.enter_context(matplotlib.rc_context({"animation.ffmpeg_path": demand_ffmpeg()}))
-                even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]  # as players want it
-                writers.append(FFMpegWriter(fps=rate, codec="libx264", extra_args=even))
-            else:
-                writers.append(PillowWriter(fps=rate))
-            open_files.enter_context(writers[-1].saving(figure, str(file), DPI))
+        encoders = [_encoder(file, rate, canvas.get_width_height()) for file in files]
+        for encoder in encoders:
+            open_files.enter_context(closing(encoder))
+            next(encoder)
 
         def grab() -> None:
-            for writer in writers:
-                writer.grab_frame()
+            canvas.restore_region(behind)
+            for artist in sorted(moving, key=Artist.get_zorder):
+                axes.draw_artist(artist)
+            image = np.array(np.asarray(canvas.buffer_rgba())[..., :3])
+            for encoder in encoders:
+                encoder.send(image)
 
         yield grab
+
+
+def _encoder(file: Path, rate: float, size: tuple[int, int]) -> Generator[None, np.ndarray, None]:
+    """Is sent the frames (height, width, 3) of a file, which is whole when it is closed."""
+    if file.suffix == ".gif":
+        return _gif(file, rate)
+    demand_ffmpeg()
+    from imageio_ffmpeg import write_frames
+
+    even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]  # as players want it
+    return write_frames(file, size, fps=rate, codec="libx264", macro_block_size=1, output_params=even)
+
+
+def _gif(file: Path, rate: float) -> Generator[None, np.ndarray, None]:
+    taken = list[Image.Image]()
+    try:
+        while True:
+            frame = yield
+            taken.append(Image.fromarray(frame).quantize())
+    except GeneratorExit:
+        if not taken:  # what it was sent first failed
+            return
+        taken[0].save(file, save_all=True, append_images=taken[1:], duration=1e3 / rate, loop=0)
 
 
 def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, seconds: float | None = None) -> None:
@@ -83,9 +117,7 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     ghost = draw_outline(axes, still, 0, ghost=True)
     solid = draw_outline(axes, moved, 0)
     caption = axes.set_title(_caption(shown, 0))
-    figure.canvas.draw()
-    figure.set_layout_engine("none")  # places are found once, not for every frame
-    with recording(figure, files, len(shown.instants), seconds) as grab:
+    with recording(axes, [*ghost, *solid, caption], files, len(shown.instants), seconds) as grab:
         for k in range(len(shown.instants)):
             ghost.move(still, k)
             solid.move(moved, k)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
@@ -31,6 +32,9 @@ class Artists:
     lines: Mapping[tuple[str, str], Line2D]
     boxes: Mapping[str, Polygon]
     pins: Line2D | None
+
+    def __iter__(self) -> Iterator[Artist]:
+        yield from (*self.lines.values(), *self.boxes.values(), *(() if self.pins is None else (self.pins,)))
 
     def move(self, outline: Outline, k: int) -> None:
         """Show instant k of an outline with the same parts."""

@@ -147,9 +147,7 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     found = {name: axes.plot([], [], [], marker="" if name in solution.model.links else "o", markersize=3,
                              color=PALETTE[k % len(PALETTE)])[0] for k, name in enumerate(lines)}  # fmt: skip
     caption = axes.set_title("")
-    figure.canvas.draw()
-    figure.set_layout_engine("none")
-    with recording(figure, files, len(shown.instants), seconds) as grab:
+    with recording(axes, [*found.values(), caption], files, len(shown.instants), seconds) as grab:
         for k in range(len(shown.instants)):
             for name, line in found.items():
                 line.set_data_3d(*(MM * lines[name][:, :, k]).T)
@@ -208,7 +206,7 @@ def _frame(axes, points: list[np.ndarray], label: str = _PLACE) -> None:
     for axis, centre in zip("xyz", middle, strict=True):
         axes.set(**{f"{axis}lim": (centre - half, centre + half), f"{axis}label": label.format(axis)})
         getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(4))
-    axes.set_box_aspect((1, 1, 1))
+    axes.set_box_aspect((1, 1, 1), zoom=0.8)  # labels need their room, which no layout leaves them
 
 
 def _bodies(
