@@ -7,23 +7,22 @@ from click.testing import CliRunner, Result
 from matplotlib.figure import Figure
 
 from kaneflex.cli import main
+from kaneflex.plots import style
 
 
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """From now on pictures of folders are drawn once, on nothing, and their files empty: to lay them out and to write
     them as PNG and as SVG takes longer than most runs."""
-    savefig = Figure.savefig
 
-    def begun(figure: Figure, file: object, **how: object) -> None:
-        if not isinstance(file, Path):
-            savefig(figure, file, **how)
-            return
-        if file.suffix == ".png":
-            figure.set_layout_engine("none")
-            figure.draw_without_rendering()
-        file.touch()
+    def begun(figure: Figure, stem: Path) -> list[Path]:
+        figure.set_layout_engine("none")
+        figure.draw_without_rendering()
+        files = [stem.with_name(f"{stem.name}.{kind}") for kind in ("png", "svg")]
+        for file in files:
+            file.touch()
+        return files
 
-    monkeypatch.setattr(Figure, "savefig", begun)
+    monkeypatch.setattr(style, "save", begun)
 
 
 def cli(*arguments: object) -> Result:
