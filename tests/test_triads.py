@@ -11,7 +11,8 @@ from scipy.optimize import fsolve
 
 import kaneflex
 from kaneflex.derive import closure
-from kaneflex.mechanism.closure_continuation import seed_loops
+from kaneflex.mechanism.closure_continuation import _Follower, _Place, seed_loops
+from kaneflex.mechanism.position_analysis import place as place_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
 from kaneflex.scene import read_scene, scene_of, with_settings
@@ -225,11 +226,9 @@ def test_the_drive_does_no_work_over_a_turn():
 
 
 def test_show_places_the_same_assembly():
-    from kaneflex.mechanism.position_analysis import place as placed
-
     scene = scene_of(MECHANISMS["three rockers"])
     rigid = motion("three rockers").at(0.0)
-    at = placed(scene)
+    at = place_bodies(scene)
     for name in scene.bodies:
         for key in ("x", "y", "c", "s"):
             assert at[f"{name}.{key}"] == pytest.approx(rigid[f"{name}.{key}"], abs=1e-9)
@@ -270,10 +269,44 @@ def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
     (tmp_path / "near.toml").write_text(
         'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {near = {crank = "10 deg"}}\n'
     )
-    from kaneflex.mechanism.position_analysis import place as placed
-
     with pytest.raises(SceneError, match="the loop that rocker closes moves coupler, follower"):
-        placed(read_scene(tmp_path / "near.toml"))
+        place_bodies(read_scene(tmp_path / "near.toml"))
+
+
+@pytest.mark.parametrize("turn", [2 * np.pi, -1.0])
+def test_knots_found_all_at_once_are_those_that_steps_lead_to(turn, monkeypatch):
+    follower = _Follower(scene_of(MECHANISMS["three rockers"]))
+    xs, count, step = follower.start.drives["main"] + np.linspace(0.0, turn, 203), [], _Follower._step
+
+    def followed() -> np.ndarray:
+        return follower.over(xs, lambda x: {"main": x}, None, str).poses
+
+    with monkeypatch.context() as alone:
+        alone.setattr(_Follower, "_step", lambda *those: count.append(1) or step(*those))
+        at_once = followed()
+    assert len(count) < 40
+    monkeypatch.setattr(_Follower, "_between", lambda *_: None)
+    assert at_once == pytest.approx(followed(), abs=1e-13)
+
+
+def test_knots_that_no_step_would_lead_to_are_not_taken(monkeypatch):
+    follower = _Follower(scene_of(MECHANISMS["three rockers"]))
+    xs, few = follower.start.drives["main"] + np.linspace(0.0, 0.5, 9), [0, 4, 8]
+    start = np.concatenate([follower.start.poses[name] for name in follower.bodies])
+    here = _Place(start, follower._jacobian(start))
+    side = np.linalg.slogdet(here.jacobian)[0]
+
+    def drives(x):
+        return {"main": x}
+
+    poses = follower._along(xs[few], here, drives, side)
+    assert follower._between(xs, few, poses, drives, side) is not None
+    assert follower._between(xs, few, poses, drives, -side) is None
+    assert follower._between(xs, few, poses + np.array([[0.0], [0.0], [1e9]]), drives, side) is None
+    turned = start + 2 * np.pi * (np.arange(len(start)) == 5)
+    assert follower._between(xs[[0, 0]], [0, 1], np.array([start, turned]), drives, side) is None
+    monkeypatch.setattr("kaneflex.mechanism.closure_continuation._ITERATIONS", 1)
+    assert follower._between(xs, few, poses, drives, side) is None
 
 
 def test_addresses_of_the_gaps_are_those_of_the_scene():

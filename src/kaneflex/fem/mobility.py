@@ -86,13 +86,13 @@ def mobility_by_rank(mechanism: NumericMechanism, courses: Courses) -> int:
     bodies, joints = [*mechanism.bodies], [*mechanism.joints]
     if not joints:
         return 3 * len(bodies)
-    count, ranks = courses[bodies[0]].shape[1], []
-    for k in sorted({round(share * (count - 1)) for share in (0.0, 0.13, 0.29, 0.41, 0.58, 0.77)}):
-        poses = {GROUND: np.zeros(3)} | {name: course[:, k] for name, course in courses.items()}
-        jacobian = Constraints(mechanism, {}).jacobian(poses, bodies, joints)
-        jacobian[:, 2::3] /= mechanism.size
-        ranks.append(int(np.linalg.matrix_rank(jacobian, tol=_HELD * np.linalg.norm(jacobian, 2))))
-    return 3 * len(bodies) - max(ranks)
+    count = courses[bodies[0]].shape[1]
+    instants = sorted({round(share * (count - 1)) for share in (0.0, 0.13, 0.29, 0.41, 0.58, 0.77)})
+    poses = {GROUND: np.zeros(3)} | {name: course[:, instants] for name, course in courses.items()}
+    jacobian = Constraints(mechanism, {}).jacobian(poses, bodies, joints)
+    jacobian[..., 2::3] /= mechanism.size
+    ranks = np.linalg.matrix_rank(jacobian, tol=_HELD * np.linalg.norm(jacobian, 2, axis=(1, 2)))
+    return 3 * len(bodies) - int(ranks.max())
 
 
 _HELD = 1e-7

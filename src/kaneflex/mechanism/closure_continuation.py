@@ -19,7 +19,7 @@ import numpy as np
 from kaneflex.mechanism.joints import Constraints, coordinate
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import GROUND, pose_at, wrapped
+from kaneflex.mechanism.planar import GROUND, Number, pose_at, wrapped
 from kaneflex.mechanism.position_analysis import larger_group, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
@@ -28,8 +28,12 @@ from kaneflex.support.errors import SceneError
 
 _KNOTS = 720
 """Knots of a turn, or of the drive's range."""
-_HALVINGS = 12
-"""Times that a step from knot to knot is halved before the linkage counts as locked."""
+_STRIDE = 16
+"""Knots from one that is followed to to the next; those between are found all at once."""
+_ITERATIONS, _SOLVED = 8, 1e-12
+"""Of Newton's method, and its last correction, in rad or sizes of the mechanism."""
+_HALVINGS = 16
+"""Times that a step over so many knots is halved before the linkage counts as locked."""
 _BENT = 0.2
 """Largest correction of a tangent step, as a share of it, that is believed to stay on the branch."""
 _NEAR = 1e-4
@@ -209,8 +213,9 @@ class _Follower:
     def __init__(self, scene: Scene) -> None:
         self.mechanism, self.start = mechanism_of(scene), place(scene)
         self.bodies, self.joints = tuple(self.mechanism.bodies), [*self.mechanism.joints]
+        self.scale = np.tile([self.mechanism.size, self.mechanism.size, 1.0], len(self.bodies))
 
-    def constraints(self, drives: Mapping[str, float]) -> Constraints:
+    def constraints(self, drives: Mapping[str, Number]) -> Constraints:
         return Constraints(self.mechanism, drives)
 
     def over(self, xs: np.ndarray, drives: Coordinates, period: float | None, said: Callable[[float], str]) -> _Sweep:
@@ -218,11 +223,12 @@ class _Follower:
         start = np.array([self.start.poses[name] for name in self.bodies]).ravel()
         here = _Place(start, self._jacobian(start))
         side = np.linalg.slogdet(here.jacobian)[0]
-        found = [start]
+        few = [*range(0, len(xs) - 1, _STRIDE), len(xs) - 1]
         try:
-            for x, to in pairwise(xs):
-                here = here if x == to else self._step(here, x, to, drives, side, 0)
-                found.append(here.poses)
+            found = self._along(xs[few], here, drives, side)
+            if len(few) < len(xs):
+                between = self._between(xs, few, found, drives, side)
+                found = self._along(xs, here, drives, side) if between is None else between
         except _Locked as locked:
             raise SceneError(
                 f"joints.{locked.joint}", None,
@@ -230,10 +236,52 @@ class _Follower:
                 "change its branch",
                 "Change the lengths, or limit the drive's range",
             ) from None  # fmt: skip
-        return _Sweep(np.array(xs), np.array(found).reshape(len(xs), -1, 3), self.bodies, period)
+        return _Sweep(np.array(xs), found.reshape(len(xs), -1, 3), self.bodies, period)
+
+    def _along(self, xs: np.ndarray, here: _Place, drives: Coordinates, side: float) -> np.ndarray:
+        """The poses at some ``xs``, (n, 3 bodies), one after the other. Raises _Locked."""
+        found = [here.poses]
+        for x, to in pairwise(xs):
+            here = here if x == to else self._step(here, x, to, drives, side, 0)
+            found.append(here.poses)
+        return np.array(found)
+
+    def _between(
+        self, xs: np.ndarray, few: list[int], poses: np.ndarray, drives: Coordinates, side: float
+    ) -> np.ndarray | None:
+        """The poses at all ``xs`` from those at ``few`` of them, by Newton's method for all at once; None where that
+        leads to some that :meth:`_step` would not take one after the other."""
+        from scipy.interpolate import CubicSpline
+
+        coordinates = [drives(x) for x in xs]
+        constraints = self.constraints({name: np.array([at[name] for at in coordinates]) for name in coordinates[0]})
+        found, last = CubicSpline(few, poses)(np.arange(len(xs))), np.inf
+        moved = np.zeros((len(xs) - 1, found.shape[1]))
+        for row, name in enumerate(reversed(constraints.driven(self.joints)), 1):
+            moved[:, -row] = np.diff(constraints.drives[name])
+        try:
+            for _ in range(_ITERATIONS):
+                placed = self._poses(found.T)
+                jacobian = constraints.jacobian(placed, self.bodies, self.joints)
+                if last < _SOLVED:
+                    break
+                change = np.linalg.solve(jacobian, constraints.residuals(placed, self.joints)[..., None])[..., 0]
+                found, last = found - change, abs(change / self.scale).max()
+            guess = found[:-1] + np.linalg.solve(jacobian[:-1], moved[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            return None
+        goes_on = self._goes_on(found[:-1], guess, found[1:]) & (np.linalg.slogdet(jacobian[1:])[0] == side)
+        return found if last < _SOLVED and goes_on.all() else None
+
+    def _goes_on(self, here: np.ndarray, guess: np.ndarray, there: np.ndarray) -> np.ndarray:
+        """Whether poses stay on the branch, from ``here`` along the tangent to a guess and corrected from it."""
+        step, bend = (abs(change / self.scale).max(axis=-1) for change in (guess - here, there - guess))
+        return bend <= np.maximum(_BENT * step, _ROUNDING)
 
     def _poses(self, unknowns: np.ndarray) -> dict[str, np.ndarray]:
-        return {GROUND: np.zeros(3), **dict(zip(self.bodies, unknowns.reshape(-1, 3), strict=True))}
+        """By body, of unknowns (3 bodies,) or (3 bodies, n)."""
+        parts = np.split(unknowns, len(self.bodies))
+        return {GROUND: np.zeros(3), **dict(zip(self.bodies, parts, strict=True))}
 
     def _jacobian(self, unknowns: np.ndarray) -> np.ndarray:
         """Of the constraints, by the bodies' coordinates: it does not hang on where the drives stand, but on which."""
@@ -245,24 +293,22 @@ class _Follower:
         moved = np.zeros(len(here.poses))
         names = self.constraints(before).driven(self.joints)
         moved[len(moved) - len(names) :] = [after[name] - before[name] for name in names]
-        constraints, size = self.constraints(after), self.mechanism.size
+        constraints = self.constraints(after)
         guess = here.poses + np.linalg.solve(here.jacobian, moved)
         unknowns = guess.copy()
-        scale = np.tile([size, size, 1.0], len(self.bodies))
         last, jacobian = np.inf, here.jacobian
-        for _ in range(8):
+        for _ in range(_ITERATIONS):
             residual = constraints.residuals(self._poses(unknowns), self.joints)
             if last > _NEAR:
                 jacobian = self._jacobian(unknowns)
             change = np.linalg.solve(jacobian, residual)
             unknowns -= change
-            last = abs(change / scale).max()
+            last = abs(change / self.scale).max()
             if not np.isfinite(last):
                 break
-            if last < 1e-12:
+            if last < _SOLVED:
                 there = _Place(unknowns, self._jacobian(unknowns))
-                step, bend = abs((guess - here.poses) / scale).max(), abs((unknowns - guess) / scale).max()
-                if np.linalg.slogdet(there.jacobian)[0] == side and bend <= max(_BENT * step, _ROUNDING):
+                if np.linalg.slogdet(there.jacobian)[0] == side and self._goes_on(here.poses, guess, unknowns):
                     return there
                 break
         if depth == _HALVINGS:

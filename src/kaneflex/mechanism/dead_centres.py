@@ -97,7 +97,7 @@ def closings(scene: Scene, courses: Courses) -> list[Closing]:
     return found
 
 
-def _poses(courses: Courses, k: int) -> dict[str, np.ndarray]:
+def _poses(courses: Courses, k: int | slice) -> dict[str, np.ndarray]:
     return {GROUND: np.zeros(3)} | {name: course[:, k] for name, course in courses.items()}
 
 
@@ -106,15 +106,13 @@ def _smallest(
 ) -> np.ndarray:
     """Smallest singular value of what joints and drives demand of a group, lengths in sizes of the mechanism; of every
     so many instants."""
-    constraints, found = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0)), []
+    constraints = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0))
     turning = [row == "moment" for name in joints for row in mechanism.joints[name].rows]
     turning += [not mechanism.joints[name].slides for name in constraints.driven(joints)]
     rows = np.where(turning, 1.0, 1.0 / mechanism.size)
     columns = np.tile([mechanism.size, mechanism.size, 1.0], len(group))
-    for k in range(0, courses[group[0]].shape[1], every):
-        jacobian = constraints.jacobian(_poses(courses, k), group, joints)
-        found.append(np.linalg.svd(rows[:, None] * jacobian * columns, compute_uv=False)[-1])
-    return np.array(found)
+    jacobian = constraints.jacobian(_poses(courses, slice(None, None, every)), group, joints)
+    return np.linalg.svd(rows[:, None] * jacobian * columns, compute_uv=False)[:, -1]
 
 
 def _transmission(dyad: Dyad, courses: Courses) -> np.ndarray | None:

@@ -23,7 +23,8 @@ _REACTIONS = {
 """Row of a joint -> unit and meaning of its multiplier."""
 
 Poses = Mapping[str, np.ndarray]
-"""Body -> x, y of its start [m] and its angle [rad], global; the ground's are zero."""
+"""Body -> x, y of its start [m] and its angle [rad], global, each a number or one for each of n instants, (3, n); the
+ground's are zero."""
 
 
 def demanded(joint: Joint, gap: Vector, turn: Number, along: Vector) -> tuple[Number, ...]:
@@ -64,47 +65,50 @@ def drive_reaction(joint: Joint) -> tuple[str, str, str]:
 class Constraints:
     """Residuals of joints, then of the drives among them, in the coordinates of rigid bodies; by numbers.
 
-    ``drives`` has the coordinates of the drives [rad or m].
+    ``drives`` has the coordinates of the drives [rad or m], each a number or one for each instant.
     """
 
-    def __init__(self, mechanism: NumericMechanism, drives: Mapping[str, float]):
+    def __init__(self, mechanism: NumericMechanism, drives: Mapping[str, Number]):
         self.mechanism, self.drives = mechanism, drives
 
     def driven(self, joints: Sequence[str]) -> list[str]:
         return [name for name in joints if name in self.drives]
 
     def residuals(self, poses: Poses, joints: Sequence[str]) -> np.ndarray:
-        """One number a constraint: lengths [m] and angles [rad]."""
+        """One number a constraint, lengths [m] and angles [rad]: (rows,), or (n, rows) of n instants."""
         stands, coordinates = _stands(poses), []
-        constraints: list[float] = []
+        constraints: list[Number] = []
         for name in joints:
             joint = self.mechanism.joints[name]
             sections = [stands[side.body].section(side.at) for side in joint.sides]
             constraints += residuals(joint, *sections)
             if name in self.drives:
                 coordinates.append(coordinate(joint, *sections) - self.drives[name])
-        return np.array(constraints + coordinates)
+        found = np.empty((*_instants(poses), len(constraints) + len(coordinates)))
+        for row, value in enumerate(constraints + coordinates):
+            found[..., row] = value
+        return found
 
     def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
-        """Derivatives of the residuals by x, y, phi of some bodies."""
+        """Derivatives of the residuals by x, y, phi of some bodies, (rows, 3 bodies), or (n, rows, 3 bodies)."""
         stands, column = _stands(poses), {name: 3 * k for k, name in enumerate(bodies)}
-        constraints: list[list[float]] = []
-        coordinates: list[list[float]] = []
+        held = sum(len(self.mechanism.joints[name].rows) for name in joints)
+        found = np.zeros((*_instants(poses), held + len(self.driven(joints)), 3 * len(bodies)))
+        row, drive = 0, held
         for name in joints:
             joint, driven = self.mechanism.joints[name], name in self.drives
-            rows = [[0.0] * (3 * len(bodies)) for _ in range(len(joint.rows) + driven)]
+            rows = [*range(row, row + len(joint.rows)), *[drive] * driven]
             for body, derivatives in _derivatives(joint, stands, driven, column):
                 for k, values in enumerate(derivatives, column[body]):
-                    for row, value in zip(rows, values, strict=True):
-                        row[k] = value
-            constraints += rows[: len(joint.rows)]
-            coordinates += rows[len(joint.rows) :]
-        return np.array(constraints + coordinates)
+                    for at, value in zip(rows, values, strict=True):
+                        found[..., at, k] = value
+            row, drive = row + len(joint.rows), drive + driven
+        return found
 
 
 def _derivatives(
     joint: Joint, stands: Mapping[str, Pose], driven: bool, bodies: Container[str]
-) -> Iterator[tuple[str, list[list[float]]]]:
+) -> Iterator[tuple[str, list[list[Number]]]]:
     """By x, y, phi of each side's body among ``bodies``: those of the residuals and, if driven, of the coordinate.
 
     Both are linear in the gap and in the turn; the guide's direction turns with the first body.
@@ -130,4 +134,12 @@ def _derivatives(
 
 
 def _stands(poses: Poses) -> dict[str, Pose]:
-    return {name: pose_at(*pose.tolist()) for name, pose in poses.items()}
+    found = {}
+    for name, pose in poses.items():
+        x, y, phi = pose.tolist() if pose.ndim == 1 else pose  # of floats it takes a quarter of the time
+        found[name] = pose_at(x, y, phi) if pose.ndim == 1 else pose_at(x, y, phi, np.cos, np.sin)
+    return found
+
+
+def _instants(poses: Poses) -> tuple[int, ...]:
+    return np.broadcast_shapes(*(pose.shape[1:] for pose in poses.values()))

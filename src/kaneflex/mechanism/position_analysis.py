@@ -25,12 +25,16 @@ from kaneflex.support.errors import SceneError
 
 _STARTS = 400
 """Places from which a group of bodies is closed before it counts as one that can't close."""
+_ITERATIONS = 60
+"""Of each of them."""
 _IN_VAIN = 60
 """Places in a row that lead to no new assembly before all of them count as found."""
 _ALIKE = 0.02
 """Angles [rad] that two assemblies must differ by for one of them to be the nearer one."""
 _CLOSED = 1e-9
 """Largest gap of a closed joint, in sizes of the mechanism; angles in rad."""
+_ROUNDING = 1e-16
+"""The same of a joint that no further step brings closer."""
 _PARALLEL = 1e-9
 """Sine of the angle between two guides below which they have one direction."""
 _GROUND = np.zeros(3)
@@ -197,9 +201,8 @@ def _closing(joints: Sequence[Joint]) -> Joint | None:
 
 
 def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Poses of a group: Newton's method from many starts, until one ends on the branch that the scene names."""
-    from scipy.optimize import least_squares
-
+    """Poses of a group: by Newton's method from many starts, until one ends on the branch that the scene names, or of
+    a group that may close in more ways all are known."""
     mechanism = constraints.mechanism
     around = _joints_of(mechanism, poses, group)
     joints = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
@@ -207,25 +210,10 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
     many = _is_larger(group, around) or bool(closing.near)
     assemblies: list[dict[str, np.ndarray]] = []
     in_vain = 0
-
-    def with_group(unknowns: np.ndarray) -> dict[str, np.ndarray]:
-        return {**poses, **{name: unknowns[3 * k : 3 * k + 3] for k, name in enumerate(group)}}
-
-    random = np.random.default_rng(0)
-    size = mechanism.size
-    for _ in range(_STARTS):
-        start = random.uniform([-size, -size, -math.pi], [size, size, math.pi], (len(group), 3)).ravel()
-        found = least_squares(
-            lambda unknowns: constraints.residuals(with_group(unknowns), joints), start, xtol=1e-15, ftol=1e-15,
-            gtol=1e-15, jac=lambda unknowns: constraints.jacobian(with_group(unknowns), group, joints), method="lm",
-            x_scale=np.tile([size, size, 1.0], len(group)), max_nfev=60,
-        )  # fmt: skip
-        if np.abs(found.fun).max() > _CLOSED * max(size, 1.0):
-            continue
-        closed = with_group(found.x)
+    for closed in _assembled(constraints, poses, group, joints, _IN_VAIN if many else 1):
         if not many and _on_branch(poses, closed, group, around):
             return {name: closed[name] for name in group}
-        if many and not any(_same(closed, other, group, size) for other in assemblies):
+        if many and not any(_same(closed, other, group, mechanism.size) for other in assemblies):
             assemblies.append(closed)
             in_vain = 0
         in_vain += 1
@@ -239,6 +227,42 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
         f"joints.{closing.name}", closing.written_branch,
         f"the linkage can't close at {at}: {', '.join(group)}", "Change the lengths, or where its drives stand",
     )  # fmt: skip
+
+
+def _assembled(
+    constraints: Constraints, poses: Poses, group: tuple[str, ...], joints: Sequence[str], at_once: int
+) -> Iterator[dict[str, np.ndarray]]:
+    """Poses, those of a group with the others', at which it closes; from random places, so many of them at once.
+
+    Of each the sum of squares is made small by the method of Levenberg (1944) and Marquardt (1963).
+    """
+    size = constraints.mechanism.size
+    scale = np.tile([size, size, 1.0], len(group))
+
+    def with_group(x: np.ndarray) -> dict[str, np.ndarray]:
+        return {**poses, **{name: x[3 * k : 3 * k + 3] for k, name in enumerate(group)}}
+
+    random = np.random.default_rng(0)
+    for first in range(0, _STARTS, at_once):
+        count = min(at_once, _STARTS - first)
+        low, high = np.array([-size, -size, -math.pi]), np.array([size, size, math.pi])
+        x = random.uniform(low, high, (count, len(group), 3)).reshape(count, -1).T
+        damping, residuals = np.full(count, 1e-2), constraints.residuals(with_group(x), joints)
+        for _ in range(_ITERATIONS):
+            J = constraints.jacobian(with_group(x), group, joints) * scale
+            A = np.swapaxes(J, 1, 2) @ J
+            lifted = damping * np.trace(A, axis1=1, axis2=2) / len(x)
+            A += lifted[:, None, None] * np.eye(len(x))
+            step = np.linalg.solve(A, np.einsum("nrc,nr->nc", J, residuals)[..., None])[..., 0]
+            nearer = x - (scale * step).T
+            left = constraints.residuals(with_group(nearer), joints)
+            better = (left**2).sum(axis=1) < (residuals**2).sum(axis=1)
+            x, residuals = np.where(better, nearer, x), np.where(better[:, None], left, residuals)
+            damping = np.where(better, 0.1 * damping, np.minimum(10.0 * damping, 1e3))
+            if not (better & (abs(residuals).max(axis=1) > _ROUNDING * max(size, 1.0))).any():
+                break
+        closed = abs(residuals).max(axis=1) <= _CLOSED * max(size, 1.0)
+        yield from (with_group(place) for place in x.T[closed])
 
 
 def _is_larger(group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
