@@ -167,7 +167,8 @@ def test_the_picture_has_a_bar_for_each_group_and_marks_what_is_needed(engine):
     assert changes.patches[0].get_width() == pytest.approx(2.267, rel=0.02)
 
 
-def test_the_picture_of_a_trade_names_presets_and_the_choice():
+def test_the_picture_of_a_trade_names_presets_and_the_choice(monkeypatch):
+    monkeypatch.setattr("kaneflex.study.trade.ranking._FIRST_RUNS", 100.0)  # a busy machine begins the last one late
     scene = read_scene("engine")
     names = ("rigid", "quasistatic", "stiffened", "stiffened without spin")
     ranked = [candidate for candidate in candidates_of(neutral(scene)) if candidate.name in names]
