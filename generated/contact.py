@@ -55,23 +55,21 @@ def point_line(w, a, b, p, c, out, k):
     direction_y = p[c + 1]
     reach = p[c + 2]
     radius = p[c + 7]
-    w0 = -x_2
-    w1 = -y_2
-    w2 = math.cos(theta_1)
-    w3 = math.sin(theta_1)
-    n_x = out[k + 2] = direction_x*w2 - direction_y*w3
-    w4 = n_x*radius
-    n_y = out[k + 3] = direction_x*w3 + direction_y*w2
-    w5 = n_y*radius
-    d_x = -w0 - x_1
-    d_y = -w1 - y_1
+    w0 = math.cos(theta_1)
+    w1 = math.sin(theta_1)
+    n_x = out[k + 2] = direction_x*w0 - direction_y*w1
+    w2 = n_x*radius
+    n_y = out[k + 3] = direction_x*w1 + direction_y*w0
+    w3 = n_y*radius
+    d_x = -x_1 + x_2
+    d_y = -y_1 + y_2
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = d_x*n_x + d_y*n_y - reach
     out[k + 1] = -d_x*n_y*omega_1 + d_x_rate*n_x + d_y*n_x*omega_1 + d_y_rate*n_y
-    out[k + 4] = -w0 - w4
-    out[k + 5] = -w1 - w5
-    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w4) - n_y*(-d_y + w5)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
+    out[k + 4] = -w2 + x_2
+    out[k + 5] = -w3 + y_2
+    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w2) - n_y*(-d_y + w3)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
     out[k + 7] = 0.0
 
 
@@ -95,23 +93,21 @@ def circles(w, a, b, p, c, out, k):
     direction_x = p[c]
     reach = p[c + 2]
     radius = p[c + 7]
-    w0 = -x_2
-    w1 = -y_2
-    d_y = -w1 - y_1
-    d_x = -w0 - x_1
+    d_y = -y_1 + y_2
+    d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w2 = direction_x/length
-    n_x = out[k + 2] = d_x*w2
-    w3 = n_x*radius
-    n_y = out[k + 3] = d_y*w2
-    w4 = n_y*radius
+    w0 = direction_x/length
+    n_x = out[k + 2] = d_x*w0
+    w1 = n_x*radius
+    n_y = out[k + 3] = d_y*w0
+    w2 = n_y*radius
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = direction_x*(length - reach)
-    out[k + 1] = w2*(d_x*d_x_rate + d_y*d_y_rate)
-    out[k + 4] = -w0 - w3
-    out[k + 5] = -w1 - w4
-    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w3) - n_y*(-d_y + w4)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
+    out[k + 1] = w0*(d_x*d_x_rate + d_y*d_y_rate)
+    out[k + 4] = -w1 + x_2
+    out[k + 5] = -w2 + y_2
+    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w1) - n_y*(-d_y + w2)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
     out[k + 7] = 0.0
 
 
@@ -191,11 +187,11 @@ def circles_acceleration(w, a, b, p, c):
     d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
     w0 = direction_x/length
-    w1 = d_x*w0
-    w2 = d_y*w0
+    n_x = d_x*w0
+    n_y = d_y*w0
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
-    return (d_x_rate*d_x_rate)*w0 + (d_y_rate*d_y_rate)*w0 - direction_x*((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length) + w1*(-a_x_1 + a_x_2) + w2*(-a_y_1 + a_y_2)
+    return (d_x_rate*d_x_rate)*w0 + (d_y_rate*d_y_rate)*w0 - direction_x*((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length) + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2)
 
 
 @njit(**OPTIONS)
@@ -245,14 +241,14 @@ def point_line_along(w, a, b, p, c, out, k):
     w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
     w5 = n_y*omega_1
     w6 = 2.0*w3
-    w7 = out[k + 5] = -w4
-    w8 = 2.0*n_y*radius
+    w7 = 2.0*n_y*radius
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = -d_x*n_y + d_y*n_x - radius*(-theta_1 + theta_2)
     out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
-    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*w5 + epsilon_1*w7 + epsilon_2*w2 + n_x*omega_1*(-d_x_rate - omega_1*(d_y - w8) - omega_2*w8) + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) - w5*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6)
+    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*w5 - epsilon_1*w4 + epsilon_2*w2 + n_x*omega_1*(-d_x_rate - omega_1*(d_y - w7) - omega_2*w7) + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) - w5*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6)
     out[k + 4] = -n_x
+    out[k + 5] = -w4
     out[k + 6] = -n_y
 
 
@@ -290,16 +286,16 @@ def circles_along(w, a, b, p, c, out, k):
     w2 = out[k + 8] = -(n_x*n_x)*radius - (n_y*n_y)*radius
     w3 = n_x*radius
     w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
-    w5 = out[k + 5] = -w4
-    w6 = 2.0*w3
+    w5 = 2.0*w3
     d_y_rate = -v_y_1 + v_y_2
     d_x_rate = -v_x_1 + v_x_2
-    w7 = direction_x*(d_x*d_x_rate + d_y*d_y_rate)/(length*length*length)
-    w8 = 2.0*n_y*radius
+    w6 = direction_x*(d_x*d_x_rate + d_y*d_y_rate)/(length*length*length)
+    w7 = 2.0*n_y*radius
     out[k] = 0.0
     out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
-    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*n_y*omega_1 + epsilon_1*w5 + epsilon_2*w2 + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) + (-d_x*w7 + d_x_rate*direction_x*w0)*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6) + (-d_y*w7 + d_y_rate*direction_x*w0)*(-d_x_rate - omega_1*(d_y - w8) - omega_2*w8)
+    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*n_y*omega_1 - epsilon_1*w4 + epsilon_2*w2 + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) + (-d_x*w6 + d_x_rate*direction_x*w0)*(d_y_rate - omega_1*(d_x - w5) - omega_2*w5) + (-d_y*w6 + d_y_rate*direction_x*w0)*(-d_x_rate - omega_1*(d_y - w7) - omega_2*w7)
     out[k + 4] = -n_x
+    out[k + 5] = -w4
     out[k + 6] = -n_y
 
 

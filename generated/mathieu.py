@@ -80,12 +80,11 @@ def motion(t, p, s):
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     _, _, _, _, _, _, ground_aside_x, bar_length, far_branch, clock_speed, clock_angle, pull_value = unpacked(p, 12)
     clock_coordinate = s[5] = clock_angle + clock_speed*t
-    w0 = math.cos(clock_coordinate)
-    cos_clock = s[7] = w0
+    cos_clock = s[7] = math.cos(clock_coordinate)
     sin_clock = s[8] = math.sin(clock_coordinate)
     w_bar = s[11] = far_branch*math.sqrt((bar_length*bar_length))
     c_bar = s[10] = w_bar/bar_length
-    pulse = s[15] = -2.0*w0
+    pulse = s[15] = -2.0*cos_clock
     far_force_x = s[12] = s[13] = -pull_value - pulse
     bar_link_P_0 = s[4] = -c_bar*far_force_x
     s[6] = ground_aside_x

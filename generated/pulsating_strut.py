@@ -84,18 +84,17 @@ def motion(t, p, s):
         clock_angle, mean_value, gravity_y,
     ) = unpacked(p, 13)
     clock_coordinate = s[5] = clock_angle + clock_speed*t
-    w0 = math.cos(clock_coordinate)
-    w1 = 1.0/strut_length
-    w2 = strut_mass*gravity_y
-    cos_clock = s[7] = w0
+    cos_clock = s[7] = math.cos(clock_coordinate)
+    w0 = 1.0/strut_length
+    w1 = strut_mass*gravity_y
     sin_clock = s[8] = math.sin(clock_coordinate)
     w_strut = s[11] = far_branch*math.sqrt((strut_length*strut_length))
-    c_strut = s[10] = w1*w_strut
-    pulse = s[19] = 518.0*w0
+    c_strut = s[10] = w0*w_strut
+    pulse = s[19] = 518.0*cos_clock
     clock_force_y = s[12] = -rotor_mass*gravity_y
     far_force_x = s[13] = s[16] = mean_value + pulse
-    far_force_y = s[17] = strut_centre_x*w1*w2
-    near_force_y = s[14] = far_force_y - w2
+    far_force_y = s[17] = strut_centre_x*w0*w1
+    near_force_y = s[14] = far_force_y - w1
     guide_normal = s[15] = -block_mass*gravity_y - far_force_y
     strut_link_a_y = s[3] = -c_strut*gravity_y
     strut_link_P_0 = s[4] = -c_strut*far_force_x

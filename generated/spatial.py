@@ -195,24 +195,22 @@ def perpendicular(sec, i, j, axes, k, l, out, n):
     w0 = n_y_2*omega_z_2
     w1 = n_z_2*omega_y_2 - w0
     w2 = n_y_1*omega_z_1 - n_z_1*omega_y_1
-    w3 = -w2
-    w4 = n_z_2*omega_x_2
-    w5 = n_x_2*omega_z_2 - w4
-    w6 = n_x_1*omega_z_1 - n_z_1*omega_x_1
-    w7 = n_x_2*omega_y_2
-    w8 = n_y_2*omega_x_2 - w7
-    w9 = n_x_1*omega_y_1 - n_y_1*omega_x_1
-    w10 = -w9
-    w11 = out[n + 6] = n_y_1*n_z_2 - n_y_2*n_z_1
-    w12 = out[n + 12] = -w11
-    w13 = out[n + 13] = n_x_1*n_z_2 - n_x_2*n_z_1
-    w14 = out[n + 7] = -w13
-    w15 = out[n + 8] = n_x_1*n_y_2 - n_x_2*n_y_1
-    w16 = out[n + 14] = -w15
+    w3 = n_z_2*omega_x_2
+    w4 = n_x_2*omega_z_2 - w3
+    w5 = n_x_1*omega_z_1 - n_z_1*omega_x_1
+    w6 = n_x_2*omega_y_2
+    w7 = n_y_2*omega_x_2 - w6
+    w8 = n_x_1*omega_y_1 - n_y_1*omega_x_1
+    w9 = out[n + 6] = n_y_1*n_z_2 - n_y_2*n_z_1
+    w10 = out[n + 13] = n_x_1*n_z_2 - n_x_2*n_z_1
+    w11 = out[n + 8] = n_x_1*n_y_2 - n_x_2*n_y_1
     out[n] = n_x_1*n_x_2 + n_y_1*n_y_2 + n_z_1*n_z_2
-    out[n + 1] = n_x_1*w1 + n_x_2*w3 + n_y_1*w5 + n_y_2*w6 + n_z_1*w8 + n_z_2*w10
-    out[n + 2] = epsilon_x_1*w11 + epsilon_x_2*w12 + epsilon_y_1*w14 + epsilon_y_2*w13 + epsilon_z_1*w15 + epsilon_z_2*w16 + w1*(n_y_1*omega_z_2 - n_z_1*omega_y_2 - w2) + w10*(n_x_2*omega_y_1 - n_y_2*omega_x_1 + n_y_2*omega_x_2 - w7) + w3*(n_y_2*omega_z_1 - n_z_2*omega_y_1 + n_z_2*omega_y_2 - w0) + w5*(-n_x_1*omega_z_2 + n_z_1*omega_x_2 + w6) + w6*(-n_x_2*omega_z_1 + n_x_2*omega_z_2 + n_z_2*omega_x_1 - w4) + w8*(n_x_1*omega_y_2 - n_y_1*omega_x_2 - w9)
+    out[n + 1] = n_x_1*w1 - n_x_2*w2 + n_y_1*w4 + n_y_2*w5 + n_z_1*w7 - n_z_2*w8
+    out[n + 2] = epsilon_x_1*w9 - epsilon_x_2*w9 - epsilon_y_1*w10 + epsilon_y_2*w10 + epsilon_z_1*w11 - epsilon_z_2*w11 + w1*(n_y_1*omega_z_2 - n_z_1*omega_y_2 - w2) - w2*(n_y_2*omega_z_1 - n_z_2*omega_y_1 + n_z_2*omega_y_2 - w0) + w4*(-n_x_1*omega_z_2 + n_z_1*omega_x_2 + w5) + w5*(-n_x_2*omega_z_1 + n_x_2*omega_z_2 + n_z_2*omega_x_1 - w3) + w7*(n_x_1*omega_y_2 - n_y_1*omega_x_2 - w8) - w8*(n_x_2*omega_y_1 - n_y_2*omega_x_1 + n_y_2*omega_x_2 - w6)
     out[n + 3] = out[n + 4] = out[n + 5] = out[n + 9] = out[n + 10] = out[n + 11] = 0.0
+    out[n + 7] = -w10
+    out[n + 12] = -w9
+    out[n + 14] = -w11
 
 
 @njit(**OPTIONS)
@@ -249,16 +247,14 @@ def on_plane(sec, i, j, axes, k, out, n):
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2
     w3 = n_y_1*omega_z_1 - n_z_1*omega_y_1
-    w4 = -w3
-    w5 = n_x_1*omega_z_1 - n_z_1*omega_x_1
-    w6 = n_x_1*omega_y_1 - n_y_1*omega_x_1
-    w7 = -w6
-    w8 = out[n + 6] = n_y_1*w2 - n_z_1*w1
-    w9 = out[n + 7] = -n_x_1*w2 + n_z_1*w0
-    w10 = out[n + 8] = n_x_1*w1 - n_y_1*w0
+    w4 = n_x_1*omega_z_1 - n_z_1*omega_x_1
+    w5 = n_x_1*omega_y_1 - n_y_1*omega_x_1
+    w6 = out[n + 6] = n_y_1*w2 - n_z_1*w1
+    w7 = out[n + 7] = -n_x_1*w2 + n_z_1*w0
+    w8 = out[n + 8] = n_x_1*w1 - n_y_1*w0
     out[n] = n_x_1*w0 + n_y_1*w1 + n_z_1*w2
-    out[n + 1] = -n_x_1*v_x_1 + n_x_1*v_x_2 - n_y_1*v_y_1 + n_y_1*v_y_2 - n_z_1*v_z_1 + n_z_1*v_z_2 + w0*w4 + w1*w5 + w2*w7
-    out[n + 2] = -a_x_1*n_x_1 + a_x_2*n_x_1 - a_y_1*n_y_1 + a_y_2*n_y_1 - a_z_1*n_z_1 + a_z_2*n_z_1 + epsilon_x_1*w8 + epsilon_y_1*w9 + epsilon_z_1*w10 + v_x_1*w3 + v_x_2*w4 - v_y_1*w5 + v_y_2*w5 + v_z_1*w6 + v_z_2*w7 + w4*(-omega_y_1*w2 + omega_z_1*w1 - v_x_1 + v_x_2) + w5*(omega_x_1*w2 - omega_z_1*w0 - v_y_1 + v_y_2) + w7*(-omega_x_1*w1 + omega_y_1*w0 - v_z_1 + v_z_2)
+    out[n + 1] = -n_x_1*v_x_1 + n_x_1*v_x_2 - n_y_1*v_y_1 + n_y_1*v_y_2 - n_z_1*v_z_1 + n_z_1*v_z_2 - w0*w3 + w1*w4 - w2*w5
+    out[n + 2] = -a_x_1*n_x_1 + a_x_2*n_x_1 - a_y_1*n_y_1 + a_y_2*n_y_1 - a_z_1*n_z_1 + a_z_2*n_z_1 + epsilon_x_1*w6 + epsilon_y_1*w7 + epsilon_z_1*w8 + v_x_1*w3 - v_x_2*w3 - v_y_1*w4 + v_y_2*w4 + v_z_1*w5 - v_z_2*w5 - w3*(-omega_y_1*w2 + omega_z_1*w1 - v_x_1 + v_x_2) + w4*(omega_x_1*w2 - omega_z_1*w0 - v_y_1 + v_y_2) - w5*(-omega_x_1*w1 + omega_y_1*w0 - v_z_1 + v_z_2)
     out[n + 3] = -n_x_1
     out[n + 4] = -n_y_1
     out[n + 5] = -n_z_1
