@@ -109,7 +109,7 @@ def element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
     matrix = stored.cols > 1
     program = share(Program(name, symbols, steps, _stores(stored)))
     program = named(_independent(program, stored) if matrix else program)
-    return emit.Kernel(program, arguments, tuple(inputs), doc, packed=True, unpacked=True, fill=matrix), raw
+    return emit.Kernel(program, arguments, tuple(inputs), doc, packed=True, fill=matrix), raw
 
 
 def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:

@@ -101,7 +101,6 @@ class Kernel:
     One that ``returns`` has no array: its outputs are numbers by names of their own. ``calls``: statements behind the
     program's own, which read its outputs. ``inline``: into what calls it, whatever its size. ``packed``: outputs are
     stored at last, in one go where they are neighbours; with ``fill`` those of a matrix by its independent entries.
-    ``unpacked``: what is read of an array is read in one go.
     """
 
     program: Program
@@ -113,7 +112,6 @@ class Kernel:
     calls: tuple[str, ...] = ()
     inline: bool = False
     packed: bool = False
-    unpacked: bool = False
     fill: bool = False
 
 
@@ -131,7 +129,7 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     the other stores."""
     printer = NumbaPrinter(identifiers)
     read, told = reads(kernel, printer), statements(kernel, printer)
-    body = [*packs.loads(read)] if kernel.unpacked else [f"{name} = {source}" for name, source in read]
+    body = [*packs.loads(read)]
     if kernel.packed:
         slots = {}
         for name, places, value in told:

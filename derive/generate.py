@@ -155,7 +155,7 @@ def _motion_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
         "p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."
     )
     reads = tuple((symbol, f"p[{k}]") for k, symbol in enumerate(parameters))
-    return emit.Kernel(share(raw), ("t", "p", "s"), reads, doc, unpacked=True), raw
+    return emit.Kernel(share(raw), ("t", "p", "s"), reads, doc), raw
 
 
 def _inverse_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
@@ -167,7 +167,7 @@ def _inverse_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
     parameters = [symbol for symbol, _ in equations.mechanism.parameters.values()]
     reads = [(symbol, f"y[{k}]") for k, (_, symbol) in enumerate(states)]
     reads += [(symbol, f"p[{k}]") for k, symbol in enumerate(parameters)]
-    return emit.Kernel(share(raw), ("t", "y", "p", "out"), tuple(reads), doc, unpacked=True), raw
+    return emit.Kernel(share(raw), ("t", "y", "p", "out"), tuple(reads), doc), raw
 
 
 def print_module(

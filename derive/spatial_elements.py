@@ -299,7 +299,7 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + " s: LINK_SCALARS." * bool(motion) + " out: zeros."
     kernel = emit.Kernel(
         share(raw), ("p", "s", "out") if motion else ("p", "out"), tuple(inputs), doc,
-        calls=(*pairs, *total.calls), inline=True, unpacked=True,
+        calls=(*pairs, *total.calls), inline=True,
     )  # fmt: skip
     return kernel, raw, total.operations
 

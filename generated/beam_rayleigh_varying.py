@@ -13,10 +13,10 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest c2cb5af4f6e22ae4
-from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 322c26ea50c3e29f
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest e2629c8fd6fec7d8
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 69fb0c0df26ec9da
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

@@ -17,6 +17,8 @@ import math
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
@@ -40,21 +42,9 @@ def point_line(w, a, b, p, c, out, k):
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
     speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
     the second section is turned beside that."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    theta_1 = w[a + 2]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    direction_x = p[c]
-    direction_y = p[c + 1]
-    reach = p[c + 2]
-    radius = p[c + 7]
+    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1 = unpacked(w, 6, a)
+    x_2, y_2, _, v_x_2, v_y_2, omega_2 = unpacked(w, 6, b)
+    direction_x, direction_y, reach, _, _, _, _, radius = unpacked(p, 8, c)
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
     n_x = out[k + 2] = direction_x*w0 - direction_y*w1
@@ -80,19 +70,9 @@ def circles(w, a, b, p, c, out, k):
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
     speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
     the second section is turned beside that."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    direction_x = p[c]
-    reach = p[c + 2]
-    radius = p[c + 7]
+    x_1, y_1, _, v_x_1, v_y_1, omega_1 = unpacked(w, 6, a)
+    x_2, y_2, _, v_x_2, v_y_2, omega_2 = unpacked(w, 6, b)
+    direction_x, _, reach, _, _, _, _, radius = unpacked(p, 8, c)
     d_y = -y_1 + y_2
     d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
@@ -118,14 +98,9 @@ def angle(w, a, b, p, c, out, k):
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
     speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
     the second section is turned beside that."""
-    theta_1 = w[a + 2]
-    omega_1 = w[a + 5]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    theta_2 = w[b + 2]
-    omega_2 = w[b + 5]
-    direction_x = p[c]
-    reach = p[c + 2]
+    theta_1, _, _, omega_1 = unpacked(w, 4, a + 2)
+    x_2, y_2, theta_2, _, _, omega_2 = unpacked(w, 6, b)
+    direction_x, _, reach = unpacked(p, 3, c)
     out[k] = direction_x*(-theta_1 + theta_2) - reach
     out[k + 1] = direction_x*(-omega_1 + omega_2)
     out[k + 2] = out[k + 3] = out[k + 6] = 0.0
@@ -137,23 +112,9 @@ def angle(w, a, b, p, c, out, k):
 @njit(**OPTIONS)
 def point_line_acceleration(w, a, b, p, c):
     """g'' [m/s^2] of ``point_line``."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    theta_1 = w[a + 2]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    epsilon_1 = w[a + 8]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
-    direction_x = p[c]
-    direction_y = p[c + 1]
+    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
+    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
+    direction_x, direction_y = unpacked(p, 2, c)
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
     n_x = direction_x*w0 - direction_y*w1
@@ -170,18 +131,8 @@ def point_line_acceleration(w, a, b, p, c):
 @njit(**OPTIONS)
 def circles_acceleration(w, a, b, p, c):
     """g'' [m/s^2] of ``circles``."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
+    x_1, y_1, _, v_x_1, v_y_1, _, a_x_1, a_y_1 = unpacked(w, 8, a)
+    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
     direction_x = p[c]
     d_y = -y_1 + y_2
     d_x = -x_1 + x_2
@@ -209,27 +160,9 @@ def point_line_along(w, a, b, p, c, out, k):
 
     Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
     first of them by the twists of both sections."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    theta_1 = w[a + 2]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    epsilon_1 = w[a + 8]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    theta_2 = w[b + 2]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
-    epsilon_2 = w[b + 8]
-    direction_x = p[c]
-    direction_y = p[c + 1]
-    radius = p[c + 7]
+    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
+    x_2, y_2, theta_2, v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2 = unpacked(w, 9, b)
+    direction_x, direction_y, _, _, _, _, _, radius = unpacked(p, 8, c)
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
     n_y = out[k + 3] = direction_x*w1 + direction_y*w0
@@ -258,24 +191,9 @@ def circles_along(w, a, b, p, c, out, k):
 
     Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
     first of them by the twists of both sections."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    epsilon_1 = w[a + 8]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
-    epsilon_2 = w[b + 8]
-    direction_x = p[c]
-    radius = p[c + 7]
+    x_1, y_1, _, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
+    x_2, y_2, _, v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2 = unpacked(w, 9, b)
+    direction_x, _, _, _, _, _, _, radius = unpacked(p, 8, c)
     d_y = -y_1 + y_2
     d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
@@ -304,8 +222,7 @@ def elastic(p, c, g):
     """Force [N] on the second side along the normal, of an elastic contact, K d^n.
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K = p[c + 3]
-    n = p[c + 4]
+    K, n = unpacked(p, 2, c + 3)
     size = abs(g)
     return -K*g*size**(n - 1.0)
 
@@ -315,9 +232,7 @@ def damped(p, c, g, rate):
     """Force [N] on the second side along the normal, of a spring and a damper, K d^n + c d'.
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K = p[c + 3]
-    n = p[c + 4]
-    chi = p[c + 5]
+    K, n, chi = unpacked(p, 3, c + 3)
     size = abs(g)
     return -K*g*size**(n - 1.0) - chi*rate
 
@@ -327,9 +242,7 @@ def hysteretic(p, c, v_0, g, rate):
     """Force [N] on the second side along the normal, of a contact that loses energy by hysteresis, K d^n (1 + chi d'/v_0).
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K = p[c + 3]
-    n = p[c + 4]
-    chi = p[c + 5]
+    K, n, chi = unpacked(p, 3, c + 3)
     size = abs(g)
     w0 = K*g*size**(n - 1.0)
     return chi*rate*w0/v_0 - w0
@@ -338,8 +251,7 @@ def hysteretic(p, c, v_0, g, rate):
 @njit(**OPTIONS)
 def elastic_slopes(p, c, g):
     """Derivatives of ``elastic`` by g [N/m] and by its rate [N s/m]."""
-    K = p[c + 3]
-    n = p[c + 4]
+    K, n = unpacked(p, 2, c + 3)
     size = abs(g)
     return -K*n*size**(n - 1.0), 0.0
 
@@ -347,9 +259,7 @@ def elastic_slopes(p, c, g):
 @njit(**OPTIONS)
 def damped_slopes(p, c, g):
     """Derivatives of ``damped`` by g [N/m] and by its rate [N s/m]."""
-    K = p[c + 3]
-    n = p[c + 4]
-    chi = p[c + 5]
+    K, n, chi = unpacked(p, 3, c + 3)
     size = abs(g)
     return -K*n*size**(n - 1.0), -chi
 
@@ -357,9 +267,7 @@ def damped_slopes(p, c, g):
 @njit(**OPTIONS)
 def hysteretic_slopes(p, c, v_0, g, rate):
     """Derivatives of ``hysteretic`` by g [N/m] and by its rate [N s/m]."""
-    K = p[c + 3]
-    n = p[c + 4]
-    chi = p[c + 5]
+    K, n, chi = unpacked(p, 3, c + 3)
     size = abs(g)
     w0 = K*size**(n - 1.0)
     w1 = n*w0
@@ -370,8 +278,7 @@ def hysteretic_slopes(p, c, v_0, g, rate):
 @njit(**OPTIONS)
 def stored(p, c, g):
     """Energy [J] of a contact that is as deep as -g, K d^(n + 1)/(n + 1)."""
-    K = p[c + 3]
-    n = p[c + 4]
+    K, n = unpacked(p, 2, c + 3)
     size = abs(g)
     return K*(g*g)*size**(n - 1.0)/(n + 1.0)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from numba import njit
 
-from kaneflex.generated.packs import fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import fill  # digest dab70da618d7edad
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

@@ -17,6 +17,8 @@ import math
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
@@ -43,25 +45,8 @@ def demand(p, o, w, k, out, n):
     """Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.
 
         w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."""
-    mass = p[o]
-    centre_x = p[o + 1]
-    centre_y = p[o + 2]
-    centre_z = p[o + 3]
-    J_x = p[o + 4]
-    J_y = p[o + 5]
-    J_z = p[o + 6]
-    J_xy = p[o + 7]
-    J_yz = p[o + 8]
-    J_zx = p[o + 9]
-    omega_x = w[k]
-    omega_y = w[k + 1]
-    omega_z = w[k + 2]
-    a_x = w[k + 3]
-    a_y = w[k + 4]
-    a_z = w[k + 5]
-    epsilon_x = w[k + 6]
-    epsilon_y = w[k + 7]
-    epsilon_z = w[k + 8]
+    mass, centre_x, centre_y, centre_z, J_x, J_y, J_z, J_xy, J_yz, J_zx = unpacked(p, 10, o)
+    omega_x, omega_y, omega_z, a_x, a_y, a_z, epsilon_x, epsilon_y, epsilon_z = unpacked(w, 9, k)
     w0 = a_x*mass
     w1 = centre_z*mass
     w2 = epsilon_y*w1
@@ -107,16 +92,7 @@ def demand(p, o, w, k, out, n):
 @njit(**OPTIONS)
 def inertia(p, o, out, n):
     """Store the mass matrix of a body (6, 6) row by row, in its axes: of its origin's velocity and of omega."""
-    mass = p[o]
-    centre_x = p[o + 1]
-    centre_y = p[o + 2]
-    centre_z = p[o + 3]
-    J_x = p[o + 4]
-    J_y = p[o + 5]
-    J_z = p[o + 6]
-    J_xy = p[o + 7]
-    J_yz = p[o + 8]
-    J_zx = p[o + 9]
+    mass, centre_x, centre_y, centre_z, J_x, J_y, J_z, J_xy, J_yz, J_zx = unpacked(p, 10, o)
     w0 = out[n + 4] = out[n + 24] = centre_z*mass
     w1 = out[n + 15] = out[n + 20] = centre_y*mass
     w2 = out[n + 11] = out[n + 31] = centre_x*mass
@@ -139,24 +115,8 @@ def inertia(p, o, out, n):
 @njit(**OPTIONS)
 def coincide(sec, i, j, out, n):
     """The points of two sections are one: three rows at out[n], out[n + 15] and out[n + 30]."""
-    r_x_1 = sec[15 * i]
-    r_y_1 = sec[15 * i + 1]
-    r_z_1 = sec[15 * i + 2]
-    v_x_1 = sec[15 * i + 3]
-    v_y_1 = sec[15 * i + 4]
-    v_z_1 = sec[15 * i + 5]
-    a_x_1 = sec[15 * i + 6]
-    a_y_1 = sec[15 * i + 7]
-    a_z_1 = sec[15 * i + 8]
-    r_x_2 = sec[15 * j]
-    r_y_2 = sec[15 * j + 1]
-    r_z_2 = sec[15 * j + 2]
-    v_x_2 = sec[15 * j + 3]
-    v_y_2 = sec[15 * j + 4]
-    v_z_2 = sec[15 * j + 5]
-    a_x_2 = sec[15 * j + 6]
-    a_y_2 = sec[15 * j + 7]
-    a_z_2 = sec[15 * j + 8]
+    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1 = unpacked(sec, 9, 15 * i)
+    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2 = unpacked(sec, 9, 15 * j)
     out[n] = -r_x_1 + r_x_2
     out[n + 1] = -v_x_1 + v_x_2
     out[n + 2] = -a_x_1 + a_x_2
@@ -174,24 +134,10 @@ def coincide(sec, i, j, out, n):
 @njit(**OPTIONS)
 def perpendicular(sec, i, j, axes, k, l, out, n):
     """Axis k of the first section and axis l of the second are at right angles: a row at out[n]."""
-    omega_x_1 = sec[15 * i + 9]
-    omega_y_1 = sec[15 * i + 10]
-    omega_z_1 = sec[15 * i + 11]
-    epsilon_x_1 = sec[15 * i + 12]
-    epsilon_y_1 = sec[15 * i + 13]
-    epsilon_z_1 = sec[15 * i + 14]
-    omega_x_2 = sec[15 * j + 9]
-    omega_y_2 = sec[15 * j + 10]
-    omega_z_2 = sec[15 * j + 11]
-    epsilon_x_2 = sec[15 * j + 12]
-    epsilon_y_2 = sec[15 * j + 13]
-    epsilon_z_2 = sec[15 * j + 14]
-    n_x_1 = axes[3 * k]
-    n_y_1 = axes[3 * k + 1]
-    n_z_1 = axes[3 * k + 2]
-    n_x_2 = axes[3 * l]
-    n_y_2 = axes[3 * l + 1]
-    n_z_2 = axes[3 * l + 2]
+    omega_x_1, omega_y_1, omega_z_1, epsilon_x_1, epsilon_y_1, epsilon_z_1 = unpacked(sec, 6, 15 * i + 9)
+    omega_x_2, omega_y_2, omega_z_2, epsilon_x_2, epsilon_y_2, epsilon_z_2 = unpacked(sec, 6, 15 * j + 9)
+    n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
+    n_x_2, n_y_2, n_z_2 = unpacked(axes, 3, 3 * l)
     w0 = n_y_2*omega_z_2
     w1 = n_z_2*omega_y_2 - w0
     w2 = n_y_1*omega_z_1 - n_z_1*omega_y_1
@@ -216,33 +162,12 @@ def perpendicular(sec, i, j, axes, k, l, out, n):
 @njit(**OPTIONS)
 def on_plane(sec, i, j, axes, k, out, n):
     """The second point is in the plane across the axis k through the first: a row at out[n]."""
-    r_x_1 = sec[15 * i]
-    r_y_1 = sec[15 * i + 1]
-    r_z_1 = sec[15 * i + 2]
-    v_x_1 = sec[15 * i + 3]
-    v_y_1 = sec[15 * i + 4]
-    v_z_1 = sec[15 * i + 5]
-    a_x_1 = sec[15 * i + 6]
-    a_y_1 = sec[15 * i + 7]
-    a_z_1 = sec[15 * i + 8]
-    omega_x_1 = sec[15 * i + 9]
-    omega_y_1 = sec[15 * i + 10]
-    omega_z_1 = sec[15 * i + 11]
-    epsilon_x_1 = sec[15 * i + 12]
-    epsilon_y_1 = sec[15 * i + 13]
-    epsilon_z_1 = sec[15 * i + 14]
-    r_x_2 = sec[15 * j]
-    r_y_2 = sec[15 * j + 1]
-    r_z_2 = sec[15 * j + 2]
-    v_x_2 = sec[15 * j + 3]
-    v_y_2 = sec[15 * j + 4]
-    v_z_2 = sec[15 * j + 5]
-    a_x_2 = sec[15 * j + 6]
-    a_y_2 = sec[15 * j + 7]
-    a_z_2 = sec[15 * j + 8]
-    n_x_1 = axes[3 * k]
-    n_y_1 = axes[3 * k + 1]
-    n_z_1 = axes[3 * k + 2]
+    (
+        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1, omega_x_1, omega_y_1, omega_z_1, epsilon_x_1,
+        epsilon_y_1, epsilon_z_1,
+    ) = unpacked(sec, 15, 15 * i)
+    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2 = unpacked(sec, 9, 15 * j)
+    n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2
@@ -269,18 +194,8 @@ def pull_directed(sec, i, j, k, c, L_0, out, n):
     """Spring and damper T = k (L - L_0) + c L' between two points that are apart.
 
         Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
-    r_x_1 = sec[15 * i]
-    r_y_1 = sec[15 * i + 1]
-    r_z_1 = sec[15 * i + 2]
-    v_x_1 = sec[15 * i + 3]
-    v_y_1 = sec[15 * i + 4]
-    v_z_1 = sec[15 * i + 5]
-    r_x_2 = sec[15 * j]
-    r_y_2 = sec[15 * j + 1]
-    r_z_2 = sec[15 * j + 2]
-    v_x_2 = sec[15 * j + 3]
-    v_y_2 = sec[15 * j + 4]
-    v_z_2 = sec[15 * j + 5]
+    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1 = unpacked(sec, 6, 15 * i)
+    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2 = unpacked(sec, 6, 15 * j)
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2
@@ -302,12 +217,8 @@ def pull_regular(sec, i, j, k, out, n):
     """The same without free length and damper, also where the points meet.
 
         Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
-    r_x_1 = sec[15 * i]
-    r_y_1 = sec[15 * i + 1]
-    r_z_1 = sec[15 * i + 2]
-    r_x_2 = sec[15 * j]
-    r_y_2 = sec[15 * j + 1]
-    r_z_2 = sec[15 * j + 2]
+    r_x_1, r_y_1, r_z_1 = unpacked(sec, 3, 15 * i)
+    r_x_2, r_y_2, r_z_2 = unpacked(sec, 3, 15 * j)
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2

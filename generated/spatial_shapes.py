@@ -14,6 +14,8 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
@@ -317,12 +319,7 @@ def section(w, k, out, n):
     """Store R, T row by row and T' theta' of a section turned by theta_y and theta_z, then by theta_x about itself.
 
         w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."""
-    theta_x = w[k]
-    theta_y = w[k + 1]
-    theta_z = w[k + 2]
-    rate_x = w[k + 3]
-    rate_y = w[k + 4]
-    rate_z = w[k + 5]
+    theta_x, theta_y, theta_z, rate_x, rate_y, rate_z = unpacked(w, 6, k)
     w0 = theta_y*theta_y
     w1 = 0.5*w0
     w2 = theta_z*theta_z

@@ -22,7 +22,7 @@ from kaneflex.derive.__main__ import modules
 from kaneflex.derive.beam import beam_element
 from kaneflex.derive.packs import CALLED
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
-from kaneflex.generated.packs import fill, pack
+from kaneflex.generated.packs import fill, pack, unpacked
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.structure import coupled_hash
@@ -363,6 +363,24 @@ def test_numbers_are_stored_together_wherever_they_lie(order, compiled):
     (njit(stored) if compiled else stored)(out, row)
     assert out.ravel().tolist() == [0.0] * out.shape[1] + [1.5, 2.5] + [0.0] * (out.size - out.shape[1] - 2)
     assert row.tolist() == [0.0, 0.0, 3.5, 4.5, *[0.0] * (len(row) - 4)]
+
+
+@pytest.mark.parametrize("order", ["C", "apart", "float32"])
+@pytest.mark.parametrize("compiled", [True, False])
+def test_numbers_are_read_together_wherever_they_lie(order, compiled):
+    """From the first one, or from a place that is told when the kernel runs."""
+
+    def weighed(row, start):
+        a, _, c = unpacked(row, 3)
+        d, e = unpacked(row, 2, 2 * start + 1)
+        return a + 10.0 * c + 100.0 * d + 1000.0 * e
+
+    row = np.arange(1.0, 9.0)
+    if order == "apart":
+        row = np.repeat(row, 2)[::2]
+    if order == "float32":
+        row = row.astype(np.float32)
+    assert (njit(weighed) if compiled else weighed)(row, 2) == 1 + 30 + 600 + 7000
 
 
 @pytest.mark.parametrize("order", ["C", "F", "apart", "float32"])
