@@ -14,12 +14,12 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, fill  # digest dab70da618d7edad
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load, fill_square,
-)  # digest fbe21093f8ebf7ff
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest e396879438f770d3
+    SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load, fill_square,
+)  # digest 7243d982511b2063
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c19ebdab21899820
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -125,10 +125,10 @@ def K_d(p, s, out):
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
     fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
     fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_10, f_11))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
     fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_16, f_17))
     fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_18, f_19))
 
@@ -187,9 +187,9 @@ def C(p, s, out):
     f_8 = w0*w4
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
 
 
 @njit(forceinline=True, **OPTIONS)
