@@ -154,6 +154,8 @@ def _fill(context, builder, sig, args):
 '''
 
 CALLED = ("unpacked", "pack", "fill")
+_LINE = 98
+"""Characters that a line of a kernel has for numbers in brackets."""
 
 
 def independent(block: str) -> list[tuple[int, int]]:
@@ -193,8 +195,7 @@ def loads(reads: Iterable[tuple[str, str]]) -> Iterator[str]:
         if len(names) == 1:
             line = f"{names[max(names)]} = {array}[{start[0] if start else max(names)}]"
         elif len(line) > 116:
-            inside = textwrap.fill(f"{', '.join(every)},", 112)
-            line = f"(\n{textwrap.indent(inside, '    ')}\n) = {call}"
+            line = f"{_bracketed(every)} = {call}"
         yield line
 
 
@@ -212,15 +213,29 @@ def stores(slots: Sequence[tuple[tuple[int, ...], str]]) -> Iterator[str]:
             if len(values) == 1:
                 yield f"out[{place[1:-1]}] = {values[0]}"
             else:
-                yield f"pack(out, {place if ',' in place else place[1:-1]}, ({', '.join(values)}))"
+                yield f"pack(out, {place if ',' in place else place[1:-1]}, {_bracketed(values)})"
 
 
 def filled(slots: Mapping[tuple[int, ...], str]) -> str:
     """The statement that stores a matrix, given by its entries at their places."""
     blocks = [block for block in BLOCKS if independent(block)[0] in slots]
-    parts = [f"({', '.join(slots[place] for place in independent(block))})" for block in blocks]
+    parts = [_bracketed([slots[place] for place in independent(block)]) for block in blocks]
     line = f"fill(out, ({', '.join(parts)}{',' * (len(parts) == 1)}))"
-    return line if len(line) <= 116 else "\n".join(["fill(out, (", *(f"    {part}," for part in parts), "))"])
+    if len(line) <= 116 and "\n" not in line:
+        return line
+    return "\n".join(["fill(out, (", *(textwrap.indent(f"{part},", "    ") for part in parts), "))"])
+
+
+def _bracketed(entries: Sequence[str]) -> str:
+    """Entries in brackets, where one line of a kernel does not hold them over several, none of which breaks one."""
+    line = f"({', '.join(entries)})"
+    if len(line) <= _LINE:
+        return line
+    inside = textwrap.fill(
+        ", ".join(entry.replace(" ", "\0") for entry in [*entries, ""]).rstrip(), _LINE,
+        initial_indent="    ", subsequent_indent="    ", break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
+    return "(\n" + inside.replace("\0", " ") + "\n)"
 
 
 def _beside(one: tuple[int, ...], other: tuple[int, ...]) -> bool:

@@ -84,8 +84,9 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        _, _, _, bottom_pose_x, bottom_pose_y, bottom_pose_angle, _, _, _, right_pose_x, right_pose_y, right_pose_angle,
-        _, _, _, top_pose_x, top_pose_y, top_pose_angle, _, _, _, left_pose_x, left_pose_y, left_pose_angle,
+        _, _, _, bottom_pose_x, bottom_pose_y, bottom_pose_angle, _, _, _, right_pose_x, right_pose_y,
+        right_pose_angle, _, _, _, top_pose_x, top_pose_y, top_pose_angle, _, _, _, left_pose_x,
+        left_pose_y, left_pose_angle,
     ) = unpacked(p, 24)
     blow = s[20] = 10000.0*math.exp(-(66.66666666666667*t - 3.333333333333334)**2.0)
     c_bottom = s[23] = math.cos(bottom_pose_angle)

@@ -90,8 +90,9 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        _, _, _, arm_1_pose_x, arm_1_pose_y, arm_1_pose_angle, _, _, _, arm_2_pose_x, arm_2_pose_y, arm_2_pose_angle, _,
-        _, _, arm_3_pose_x, arm_3_pose_y, arm_3_pose_angle, _, _, _, arm_4_pose_x, arm_4_pose_y, arm_4_pose_angle,
+        _, _, _, arm_1_pose_x, arm_1_pose_y, arm_1_pose_angle, _, _, _, arm_2_pose_x, arm_2_pose_y,
+        arm_2_pose_angle, _, _, _, arm_3_pose_x, arm_3_pose_y, arm_3_pose_angle, _, _, _,
+        arm_4_pose_x, arm_4_pose_y, arm_4_pose_angle,
     ) = unpacked(p, 24)
     push = s[20] = 1000.0*math.sin(22.0*math.pi*t)
     c_arm_1 = s[23] = math.cos(arm_1_pose_angle)

@@ -163,8 +163,8 @@ def perpendicular(sec, i, j, axes, k, l, out, n):
 def on_plane(sec, i, j, axes, k, out, n):
     """The second point is in the plane across the axis k through the first: a row at out[n]."""
     (
-        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1, omega_x_1, omega_y_1, omega_z_1, epsilon_x_1,
-        epsilon_y_1, epsilon_z_1,
+        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1, omega_x_1, omega_y_1,
+        omega_z_1, epsilon_x_1, epsilon_y_1, epsilon_z_1,
     ) = unpacked(sec, 15, 15 * i)
     r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2 = unpacked(sec, 9, 15 * j)
     n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
