@@ -16,7 +16,6 @@ import sympy as sm
 from kaneflex.derive import emit, module_text
 from kaneflex.derive.loops import added, code
 from kaneflex.derive.names import Names
-from kaneflex.derive.program import Program, share
 from kaneflex.derive.spatial_shape_proof import prove
 from kaneflex.derive.spatial_shapes import (
     ACCEL,
@@ -213,20 +212,17 @@ def _cayley(c: sm.Matrix) -> sm.Matrix:
     return sm.eye(3) + (skew + skew * skew / 2) / (1 + c.dot(c) / 4)
 
 
-def _section() -> tuple[emit.Kernel, Program]:
+def _section() -> emit.Printed:
     """How a section stands and turns."""
     theta, rate = (sm.symbols(f"{name}_x {name}_y {name}_z") for name in ("theta", "rate"))
     parts = section_motion(theta, rate)
     values = [value for part in parts for value in part]
-    outputs = tuple((f"out[{emit.offset('n', k)}]", value) for k, value in enumerate(values))
-    reads = tuple((symbol, f"w[{emit.offset('k', n)}]") for n, symbol in enumerate((*theta, *rate)))
-    raw = Program("section", (*theta, *rate), (), outputs)
+    reads = emit.places((*theta, *rate), "w", "k")
     doc = (
         "Store R, T row by row and T' theta' of a section turned by theta_y and theta_z, then by theta_x about itself."
-        "\n\n"
-        "    w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."
+        "\n\nw[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."
     )
-    return emit.Kernel(share(raw), ("w", "k", "out", "n"), reads, doc, zeros=True), raw
+    return emit.kernel("section", ("w", "k", "out", "n"), reads, values, doc, out="n")
 
 
 _ABOUT = f"""

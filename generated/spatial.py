@@ -44,7 +44,7 @@ OPERATIONS = {
 def demand(p, o, w, k, out, n):
     """Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.
 
-        w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."""
+    w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."""
     mass, centre_x, centre_y, centre_z, J_x, J_y, J_z, J_xy, J_yz, J_zx = unpacked(p, 10, o)
     omega_x, omega_y, omega_z, a_x, a_y, a_z, epsilon_x, epsilon_y, epsilon_z = unpacked(w, 9, k)
     w0 = a_x*mass
@@ -193,7 +193,7 @@ def on_plane(sec, i, j, axes, k, out, n):
 def pull_directed(sec, i, j, k, c, L_0, out, n):
     """Spring and damper T = k (L - L_0) + c L' between two points that are apart.
 
-        Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
+    Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
     r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1 = unpacked(sec, 6, 15 * i)
     r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2 = unpacked(sec, 6, 15 * j)
     w0 = -r_x_1 + r_x_2
@@ -216,7 +216,7 @@ def pull_directed(sec, i, j, k, c, L_0, out, n):
 def pull_regular(sec, i, j, k, out, n):
     """The same without free length and damper, also where the points meet.
 
-        Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
+    Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
     r_x_1, r_y_1, r_z_1 = unpacked(sec, 3, 15 * i)
     r_x_2, r_y_2, r_z_2 = unpacked(sec, 3, 15 * j)
     w0 = -r_x_1 + r_x_2

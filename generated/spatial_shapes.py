@@ -318,7 +318,7 @@ def shaped_inertia(p, o, count, q, i, out, n):
 def section(w, k, out, n):
     """Store R, T row by row and T' theta' of a section turned by theta_y and theta_z, then by theta_x about itself.
 
-        w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."""
+    w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."""
     theta_x, theta_y, theta_z, rate_x, rate_y, rate_z = unpacked(w, 6, k)
     w0 = theta_y*theta_y
     w1 = 0.5*w0
