@@ -166,7 +166,7 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
         values = (_bare(printer.doprint(expression)) for _, expression in kernel.program.outputs)
         body.append(f"return {', '.join(values)}")
     body += kernel.calls
-    text = textwrap.indent("\n".join([f'"""{kernel.doc}"""', *(body or ["pass"])]), "    ")
+    text = textwrap.indent("\n".join([f'"""{kernel.doc}"""', *body]), "    ")
     options = "forceinline=True, **OPTIONS" if kernel.inline else "**OPTIONS"
     return f"@njit({options})\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{text}\n"
 

@@ -14,6 +14,7 @@ from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, TERMS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
+from kaneflex.generated.laws import no_courses as courses
 from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
 
 FORMAT = 3
@@ -64,12 +65,6 @@ LOADS = ('gas_1', 'gas_2', 'gas_3', 'motor')  # in the order of magnitudes
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {'courses': (0, 0), 'magnitudes': (8, 8)} | beam.OPERATIONS
-
-
-@njit(**OPTIONS)
-def courses(t, p, out, k):
-    """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    pass
 
 
 @njit(**OPTIONS)

@@ -8,6 +8,7 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 from numba import njit
 
 from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.laws import no_magnitudes as magnitudes
 
 FORMAT = 3
 STRUCTURE = "c3b1e9beae6055a6"
@@ -30,9 +31,3 @@ def courses(t, p, out, k):
     main_coordinate = out[k + 0] = main_angle + main_speed*t
     out[k + 1] = main_speed
     out[k + 2] = 0.0
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass

@@ -9,6 +9,8 @@ import math
 
 from numba import njit
 
+from kaneflex.generated.laws import no_magnitudes as magnitudes
+
 FORMAT = 3
 STRUCTURE = "d3f3deb1746cbdc6"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -59,9 +61,3 @@ def courses(t, p, out, k):
     joint_6_coordinate = out[k + 15] = -w3
     joint_6_rate = out[k + 16] = -w5
     joint_6_acceleration = out[k + 17] = -0.32000000000000006*w6
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass

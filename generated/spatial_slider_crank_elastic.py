@@ -8,6 +8,7 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 from numba import njit
 
 from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.laws import no_magnitudes as magnitudes
 
 FORMAT = 3
 STRUCTURE = "b1bf50a25f97f753"
@@ -30,9 +31,3 @@ def courses(t, p, out, k):
     shaft_coordinate = out[k + 0] = shaft_angle + shaft_speed*t
     out[k + 1] = shaft_speed
     out[k + 2] = 0.0
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass
