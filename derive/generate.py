@@ -8,6 +8,7 @@ from typing import Any
 
 from kaneflex.derive import emit, lookups_numba, module_text, rows
 from kaneflex.derive.beam import Element, beam_element
+from kaneflex.derive.bracketed import bracketed
 from kaneflex.derive.elements import element_kernel, in_letters, monomial
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
@@ -254,7 +255,7 @@ def element_tables(beam: str, terms: Sequence[TermRow] = ()) -> list[str]:
     comment = "terms of the elastic links: name, group, kernel, factors of the scalar"
     if beam:
         gone = [row[0] for row in ELEMENT_TERMS if row not in terms]
-        text = module_text.wrapped("TERMS = rows.less(", ["beam.TERMS", *map(repr, gone)], ")")
+        text = bracketed("TERMS = rows.less(", ["beam.TERMS", *map(repr, gone)], ")")
         return [f"# {comment}\n{text}"]
     none = "nothing is elastic"
     return [module_text.literal(name, (), none) for name in ("LINK_SCALARS", "ELEMENT_PARAMETERS", "TERMS")]

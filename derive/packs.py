@@ -8,11 +8,12 @@ take half as long again. So the text of a kernel packs them in twos. Reads are i
 from __future__ import annotations
 
 import re
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
+from textwrap import indent
 from typing import Any
 
+from kaneflex.derive.bracketed import LINE, bracketed
 from kaneflex.support.contract import FORMAT
 
 BLOCKS = {"axial": ((0, 3), (0, 3)), "bending": ((1, 2, 4, 5), (1, 2, 4, 5)), "coupling": ((0, 3), (1, 2, 4, 5))}
@@ -154,8 +155,8 @@ def _fill(context, builder, sig, args):
 '''
 
 CALLED = ("unpacked", "pack", "fill")
-_LINE = 98
-"""Characters that a line of a kernel has for numbers in brackets."""
+_LINE = LINE - 4
+"""Characters of a line in a kernel."""
 
 
 def independent(block: str) -> list[tuple[int, int]]:
@@ -194,8 +195,8 @@ def loads(reads: Iterable[tuple[str, str]]) -> Iterator[str]:
         line = f"{', '.join(every)} = {call}"
         if len(names) == 1:
             line = f"{names[max(names)]} = {array}[{start[0] if start else max(names)}]"
-        elif len(line) > 116:
-            line = f"{_bracketed(every)} = {call}"
+        elif len(line) > _LINE:
+            line = bracketed("(", every, f") = {call}", _LINE)
         yield line
 
 
@@ -213,29 +214,18 @@ def stores(slots: Sequence[tuple[tuple[int, ...], str]]) -> Iterator[str]:
             if len(values) == 1:
                 yield f"out[{place[1:-1]}] = {values[0]}"
             else:
-                yield f"pack(out, {place if ',' in place else place[1:-1]}, {_bracketed(values)})"
+                yield bracketed(f"pack(out, {place if ',' in place else place[1:-1]}, (", values, "))", _LINE)
 
 
 def filled(slots: Mapping[tuple[int, ...], str]) -> str:
     """The statement that stores a matrix, given by its entries at their places."""
     blocks = [block for block in BLOCKS if independent(block)[0] in slots]
-    parts = [_bracketed([slots[place] for place in independent(block)]) for block in blocks]
-    line = f"fill(out, ({', '.join(parts)}{',' * (len(parts) == 1)}))"
-    if len(line) <= 116 and "\n" not in line:
-        return line
-    return "\n".join(["fill(out, (", *(textwrap.indent(f"{part},", "    ") for part in parts), "))"])
-
-
-def _bracketed(entries: Sequence[str]) -> str:
-    """Entries in brackets, where one line of a kernel does not hold them over several, none of which breaks one."""
-    line = f"({', '.join(entries)})"
+    parts = [[slots[place] for place in independent(block)] for block in blocks]
+    short = [f"({', '.join(part)})" for part in parts]
+    line = f"fill(out, ({', '.join(short)}{',' * (len(parts) == 1)}))"
     if len(line) <= _LINE:
         return line
-    inside = textwrap.fill(
-        ", ".join(entry.replace(" ", "\0") for entry in [*entries, ""]).rstrip(), _LINE,
-        initial_indent="    ", subsequent_indent="    ", break_long_words=False, break_on_hyphens=False,
-    )  # fmt: skip
-    return "(\n" + inside.replace("\0", " ") + "\n)"
+    return "\n".join(["fill(out, (", *(indent(bracketed("(", part, "),", _LINE - 4), "    ") for part in parts), "))"])
 
 
 def _beside(one: tuple[int, ...], other: tuple[int, ...]) -> bool:

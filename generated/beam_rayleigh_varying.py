@@ -16,7 +16,7 @@ from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
 from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 0cbb3b5d208026e0
-from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_d, K_g, C  # digest e0ad6399ea6239af
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_d, K_g, C  # digest 0d6f04b5a004da39
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -60,9 +60,8 @@ def M(p, out):
     fill(out, (
         (w1 - w3, 0.16666666666666666*w0, w1 + w3),
         (
-            -w4 + w6, -w10 + w13 + w7, 0.12857142857142856*w0 - w5,
-            0.0011904761904761906*rho_A_rise*w8 - w14 - w7, -w16 - w18 + w20,
-            w14 - w7 + 0.0011904761904761906*w9, -rho_I*w15 - 0.007142857142857143*w19, w4 + w6,
+            -w4 + w6, -w10 + w13 + w7, 0.12857142857142856*w0 - w5, 0.0011904761904761906*rho_A_rise*w8 - w14 - w7,
+            -w16 - w18 + w20, w14 - w7 + 0.0011904761904761906*w9, -rho_I*w15 - 0.007142857142857143*w19, w4 + w6,
             -w10 - w13 + w7, w16 + w18 + w20,
         ),
     ))
@@ -94,8 +93,7 @@ def F(p, s, out):
     w14 = rho_A*w13
     w15 = -0.08333333333333333*length*rho_I_rise + w12*x_0
     pack(out, 0, (
-        a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7),
-        a_y*(-w0 + w8) + epsilon*(w10 + w11 - w4 - 0.15*w7),
+        a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7), a_y*(-w0 + w8) + epsilon*(w10 + w11 - w4 - 0.15*w7),
     ))
     pack(out, 2, (
         a_y*(0.008333333333333333*rho_A_rise*w6 - w12) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w14 - w15),

@@ -231,16 +231,12 @@ def K_d(p, s, out):
     fill(out, (
         (-w0*w5, -w0*w32, -w0*w69),
         (
-            w0*(w36 - w38 - w5),
-            w0*(0.005357142857142857*rho_A_rise*w13*w7 + w17 - w28 + w39 + w42 - w45), w0*(-w32 + w38),
-            w0*(w19 - w22 + w24 - w44 - w50), w0*(w54 + w57 - w59 - w66), w0*(w15 - w25 + w43 - w50),
+            w0*(w36 - w38 - w5), w0*(0.005357142857142857*rho_A_rise*w13*w7 + w17 - w28 + w39 + w42 - w45),
+            w0*(-w32 + w38), w0*(w19 - w22 + w24 - w44 - w50), w0*(w54 + w57 - w59 - w66), w0*(w15 - w25 + w43 - w50),
             w0*(-w60 + w65), w0*(-w36 - w38 - w69), w0*(0.005357142857142857*w23 + w45 + w49),
             w0*(-w54 - w57 + w59 - w66),
         ),
-        (
-            -epsilon*w12, -epsilon*w31, -epsilon*w33, epsilon*w35, epsilon*w47, -epsilon*w68,
-            -epsilon*w70, epsilon*w71,
-        ),
+        (-epsilon*w12, -epsilon*w31, -epsilon*w33, epsilon*w35, epsilon*w47, -epsilon*w68, -epsilon*w70, epsilon*w71),
     ))
 
 

@@ -29,9 +29,9 @@ LAWS = ('hertz', 'kelvin-voigt', 'hunt-crossley', 'lankarani-nikravesh', 'flores
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'point_line': (136, 46), 'circles': (172, 39), 'angle': (5, 5), 'point_line_acceleration': (74, 36),
-        'circles_acceleration': (69, 32), 'angle_acceleration': (2, 2), 'point_line_along': (284, 70),
-        'circles_along': (476, 79), 'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9),
-        'elastic_slopes': (5, 5), 'damped_slopes': (5, 5), 'hysteretic_slopes': (21, 11), 'stored': (8, 8),
+    'circles_acceleration': (69, 32), 'angle_acceleration': (2, 2), 'point_line_along': (284, 70),
+    'circles_along': (476, 79), 'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9), 'elastic_slopes': (5, 5),
+    'damped_slopes': (5, 5), 'hysteretic_slopes': (21, 11), 'stored': (8, 8),
 }
 
 

@@ -61,9 +61,9 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia,
-        upper_length, pivot_angle_table, pivot_speed_table, pivot_acceleration_table,
-        elbow_angle_table, elbow_speed_table, elbow_acceleration_table, gravity_y,
+        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia, upper_length,
+        pivot_angle_table, pivot_speed_table, pivot_acceleration_table, elbow_angle_table, elbow_speed_table,
+        elbow_acceleration_table, gravity_y,
     ) = unpacked(p, 14)
     pivot_coordinate = s[0] = table(t, p, int(pivot_angle_table))
     cos_pivot = s[2] = math.cos(pivot_coordinate)
@@ -110,8 +110,8 @@ def inverse(t, y, p, out):
     p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration of each joint of FREE."""
     pivot_angle_, pivot_speed_, pivot_acceleration_, elbow_angle_, elbow_speed_, elbow_acceleration_ = unpacked(y, 6)
     (
-        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia,
-        upper_length, _, _, _, _, _, _, gravity_y,
+        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia, upper_length, _, _, _, _,
+        _, _, gravity_y,
     ) = unpacked(p, 14)
     cos_pivot = math.cos(pivot_angle_)
     x_lower = upper_length*cos_pivot

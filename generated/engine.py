@@ -75,8 +75,8 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        crank_centre_x, crank_mass, _, rod_centre_x, rod_mass, rod_inertia, piston_mass, crank_length,
-        rod_length, bore_branch, main_speed, main_angle, gas_offset, gas_table,
+        crank_centre_x, crank_mass, _, rod_centre_x, rod_mass, rod_inertia, piston_mass, crank_length, rod_length,
+        bore_branch, main_speed, main_angle, gas_offset, gas_table,
     ) = unpacked(p, 14)
     main_coordinate = s[5] = main_angle + main_speed*t
     sin_main = s[7] = math.sin(main_coordinate)

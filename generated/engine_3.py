@@ -109,11 +109,11 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        _, _, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass, rod_2_inertia,
-        rod_3_centre_x, rod_3_mass, rod_3_inertia, piston_1_mass, piston_2_mass, piston_3_mass,
-        crank_pin_1_x, rod_1_length, bore_1_branch, crank_pin_2_x, crank_pin_2_y, rod_2_length,
-        bore_2_branch, crank_pin_3_x, crank_pin_3_y, rod_3_length, bore_3_branch, main_speed,
-        main_angle, gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table,
+        _, _, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass, rod_2_inertia, rod_3_centre_x,
+        rod_3_mass, rod_3_inertia, piston_1_mass, piston_2_mass, piston_3_mass, crank_pin_1_x, rod_1_length,
+        bore_1_branch, crank_pin_2_x, crank_pin_2_y, rod_2_length, bore_2_branch, crank_pin_3_x, crank_pin_3_y,
+        rod_3_length, bore_3_branch, main_speed, main_angle, gas_1_offset, gas_1_table, gas_2_offset, gas_2_table,
+        gas_3_offset, gas_3_table,
     ) = unpacked(p, 33)
     main_coordinate = s[15] = main_angle + main_speed*t
     sin_main = s[17] = math.sin(main_coordinate)

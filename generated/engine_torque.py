@@ -111,12 +111,11 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        _, crank_inertia, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass,
-        rod_2_inertia, rod_3_centre_x, rod_3_mass, rod_3_inertia, piston_1_mass, piston_2_mass,
-        piston_3_mass, crank_pin_1_x, rod_1_length, bore_1_branch, crank_pin_2_x, crank_pin_2_y,
-        rod_2_length, bore_2_branch, crank_pin_3_x, crank_pin_3_y, rod_3_length, bore_3_branch,
-        flywheel_inertia, main_angle_table, main_speed_table, main_acceleration_table, gas_1_offset,
-        gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table,
+        _, crank_inertia, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass, rod_2_inertia,
+        rod_3_centre_x, rod_3_mass, rod_3_inertia, piston_1_mass, piston_2_mass, piston_3_mass, crank_pin_1_x,
+        rod_1_length, bore_1_branch, crank_pin_2_x, crank_pin_2_y, rod_2_length, bore_2_branch, crank_pin_3_x,
+        crank_pin_3_y, rod_3_length, bore_3_branch, flywheel_inertia, main_angle_table, main_speed_table,
+        main_acceleration_table, gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table,
     ) = unpacked(p, 35)
     main_coordinate = s[15] = table(t, p, int(main_angle_table))
     sin_main = s[17] = math.sin(main_coordinate)
@@ -250,12 +249,11 @@ def inverse(t, y, p, out):
     p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration of each joint of FREE."""
     main_angle_, main_speed_, main_acceleration_ = unpacked(y, 3)
     (
-        _, crank_inertia, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass,
-        rod_2_inertia, rod_3_centre_x, rod_3_mass, rod_3_inertia, piston_1_mass, piston_2_mass,
-        piston_3_mass, crank_pin_1_x, rod_1_length, bore_1_branch, crank_pin_2_x, crank_pin_2_y,
-        rod_2_length, bore_2_branch, crank_pin_3_x, crank_pin_3_y, rod_3_length, bore_3_branch,
-        flywheel_inertia, _, _, _, gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset,
-        gas_3_table,
+        _, crank_inertia, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass, rod_2_inertia,
+        rod_3_centre_x, rod_3_mass, rod_3_inertia, piston_1_mass, piston_2_mass, piston_3_mass, crank_pin_1_x,
+        rod_1_length, bore_1_branch, crank_pin_2_x, crank_pin_2_y, rod_2_length, bore_2_branch, crank_pin_3_x,
+        crank_pin_3_y, rod_3_length, bore_3_branch, flywheel_inertia, _, _, _, gas_1_offset, gas_1_table, gas_2_offset,
+        gas_2_table, gas_3_offset, gas_3_table,
     ) = unpacked(p, 35)
     sin_main = math.sin(main_angle_)
     y_rod_1 = crank_pin_1_x*sin_main

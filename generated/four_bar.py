@@ -81,10 +81,9 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        crank_centre_x, crank_mass, _, coupler_centre_x, coupler_mass, coupler_inertia,
-        follower_centre_x, follower_mass, follower_inertia, crank_length, coupler_length,
-        follower_length, ground_right_x, rocker_branch, at_first_mass, at_second_mass, main_speed,
-        main_angle,
+        crank_centre_x, crank_mass, _, coupler_centre_x, coupler_mass, coupler_inertia, follower_centre_x,
+        follower_mass, follower_inertia, crank_length, coupler_length, follower_length, ground_right_x, rocker_branch,
+        at_first_mass, at_second_mass, main_speed, main_angle,
     ) = unpacked(p, 18)
     main_coordinate = s[15] = main_angle + main_speed*t
     cos_main = s[16] = math.cos(main_coordinate)

@@ -23,7 +23,9 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: path of the number in the scene, unit
 PARAMETERS = (
-    *rows.numbers('bodies.bottom', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
+    *rows.numbers(
+        'bodies.bottom', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad',
+    ),
     *rows.numbers('bodies.right', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
     *rows.numbers('bodies.top', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
     *rows.numbers('bodies.left', centre_x='m', mass='kg', inertia='kg m^2', pose_x='m', pose_y='m', pose_angle='rad'),
@@ -67,8 +69,10 @@ CONSTANTS = {
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
-        'tension_origin', 'tension_acceleration', 'tension_spin', 'viscous')
+TERMS = rows.less(
+    beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y', 'tension_origin',
+    'tension_acceleration', 'tension_spin', 'viscous',
+)
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'bottom': 0, 'right': 5, 'top': 10, 'left': 15}  # elastic link -> where its LINK_SCALARS begin in s
@@ -84,9 +88,8 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        _, _, _, bottom_pose_x, bottom_pose_y, bottom_pose_angle, _, _, _, right_pose_x, right_pose_y,
-        right_pose_angle, _, _, _, top_pose_x, top_pose_y, top_pose_angle, _, _, _, left_pose_x,
-        left_pose_y, left_pose_angle,
+        _, _, _, bottom_pose_x, bottom_pose_y, bottom_pose_angle, _, _, _, right_pose_x, right_pose_y, right_pose_angle,
+        _, _, _, top_pose_x, top_pose_y, top_pose_angle, _, _, _, left_pose_x, left_pose_y, left_pose_angle,
     ) = unpacked(p, 24)
     blow = s[20] = 10000.0*math.exp(-(66.66666666666667*t - 3.333333333333334)**2.0)
     c_bottom = s[23] = math.cos(bottom_pose_angle)

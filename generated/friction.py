@@ -22,8 +22,8 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # of a friction, in p
 NUMBERS = (
-    'direction_x', 'direction_y', 'angle', 'mu', 'mu_static', 'v_s', 'delta', 'viscous', 'preload', 'arm', 'law',
-        'of', 'sigma_0', 'sigma_1',
+    'direction_x', 'direction_y', 'angle', 'mu', 'mu_static', 'v_s', 'delta', 'viscous', 'preload', 'arm', 'law', 'of',
+    'sigma_0', 'sigma_1',
 )
 
 LAWS = ('coulomb', 'stribeck', 'viscous', 'lugre')  # of friction
@@ -31,7 +31,7 @@ LAWS = ('coulomb', 'stribeck', 'viscous', 'lugre')  # of friction
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'limit': (2, 2), 'coulomb': (2, 2), 'stribeck': (9, 9), 'stribeck_slope': (14, 10), 'bristle_decay': (3, 3),
-        'bristle_rate': (5, 5), 'bristle_force': (10, 9), 'bristle_by_speed': (11, 11), 'bristle_by_dry': (5, 5),
+    'bristle_rate': (5, 5), 'bristle_force': (10, 9), 'bristle_by_speed': (11, 11), 'bristle_by_dry': (5, 5),
 }
 
 

@@ -20,16 +20,14 @@ FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # sec: the numbers of section i begin at 9 i
-SECTION = (
-    'x', 'y', 'theta', 'v_x', 'v_y', 'omega', 'a_x', 'a_y', 'epsilon',
-)
+SECTION = ('x', 'y', 'theta', 'v_x', 'v_y', 'omega', 'a_x', 'a_y', 'epsilon')
 
 ROWS = {'revolute': 2, 'weld': 3, 'prismatic': 2, 'turn': 1, 'slide': 1}  # kernel -> the rows that it stores
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'revolute': (6, 6), 'weld': (10, 10), 'prismatic': (161, 51), 'turn': (3, 3), 'slide': (157, 47),
-        'pull_directed': (122, 25), 'pull_regular': (26, 12), 'twist': (15, 11),
+    'pull_directed': (122, 25), 'pull_regular': (26, 12), 'twist': (15, 11),
 }
 
 

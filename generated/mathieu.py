@@ -62,8 +62,10 @@ CONSTANTS = {
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
-        'tension_acceleration', 'tension_spin', 'viscous')
+TERMS = rows.less(
+    beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
+    'tension_acceleration', 'tension_spin', 'viscous',
+)
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'bar': 0}  # elastic link -> where its LINK_SCALARS begin in s

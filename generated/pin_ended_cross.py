@@ -73,8 +73,10 @@ CONSTANTS = {
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
-        'tension_origin', 'tension_acceleration', 'tension_spin', 'viscous')
+TERMS = rows.less(
+    beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y', 'tension_origin',
+    'tension_acceleration', 'tension_spin', 'viscous',
+)
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'arm_1': 0, 'arm_2': 5, 'arm_3': 10, 'arm_4': 15}  # elastic link -> where its LINK_SCALARS begin in s
@@ -90,9 +92,8 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        _, _, _, arm_1_pose_x, arm_1_pose_y, arm_1_pose_angle, _, _, _, arm_2_pose_x, arm_2_pose_y,
-        arm_2_pose_angle, _, _, _, arm_3_pose_x, arm_3_pose_y, arm_3_pose_angle, _, _, _,
-        arm_4_pose_x, arm_4_pose_y, arm_4_pose_angle,
+        _, _, _, arm_1_pose_x, arm_1_pose_y, arm_1_pose_angle, _, _, _, arm_2_pose_x, arm_2_pose_y, arm_2_pose_angle, _,
+        _, _, arm_3_pose_x, arm_3_pose_y, arm_3_pose_angle, _, _, _, arm_4_pose_x, arm_4_pose_y, arm_4_pose_angle,
     ) = unpacked(p, 24)
     push = s[20] = 1000.0*math.sin(22.0*math.pi*t)
     c_arm_1 = s[23] = math.cos(arm_1_pose_angle)

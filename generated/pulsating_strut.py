@@ -63,8 +63,10 @@ CONSTANTS = {
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x',
-        'tension_acceleration', 'tension_spin', 'viscous')
+TERMS = rows.less(
+    beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'tension_acceleration',
+    'tension_spin', 'viscous',
+)
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'strut': 0}  # elastic link -> where its LINK_SCALARS begin in s
@@ -80,8 +82,8 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        rotor_mass, _, strut_centre_x, strut_mass, _, block_mass, ground_aside_x, strut_length,
-        far_branch, clock_speed, clock_angle, mean_value, gravity_y,
+        rotor_mass, _, strut_centre_x, strut_mass, _, block_mass, ground_aside_x, strut_length, far_branch, clock_speed,
+        clock_angle, mean_value, gravity_y,
     ) = unpacked(p, 13)
     clock_coordinate = s[5] = clock_angle + clock_speed*t
     cos_clock = s[7] = math.cos(clock_coordinate)

@@ -88,10 +88,9 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        crank_centre_x, crank_mass, _, block_mass, block_inertia, lever_centre_x, lever_mass,
-        lever_inertia, rod_centre_x, rod_mass, rod_inertia, ram_mass, crank_length, ground_pivot_y,
-        slot_branch, lever_length, rod_length, ground_way_y, way_branch, main_speed, main_angle,
-        gravity_y,
+        crank_centre_x, crank_mass, _, block_mass, block_inertia, lever_centre_x, lever_mass, lever_inertia,
+        rod_centre_x, rod_mass, rod_inertia, ram_mass, crank_length, ground_pivot_y, slot_branch, lever_length,
+        rod_length, ground_way_y, way_branch, main_speed, main_angle, gravity_y,
     ) = unpacked(p, 22)
     main_coordinate = s[5] = main_angle + main_speed*t
     sin_main = s[7] = math.sin(main_coordinate)

@@ -101,12 +101,11 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        crank_centre_x, crank_mass, _, rod_centre_x, rod_mass, rod_inertia, platform_centre_x,
-        platform_mass, platform_inertia, left_rocker_centre_x, left_rocker_mass, left_rocker_inertia,
-        right_rocker_centre_x, right_rocker_mass, right_rocker_inertia, crank_length, rod_length,
-        platform_knee_x, platform_knee_y, ground_left_x, ground_left_y, left_rocker_length, _,
-        ground_right_x, right_rocker_length, platform_length, _, main_speed, main_angle, gravity_y,
-        rod_seed_c, rod_seed_s, platform_seed_c, platform_seed_s, left_rocker_seed_c,
+        crank_centre_x, crank_mass, _, rod_centre_x, rod_mass, rod_inertia, platform_centre_x, platform_mass,
+        platform_inertia, left_rocker_centre_x, left_rocker_mass, left_rocker_inertia, right_rocker_centre_x,
+        right_rocker_mass, right_rocker_inertia, crank_length, rod_length, platform_knee_x, platform_knee_y,
+        ground_left_x, ground_left_y, left_rocker_length, _, ground_right_x, right_rocker_length, platform_length, _,
+        main_speed, main_angle, gravity_y, rod_seed_c, rod_seed_s, platform_seed_c, platform_seed_s, left_rocker_seed_c,
         left_rocker_seed_s, right_rocker_seed_c, right_rocker_seed_s, right_knee_side,
     ) = unpacked(p, 39)
     main_coordinate = s[10] = main_angle + main_speed*t

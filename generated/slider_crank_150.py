@@ -72,8 +72,8 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        _, rod_centre_x, rod_mass, rod_inertia, slider_mass, crank_length, rod_length, guide_branch,
-        main_speed, main_angle,
+        _, rod_centre_x, rod_mass, rod_inertia, slider_mass, crank_length, rod_length, guide_branch, main_speed,
+        main_angle,
     ) = unpacked(p, 10)
     main_coordinate = s[5] = main_angle + main_speed*t
     sin_main = s[7] = math.sin(main_coordinate)

@@ -25,18 +25,16 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 # sec: the numbers of section i begin at 15 i
 SECTION = (
     'r_x', 'r_y', 'r_z', 'v_x', 'v_y', 'v_z', 'a_x', 'a_y', 'a_z', 'omega_x', 'omega_y', 'omega_z', 'epsilon_x',
-        'epsilon_y', 'epsilon_z',
+    'epsilon_y', 'epsilon_z',
 )
 
 # p: the numbers of a body begin at o
-BODY = (
-    'mass', 'centre_x', 'centre_y', 'centre_z', 'J_x', 'J_y', 'J_z', 'J_xy', 'J_yz', 'J_zx',
-)
+BODY = ('mass', 'centre_x', 'centre_y', 'centre_z', 'J_x', 'J_y', 'J_z', 'J_xy', 'J_yz', 'J_zx')
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'demand': (294, 184), 'inertia': (48, 21), 'coincide': (9, 9), 'perpendicular': (153, 96), 'on_plane': (150, 93),
-        'pull_directed': (217, 32), 'pull_regular': (37, 16),
+    'pull_directed': (217, 32), 'pull_regular': (37, 16),
 }
 
 
@@ -163,8 +161,8 @@ def perpendicular(sec, i, j, axes, k, l, out, n):
 def on_plane(sec, i, j, axes, k, out, n):
     """The second point is in the plane across the axis k through the first: a row at out[n]."""
     (
-        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1, omega_x_1, omega_y_1,
-        omega_z_1, epsilon_x_1, epsilon_y_1, epsilon_z_1,
+        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1, omega_x_1, omega_y_1, omega_z_1, epsilon_x_1,
+        epsilon_y_1, epsilon_z_1,
     ) = unpacked(sec, 15, 15 * i)
     r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2 = unpacked(sec, 9, 15 * j)
     n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)

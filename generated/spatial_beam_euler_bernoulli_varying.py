@@ -30,7 +30,7 @@ ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'M': (1132, 1132), 'K_s': (1026, 1022), 'K_d': (2465, 2382), 'K_g': (2156, 2069), 'C': (1185, 1167),
-        'F': (431, 390),
+    'F': (431, 390),
 }
 
 

@@ -30,8 +30,7 @@ ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1937, 1930), 'K_s': (1040, 1034), 'K_d': (2272, 2237), 'K_g': (1577, 1540), 'C': (881, 877),
-        'F': (268, 257),
+    'M': (1937, 1930), 'K_s': (1040, 1034), 'K_d': (2272, 2237), 'K_g': (1577, 1540), 'C': (881, 877), 'F': (268, 257),
 }
 
 

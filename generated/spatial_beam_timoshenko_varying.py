@@ -31,7 +31,7 @@ ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'M': (3438, 3415), 'K_s': (1512, 1497), 'K_d': (4731, 4546), 'K_g': (2172, 2081), 'C': (1793, 1767),
-        'F': (587, 538),
+    'F': (587, 538),
 }
 
 
@@ -43,8 +43,8 @@ def M(p, out):
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
     (
-        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise,
-        rho_I_z_rise, E_I_y_rise, E_I_z_rise, _, _, phi_y, phi_z,
+        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
+        E_I_z_rise, _, _, phi_y, phi_z,
     ) = unpacked(p, 19)
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = growth_v = E_I_z_rise/E_I_z
@@ -132,8 +132,8 @@ def K_d(p, s, out):
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
     (
-        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise,
-        rho_I_z_rise, E_I_y_rise, E_I_z_rise, _, _, phi_y, phi_z,
+        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
+        E_I_z_rise, _, _, phi_y, phi_z,
     ) = unpacked(p, 19)
     omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z = unpacked(s, 6)
     w0 = beta_v = 1.0/(phi_y + 1.0)
@@ -240,8 +240,8 @@ def K_g(p, s, out):
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
     (
-        rho_A, _, _, E_I_y, E_I_z, _, _, I_p_A, length, x_0, rho_A_rise, _, _, E_I_y_rise, E_I_z_rise,
-        m_0, S_0, phi_y, phi_z,
+        rho_A, _, _, E_I_y, E_I_z, _, _, I_p_A, length, x_0, rho_A_rise, _, _, E_I_y_rise, E_I_z_rise, m_0, S_0, phi_y,
+        phi_z,
     ) = unpacked(p, 19)
     _, omega_y, omega_z, _, _, _, a_x, _, _, P_0 = unpacked(s, 10)
     w0 = beta_v = 1.0/(phi_y + 1.0)
@@ -278,8 +278,8 @@ def C(p, s, out):
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
     (
-        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise,
-        rho_I_z_rise, E_I_y_rise, E_I_z_rise, _, _, phi_y, phi_z,
+        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
+        E_I_z_rise, _, _, phi_y, phi_z,
     ) = unpacked(p, 19)
     omega_x, omega_y, omega_z = unpacked(s, 3)
     w0 = beta_v = 1.0/(phi_y + 1.0)
@@ -323,8 +323,8 @@ def F(p, s, out):
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
     (
-        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, x_0, rho_A_rise, rho_I_y_rise,
-        rho_I_z_rise, E_I_y_rise, E_I_z_rise, _, _, phi_y, phi_z,
+        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, x_0, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
+        E_I_z_rise, _, _, phi_y, phi_z,
     ) = unpacked(p, 19)
     omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z, a_x, a_y, a_z = unpacked(s, 9)
     w0 = beta_v = 1.0/(phi_y + 1.0)

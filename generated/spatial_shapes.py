@@ -20,14 +20,12 @@ FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: the numbers of shape j begin at o + 12 j
-SINGLE = (
-    'N_x', 'N_y', 'N_z', 'x_N_x', 'x_N_y', 'x_N_z', 'y_N_x', 'y_N_y', 'y_N_z', 'z_N_x', 'z_N_y', 'z_N_z',
-)
+SINGLE = ('N_x', 'N_y', 'N_z', 'x_N_x', 'x_N_y', 'x_N_z', 'y_N_x', 'y_N_y', 'y_N_z', 'z_N_x', 'z_N_y', 'z_N_z')
 
 # those of j and l at o + 12 n + 23 (n j + l)
 PAIR = (
     'N_x_N_x', 'N_x_N_y', 'N_x_N_z', 'N_y_N_x', 'N_y_N_y', 'N_y_N_z', 'N_z_N_x', 'N_z_N_y', 'N_z_N_z', 'G_x', 'G_y',
-        'G_z', 'x_G_x', 'x_G_y', 'x_G_z', 'y_G_x', 'y_G_y', 'y_G_z', 'z_G_x', 'z_G_y', 'z_G_z', 'stiffness', 'damping',
+    'G_z', 'x_G_x', 'x_G_y', 'x_G_z', 'y_G_x', 'y_G_y', 'y_G_z', 'z_G_x', 'z_G_y', 'z_G_z', 'stiffness', 'damping',
 )
 
 

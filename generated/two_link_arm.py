@@ -69,8 +69,8 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia,
-        upper_length, load_mass, lower_length, gravity_y,
+        upper_centre_x, upper_mass, upper_inertia, lower_centre_x, lower_mass, lower_inertia, upper_length, load_mass,
+        lower_length, gravity_y,
     ) = unpacked(p, 10)
     w0 = math.pi*t
     w1 = 2.0*w0

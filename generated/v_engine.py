@@ -91,11 +91,10 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        crank_centre_x, crank_mass, _, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x,
-        rod_2_mass, rod_2_inertia, piston_1_mass, piston_2_mass, crank_length, rod_1_length,
-        bore_1_direction_x, bore_1_direction_y, bore_1_branch, rod_2_length, bore_2_direction_x,
-        bore_2_direction_y, bore_2_branch, main_speed, main_angle, gas_1_direction_x,
-        gas_1_direction_y, gas_1_offset, gas_1_table, gas_2_direction_x, gas_2_direction_y,
+        crank_centre_x, crank_mass, _, rod_1_centre_x, rod_1_mass, rod_1_inertia, rod_2_centre_x, rod_2_mass,
+        rod_2_inertia, piston_1_mass, piston_2_mass, crank_length, rod_1_length, bore_1_direction_x, bore_1_direction_y,
+        bore_1_branch, rod_2_length, bore_2_direction_x, bore_2_direction_y, bore_2_branch, main_speed, main_angle,
+        gas_1_direction_x, gas_1_direction_y, gas_1_offset, gas_1_table, gas_2_direction_x, gas_2_direction_y,
         gas_2_offset, gas_2_table,
     ) = unpacked(p, 30)
     main_coordinate = s[10] = main_angle + main_speed*t
