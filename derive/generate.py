@@ -103,12 +103,7 @@ def generate(scene: Any, progress: Progress = lambda stage: None) -> str:
     progress : callable
         Called with the name of each stage as it begins.
     """
-    progress("Kane's equations")
-    equations = derive_equations(scene.structure())
-    progress("programs")
-    kernels = lower(equations)
-    progress("module text")
-    return print_module(equations, kernels, scene.structure_hash())
+    return generate_pruned(scene, (), scene.structure_hash(), progress)
 
 
 def generate_pruned(
