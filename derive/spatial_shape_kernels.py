@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import combinations_with_replacement
 from textwrap import indent, wrap
 
 import sympy as sm
@@ -162,7 +163,8 @@ def _inertia() -> str:
     rates, own, other = (*ACCEL, *EPSILON), coordinates(0), coordinates(1)
     unknowns, texts = (own[0], other[0]), {}
     for kind in _OF:
-        body = {f"out[{emit.offset('n', 6 * a + b)}]": equations[a].diff(rates[b]) for a in range(6) for b in range(6)}
+        upper = combinations_with_replacement(range(6), 2)
+        body = {f"out[{emit.offset('n', 6 * a + b)}]": equations[a].diff(rates[b]) for a, b in upper}
         values = {at: motion.summed(_coefficients(entry, kind), unknowns) for at, entry in body.items()}
         columns = {name: equations[6].diff(rate) for name, rate in zip(_FORCES, rates, strict=True)}
         values |= {name: motion.summed(_coefficients(entry, kind), unknowns) for name, entry in columns.items()}
@@ -262,8 +264,8 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
 '''
 _INERTIA = '''@njit(**OPTIONS)
 def shaped_inertia(p, o, count, q, i, out, n):
-    """Add what shapes change of a body's mass matrix (6, 6) at out[n]; store behind it what couples them to it,
-    (6, count), and their own, (count, count), all row by row."""
+    """Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
+    them to it, (6, count), and their own, (count, count), all row by row."""
     modal = n + 36 + 6 * count
     for j in range(count):
         j1, q_j = o + 12 * j, q[i + j]
@@ -272,4 +274,7 @@ def shaped_inertia(p, o, count, q, i, out, n):
             jl, q_l = o + 12 * count + {stride} * (count * j + l), q[i + l]
 {pair}
 {stores}
+    for k in range(6):
+        for l in range(k):
+            out[n + 6 * k + l] = out[n + 6 * l + k]
 '''
