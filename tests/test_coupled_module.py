@@ -109,6 +109,17 @@ def test_loads_follow_the_speeds_of_free_drives(tmp_path):
     assert by_name["gas_2"] == pytest.approx(gas.curve()[2 + intervals + 1], rel=1e-12)  # the first of its values
 
 
+def test_without_drives_and_loads_nothing_is_stored(tmp_path):
+    """By kernels that such structures have in common."""
+    _, found = module("elastic-double-pendulum", tmp_path)
+    _, other = module("elastic-pendulum", tmp_path)
+    assert (found.courses, found.magnitudes) == (other.courses, other.magnitudes)
+    p, x, out = np.full(9, 2.5), np.full(9, 2.5), np.full(9, 3.5)
+    found.courses(0.1, p, out, 1)
+    found.magnitudes(0.1, x, 0, p, out, 1)
+    assert (out == 3.5).all()
+
+
 def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused(tmp_path):
     scene, found = module("engine", tmp_path)
     safe, p = kaneflex.checked(found), bind_parameters(scene, found)

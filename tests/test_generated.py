@@ -4,6 +4,7 @@ import ast
 import hashlib
 import importlib
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -169,6 +170,13 @@ def test_every_kernel_is_printed_once():
         for kernel, node in functions(name).items():
             if kernel in ELEMENT_KERNELS or kernel.startswith("table"):
                 assert where.setdefault(ast.unparse(node), name) == name, f"{kernel} of {name}"
+
+
+def test_no_number_has_two_names():
+    """What kernels share is neither another symbol nor its negative, and no name of theory stands for one of it."""
+    for path in FOLDER.glob("*.py"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            assert not re.fullmatch(r" +(w\d+ = (.* = )?-?[^\W\d]\w*|[^\W\d]\w* = (.* = )?w\d+)", line), (path, line)
 
 
 # ---- only what the scene requires -------------------------------------------------------------------------------
