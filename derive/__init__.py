@@ -14,6 +14,7 @@ The pipeline, one file a stage:
     module_text tables, imports and the frame of a module around its kernels
     lookups_numba   what kernels call beside math; lookups_c: the same in C
     packs       what kernels read and store in one statement
+    bracketed   entries over several lines
     rows        rows of modules' tables, each kind said once: rows_text() -> module text
     c_module    the same programs as C11: generate_c(scene, name) -> texts of files
     generate    the whole: generate(scene) -> module text; generate_pruned: without some groups of terms

@@ -6,7 +6,7 @@ derives of a body with as many (:mod:`kaneflex.derive.flexible`). Sums over equa
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from types import SimpleNamespace
 
 import sympy as sm
@@ -30,23 +30,39 @@ class NotKane(AssertionError):
 def prove(text: str) -> None:
     """Raise NotKane if a kernel of this text, a function ``kernels``, differs from the derived equations."""
     for counts in PROVED:
-        for name, found, expected in comparisons(text, *counts):
-            left = [_plain(x - y) for x, y in zip(found, expected, strict=True)]
-            if any(entry != 0 for entry in left):
-                wrong = next(k for k, entry in enumerate(left) if entry != 0)
-                raise NotKane(f"{name} of a body with {counts} shapes: entry {wrong} is off by {left[wrong]}")
+        demand_equal(comparisons(text, *counts), counts, _plain)
 
 
-def interpreted(text: str, axial: int, transverse: int) -> SimpleNamespace:
-    """The kernels as Python runs them, on whatever adds and multiplies."""
+Comparisons = Iterable[tuple[str, list[sm.Expr], list[sm.Expr]]]
+"""Every kernel with what it computes and what Kane's equations say, entry by entry."""
+
+
+def demand_equal(
+    compared: Comparisons, shapes: int | tuple[int, int], plain: Callable[[sm.Expr], sm.Expr] = sm.expand
+) -> None:
+    """Raise NotKane where the two differ, ``plain``: in expressions that are zero by their look if at all."""
+    for name, found, expected in compared:
+        for k, (one, other) in enumerate(zip(found, expected, strict=True)):
+            left = plain(one - other)
+            if left != 0:
+                raise NotKane(f"{name} of a body with {shapes} shapes: entry {k} is off by {left}")
+
+
+def functions(text: str) -> dict[str, Callable]:
+    """Those of a text as Python runs them, on whatever adds and multiplies."""
     names = {"njit": lambda **options: lambda kernel: kernel, "OPTIONS": {}, "cache": lambda kernels: kernels}
     names["SimpleNamespace"] = SimpleNamespace
     exec(compile(text, "kernels", "exec"), names)
-    return names["kernels"](axial, transverse)
+    return names
 
 
-def comparisons(text: str, axial: int, transverse: int) -> Iterable[tuple[str, list[sm.Expr], list[sm.Expr]]]:
-    """Every kernel with what it computes and what Kane's equations say, entry by entry."""
+def interpreted(text: str, axial: int, transverse: int) -> SimpleNamespace:
+    """The kernels of bodies with so many shapes."""
+    return functions(text)["kernels"](axial, transverse)
+
+
+def comparisons(text: str, axial: int, transverse: int) -> Comparisons:
+    """Those of a body, then those of its points."""
     yield from _of_body(interpreted(text, axial, transverse), axial, transverse)
     yield from _of_point(interpreted(text, axial, transverse), axial, transverse)
 

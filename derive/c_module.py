@@ -21,7 +21,7 @@ from kaneflex.derive.elements import element_kernel, in_letters
 from kaneflex.derive.generate import Equations, Progress, derive_equations, kernels_of, lower, table_paths
 from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
 from kaneflex.derive.names import ascii_identifier
-from kaneflex.derive.program import Program
+from kaneflex.derive.program import Program, named
 from kaneflex.support.c_language import RESERVED, comment, plain
 from kaneflex.support.contract import BEAMS, FORMAT, LINK_SCALARS, element_parameters
 
@@ -95,17 +95,18 @@ def _function(kernel: emit.Kernel, name: str, identifiers: Mapping[sm.Symbol, st
     """The definition of a kernel. A number that only goes into the array has no name of its own there."""
     program, printer = kernel.program, CPrinter(identifiers)
     if kernel.fill:
+        program = named(program)
         program = replace(program, outputs=packs.full(program.outputs))
         kernel = replace(kernel, program=program)
     assigned = {symbol for symbol, _ in program.assignments}
     rights = [value for _, value in (*program.assignments, *program.outputs) if value not in assigned]
-    named = {printer.doprint(symbol) for value in rights for symbol in value.free_symbols}
+    asked = {printer.doprint(symbol) for value in rights for symbol in value.free_symbols}
     lines, texts = [], []
     read = ((local, [], source) for local, source in emit.reads(kernel, printer))
     for local, slots, value in (*read, *emit.statements(kernel, printer)):
         places = [slot.replace(", ", "][") for slot in slots]
         texts.append(value)
-        targets = ([f"const double {local}"] if local in named or not places else []) + places
+        targets = ([f"const double {local}"] if local in asked or not places else []) + places
         lines.append(f"    {' = '.join([*targets, value])};")
     for argument in kernel.arguments[:-1]:
         if not any(re.search(rf"\b{argument}\b", value) for value in texts):

@@ -11,7 +11,7 @@ import sympy as sm
 
 from kaneflex.derive import emit, module_text
 from kaneflex.derive.joints import SECTION
-from kaneflex.derive.program import Assignment, Program, share
+from kaneflex.derive.program import Assignment
 from kaneflex.mechanism import contacts
 from kaneflex.mechanism.planar import Vector, dot, minus, quarter_turn
 
@@ -138,12 +138,12 @@ def _symbol(letter: str, side: int) -> sm.Symbol:
     return sm.Symbol(f"{letter}_{side}")
 
 
-_SECTIONS = tuple(
-    (_symbol(letter, side), f"w[{emit.offset(begin, k)}]")
-    for side, begin in _SIDES.items()
-    for k, letter in enumerate(SECTION)
-)
-_OWN = tuple((symbol, f"p[{emit.offset('c', k)}]") for k, symbol in enumerate(_number.values()))
+_OWN = emit.places(_number.values(), "p", "c")
+_READS = (
+    *(place for side, begin in _SIDES.items()
+      for place in emit.places((_symbol(letter, side) for letter in SECTION), "w", begin)),
+    *_OWN,
+)  # fmt: skip
 
 
 def _place(side: int, letters: tuple[str, str]) -> Vector:
@@ -176,7 +176,7 @@ def _sliding(arm: Vector) -> sm.Expr:
     return contacts.sliding(_NORMAL, _D_RATE, ((_D[0] + arm[0], _D[1] + arm[1]), arm), _OMEGAS)
 
 
-def _sliding_kernel(kind: str) -> tuple[emit.Kernel, Program]:
+def _sliding_kernel(kind: str) -> emit.Printed:
     """What the gap's kernel says of what slides, with its rate, and its derivatives by the twists."""
     steps, rates, _ = _moving(kind)
     speed, place = _sliding(contacts.touched(_NORMAL, _number["radius"])), sm.S.Zero
@@ -190,7 +190,7 @@ def _sliding_kernel(kind: str) -> tuple[emit.Kernel, Program]:
     return _stored(f"{kind}_along", steps, (place, speed, _changes(speed, rates), *twists), _SLIDING)
 
 
-def _gap_kernel(kind: str, acceleration: bool = False) -> tuple[emit.Kernel, Program]:
+def _gap_kernel(kind: str, acceleration: bool = False) -> emit.Printed:
     """g' is what the velocities make of g: its derivative by d, the length and the normal times the rates of these.
 
     g'' is in the same way what velocities and accelerations make of g', in a kernel of its own.
@@ -206,7 +206,7 @@ def _gap_kernel(kind: str, acceleration: bool = False) -> tuple[emit.Kernel, Pro
     return _stored(kind, steps, (gap, rate, *_NORMAL, *touched, _sliding(arm), 0), _GAP.format(_GAPS[kind]))
 
 
-def _flank_kernel(kind: str, acceleration: bool) -> tuple[emit.Kernel, Program]:
+def _flank_kernel(kind: str, acceleration: bool) -> emit.Printed:
     """The angle of the second section against the first, which turns."""
     phi, omega, epsilon = (_symbol(letter, 2) - _symbol(letter, 1) for letter in ("theta", "omega", "epsilon"))
     turn = _number["direction_x"]
@@ -217,21 +217,15 @@ def _flank_kernel(kind: str, acceleration: bool) -> tuple[emit.Kernel, Program]:
     return _stored(kind, [], values, _GAP.format(_GAPS[kind]))
 
 
-def _acceleration(kind: str, steps: Sequence[Assignment], value: sm.Expr) -> tuple[emit.Kernel, Program]:
-    reads, of = (*_SECTIONS, *_OWN), kind.replace("-", "_")
-    raw = Program(
-        f"{of}_acceleration", tuple(symbol for symbol, _ in reads), tuple(steps), (("value_0", sm.sympify(value)),)
-    )
-    return emit.Kernel(share(raw), ("w", "a", "b", "p", "c"), reads, f"g'' [m/s^2] of ``{of}``.", returns=True), raw
+def _acceleration(kind: str, steps: Sequence[Assignment], value: sm.Expr) -> emit.Printed:
+    of = kind.replace("-", "_")
+    doc = f"g'' [m/s^2] of ``{of}``."
+    return emit.kernel(f"{of}_acceleration", ("w", "a", "b", "p", "c"), _READS, (value,), doc, steps)
 
 
-def _stored(
-    name: str, steps: Sequence[Assignment], values: Sequence[sm.Expr], doc: str
-) -> tuple[emit.Kernel, Program]:  # fmt: skip
-    reads = (*_SECTIONS, *_OWN)
-    outputs = tuple((f"out[{emit.offset('k', k)}]", sm.sympify(value)) for k, value in enumerate(values))
-    raw = Program(name.replace("-", "_"), tuple(symbol for symbol, _ in reads), tuple(steps), outputs)
-    return emit.Kernel(share(raw), ("w", "a", "b", "p", "c", "out", "k"), reads, doc, zeros=True), raw
+def _stored(name: str, steps: Sequence[Assignment], values: Sequence[sm.Expr], doc: str) -> emit.Printed:
+    arguments = ("w", "a", "b", "p", "c", "out", "k")
+    return emit.kernel(name.replace("-", "_"), arguments, _READS, values, doc, steps, out="k")
 
 
 def _changes(value: sm.Expr, rates: Mapping[sm.Expr, sm.Expr]) -> sm.Expr:
@@ -250,7 +244,7 @@ def _even(slope: sm.Expr) -> sm.Expr:
     return sm.powsimp(sm.expand(slope)).xreplace({_DEPTH: _size})
 
 
-def _force_kernel(law: str, slopes: bool = False) -> tuple[emit.Kernel, Program]:
+def _force_kernel(law: str, slopes: bool = False) -> emit.Printed:
     """The force, or its derivatives by g and by its rate, with d = -g and d' = -g'."""
     K, n, chi = (_number[name] for name in ("K", "n", "chi"))
     force = contacts.push(law, K, n, chi, _v_0, _DEPTH, _RATE)
@@ -264,7 +258,7 @@ def _force_kernel(law: str, slopes: bool = False) -> tuple[emit.Kernel, Program]
     return _returning(_FUNCTION[law] + "_slopes" * slopes, values, doc)
 
 
-def _energy_kernel() -> tuple[emit.Kernel, Program]:
+def _energy_kernel() -> emit.Printed:
     """int K d^n dd, which is even in d where the force is odd."""
     K, n = _number["K"], sm.Symbol("n", positive=True)
     energy = sm.integrate(contacts.elastic(K, n, _DEPTH), (_DEPTH, 0, _DEPTH))
@@ -273,11 +267,8 @@ def _energy_kernel() -> tuple[emit.Kernel, Program]:
     return _returning("stored", [energy], "Energy [J] of a contact that is as deep as -g, K d^(n + 1)/(n + 1).")
 
 
-def _returning(name: str, values: list[sm.Expr], doc: str) -> tuple[emit.Kernel, Program]:
+def _returning(name: str, values: list[sm.Expr], doc: str) -> emit.Printed:
     """A kernel of a contact's own numbers, its gap, and what else the values read."""
     read = set().union(*(value.free_symbols for value in values))
-    own = tuple(symbol for symbol in (_v_0, _g, _g_rate) if symbol in read or symbol == _g)
-    outputs = tuple((f"value_{k}", value) for k, value in enumerate(values))
-    raw = Program(name, (*(symbol for symbol, _ in _OWN), *own), ((_size, sm.Abs(_g)),), outputs)
-    arguments = ("p", "c", *(symbol.name for symbol in own))
-    return emit.Kernel(share(raw), arguments, _OWN, doc, returns=True), raw
+    own = [symbol.name for symbol in (_v_0, _g, _g_rate) if symbol in read or symbol == _g]
+    return emit.kernel(name, ("p", "c", *own), _OWN, values, doc, ((_size, sm.Abs(_g)),))

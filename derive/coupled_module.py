@@ -20,6 +20,7 @@ from kaneflex.derive.links import forced_points
 from kaneflex.derive.lookups import T
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import drive_courses, load_size
+from kaneflex.derive.names import Names
 from kaneflex.derive.program import Program, share
 from kaneflex.derive.steps import Steps
 from kaneflex.support.contract import ELEMENT_KERNELS
@@ -64,6 +65,7 @@ def generate_coupled(
     progress("module text")
     beam = beam_of(description) if counts else ""
     names = mechanism.names
+    functions, imports = printed(kernels, names)
     return module_text.module(
         "A structure's part in the coupled equations",
         _ABOUT,
@@ -72,11 +74,8 @@ def generate_coupled(
             *laws_tables(mechanism, parameters),
             operations_table(emit.operations(kernels), beam),
         ],
-        emit.print_kernels((kernel for kernel, _ in kernels), names),
-        [
-            *([import_element(beam, ["TERMS", *ELEMENT_KERNELS])] if beam else []),
-            *lookups_numba.import_lookups([raw for _, raw in kernels]),
-        ],
+        functions,
+        [*([import_element(beam, ["TERMS", *ELEMENT_KERNELS])] if beam else []), *imports],
         structure=structure,
         made="kaneflex derive SCENE --coupled -o FILE.py",
     )
@@ -160,6 +159,15 @@ _DOCS = {
     side of zero the loads count as of each of SWITCHES: 1 above, -1 below, 0 where it stays at zero.""",
 }
 _ARGUMENTS = {"courses": ("t", "p", "out", "k"), "magnitudes": ("t", "x", "i", "p", "out", "k")}
+
+
+def printed(kernels: Iterable[emit.Printed], names: Names) -> tuple[list[str], list[str]]:
+    """The functions of a structure's kernels, and what it imports: those that do nothing, and what the others call."""
+    idle = [f"no_{kernel.program.name} as {kernel.program.name}" for kernel, raw in kernels if not raw.outputs]
+    own = [(kernel, raw) for kernel, raw in kernels if raw.outputs]
+    imports = [module_text.import_names("laws", idle)] if idle else []
+    lookups = lookups_numba.import_lookups([raw for _, raw in own])
+    return emit.print_kernels((kernel for kernel, _ in own), names), [*imports, *lookups]
 
 
 def kernel_of(

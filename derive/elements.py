@@ -23,7 +23,9 @@ from kaneflex.support.contract import BEAMS, ELEMENT_KERNELS, ELEMENT_TERMS
 _KERNELS = {
     "M": ("Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].", "M", ("inertia",)),
     "K_s": ("Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].", "K", ("elastic",)),
-    "K_d": ("Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].", "K", ("spin", "euler")),
+    "K_d": (
+        "Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].", "K", ("spin", "euler")
+    ),
     "K_g": ("Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].", "K", ("geometric",)),
     "C": ("Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].", "C", ("gyroscopic",)),
     "F": ("Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].", "F", ("load",)),
@@ -32,7 +34,6 @@ _KERNELS = {
 
 _ROTARY = {
     "M": "\n\nM holds the rotary inertia int rho I theta^T theta dx, too.",
-    "K_d": "\n\nM here is that of translation alone.",
     "F": "\n\nIt holds the rotary inertia -epsilon int rho I theta^T dx, too.",
 }
 
@@ -108,8 +109,8 @@ def element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
     doc += " out: zeros; structural zeros are not stored."
     matrix = stored.cols > 1
     program = share(Program(name, symbols, steps, _stores(stored)))
-    program = named(_independent(program, stored) if matrix else program)
-    return emit.Kernel(program, arguments, tuple(inputs), doc, packed=True, unpacked=True, fill=matrix), raw
+    program = named(_independent(program, stored) if matrix else program, least=2)
+    return emit.Kernel(program, arguments, tuple(inputs), doc, packed=True, fill=matrix), raw
 
 
 def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:

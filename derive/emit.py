@@ -16,7 +16,7 @@ from kaneflex.derive import packs
 from kaneflex.derive.lookups_numba import LAW_FUNCTIONS, TABLE_LOOKUPS
 from kaneflex.derive.module_text import UNCHECKED, module, operations_table
 from kaneflex.derive.names import Names
-from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count
+from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count, share
 
 
 class ScalarPrinter(CodePrinter):
@@ -101,7 +101,6 @@ class Kernel:
     One that ``returns`` has no array: its outputs are numbers by names of their own. ``calls``: statements behind the
     program's own, which read its outputs. ``inline``: into what calls it, whatever its size. ``packed``: outputs are
     stored at last, in one go where they are neighbours; with ``fill`` those of a matrix by its independent entries.
-    ``unpacked``: what is read of an array is read in one go.
     """
 
     program: Program
@@ -113,8 +112,31 @@ class Kernel:
     calls: tuple[str, ...] = ()
     inline: bool = False
     packed: bool = False
-    unpacked: bool = False
     fill: bool = False
+
+
+Printed = tuple[Kernel, Program]
+"""A kernel, and its program before it was known what it shares."""
+Reads = tuple[tuple[sm.Symbol, str], ...]
+"""Numbers that a kernel reads, and their places."""
+
+
+def kernel(
+    name: str, arguments: Iterable[str], reads: Reads, values: Iterable[sm.Expr], doc: str, steps=(), out: str = ""
+) -> Printed:
+    """A kernel that stores values at out[``out``] and behind, or returns them if that is empty.
+
+    Beside what it reads they depend on its arguments, and on what ``steps`` assign.
+    """
+    arguments = tuple(arguments)
+    outputs = tuple((f"out[{offset(out, k)}]" if out else str(k), sm.sympify(value)) for k, value in enumerate(values))
+    raw = Program(name, (*(symbol for symbol, _ in reads), *map(sm.Symbol, arguments)), tuple(steps), outputs)
+    return Kernel(share(raw), arguments, reads, doc, zeros=True, returns=not out), raw
+
+
+def places(symbols: Iterable[sm.Symbol], array: str, begin: str) -> Reads:
+    """Numbers that stand side by side in an array, from this index on."""
+    return tuple((symbol, f"{array}[{offset(begin, k)}]") for k, symbol in enumerate(symbols))
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
@@ -131,7 +153,7 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     the other stores."""
     printer = NumbaPrinter(identifiers)
     read, told = reads(kernel, printer), statements(kernel, printer)
-    body = [*packs.loads(read)] if kernel.unpacked else [f"{name} = {source}" for name, source in read]
+    body = [*packs.loads(read)]
     if kernel.packed:
         slots = {}
         for name, places, value in told:
@@ -144,7 +166,7 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
         values = (_bare(printer.doprint(expression)) for _, expression in kernel.program.outputs)
         body.append(f"return {', '.join(values)}")
     body += kernel.calls
-    text = textwrap.indent("\n".join([f'"""{kernel.doc}"""', *(body or ["pass"])]), "    ")
+    text = textwrap.indent("\n".join([f'"""{kernel.doc}"""', *body]), "    ")
     options = "forceinline=True, **OPTIONS" if kernel.inline else "**OPTIONS"
     return f"@njit({options})\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{text}\n"
 
@@ -177,7 +199,7 @@ def _bare(text: str) -> str:
     return text[1:-1] if text.startswith("(") and text.find(")") == len(text) - 1 else text
 
 
-def operations(kernels: Sequence[tuple[Kernel, Program]]) -> dict[str, tuple[int, int]]:
+def operations(kernels: Sequence[Printed]) -> dict[str, tuple[int, int]]:
     """Kernel -> (operations when every output is written out, operations as printed)."""
     return {
         kernel.program.name: (expanded_operation_count(raw), operation_count(kernel.program)) for kernel, raw in kernels
@@ -190,7 +212,7 @@ def offset(begin: str, k: int) -> str:
 
 
 def kernels_module(
-    title: str, about: str, tables: Iterable[str], kernels: Sequence[tuple[Kernel, Program]], more: str
+    title: str, about: str, tables: Iterable[str], kernels: Sequence[Printed], more: str
 ) -> str:
     """Text of a module that is printed once for every scene, of kernels with their operations; ``more``: those that
     call the others."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 import sympy as sm
 
 from kaneflex.derive import emit, module_text
-from kaneflex.derive.program import Program, share
 from kaneflex.mechanism import friction
 
 NUMBERS = (
@@ -17,7 +16,7 @@ NUMBERS = (
 )  # fmt: skip
 """Numbers of a friction in the order in which the kernels read them."""
 _number = {name: sm.Symbol(name) for name in NUMBERS}
-_OWN = tuple((symbol, f"p[c + {k}]" if k else "p[c]") for k, symbol in enumerate(_number.values()))
+_OWN = emit.places(_number.values(), "p", "c")
 _N, _v, _size = sm.symbols("N v size")
 _g, _slope, _way, _z = sm.symbols("g slope way z")
 
@@ -51,7 +50,7 @@ def friction_text() -> str:
     return emit.kernels_module(title, _ABOUT, tables, _kernels(), _DISPATCH)
 
 
-def _kernels() -> list[tuple[emit.Kernel, Program]]:
+def _kernels() -> list[emit.Printed]:
     mu, mu_static, preload = (_number[name] for name in ("mu", "mu_static", "preload"))
     left = friction.excess(_number["v_s"], _size, _number["delta"], sm.exp)
     falling = friction.dry(mu, mu_static, preload, _N, left)
@@ -64,7 +63,7 @@ def _kernels() -> list[tuple[emit.Kernel, Program]]:
     ]
 
 
-def _bristles() -> list[tuple[emit.Kernel, Program]]:
+def _bristles() -> list[emit.Printed]:
     """Of the law lugre: its rate is linear in z, its derivatives are those with |v| and g as they follow from v."""
     stiffness, damping = _number["sigma_0"], _number["sigma_1"]
     rate = friction.bristle_rate(stiffness, _g, _v, _size, _z)
@@ -79,8 +78,6 @@ def _bristles() -> list[tuple[emit.Kernel, Program]]:
     ]
 
 
-def _returning(name: str, value: sm.Expr, doc: str, *given: sm.Symbol) -> tuple[emit.Kernel, Program]:
+def _returning(name: str, value: sm.Expr, doc: str, *given: sm.Symbol) -> emit.Printed:
     steps = ((_size, sm.Abs(_v)),) if value.has(_size) else ()
-    raw = Program(name, (*_number.values(), *given), steps, (("value", value),))
-    arguments = ("p", "c", *(symbol.name for symbol in given))
-    return emit.Kernel(share(raw), arguments, _OWN, doc, returns=True), raw
+    return emit.kernel(name, ("p", "c", *map(str, given)), _OWN, (value,), doc, steps)

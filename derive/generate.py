@@ -8,6 +8,7 @@ from typing import Any
 
 from kaneflex.derive import emit, lookups_numba, module_text, rows
 from kaneflex.derive.beam import Element, beam_element
+from kaneflex.derive.bracketed import bracketed
 from kaneflex.derive.elements import element_kernel, in_letters, monomial
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
@@ -102,12 +103,7 @@ def generate(scene: Any, progress: Progress = lambda stage: None) -> str:
     progress : callable
         Called with the name of each stage as it begins.
     """
-    progress("Kane's equations")
-    equations = derive_equations(scene.structure())
-    progress("programs")
-    kernels = lower(equations)
-    progress("module text")
-    return print_module(equations, kernels, scene.structure_hash())
+    return generate_pruned(scene, (), scene.structure_hash(), progress)
 
 
 def generate_pruned(
@@ -155,7 +151,7 @@ def _motion_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
         "p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."
     )
     reads = tuple((symbol, f"p[{k}]") for k, symbol in enumerate(parameters))
-    return emit.Kernel(share(raw), ("t", "p", "s"), reads, doc, unpacked=True), raw
+    return emit.Kernel(share(raw), ("t", "p", "s"), reads, doc), raw
 
 
 def _inverse_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
@@ -167,7 +163,7 @@ def _inverse_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
     parameters = [symbol for symbol, _ in equations.mechanism.parameters.values()]
     reads = [(symbol, f"y[{k}]") for k, (_, symbol) in enumerate(states)]
     reads += [(symbol, f"p[{k}]") for k, symbol in enumerate(parameters)]
-    return emit.Kernel(share(raw), ("t", "y", "p", "out"), tuple(reads), doc, unpacked=True), raw
+    return emit.Kernel(share(raw), ("t", "y", "p", "out"), tuple(reads), doc), raw
 
 
 def print_module(
@@ -254,7 +250,7 @@ def element_tables(beam: str, terms: Sequence[TermRow] = ()) -> list[str]:
     comment = "terms of the elastic links: name, group, kernel, factors of the scalar"
     if beam:
         gone = [row[0] for row in ELEMENT_TERMS if row not in terms]
-        text = module_text.wrapped("TERMS = rows.less(", ["beam.TERMS", *map(repr, gone)], ")")
+        text = bracketed("TERMS = rows.less(", ["beam.TERMS", *map(repr, gone)], ")")
         return [f"# {comment}\n{text}"]
     none = "nothing is elastic"
     return [module_text.literal(name, (), none) for name in ("LINK_SCALARS", "ELEMENT_PARAMETERS", "TERMS")]

@@ -7,14 +7,16 @@ all global. What a joint demands (:mod:`kaneflex.mechanism.joints`) and what a s
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import sympy as sm
 
 from kaneflex.derive import emit, module_text
-from kaneflex.derive.program import Assignment, Program, share
+from kaneflex.derive.program import Assignment
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.joints import coordinate, residuals
 from kaneflex.mechanism.parts import ROWS, Joint, Spring
-from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, dot, quarter_turn
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, quarter_turn
 
 SECTION = ("x", "y", "theta", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _SIDES = {"i": 1, "j": 2}
@@ -45,17 +47,11 @@ Stores {} row{} at out[k], as is said above."""
 _SPRING = """{}
 
 Stores at out[n]: {}, energy [J], dissipated power [W]."""
-_PULL = "length [m], tension [N], force on the second point x, y [N]"
-_TWIST = "angle phi [rad], torque on the first section [N m], no force: 0, 0"
-_SPRINGS = {
-    "pull_directed": (
-        "Spring and damper T = k (L - L_0) + c L' between two points that are apart.", ("k", "c", "L_0"), _PULL,
-    ),
-    "pull_regular": ("The same without free length and damper, also where the points meet.", ("k",), _PULL),
-    "twist": (
-        "Spring and damper k (phi - phi_0) + c phi' that turn two sections back.", ("k", "c", "phi_0"), _TWIST,
-    ),
-}  # fmt: skip
+_PULLS = {
+    True: "Spring and damper T = k (L - L_0) + c L' between two points that are apart.",
+    False: "The same without free length and damper, also where the points meet.",
+}
+"""What the kernels of springs between points say of themselves, by whether the force needs a direction."""
 
 EITHER = '''@njit(**OPTIONS)
 def pull(sec, i, j, k, c, L_0, out, n):
@@ -69,7 +65,9 @@ def pull(sec, i, j, k, c, L_0, out, n):
 
 def joints_text() -> str:
     """Text of the module."""
-    kernels = [*(_joint_kernel(kind) for kind in _DOCS), *(_spring_kernel(name) for name in _SPRINGS)]
+    gap_x, gap_y, _, *rates = list(_DIFFERENCES)[:5]
+    pulls = [pull(way, _READS, (gap_x, gap_y), rates, _DIFFERENCES.items()) for way in _PULLS]
+    kernels = [*(_joint_kernel(kind) for kind in _DOCS), *pulls, _twist()]
     tables = [
         module_text.literal("SECTION", SECTION, "sec: the numbers of section i begin at 9 i"),
         module_text.literal("ROWS", {kind: _count(kind) for kind in _DOCS}, "kernel -> the rows that it stores"),
@@ -87,9 +85,9 @@ def _symbol(letter: str, side: int) -> sm.Symbol:
 
 
 _READS = tuple(
-    (_symbol(letter, side), f"sec[{emit.offset(f'9 * {index}', k)}]")
+    place
     for index, side in _SIDES.items()
-    for k, letter in enumerate(SECTION)
+    for place in emit.places((_symbol(letter, side) for letter in SECTION), "sec", f"9 * {index}")
 )
 _DIFFERENCES = {
     sm.Symbol(name): _symbol(letter, 2) - _symbol(letter, 1) for name, letter in zip(_RELATIVE, SECTION, strict=True)
@@ -126,7 +124,7 @@ def _steps() -> list[Assignment]:
     return [*_DIFFERENCES.items(), *zip(_GUIDE, guide, strict=True)]
 
 
-def _joint_kernel(kind: str) -> tuple[emit.Kernel, Program]:
+def _joint_kernel(kind: str) -> emit.Printed:
     """Rows of a kind of joint; of "turn" and "slide" the coordinate of one that turns, or slides."""
     first, second = (BodyPoint(GROUND, name, (0, 0)) for name in ("first", "second"))
     if kind in ROWS:
@@ -135,28 +133,15 @@ def _joint_kernel(kind: str) -> tuple[emit.Kernel, Program]:
         joint = Joint("", "prismatic" if kind == "slide" else "revolute", first, second, (1, 0))
         demands = (coordinate(joint, *_sections()),)
     twists = [_symbol(letter, side) for side in _SIDES.values() for letter in SECTION[3:6]]
-    outputs = []
-    for row, residual in enumerate(demands):
+    own = {difference: symbol for symbol, difference in _DIFFERENCES.items()}
+    entries: list[sm.Expr] = []
+    for residual in demands:
         rate = _rate(residual)
         jacobian = [rate.xreplace(_DIFFERENCES).diff(twist) for twist in twists]
-        own = {difference: symbol for symbol, difference in _DIFFERENCES.items()}
-        entries = [residual, rate, _rate(rate), *(entry.xreplace(own) for entry in jacobian)]
-        outputs += [(f"out[{emit.offset('k', 9 * row + n)}]", entry) for n, entry in enumerate(entries)]
-    inputs = (*(symbol for symbol, _ in _READS), *_D, _ANGLE)
-    raw = Program(kind, inputs, tuple(_steps()), tuple(outputs))
+        entries += [residual, rate, _rate(rate), *(entry.xreplace(own) for entry in jacobian)]
     doc = _ROW.format(_DOCS[kind], _count(kind), "s" * (_count(kind) > 1))
     arguments = ("sec", "i", "j", "d_x", "d_y", "angle", "out", "k")
-    return emit.Kernel(share(raw), arguments, _READS, doc, zeros=True), raw
-
-
-def _spring_kernel(name: str) -> tuple[emit.Kernel, Program]:
-    doc, numbers, stored = _SPRINGS[name]
-    steps, values = _twist() if name == "twist" else _pull(directed=name == "pull_directed")
-    inputs = (*(symbol for symbol, _ in _READS), *sm.symbols(numbers))
-    outputs = tuple((f"out[{emit.offset('n', k)}]", value) for k, value in enumerate(values))
-    raw = Program(name, inputs, (*_DIFFERENCES.items(), *steps), outputs)
-    arguments = ("sec", "i", "j", *numbers, "out", "n")
-    return emit.Kernel(share(raw), arguments, _READS, _SPRING.format(doc, stored), zeros=True), raw
+    return emit.kernel(kind, arguments, _READS, entries, doc, _steps(), out="k")
 
 
 def _spring(stiffness: sm.Expr, damping: sm.Expr, free: sm.Expr) -> Spring:
@@ -164,21 +149,33 @@ def _spring(stiffness: sm.Expr, damping: sm.Expr, free: sm.Expr) -> Spring:
     return Spring("", first, second, None, stiffness, damping, free)
 
 
-def _pull(directed: bool) -> tuple[list[Assignment], list[sm.Expr]]:
-    """Length, tension, force on the second point, energy and dissipated power of a spring between two points."""
+def pull(
+    directed: bool, reads: emit.Reads, gap: Sequence[sm.Expr], gap_rate: Sequence[sm.Expr], steps: Iterable[Assignment]
+) -> emit.Printed:
+    """Length, tension, force on the second point, energy and dissipated power of a spring between two points.
+
+    They are apart, or its force needs no direction: it has neither free length nor damper.
+    """
     spring = _spring(_k, _c, _L_0) if directed else _spring(_k, sm.S.Zero, sm.S.Zero)
-    gap_x, gap_y, _, *gap_rate = list(_DIFFERENCES)[:5]
     length, tension, rate = sm.symbols("length tension rate")
-    change = springs.rate_of_length((gap_x, gap_y), gap_rate, length) if directed else sm.S.Zero
-    steps = [(length, sm.sqrt(dot((gap_x, gap_y), (gap_x, gap_y)))), (rate, change)]
-    steps.append((tension, springs.tension(spring, length, rate)))
-    force = springs.force(spring, (gap_x, gap_y), tension, length)
-    return steps, [length, tension, *force, springs.potential(spring, length), springs.drag(spring, rate) * rate]
+    steps = [*steps, (length, sm.sqrt(sum(part**2 for part in gap)))]
+    steps += [(rate, springs.rate_of_length(gap, gap_rate, length) if directed else sm.S.Zero)]
+    steps += [(tension, springs.tension(spring, length, rate))]
+    force = springs.force(spring, gap, tension, length)
+    values = length, tension, *force, springs.potential(spring, length), springs.drag(spring, rate) * rate
+    name, numbers = ("pull_directed", ("k", "c", "L_0")) if directed else ("pull_regular", ("k",))
+    stored = f"length [m], tension [N], force on the second point {', '.join('xyz'[: len(gap)])} [N]"
+    doc = _SPRING.format(_PULLS[directed], stored)
+    return emit.kernel(name, ("sec", "i", "j", *numbers, "out", "n"), reads, values, doc, steps, out="n")
 
 
-def _twist() -> tuple[list[Assignment], list[sm.Expr]]:
+def _twist() -> emit.Printed:
     """Angle, torque on the first section, no force, energy and dissipated power of a spring between two sections."""
     spring, phi = _spring(_k, _c, _phi_0), sm.Symbol("phi")
     rate = _RATE[phi]
-    torque = springs.tension(spring, phi, rate)
-    return [], [phi, torque, sm.S.Zero, sm.S.Zero, springs.potential(spring, phi), springs.drag(spring, rate) * rate]
+    torque, drag = springs.tension(spring, phi, rate), springs.drag(spring, rate)
+    values = phi, torque, sm.S.Zero, sm.S.Zero, springs.potential(spring, phi), drag * rate
+    said = "Spring and damper k (phi - phi_0) + c phi' that turn two sections back."
+    doc = _SPRING.format(said, "angle phi [rad], torque on the first section [N m], no force: 0, 0")
+    arguments = ("sec", "i", "j", "k", "c", "phi_0", "out", "n")
+    return emit.kernel("twist", arguments, _READS, values, doc, _DIFFERENCES.items(), out="n")

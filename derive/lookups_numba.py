@@ -90,7 +90,18 @@ LAW_FUNCTIONS = {
 """Name of a function of laws -> its text."""
 
 
+_IDLE = '''@njit(**OPTIONS)
+def no_courses(t, p, out, k):
+    """Courses of a structure without a prescribed drive: nothing is stored."""
+
+
+@njit(**OPTIONS)
+def no_magnitudes(t, x, i, p, out, k):
+    """Sizes of the loads of a structure that has none."""
+'''
+
+
 def laws_text() -> str:
     """Text of the module of what laws call beside math, which every module imports what it calls from."""
     said = "What is no number comes through as none."
-    return module("Functions of laws", [said], [], LAW_FUNCTIONS.values())
+    return module("Functions of laws", [said], [], [*LAW_FUNCTIONS.values(), _IDLE])

@@ -98,7 +98,7 @@ def numbered(structure: Mapping[str, Any]) -> tuple[dict[str, Any], Names]:
             point = points.setdefault(text, f"point@{1 + len(points)}")
         return f"{number['bodies'].get(body, body)}.{point}"
 
-    def entry(table: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    def entry(given: Mapping[str, Any]) -> dict[str, Any]:
         found = dict(given)
         for key in ("at", "on"):
             if key in found:
@@ -113,7 +113,7 @@ def numbered(structure: Mapping[str, Any]) -> tuple[dict[str, Any], Names]:
         return found
 
     tables = {
-        table: {number[_NUMBERED_AS.get(table, table)][name]: entry(table, given) for name, given in entries.items()}
+        table: {number[_NUMBERED_AS.get(table, table)][name]: entry(given) for name, given in entries.items()}
         for table, entries in structure.items()
         if table in _KINDS or table in _NUMBERED_AS
     }

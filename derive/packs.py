@@ -8,11 +8,12 @@ take half as long again. So the text of a kernel packs them in twos. Reads are i
 from __future__ import annotations
 
 import re
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
+from textwrap import indent
 from typing import Any
 
+from kaneflex.derive.bracketed import LINE, bracketed
 from kaneflex.support.contract import FORMAT
 
 BLOCKS = {"axial": ((0, 3), (0, 3)), "bending": ((1, 2, 4, 5), (1, 2, 4, 5)), "coupling": ((0, 3), (1, 2, 4, 5))}
@@ -34,25 +35,36 @@ FORMAT = {FORMAT}
 BLOCKS = {BLOCKS!r}
 
 
-def unpacked(array, count):
-    """The first numbers of an array, so many of them; nothing is checked."""
-    return tuple(array[:count])
+def unpacked(array, count, start=0):
+    """So many numbers of an array, or from an address on; nothing is checked."""
+    return tuple(array[start : start + count])
 
 
 @type_callable(unpacked)
 def _type_of_numbers(context):
-    def typed(array, count):
+    def typed(array, count, start=types.intp):
         return types.UniTuple(array.dtype, count.literal_value) if isinstance(count, types.IntegerLiteral) else None
 
     return typed
 
 
 @lower_builtin(unpacked, types.Array, types.IntegerLiteral)
+@lower_builtin(unpacked, types.CPointer, types.IntegerLiteral)
 def _load(context, builder, sig, args):
+    return _load_from(context, builder, sig, (*args, context.get_constant(types.intp, 0)))
+
+
+@lower_builtin(unpacked, types.Array, types.IntegerLiteral, types.Integer)
+@lower_builtin(unpacked, types.CPointer, types.IntegerLiteral, types.Integer)
+def _load_from(context, builder, sig, args):
     kind, numbers = sig.args[0], sig.return_type
-    array = context.make_array(kind)(context, builder, args[0])
-    places = [[context.get_constant(types.intp, k)] for k in range(numbers.count)]
-    addresses = [cgutils.get_item_pointer(context, builder, kind, array, place) for place in places]
+    start = context.cast(builder, args[2], sig.args[2], types.intp) if len(sig.args) > 2 else args[2]
+    places = [builder.add(start, start.type(k)) for k in range(numbers.count)]
+    if isinstance(kind, types.CPointer):
+        addresses = [builder.gep(args[0], [place]) for place in places]
+    else:
+        array = context.make_array(kind)(context, builder, args[0])
+        addresses = [cgutils.get_item_pointer(context, builder, kind, array, [place]) for place in places]
     return context.make_tuple(builder, numbers, [context.unpack_value(builder, kind.dtype, each) for each in addresses])
 
 
@@ -143,6 +155,8 @@ def _fill(context, builder, sig, args):
 '''
 
 CALLED = ("unpacked", "pack", "fill")
+_LINE = LINE - 4
+"""Characters of a line in a kernel."""
 
 
 def independent(block: str) -> list[tuple[int, int]]:
@@ -167,17 +181,27 @@ def full(outputs: Iterable[tuple[str, Any]]) -> tuple[tuple[str, Any], ...]:
 
 
 def loads(reads: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Statements that read numbers, given as their names and places like p[3], of each array in one go."""
-    for array, group in groupby(reads, key=lambda read: read[1].partition("[")[0]):
-        names = {int(re.search(r"\d+", place)[0]): name for name, place in group}
-        every = [names.get(k, "_") for k in range(max(names) + 1)]
-        line = f"{', '.join(every)} = unpacked({array}, {len(every)})"
+    """Statements that read numbers, given as their names and places, of each array in one go.
+
+    A place is like p[3], or like sec[9 * i + 3]: then what is before the first number that is asked for is left out.
+    """
+    found = [(name, *_PLACE.fullmatch(place).groups()) for name, place in reads]
+    for (array, begin), group in groupby(found, key=lambda read: read[1:3]):
+        names = {int(k or 0): name for name, _, _, k in group}
+        first = min(names) if begin else 0
+        every = [names.get(k, "_") for k in range(first, max(names) + 1)]
+        start = [f"{begin} + {first}" if first else begin] if begin else []
+        call = f"unpacked({', '.join([array, str(len(every)), *start])})"
+        line = f"{', '.join(every)} = {call}"
         if len(names) == 1:
-            line = "".join(f"{name} = {array}[{k}]" for k, name in names.items())
-        elif len(line) > 116:
-            inside = textwrap.fill(f"{', '.join(every)},", 112)
-            line = f"(\n{textwrap.indent(inside, '    ')}\n) = unpacked({array}, {len(every)})"
+            line = f"{names[max(names)]} = {array}[{start[0] if start else max(names)}]"
+        elif len(line) > _LINE:
+            line = bracketed("(", every, f") = {call}", _LINE)
         yield line
+
+
+_PLACE = re.compile(r"(\w+)\[(?:(.*[a-z])(?: \+ )?)?(\d*)\]")
+"""The array of a place, where what belongs together begins in it, and how far behind that."""
 
 
 def stores(slots: Sequence[tuple[tuple[int, ...], str]]) -> Iterator[str]:
@@ -190,15 +214,18 @@ def stores(slots: Sequence[tuple[tuple[int, ...], str]]) -> Iterator[str]:
             if len(values) == 1:
                 yield f"out[{place[1:-1]}] = {values[0]}"
             else:
-                yield f"pack(out, {place if ',' in place else place[1:-1]}, ({', '.join(values)}))"
+                yield bracketed(f"pack(out, {place if ',' in place else place[1:-1]}, (", values, "))", _LINE)
 
 
 def filled(slots: Mapping[tuple[int, ...], str]) -> str:
     """The statement that stores a matrix, given by its entries at their places."""
     blocks = [block for block in BLOCKS if independent(block)[0] in slots]
-    parts = [f"({', '.join(slots[place] for place in independent(block))})" for block in blocks]
-    line = f"fill(out, ({', '.join(parts)}{',' * (len(parts) == 1)}))"
-    return line if len(line) <= 116 else "\n".join(["fill(out, (", *(f"    {part}," for part in parts), "))"])
+    parts = [[slots[place] for place in independent(block)] for block in blocks]
+    short = [f"({', '.join(part)})" for part in parts]
+    line = f"fill(out, ({', '.join(short)}{',' * (len(parts) == 1)}))"
+    if len(line) <= _LINE:
+        return line
+    return "\n".join(["fill(out, (", *(indent(bracketed("(", part, "),", _LINE - 4), "    ") for part in parts), "))"])
 
 
 def _beside(one: tuple[int, ...], other: tuple[int, ...]) -> bool:

@@ -7,7 +7,8 @@ programs (or to numbers); printing is the business of :mod:`kaneflex.derive.emit
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import sympy as sm
@@ -78,8 +79,9 @@ def share(program: Program, prefix: str = "w") -> Program:
     """Common-subexpression elimination over all assignments and outputs at once.
 
     Named assignments keep their names, so that the printed code can still be read against the theory;
-    what they have in common becomes ``w0, w1, ...``. Outputs that are equal, as those of a symmetric matrix, stay
-    equal: they are printed as one statement and need no symbol for what they have in common.
+    what they have in common becomes ``w0, w1, ...``, but for what is one of them as a whole, which goes by its name, or
+    the negative of another symbol. Outputs that are equal, as those of a symmetric matrix, stay equal: they are printed
+    as one statement and need no symbol for what they have in common.
     """
     # An assignment of a mere number or symbol is inlined first: it would only hide a common subexpression.
     alias: dict[sm.Symbol, sm.Expr] = {}
@@ -98,9 +100,11 @@ def share(program: Program, prefix: str = "w") -> Program:
         symbols=(symbol for symbol in sm.numbered_symbols(prefix) if symbol not in taken),
         order="canonical",
     )
-    targets = [symbol for symbol, _ in named]
-    assignments = list(temporaries) + list(zip(targets, reduced[: len(named)], strict=True))
-    stored = dict(zip(distinct, reduced[len(named) :], strict=True))
+    given, asked = reduced[: len(named)], reduced[len(named) :]
+    given = list(zip((symbol for symbol, _ in named), given, strict=True))
+    free = (symbol for symbol in sm.numbered_symbols(prefix) if symbol not in taken)
+    assignments, replaced = _renamed(temporaries, given, free)
+    stored = {output: expression.xreplace(replaced) for output, expression in zip(distinct, asked, strict=True)}
     return prune(
         replace(
             program,
@@ -110,13 +114,36 @@ def share(program: Program, prefix: str = "w") -> Program:
     )
 
 
-def named(program: Program, prefix: str = "v") -> Program:
-    """With a symbol for every output that is an expression, but for mere signs; equal ones have the same."""
+def _renamed(
+    temporaries: Sequence[Assignment], named: Sequence[Assignment], free: Iterator[sm.Symbol]
+) -> tuple[list[Assignment], dict[sm.Symbol, sm.Expr]]:
+    """All assignments but those of mere symbols and temporary negatives; what stands for the symbols that go."""
+    spare = dict(temporaries)
+    names: dict[sm.Expr, sm.Symbol] = {}
+    for symbol, value in named:
+        if value in spare:
+            names.setdefault(value, symbol)
+    gone = {symbol: value for symbol, value in temporaries if (-value).is_Symbol and symbol not in names}
+    gone |= {symbol: value for symbol, value in named if value in spare and names[value] != symbol}
+    while (closed := {symbol: value.xreplace(gone) for symbol, value in gone.items()}) != gone:
+        gone = closed
+    kept = {symbol: names[symbol] if symbol in names else next(free) for symbol in spare if symbol not in gone}
+    replaced = kept | {symbol: value.xreplace(kept) for symbol, value in gone.items()}
+    found = [(kept[symbol], value) for symbol, value in temporaries if symbol in kept]
+    found += [(symbol, value) for symbol, value in named if value not in spare]
+    return [(symbol, value.xreplace(replaced)) for symbol, value in found], replaced
+
+
+def named(program: Program, prefix: str = "v", least: int = 1) -> Program:
+    """With a symbol for every output that is an expression, but for mere signs; equal ones have the same.
+
+    Those that there are fewer than ``least`` equal ones of stay without.
+    """
     taken = {*program.inputs, *(symbol for symbol, _ in program.assignments)}
     free = (symbol for symbol in sm.numbered_symbols(prefix) if symbol not in taken)
     found: dict[sm.Expr, sm.Symbol] = {}
-    for _, expression in program.outputs:
-        if not expression.is_Symbol and not (-expression).is_Symbol and expression not in found:
+    for expression, count in Counter(expression for _, expression in program.outputs).items():
+        if count >= least and not expression.is_Symbol and not (-expression).is_Symbol:
             found[expression] = next(free)
     assignments = (*program.assignments, *((symbol, expression) for expression, symbol in found.items()))
     outputs = tuple((slot, found.get(expression, expression)) for slot, expression in program.outputs)

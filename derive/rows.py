@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
 from kaneflex.derive import module_text
+from kaneflex.derive.bracketed import LINE, bracketed
 from kaneflex.support.contract import BODY_SCALARS, FORMAT, LINK_SCALARS, element_parameters
 from kaneflex.support.spatial_contract import spatial_element_parameters
 
@@ -138,4 +139,4 @@ def _call(function: str, owner: str, given: Iterable[tuple[str, object]]) -> str
     named = [(name.rpartition(".")[2], value) for name, value in given]
     words = all(name.isascii() and name.isidentifier() and not keyword.iskeyword(name) for name, _ in named)
     entries = [repr(owner), *(f"{name}={value!r}" for name, value in named)]
-    return module_text.wrapped(f"rows.{function}(", entries, ")") if owner and words else ""
+    return bracketed(f"rows.{function}(", entries, ")", LINE - 7) if owner and words else ""

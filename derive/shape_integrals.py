@@ -7,12 +7,12 @@ n + c bubble: n, Hermite's cubics, and the bubble, which vanishes at both nodes,
 
 alone knows of shear and of the growth of E I over the element, relative to its mean. So the integral over an element of
 two functions' product with a power of s is a table of numbers, one row and one column more than the nodes have, and one
-loop fills an element's matrix with it, whichever theory it is of. n, bubble, P and Q are found here, not typed in.
+loop fills an element's matrix with it, whichever theory it is of. n, bubble, P and Q are found here, not typed in; the
+module integrates them when it is imported.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
@@ -26,7 +26,7 @@ s, growth = Symbol("s", real=True), Symbol("growth", real=True)
 POWERS = {
     ("LINEAR", "LINEAR"): 2, ("LINEAR", "DEFLECTION"): 2, ("DEFLECTION", "DEFLECTION"): 2,
     ("LINEAR", "ROTATION"): 2, ("ROTATION", "ROTATION"): 2,
-    ("CURVATURE", "CURVATURE"): 2, ("SLOPE", "SLOPE"): 4, ("GRADIENT", "GRADIENT"): 4,
+    ("CURVATURE", "CURVATURE"): 2, ("SLOPE", "SLOPE"): 4, ("GRADIENT", "GRADIENT"): 4, ("SHEAR", "SHEAR"): 1,
 }  # fmt: skip
 """Functions whose products are integrated -> with how many powers of s, from 1 on."""
 LOAD_POWERS = {"LINEAR": 3, "DEFLECTION": 3, "ROTATION": 2}
@@ -82,31 +82,12 @@ def _apart(row: ImmutableMatrix, c: ImmutableMatrix) -> tuple[Expr, ...]:
     return (*rest, bubble)
 
 
-@cache
-def table(left: str, right: str, power: int) -> ImmutableMatrix:
-    """int_0^1 s^power left_i right_j ds, its last row and column those of the bubbles."""
-    rows = family().rows
-    return ImmutableMatrix([[_integral(s**power * i * j) for j in rows[right]] for i in rows[left]])
-
-
-def load_table(name: str, power: int) -> ImmutableMatrix:
-    """int_0^1 s^power function_i ds, a column."""
-    return ImmutableMatrix([_integral(s**power * i) for i in family().rows[name]])
-
-
-def _integral(polynomial: Expr) -> Expr:
-    return sum((c / (k + 1) for (k,), c in Poly(polynomial, s).terms()), S.Zero).expand()
-
-
 def shape_integrals_text() -> str:
-    """The module of the tables and of the loops that read them."""
-    names = [f"{left}_{right}" for left, right in POWERS]
-    stacks = {
-        name: [table(*pair, power) for power in range(count)]
-        for name, (pair, count) in zip(names, POWERS.items(), strict=True)
-    }
-    stacks |= {name: [load_table(name, power).T for power in range(count)] for name, count in LOAD_POWERS.items()}
-    stacks["SHEAR_SHEAR"] = [ImmutableMatrix(5, 5, lambda i, j: int(i == j == 4))]
+    """The module of the functions, of the tables of their integrals and of the loops that read them."""
+    shapes = {name: tuple(map(_coefficients, row)) for name, row in family().rows.items()}
+    shapes["SHEAR"] = (*[(0,)] * 4, (1,))
+    tables = [f"{left}_{right} = products({count}, '{left}', '{right}')" for (left, right), count in POWERS.items()]
+    tables += [f"{name} = alone({count}, '{name}')" for name, count in LOAD_POWERS.items()]
     return module_text.module(
         "Integrals of products of a spatial element's shape functions",
         _ABOUT,
@@ -117,25 +98,17 @@ def shape_integrals_text() -> str:
             "STRAIGHT = (0.0, 0.0, 1.0)",
             "# Of the bubble's size.",
             *(f"{name} = np.array({tuple(map(float, getattr(family(), name)))})" for name in "PQ"),
-            *(_stack(name, matrices) for name, matrices in stacks.items()),
+            module_text.literal("SHAPES", shapes, "functions by their polynomials in s, lowest powers first"),
+            _INTEGRALS,
+            *tables,
         ],
         [_LOOPS],
         before=["import numpy as np"],
     )
 
 
-def _stack(name: str, matrices: list[ImmutableMatrix]) -> str:
-    """A table with a matrix for each power of s; of a function alone, with a row for each."""
-
-    def row(entries: Iterable[Expr]) -> str:
-        return f"({', '.join(repr(int(entry.p) / int(entry.q)) for entry in entries)})"
-
-    lines = [f"{name} = np.array(("]
-    for matrix in matrices:
-        rows = [row(matrix[i, :]) for i in range(matrix.rows)]
-        line = rows[0] if len(rows) == 1 else f"({', '.join(rows)})"
-        lines += [f"    {line},"] if len(line) < 110 else ["    (", *(f"        {r}," for r in rows), "    ),"]
-    return "\n".join([*lines, "))"])
+def _coefficients(polynomial: Expr) -> tuple[float, ...]:
+    return tuple(int(c) if c.is_Integer else float(c) for c in reversed(Poly(polynomial, s).all_coeffs()))
 
 
 _ROWS = {"U": (0, 6), "T": (3, 9), "V": (1, 5, 7, 11), "W": (2, 4, 8, 10)}
@@ -147,6 +120,25 @@ _ABOUT = (
     "c = (beta - 1) P + alpha Q, 0 without shear: beta = 1/(1 + phi), alpha = (1 - beta) growth/6 with the flexibility",
     "in shear phi and the growth of E I over the element by its mean.",
 )
+
+_INTEGRALS = '''
+def products(count, left, right):
+    """The table of two functions' products, for so many powers of s."""
+    rows, columns = SHAPES[left], SHAPES[right]
+    return np.array([[[integral(k, f, g) for g in columns] for f in rows] for k in range(count)])
+
+
+def alone(count, name):
+    """The table of functions alone."""
+    return np.array([[integral(k, f, (1,)) for f in SHAPES[name]] for k in range(count)])
+
+
+def integral(k, f, g):
+    """int_0^1 s^k f g ds, exact up to the division at last: 1 to 10 divide 2520."""
+    powers = ((i + j + k + 1, a * b) for i, a in enumerate(f) for j, b in enumerate(g))
+    return sum(2520 // power * number for power, number in powers) / 2520
+
+'''
 
 _LOOPS = '''@njit(forceinline=True, **OPTIONS)
 def entry(table, k, i, j, m, n, r, c):
@@ -178,7 +170,7 @@ def fill_square(out, first, table, rows, r, f):
 
 
 @njit(forceinline=True, **OPTIONS)
-def fill(out, first, table, rows, columns, r, c, f, g):
+def fill_both(out, first, table, rows, columns, r, c, f, g):
     """The same with f at these rows and columns of out, and transposed with g at their transposes."""
     m = rows.shape[0]
     n = columns.shape[0]

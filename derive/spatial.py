@@ -21,18 +21,13 @@ from sympy.physics.mechanics import (
 )  # fmt: skip
 
 from kaneflex.derive import emit, module_text
-from kaneflex.derive.joints import EITHER
-from kaneflex.derive.program import Program, share
-from kaneflex.mechanism import springs
-from kaneflex.mechanism.parts import Spring
-from kaneflex.mechanism.planar import GROUND, BodyPoint
+from kaneflex.derive.joints import EITHER, pull
 
 _XYZ = "xyz"
 SECTION = tuple(f"{letter}_{axis}" for letter in ("r", "v", "a", "omega", "epsilon") for axis in _XYZ)
 BODY = ("mass", *(f"centre_{axis}" for axis in _XYZ), "J_x", "J_y", "J_z", "J_xy", "J_yz", "J_zx")
 _MASS, _CENTRE, _J = sm.Symbol(BODY[0]), sm.symbols(BODY[1:4]), sm.symbols(BODY[4:])
 _OMEGA, _ACCEL, _EPSILON = (sm.symbols(f"{letter}_x {letter}_y {letter}_z") for letter in ("omega", "a", "epsilon"))
-_k, _c, _L_0 = sm.symbols("k c L_0")
 
 _ABOUT = """
 A body: mass [kg], its centre [m] and its moments and products of inertia about it [kg m^2], J_xy = -int x y dm, in
@@ -48,20 +43,13 @@ _ROWS = {
     "perpendicular": "Axis k of the first section and axis l of the second are at right angles: a row at out[n].",
     "on_plane": "The second point is in the plane across the axis k through the first: a row at out[n].",
 }
-_STORES = (
-    "Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated "
-    "power [W]."
-)
-_PULLS = {
-    True: f"Spring and damper T = k (L - L_0) + c L' between two points that are apart.\n\n    {_STORES}",
-    False: f"The same without free length and damper, also where the points meet.\n\n    {_STORES}",
-}
-"""What the kernels of springs say of themselves, by whether the force needs a direction."""
 
 
 def spatial_text() -> str:
     """Text of ``generated/spatial.py``."""
-    kernels = [_demand(), _inertia(), *(_row(kind) for kind in _ROWS), _pull(True), _pull(False)]
+    gap, gap_rate = (tuple(sm.Matrix(_symbols(of, 2)) - sm.Matrix(_symbols(of, 1))) for of in "rv")
+    pulls = [pull(directed, _READS, gap, gap_rate, ()) for directed in (True, False)]
+    kernels = [_demand(), _inertia(), *(_row(kind) for kind in _ROWS), *pulls]
     tables = [
         module_text.literal("SECTION", SECTION, "sec: the numbers of section i begin at 15 i"),
         module_text.literal("BODY", BODY, "p: the numbers of a body begin at o"),
@@ -101,29 +89,24 @@ def _vector(frame: ReferenceFrame, components: Sequence[sm.Expr]):
     return sum((c * axis for c, axis in zip(components, (frame.x, frame.y, frame.z), strict=True)), 0 * frame.x)
 
 
-def _of_body() -> tuple[tuple[sm.Symbol, str], ...]:
-    return tuple((sm.Symbol(name), f"p[{emit.offset('o', k)}]") for k, name in enumerate(BODY))
+_OF_BODY = emit.places((_MASS, *_CENTRE, *_J), "p", "o")
 
 
-def _demand() -> tuple[emit.Kernel, Program]:
+def _demand() -> emit.Printed:
     """What a motion asks for."""
-    given = [(symbol, f"w[{emit.offset('k', n)}]") for n, symbol in enumerate((*_OMEGA, *_ACCEL, *_EPSILON))]
-    outputs = tuple((f"out[{emit.offset('n', k)}]", value) for k, value in enumerate(body_equations()))
-    raw = Program("demand", (_MASS, *_CENTRE, *_J, *_OMEGA, *_ACCEL, *_EPSILON), (), outputs)
+    reads = (*_OF_BODY, *emit.places((*_OMEGA, *_ACCEL, *_EPSILON), "w", "k"))
     doc = (
         "Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.\n\n"
-        "    w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."
+        "w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."
     )
-    return emit.Kernel(share(raw), ("p", "o", "w", "k", "out", "n"), (*_of_body(), *given), doc, zeros=True), raw
+    return emit.kernel("demand", ("p", "o", "w", "k", "out", "n"), reads, body_equations(), doc, out="n")
 
 
-def _inertia() -> tuple[emit.Kernel, Program]:
+def _inertia() -> emit.Printed:
     """Mass matrix."""
     matrix = body_equations().jacobian([*_ACCEL, *_EPSILON])
-    outputs = tuple((f"out[{emit.offset('n', k)}]", value) for k, value in enumerate(matrix))
-    raw = Program("inertia", (_MASS, *_CENTRE, *_J), (), outputs)
     doc = "Store the mass matrix of a body (6, 6) row by row, in its axes: of its origin's velocity and of omega."
-    return emit.Kernel(share(raw), ("p", "o", "out", "n"), _of_body(), doc, zeros=True), raw
+    return emit.kernel("inertia", ("p", "o", "out", "n"), _OF_BODY, matrix, doc, out="n")
 
 
 def _symbols(letter: str, side: int) -> tuple[sm.Symbol, ...]:
@@ -131,15 +114,11 @@ def _symbols(letter: str, side: int) -> tuple[sm.Symbol, ...]:
 
 
 _READS = tuple(
-    (sm.Symbol(f"{name}_{side}"), f"sec[{emit.offset(f'15 * {index}', k)}]")
+    place
     for side, index in ((1, "i"), (2, "j"))
-    for k, name in enumerate(SECTION)
+    for place in emit.places((sm.Symbol(f"{name}_{side}") for name in SECTION), "sec", f"15 * {index}")
 )
-_AXES = tuple(
-    (symbol, f"axes[{emit.offset(f'3 * {index}', k)}]")
-    for side, index in ((1, "k"), (2, "l"))
-    for k, symbol in enumerate(_symbols("n", side))
-)
+_AXES = (*emit.places(_symbols("n", 1), "axes", "3 * k"), *emit.places(_symbols("n", 2), "axes", "3 * l"))
 
 
 def _rates() -> dict[sm.Symbol, sm.Expr]:
@@ -170,32 +149,12 @@ def _residuals(kind: str) -> list[sm.Expr]:
     return {"coincide": list(gap), "perpendicular": [first.dot(second)], "on_plane": [first.dot(gap)]}[kind]
 
 
-def _row(kind: str) -> tuple[emit.Kernel, Program]:
+def _row(kind: str) -> emit.Printed:
     """Rows of an elementary constraint."""
     twists = [symbol for side in (1, 2) for letter in ("v", "omega") for symbol in _symbols(letter, side)]
-    outputs = []
-    for row, residual in enumerate(_residuals(kind)):
+    entries: list[sm.Expr] = []
+    for residual in _residuals(kind):
         rate = _rate(residual)
-        entries = [residual, rate, _rate(rate), *(rate.diff(twist) for twist in twists)]
-        outputs += [(f"out[{emit.offset('n', 15 * row + k)}]", entry) for k, entry in enumerate(entries)]
-    reads = (*_READS, *_AXES)
-    raw = Program(kind, tuple(symbol for symbol, _ in reads), (), tuple(outputs))
+        entries += [residual, rate, _rate(rate), *(rate.diff(twist) for twist in twists)]
     axes = {"coincide": (), "perpendicular": ("axes", "k", "l"), "on_plane": ("axes", "k")}[kind]
-    return emit.Kernel(share(raw), ("sec", "i", "j", *axes, "out", "n"), reads, _ROWS[kind], zeros=True), raw
-
-
-def _pull(directed: bool) -> tuple[emit.Kernel, Program]:
-    """A spring between two points that are apart, or one whose force needs no direction."""
-    ends = (BodyPoint(GROUND, name, (0, 0)) for name in ("first", "second"))
-    spring = Spring("", *ends, None, _k, *((_c, _L_0) if directed else (sm.S.Zero, sm.S.Zero)))
-    gap, gap_rate = (sm.Matrix(_symbols(letter, 2)) - sm.Matrix(_symbols(letter, 1)) for letter in "rv")
-    length, rate, tension = sm.symbols("length rate tension")
-    change = gap.dot(gap_rate) / length if directed else sm.S.Zero
-    steps = ((length, sm.sqrt(gap.dot(gap))), (rate, change), (tension, springs.tension(spring, length, rate)))
-    force = springs.force(spring, tuple(gap), tension, length)
-    values = length, tension, *force, springs.potential(spring, length), springs.drag(spring, rate) * rate
-    outputs = tuple((f"out[{emit.offset('n', k)}]", value) for k, value in enumerate(values))
-    name, numbers = ("pull_directed", ("k", "c", "L_0")) if directed else ("pull_regular", ("k",))
-    raw = Program(name, (*(symbol for symbol, _ in _READS), *sm.symbols(numbers)), steps, outputs)
-    arguments = ("sec", "i", "j", *numbers, "out", "n")
-    return emit.Kernel(share(raw), arguments, _READS, _PULLS[directed], zeros=True), raw
+    return emit.kernel(kind, ("sec", "i", "j", *axes, "out", "n"), (*_READS, *_AXES), entries, _ROWS[kind], out="n")

@@ -1,9 +1,9 @@
 """Modules of beam elements in space: the kernels of one element, printed once for each theory and for every scene.
 
 Each entry (i, j) of a slice's matrices (``spatial_slice``) stands for int f N_i^T N_j dx with the shape functions of
-its two coordinates: with the entry (j, i) before its transpose, it becomes a call of ``fill`` with the factors before
-the powers of x/length in f, which is a polynomial by the section's growth and the link's X. Strain energy and axial
-tension bring such integrals, too. The x-z plane is the x-y plane with w' for v', where theta_y = -w'.
+its two coordinates: with the entry (j, i) before its transpose, it becomes a call of ``fill_both`` with the factors
+before the powers of x/length in f, which is a polynomial by the section's growth and the link's X. Strain energy and
+axial tension bring such integrals, too. The x-z plane is the x-y plane with w' for v', where theta_y = -w'.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class _Sum:
             left, right, f, g = right, left, g, f
         places = left[1], right[1], self.section.bubble(*left), self.section.bubble(*right)
         operations = _SIZE[left[1]] * _SIZE[right[1]] * (_PER_INTEGRAL + _PER_TURN + 2 * _PER_SUM)
-        self._call("fill", f"{left[0]}_{right[0]}", places, (f, g), operations)
+        self._call("fill_both", f"{left[0]}_{right[0]}", places, (f, g), operations)
 
     def add_load(self, functions: str, rows: str, f: Expr) -> None:
         """f(s) times the integral of functions alone."""
@@ -299,7 +299,7 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + " s: LINK_SCALARS." * bool(motion) + " out: zeros."
     kernel = emit.Kernel(
         share(raw), ("p", "s", "out") if motion else ("p", "out"), tuple(inputs), doc,
-        calls=(*pairs, *total.calls), inline=True, unpacked=True,
+        calls=(*pairs, *total.calls), inline=True,
     )  # fmt: skip
     return kernel, raw, total.operations
 

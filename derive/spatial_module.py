@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from kaneflex.derive import emit, lookups_numba, module_text
-from kaneflex.derive.coupled_module import courses_and_loads, laws_tables
+from kaneflex.derive import emit, module_text
+from kaneflex.derive.coupled_module import courses_and_loads, laws_tables, printed
 from kaneflex.derive.generate import operations_table
 from kaneflex.derive.laws import Switches
 from kaneflex.derive.mechanism import read_structure
@@ -30,8 +30,7 @@ def generate_spatial(scene: Any, progress: Callable[[str], None] = lambda stage:
             module_text.literal("OBSERVED", told(tuple(mechanism.observed)), "joints that laws know beside them"),
             operations_table(emit.operations(kernels)),
         ],
-        emit.print_kernels((kernel for kernel, _ in kernels), mechanism.names),
-        lookups_numba.import_lookups([raw for _, raw in kernels]),
+        *printed(kernels, mechanism.names),
         structure=scene.structure_hash(),
         made="kaneflex derive SCENE -o FILE.py",
     )

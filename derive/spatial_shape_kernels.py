@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import combinations_with_replacement
 from textwrap import indent, wrap
 
 import sympy as sm
@@ -16,7 +17,6 @@ import sympy as sm
 from kaneflex.derive import emit, module_text
 from kaneflex.derive.loops import added, code
 from kaneflex.derive.names import Names
-from kaneflex.derive.program import Program, share
 from kaneflex.derive.spatial_shape_proof import prove
 from kaneflex.derive.spatial_shapes import (
     ACCEL,
@@ -163,7 +163,8 @@ def _inertia() -> str:
     rates, own, other = (*ACCEL, *EPSILON), coordinates(0), coordinates(1)
     unknowns, texts = (own[0], other[0]), {}
     for kind in _OF:
-        body = {f"out[{emit.offset('n', 6 * a + b)}]": equations[a].diff(rates[b]) for a in range(6) for b in range(6)}
+        upper = combinations_with_replacement(range(6), 2)
+        body = {f"out[{emit.offset('n', 6 * a + b)}]": equations[a].diff(rates[b]) for a, b in upper}
         values = {at: motion.summed(_coefficients(entry, kind), unknowns) for at, entry in body.items()}
         columns = {name: equations[6].diff(rate) for name, rate in zip(_FORCES, rates, strict=True)}
         values |= {name: motion.summed(_coefficients(entry, kind), unknowns) for name, entry in columns.items()}
@@ -213,20 +214,17 @@ def _cayley(c: sm.Matrix) -> sm.Matrix:
     return sm.eye(3) + (skew + skew * skew / 2) / (1 + c.dot(c) / 4)
 
 
-def _section() -> tuple[emit.Kernel, Program]:
+def _section() -> emit.Printed:
     """How a section stands and turns."""
     theta, rate = (sm.symbols(f"{name}_x {name}_y {name}_z") for name in ("theta", "rate"))
     parts = section_motion(theta, rate)
     values = [value for part in parts for value in part]
-    outputs = tuple((f"out[{emit.offset('n', k)}]", value) for k, value in enumerate(values))
-    reads = tuple((symbol, f"w[{emit.offset('k', n)}]") for n, symbol in enumerate((*theta, *rate)))
-    raw = Program("section", (*theta, *rate), (), outputs)
+    reads = emit.places((*theta, *rate), "w", "k")
     doc = (
         "Store R, T row by row and T' theta' of a section turned by theta_y and theta_z, then by theta_x about itself."
-        "\n\n"
-        "    w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."
+        "\n\nw[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."
     )
-    return emit.Kernel(share(raw), ("w", "k", "out", "n"), reads, doc, zeros=True), raw
+    return emit.kernel("section", ("w", "k", "out", "n"), reads, values, doc, out="n")
 
 
 _ABOUT = f"""
@@ -266,8 +264,8 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
 '''
 _INERTIA = '''@njit(**OPTIONS)
 def shaped_inertia(p, o, count, q, i, out, n):
-    """Add what shapes change of a body's mass matrix (6, 6) at out[n]; store behind it what couples them to it,
-    (6, count), and their own, (count, count), all row by row."""
+    """Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
+    them to it, (6, count), and their own, (count, count), all row by row."""
     modal = n + 36 + 6 * count
     for j in range(count):
         j1, q_j = o + 12 * j, q[i + j]
@@ -276,4 +274,7 @@ def shaped_inertia(p, o, count, q, i, out, n):
             jl, q_l = o + 12 * count + {stride} * (count * j + l), q[i + l]
 {pair}
 {stores}
+    for k in range(6):
+        for l in range(k):
+            out[n + 6 * k + l] = out[n + 6 * l + k]
 '''

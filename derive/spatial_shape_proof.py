@@ -3,12 +3,9 @@ left between them and what KanesMethod derives of a body with as many shapes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from types import SimpleNamespace
-
 import sympy as sm
 
-from kaneflex.derive.body_proof import NotKane
+from kaneflex.derive.body_proof import Comparisons, demand_equal, functions
 from kaneflex.derive.spatial_shapes import (
     ACCEL,
     EPSILON,
@@ -28,34 +25,23 @@ PROVED = (1, 2)
 def prove(text: str) -> None:
     """Raise NotKane if a kernel of this text differs from the derived equations."""
     for count in PROVED:
-        for name, found, expected in comparisons(text, count):
-            for k, (one, other) in enumerate(zip(found, expected, strict=True)):
-                left = sm.expand(one - other)
-                if left != 0:
-                    raise NotKane(f"{name} of a body with {count} shapes: entry {k} is off by {left}")
+        demand_equal(comparisons(text, count), count)
 
 
-def interpreted(text: str) -> SimpleNamespace:
-    """The kernels as Python runs them, on whatever adds and multiplies."""
-    names = {"njit": lambda **options: lambda kernel: kernel, "OPTIONS": {}}
-    exec(compile(text, "kernels", "exec"), names)
-    return SimpleNamespace(demand=names["shaped_demand"], inertia=names["shaped_inertia"])
-
-
-def comparisons(text: str, count: int) -> Iterator[tuple[str, list[sm.Expr], list[sm.Expr]]]:
-    """Every kernel with what it computes and what Kane's equations say, entry by entry."""
-    kernels, equations = interpreted(text), shaped_equations(count)
+def comparisons(text: str, count: int) -> Comparisons:
+    """Both kernels of a body with so many shapes."""
+    kernels, equations = functions(text), shaped_equations(count)
     p, K, C = _block(count)
     q, v, b = (list(of) for of in zip(*map(coordinates, range(count)), strict=True))
     out, rows = [sm.S.Zero] * 6, [sm.S.Zero] * count
-    kernels.demand(p, 0, count, list(MOTION), 0, q, 0, v, 0, b, out, 0, rows, 0)
+    kernels["shaped_demand"](p, 0, count, list(MOTION), 0, q, 0, v, 0, b, out, 0, rows, 0)
     inside = K * sm.Matrix(q) + C * sm.Matrix(v)
     inside += sm.Matrix([sum(_cubic(j, l, k) * q[l] * q[k] for l in range(count) for k in range(count))
                          for j in range(count)])  # fmt: skip
     yield "shaped_demand", [*out, *rows], [*equations[:6], *(equations[6:, :] + inside)]
 
     out = [sm.S.Zero] * (6 + count) ** 2
-    kernels.inertia(p, 0, count, q, 0, out, 0)
+    kernels["shaped_inertia"](p, 0, count, q, 0, out, 0)
     M = equations.jacobian([*ACCEL, *EPSILON, *b])
     yield "shaped_inertia", out[: 36 + 6 * count + count**2], [*M[:6, :6], *M[:6, 6:], *M[6:, 6:]]
 

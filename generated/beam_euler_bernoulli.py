@@ -12,7 +12,7 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
 
 FORMAT = 3
@@ -56,12 +56,12 @@ def M(p, out):
     w3 = 0.030952380952380953*w1
     w4 = (length*length*length)*rho_A
     v0 = 0.3333333333333333*w0
-    v1 = 0.16666666666666666*w0
-    v2 = 0.37142857142857144*w0
-    v3 = 0.12857142857142856*w0
-    v4 = 0.009523809523809525*w4
-    v5 = -0.007142857142857143*w4
-    fill(out, ((v0, v1, v0), (v2, w2, v3, -w3, v4, w3, v5, v2, -w2, v4)))
+    v1 = 0.37142857142857144*w0
+    v2 = 0.009523809523809525*w4
+    fill(out, (
+        (v0, 0.16666666666666666*w0, v0),
+        (v1, w2, 0.12857142857142856*w0, -w3, v2, w3, -0.007142857142857143*w4, v1, -w2, v2),
+    ))
 
 
 @njit(**OPTIONS)
@@ -76,13 +76,12 @@ def K_s(p, out):
     w3 = 6.0*E_I/(length*length)
     w4 = E_I*w0
     v0 = 4.0*w4
-    v1 = 2.0*w4
-    fill(out, ((w1, -w1, w1), (w2, w3, -w2, w3, v0, -w3, v1, w2, -w3, v0)))
+    fill(out, ((w1, -w1, w1), (w2, w3, -w2, w3, v0, -w3, 2.0*w4, w2, -w3, v0)))
 
 
 @njit(**OPTIONS)
 def K_d(p, s, out):
-    """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
+    """Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
     rho_A, _, _, length = unpacked(p, 4)
@@ -102,12 +101,13 @@ def K_d(p, s, out):
     w12 = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
     v0 = -0.3333333333333333*w2
-    v1 = -0.16666666666666666*w2
-    v2 = -0.37142857142857144*w2
-    v3 = -0.12857142857142856*w2
-    v4 = -0.009523809523809525*w13
-    v5 = 0.007142857142857143*w13
-    fill(out, ((v0, v1, v0), (v2, -w11, v3, w12, v4, -w12, v5, v2, w11, v4), (-w4, -w7, -w8, w9, -w8, -w9, -w4, w7)))
+    v1 = -0.37142857142857144*w2
+    v2 = -0.009523809523809525*w13
+    fill(out, (
+        (v0, -0.16666666666666666*w2, v0),
+        (v1, -w11, -0.12857142857142856*w2, w12, v2, -w12, 0.007142857142857143*w13, v1, w11, v2),
+        (-w4, -w7, -w8, w9, -w8, -w9, -w4, w7),
+    ))
 
 
 @njit(**OPTIONS)
@@ -132,10 +132,13 @@ def K_g(p, s, out):
     w9 = 0.13333333333333333*P_1*length
     w10 = 0.03333333333333333*length
     w11 = P_3*length
-    v0 = P_2*w10 + 0.01904761904761905*w11 + w9
-    v1 = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
-    v2 = length*w6 + 0.08571428571428572*w11 + w9
-    fill(out, ((w4, w7, -w4, w8, v0, -w7, v1, w4, -w8, v2),))
+    fill(out, (
+        (
+            w4, w7, -w4, w8, P_2*w10 + 0.01904761904761905*w11 + w9, -w7,
+            -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11, w4, -w8,
+            length*w6 + 0.08571428571428572*w11 + w9,
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -172,15 +175,9 @@ def F(p, s, out):
     w7 = a_y*w6
     w8 = (length*length*length)*rho_A
     w9 = w6*x_0
-    v0 = -w1 + w2*(w3 + 0.16666666666666666*w4)
-    v1 = epsilon*(-w3 - 0.15*w4) - w5
-    v2 = epsilon*(-0.03333333333333333*w8 - w9) - w7
-    v3 = -w1 + w2*(w3 + 0.3333333333333333*w4)
-    v4 = epsilon*(-w3 - 0.35*w4) - w5
-    v5 = epsilon*(0.05*w8 + w9) + w7
-    pack(out, 0, (v0, v1))
-    pack(out, 2, (v2, v3))
-    pack(out, 4, (v4, v5))
+    pack(out, 0, (-w1 + w2*(w3 + 0.16666666666666666*w4), epsilon*(-w3 - 0.15*w4) - w5))
+    pack(out, 2, (epsilon*(-0.03333333333333333*w8 - w9) - w7, -w1 + w2*(w3 + 0.3333333333333333*w4)))
+    pack(out, 4, (epsilon*(-w3 - 0.35*w4) - w5, epsilon*(0.05*w8 + w9) + w7))
 
 
 @njit(**OPTIONS)

@@ -12,9 +12,9 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest c2cb5af4f6e22ae4
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 0cbb3b5d208026e0
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -48,20 +48,13 @@ def M(p, out):
     w13 = rho_A*w12
     w14 = 0.009523809523809525*w13
     w15 = 0.0011904761904761906*rho_A_rise*w12
-    v0 = w1 - w3
-    v1 = 0.16666666666666666*w0
-    v2 = w4 - w5
-    v3 = -w10 + w8
-    v4 = 0.12857142857142856*w0
-    v5 = 0.0011904761904761906*rho_A_rise*w6 - w11
-    v6 = w14 - w15
-    v7 = w11 + 0.0011904761904761906*w9
-    v8 = -0.007142857142857143*w13
-    v9 = w1 + w3
-    v10 = w4 + w5
-    v11 = -w10 - w8
-    v12 = w14 + w15
-    fill(out, ((v0, v1, v9), (v2, v3, v4, v5, v6, v7, v8, v10, v11, v12)))
+    fill(out, (
+        (w1 - w3, 0.16666666666666666*w0, w1 + w3),
+        (
+            w4 - w5, -w10 + w8, 0.12857142857142856*w0, 0.0011904761904761906*rho_A_rise*w6 - w11, w14 - w15,
+            w11 + 0.0011904761904761906*w9, -0.007142857142857143*w13, w4 + w5, -w10 - w8, w14 + w15,
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -81,15 +74,12 @@ def K_s(p, out):
     w8 = E_I*w0
     w9 = 4.0*w8
     w10 = E_I_rise*w0
-    v0 = -w10 + w9
-    v1 = 2.0*w8
-    v2 = w10 + w9
-    fill(out, ((w1, -w1, w1), (w2, w6, -w2, w7, v0, -w6, v1, w2, -w7, v2)))
+    fill(out, ((w1, -w1, w1), (w2, w6, -w2, w7, -w10 + w9, -w6, 2.0*w8, w2, -w7, w10 + w9)))
 
 
 @njit(**OPTIONS)
 def K_d(p, s, out):
-    """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
+    """Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
     rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
@@ -125,26 +115,15 @@ def K_d(p, s, out):
     w28 = 0.0011904761904761906*rho_A_rise*w25
     w29 = w5 + w6
     w30 = w10 + w12
-    v0 = w0*(-w2 + w4)
-    v1 = -epsilon*w7
-    v2 = -epsilon*w13
-    v3 = -0.16666666666666666*w14
-    v4 = -epsilon*w17
-    v5 = w0*(-w19 + w20)
-    v6 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
-    v7 = -0.12857142857142856*w14
-    v8 = w0*(w23 - w24)
-    v9 = w0*(-w27 + w28)
-    v10 = w0*(-w23 - w24)
-    v11 = 0.007142857142857143*w0*w26
-    v12 = -epsilon*w22
-    v13 = w0*(-w2 - w4)
-    v14 = -epsilon*w29
-    v15 = epsilon*w30
-    v16 = w0*(-w19 - w20)
-    v17 = w0*(0.009523809523809525*w11 + w21)
-    v18 = w0*(-w27 - w28)
-    fill(out, ((v0, v3, v13), (v5, v6, v7, v8, v9, v10, v11, v16, v17, v18), (v1, v2, v4, w18, v12, -w18, v14, v15)))
+    fill(out, (
+        (w0*(-w2 + w4), -0.16666666666666666*w14, w0*(-w2 - w4)),
+        (
+            w0*(-w19 + w20), w0*(0.009523809523809525*rho_A_rise*w8 - w21), -0.12857142857142856*w14, w0*(w23 - w24),
+            w0*(-w27 + w28), w0*(-w23 - w24), 0.007142857142857143*w0*w26, w0*(-w19 - w20),
+            w0*(0.009523809523809525*w11 + w21), w0*(-w27 - w28),
+        ),
+        (-epsilon*w7, -epsilon*w13, -epsilon*w17, w18, -epsilon*w22, -w18, -epsilon*w29, epsilon*w30),
+    ))
 
 
 @njit(**OPTIONS)
@@ -176,10 +155,13 @@ def K_g(p, s, out):
     w15 = P_3*length
     w16 = P_4*length
     w17 = 0.013095238095238096*w16
-    v0 = P_2*w14 + w13 + 0.01904761904761905*w15 + w17
-    v1 = -P_1*w14 - 0.016666666666666666*P_2*length - 0.014285714285714285*w15 - w17
-    v2 = length*w10 + w13 + 0.08571428571428572*w15 + 0.07738095238095238*w16
-    fill(out, ((w8, w11, -w8, -w12, v0, -w11, v1, w8, w12, v2),))
+    fill(out, (
+        (
+            w8, w11, -w8, -w12, P_2*w14 + w13 + 0.01904761904761905*w15 + w17, -w11,
+            -P_1*w14 - 0.016666666666666666*P_2*length - 0.014285714285714285*w15 - w17, w8, w12,
+            length*w10 + w13 + 0.08571428571428572*w15 + 0.07738095238095238*w16,
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -206,13 +188,7 @@ def C(p, s, out):
     w14 = w10 - w11
     w15 = w1 + w3
     w16 = w7 + w8
-    v0 = -omega*w4
-    v1 = -omega*w9
-    v2 = -omega*w12
-    v3 = -omega*w14
-    v4 = -omega*w15
-    v5 = omega*w16
-    fill(out, ((v0, v1, v2, w13, v3, -w13, v4, v5),))
+    fill(out, ((-omega*w4, -omega*w9, -omega*w12, w13, -omega*w14, -w13, -omega*w15, omega*w16),))
 
 
 @njit(**OPTIONS)
@@ -239,15 +215,17 @@ def F(p, s, out):
     w14 = w11*x_0
     w15 = rho_A_rise*w6
     w16 = 0.008333333333333333*w15
-    v0 = a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7)
-    v1 = a_y*(-w0 + w8) + epsilon*(-w10 - w4 - 0.15*w7 + w9)
-    v2 = a_y*(-w10 - w11) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w13 - w14)
-    v3 = a_x*(-w0 - w2) + w3*(0.08333333333333333*w15 + w4 + w5 + 0.3333333333333333*w7)
-    v4 = a_y*(-w0 - w8) + epsilon*(-0.09166666666666666*w15 - w4 - 0.35*w7 - w9)
-    v5 = a_y*(w11 + w16) + epsilon*(0.008333333333333333*rho_A_rise*w12 + 0.05*w13 + w14 + w16*x_0)
-    pack(out, 0, (v0, v1))
-    pack(out, 2, (v2, v3))
-    pack(out, 4, (v4, v5))
+    pack(out, 0, (
+        a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7), a_y*(-w0 + w8) + epsilon*(-w10 - w4 - 0.15*w7 + w9),
+    ))
+    pack(out, 2, (
+        a_y*(-w10 - w11) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w13 - w14),
+        a_x*(-w0 - w2) + w3*(0.08333333333333333*w15 + w4 + w5 + 0.3333333333333333*w7),
+    ))
+    pack(out, 4, (
+        a_y*(-w0 - w8) + epsilon*(-0.09166666666666666*w15 - w4 - 0.35*w7 - w9),
+        a_y*(w11 + w16) + epsilon*(0.008333333333333333*rho_A_rise*w12 + 0.05*w13 + w14 + w16*x_0),
+    ))
 
 
 @njit(**OPTIONS)

@@ -13,9 +13,9 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS, K_s, K_g, C  # digest c2cb5af4f6e22ae4
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS, K_s, K_d, K_g, C  # digest 0cbb3b5d208026e0
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -44,44 +44,15 @@ def M(p, out):
     w6 = length*rho_I
     w7 = (length*length*length)*rho_A
     v0 = 0.3333333333333333*w0
-    v1 = 0.16666666666666666*w0
-    v2 = 0.37142857142857144*w0 + w1
-    v3 = 0.12857142857142856*w0 - w1
-    v4 = 0.13333333333333333*w6 + 0.009523809523809525*w7
-    v5 = -0.03333333333333333*w6 - 0.007142857142857143*w7
-    fill(out, ((v0, v1, v0), (v2, w4, v3, -w5, v4, w5, v5, v2, -w4, v4)))
-
-
-@njit(**OPTIONS)
-def K_d(p, s, out):
-    """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
-
-    M here is that of translation alone.
-
-    p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length = unpacked(p, 4)
-    omega, epsilon = unpacked(s, 2)
-    w0 = omega*omega
-    w1 = length*rho_A
-    w2 = w0*w1
-    w3 = epsilon*w1
-    w4 = 0.35*w3
-    w5 = (length*length)*rho_A
-    w6 = epsilon*w5
-    w7 = 0.05*w6
-    w8 = 0.15*w3
-    w9 = 0.03333333333333333*w6
-    w10 = w0*w5
-    w11 = 0.05238095238095238*w10
-    w12 = 0.030952380952380953*w10
-    w13 = (length*length*length)*rho_A*w0
-    v0 = -0.3333333333333333*w2
-    v1 = -0.16666666666666666*w2
-    v2 = -0.37142857142857144*w2
-    v3 = -0.12857142857142856*w2
-    v4 = -0.009523809523809525*w13
-    v5 = 0.007142857142857143*w13
-    fill(out, ((v0, v1, v0), (v2, -w11, v3, w12, v4, -w12, v5, v2, w11, v4), (-w4, -w7, -w8, w9, -w8, -w9, -w4, w7)))
+    v1 = 0.37142857142857144*w0 + w1
+    v2 = 0.13333333333333333*w6 + 0.009523809523809525*w7
+    fill(out, (
+        (v0, 0.16666666666666666*w0, v0),
+        (
+            v1, w4, 0.12857142857142856*w0 - w1, -w5, v2, w5, -0.03333333333333333*w6 - 0.007142857142857143*w7, v1,
+            -w4, v2,
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -103,15 +74,9 @@ def F(p, s, out):
     w7 = a_y*w6
     w8 = (length*length*length)*rho_A
     w9 = w6*x_0
-    v0 = -w1 + w2*(w3 + 0.16666666666666666*w4)
-    v1 = epsilon*(rho_I - w3 - 0.15*w4) - w5
-    v2 = epsilon*(-0.03333333333333333*w8 - w9) - w7
-    v3 = -w1 + w2*(w3 + 0.3333333333333333*w4)
-    v4 = epsilon*(-rho_I - w3 - 0.35*w4) - w5
-    v5 = epsilon*(0.05*w8 + w9) + w7
-    pack(out, 0, (v0, v1))
-    pack(out, 2, (v2, v3))
-    pack(out, 4, (v4, v5))
+    pack(out, 0, (-w1 + w2*(w3 + 0.16666666666666666*w4), epsilon*(rho_I - w3 - 0.15*w4) - w5))
+    pack(out, 2, (epsilon*(-0.03333333333333333*w8 - w9) - w7, -w1 + w2*(w3 + 0.3333333333333333*w4)))
+    pack(out, 4, (epsilon*(-rho_I - w3 - 0.35*w4) - w5, epsilon*(0.05*w8 + w9) + w7))
 
 
 @njit(**OPTIONS)

@@ -13,10 +13,10 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest c2cb5af4f6e22ae4
-from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 322c26ea50c3e29f
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 0cbb3b5d208026e0
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_d, K_g, C  # digest 0d6f04b5a004da39
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -57,83 +57,14 @@ def M(p, out):
     w18 = 0.0011904761904761906*rho_A_rise*w17
     w19 = rho_A*w17
     w20 = 0.13333333333333333*length*rho_I + 0.009523809523809525*w19
-    w21 = -w7
-    v0 = w1 - w3
-    v1 = 0.16666666666666666*w0
-    v2 = -w4 + w6
-    v3 = -w10 + w13 + w7
-    v4 = 0.12857142857142856*w0 - w5
-    v5 = 0.0011904761904761906*rho_A_rise*w8 - w14 - w7
-    v6 = -w16 - w18 + w20
-    v7 = w14 + w21 + 0.0011904761904761906*w9
-    v8 = -rho_I*w15 - 0.007142857142857143*w19
-    v9 = w1 + w3
-    v10 = w4 + w6
-    v11 = -w10 - w13 - w21
-    v12 = w16 + w18 + w20
-    fill(out, ((v0, v1, v9), (v2, v3, v4, v5, v6, v7, v8, v10, v11, v12)))
-
-
-@njit(**OPTIONS)
-def K_d(p, s, out):
-    """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
-
-    M here is that of translation alone.
-
-    p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length, _, rho_A_rise = unpacked(p, 6)
-    omega, epsilon = unpacked(s, 2)
-    w0 = omega*omega
-    w1 = length*rho_A
-    w2 = 0.3333333333333333*w1
-    w3 = length*rho_A_rise
-    w4 = 0.08333333333333333*w3
-    w5 = 0.35*w1
-    w6 = 0.09166666666666666*w3
-    w7 = w5 - w6
-    w8 = length*length
-    w9 = rho_A*w8
-    w10 = 0.05*w9
-    w11 = rho_A_rise*w8
-    w12 = 0.008333333333333333*w11
-    w13 = w10 - w12
-    w14 = w0*w1
-    w15 = 0.15*w1
-    w16 = 0.008333333333333333*w3
-    w17 = w15 + w16
-    w18 = 0.03333333333333333*epsilon*w9
-    w19 = 0.37142857142857144*w1
-    w20 = 0.1*w3
-    w21 = 0.05238095238095238*w9
-    w22 = w15 - w16
-    w23 = 0.030952380952380953*w9
-    w24 = 0.0011904761904761906*w11
-    w25 = length*length*length
-    w26 = rho_A*w25
-    w27 = 0.009523809523809525*w26
-    w28 = 0.0011904761904761906*rho_A_rise*w25
-    w29 = w5 + w6
-    w30 = w10 + w12
-    v0 = w0*(-w2 + w4)
-    v1 = -epsilon*w7
-    v2 = -epsilon*w13
-    v3 = -0.16666666666666666*w14
-    v4 = -epsilon*w17
-    v5 = w0*(-w19 + w20)
-    v6 = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
-    v7 = -0.12857142857142856*w14
-    v8 = w0*(w23 - w24)
-    v9 = w0*(-w27 + w28)
-    v10 = w0*(-w23 - w24)
-    v11 = 0.007142857142857143*w0*w26
-    v12 = -epsilon*w22
-    v13 = w0*(-w2 - w4)
-    v14 = -epsilon*w29
-    v15 = epsilon*w30
-    v16 = w0*(-w19 - w20)
-    v17 = w0*(0.009523809523809525*w11 + w21)
-    v18 = w0*(-w27 - w28)
-    fill(out, ((v0, v3, v13), (v5, v6, v7, v8, v9, v10, v11, v16, v17, v18), (v1, v2, v4, w18, v12, -w18, v14, v15)))
+    fill(out, (
+        (w1 - w3, 0.16666666666666666*w0, w1 + w3),
+        (
+            -w4 + w6, -w10 + w13 + w7, 0.12857142857142856*w0 - w5, 0.0011904761904761906*rho_A_rise*w8 - w14 - w7,
+            -w16 - w18 + w20, w14 - w7 + 0.0011904761904761906*w9, -rho_I*w15 - 0.007142857142857143*w19, w4 + w6,
+            -w10 - w13 + w7, w16 + w18 + w20,
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -161,15 +92,17 @@ def F(p, s, out):
     w13 = length*length*length
     w14 = rho_A*w13
     w15 = -0.08333333333333333*length*rho_I_rise + w12*x_0
-    v0 = a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7)
-    v1 = a_y*(-w0 + w8) + epsilon*(w10 + w11 - w4 - 0.15*w7)
-    v2 = a_y*(0.008333333333333333*rho_A_rise*w6 - w12) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w14 - w15)
-    v3 = a_x*(-w0 - w2) + w3*(w4 + w5 + 0.3333333333333333*w7 + 0.08333333333333333*w9)
-    v4 = a_y*(-w0 - w8) + epsilon*(-w11 - w4 - 0.35*w7 - 0.09166666666666666*w9)
-    v5 = a_y*(w10 + w12) + epsilon*(0.008333333333333333*rho_A_rise*w13 + w10*x_0 + 0.05*w14 + w15)
-    pack(out, 0, (v0, v1))
-    pack(out, 2, (v2, v3))
-    pack(out, 4, (v4, v5))
+    pack(out, 0, (
+        a_x*(-w0 + w2) + w3*(w4 - w5 + 0.16666666666666666*w7), a_y*(-w0 + w8) + epsilon*(w10 + w11 - w4 - 0.15*w7),
+    ))
+    pack(out, 2, (
+        a_y*(0.008333333333333333*rho_A_rise*w6 - w12) + epsilon*(0.008333333333333333*rho_A_rise*w6*x_0 - 0.03333333333333333*w14 - w15),
+        a_x*(-w0 - w2) + w3*(w4 + w5 + 0.3333333333333333*w7 + 0.08333333333333333*w9),
+    ))
+    pack(out, 4, (
+        a_y*(-w0 - w8) + epsilon*(-w11 - w4 - 0.35*w7 - 0.09166666666666666*w9),
+        a_y*(w10 + w12) + epsilon*(0.008333333333333333*rho_A_rise*w13 + w10*x_0 + 0.05*w14 + w15),
+    ))
 
 
 @njit(**OPTIONS)

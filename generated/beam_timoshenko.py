@@ -13,9 +13,9 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest c2cb5af4f6e22ae4
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 0cbb3b5d208026e0
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -56,12 +56,15 @@ def M(p, out):
     w17 = phi_s*w15
     w18 = 0.006944444444444444*w17
     w19 = -length*w10 + 0.3*length*w6 + 0.0011904761904761906*w15*w5 + 0.020833333333333332*w17*w3
-    v0 = 0.16666666666666666*w0
-    v1 = w1 + w7
-    v2 = 0.16666666666666666*length*rho_A - w7
-    v3 = 0.3333333333333333*w14 + w16 + w18 + w19
-    v4 = 0.16666666666666666*w14 - w16 - w18 + w19
-    fill(out, ((w1, v0, w1), (v1, w12, v2, w13, v3, -w13, v4, v1, -w12, v3)))
+    v0 = w1 + w7
+    v1 = 0.3333333333333333*w14 + w16 + w18 + w19
+    fill(out, (
+        (w1, 0.16666666666666666*w0, w1),
+        (
+            v0, w12, 0.16666666666666666*length*rho_A - w7, w13, v1, -w13, 0.16666666666666666*w14 - w16 - w18 + w19,
+            v0, -w12, v1,
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -78,15 +81,12 @@ def K_s(p, out):
     w5 = 6.0*w3/(length*length)
     w6 = E_I*w0
     v0 = 3.0*w2*w6 + w6
-    v1 = 3.0*E_I*w0*w2 - w6
-    fill(out, ((w1, -w1, w1), (w4, w5, -w4, w5, v0, -w5, v1, w4, -w5, v0)))
+    fill(out, ((w1, -w1, w1), (w4, w5, -w4, w5, v0, -w5, 3.0*E_I*w0*w2 - w6, w4, -w5, v0)))
 
 
 @njit(**OPTIONS)
 def K_d(p, s, out):
-    """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
-
-    M here is that of translation alone.
+    """Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
     rho_A, _, _, length, _, _, phi_s = unpacked(p, 7)
@@ -116,21 +116,14 @@ def K_d(p, s, out):
     w22 = 0.0011904761904761906*w15*w20
     v0 = -w0*w2
     v1 = -epsilon*w7
-    v2 = -epsilon*w11
-    v3 = -w0*w12
-    v4 = -epsilon*w13
-    v5 = epsilon*w14
-    v6 = w0*(-w16 - w2)
-    v7 = -w0*w18
-    v8 = w0*(-w12 + w16)
-    v9 = -w0*w19
-    v10 = w0*(-w21 - w22)
-    v11 = w0*w19
-    v12 = w0*(w21 - w22)
-    v13 = -epsilon*w14
-    v14 = epsilon*w11
-    v15 = w0*w18
-    fill(out, ((v0, v3, v0), (v6, v7, v8, v9, v10, v11, v12, v6, v15, v10), (v1, v2, v4, v5, v4, v13, v1, v14)))
+    v2 = -epsilon*w13
+    v3 = w0*(-w16 - w2)
+    v4 = w0*(-w21 - w22)
+    fill(out, (
+        (v0, -w0*w12, v0),
+        (v3, -w0*w18, w0*(-w12 + w16), -w0*w19, v4, w0*w19, w0*(w21 - w22), v3, w0*w18, v4),
+        (v1, -epsilon*w11, v2, epsilon*w14, v2, -epsilon*w14, v1, epsilon*w11),
+    ))
 
 
 @njit(**OPTIONS)
@@ -163,25 +156,22 @@ def K_g(p, s, out):
     w19 = 0.08333333333333333*length
     w20 = P_1*(length*w12 + w19)
     w21 = length*w13
-    w22 = -w21
-    w23 = 0.041666666666666664*length
-    w24 = length*w5
-    w25 = w23 + 0.025*w24
-    w26 = 0.03333333333333333*length
-    w27 = 0.01904761904761905*w24 + w26
-    w28 = -w11
+    w22 = 0.041666666666666664*length
+    w23 = length*w5
+    w24 = w22 + 0.025*w23
+    w25 = 0.03333333333333333*length
+    w26 = 0.01904761904761905*w23 + w25
     P_2 = length*w0 - length*w2
     P_3 = -0.5*(length*length)*rho_A*w1
     v0 = P_1*w7 + P_2*w8 + P_3*w10
-    v1 = P_2*w14 + P_3*w16 + w11
-    v2 = -P_1*w7 - P_2*w8 - P_3*w10
-    v3 = P_2*w17 + P_3*w18 + w11
-    v4 = P_2*(w22 + w25) + P_3*(w22 + w27) + w20
-    v5 = -P_2*w14 - P_3*w16 + w28
-    v6 = P_1*(0.05*length*w5 - w19) + P_2*(0.025*length*w5 - w23) + P_3*(0.01904761904761905*length*w5 - w26)
-    v7 = -P_2*w17 - P_3*w18 + w28
-    v8 = P_2*(w21 + w25) + P_3*(w21 + w27) + w20
-    fill(out, ((v0, v1, v2, v3, v4, v5, v6, v0, v7, v8),))
+    fill(out, (
+        (
+            v0, P_2*w14 + P_3*w16 + w11, -P_1*w7 - P_2*w8 - P_3*w10, P_2*w17 + P_3*w18 + w11,
+            P_2*(-w21 + w24) + P_3*(-w21 + w26) + w20, -P_2*w14 - P_3*w16 - w11,
+            P_1*(0.05*length*w5 - w19) + P_2*(0.025*length*w5 - w22) + P_3*(0.01904761904761905*length*w5 - w25), v0,
+            -P_2*w17 - P_3*w18 - w11, P_2*(w21 + w24) + P_3*(w21 + w26) + w20,
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -202,12 +192,8 @@ def C(p, s, out):
     w8 = 0.3333333333333333*w0 - w2
     w9 = w5 - w6
     v0 = -omega*w3
-    v1 = -omega*w7
-    v2 = -omega*w8
-    v3 = omega*w9
-    v4 = -omega*w9
-    v5 = omega*w7
-    fill(out, ((v0, v1, v2, v3, v2, v4, v0, v5),))
+    v1 = -omega*w8
+    fill(out, ((v0, -omega*w7, v1, omega*w9, v1, -omega*w9, v0, omega*w7),))
 
 
 @njit(**OPTIONS)
@@ -237,15 +223,9 @@ def F(p, s, out):
     w15 = rho_A*w14
     w16 = w11*x_0 + 0.041666666666666664*w15
     w17 = w4 + 0.3333333333333333*w5
-    v0 = -w2 + w3*w6
-    v1 = epsilon*(w10 - w6 + w9) - w7
-    v2 = epsilon*(0.5*length*rho_I*w8 + 0.008333333333333333*rho_A*w14*w8 - w13 - w16) - w12
-    v3 = w17*w3 - w2
-    v4 = epsilon*(-w10 - w17 - w9) - w7
-    v5 = epsilon*(w0*w9 - w13 + 0.008333333333333333*w15*w8 + w16) + w12
-    pack(out, 0, (v0, v1))
-    pack(out, 2, (v2, v3))
-    pack(out, 4, (v4, v5))
+    pack(out, 0, (-w2 + w3*w6, epsilon*(w10 - w6 + w9) - w7))
+    pack(out, 2, (epsilon*(0.5*length*rho_I*w8 + 0.008333333333333333*rho_A*w14*w8 - w13 - w16) - w12, w17*w3 - w2))
+    pack(out, 4, (epsilon*(-w10 - w17 - w9) - w7, epsilon*(w0*w9 - w13 + 0.008333333333333333*w15*w8 + w16) + w12))
 
 
 @njit(**OPTIONS)

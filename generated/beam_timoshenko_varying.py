@@ -13,9 +13,9 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, pack, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest c2cb5af4f6e22ae4
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 0cbb3b5d208026e0
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -113,18 +113,15 @@ def M(p, out):
     w72 = -rho_A_rise*w47*w66 + rho_I_rise*w67 - w24*w68*w8 - w31*w67 + w48*w66 + w52*w69 + 0.008333333333333333*w54 + 3.306878306878307e-05*w55*w68 - 6.613756613756614e-05*w6*w70 - w60*w71 + w61 + w63*w69 + w65*w71 + 3.306878306878307e-05*w70
     w73 = 0.3*w52 + 0.0011904761904761906*w55 + 0.3333333333333333*w63 - w64 + 0.020833333333333332*w65 + w72
     w74 = w1 + w3
-    v0 = 0.16666666666666666*w0
-    v1 = w13 + w4 - w9
-    v2 = -w17 + w29 + w42
-    v3 = 0.16666666666666666*length*rho_A - w13
-    v4 = -w43 + w44 + w45
-    v5 = -w46 - w49 + w50 - w51 - w53 - w56 + w57 + w59 - w62 + w73
-    v6 = -w42 - w43 - w44
-    v7 = 0.3*length*rho_I*w10 + 0.16666666666666666*length*rho_I + 0.020833333333333332*phi_s*rho_A*w47*w6 + 0.0011904761904761906*rho_A*w10*w47 - w64 - w72
-    v8 = w13 + w74 + w9
-    v9 = -w17 - w29 - w45
-    v10 = w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73
-    fill(out, ((w4, v0, w74), (v1, v2, v3, v4, v5, v6, v7, v8, v9, v10)))
+    fill(out, (
+        (w4, 0.16666666666666666*w0, w74),
+        (
+            w13 + w4 - w9, -w17 + w29 + w42, 0.16666666666666666*length*rho_A - w13, -w43 + w44 + w45,
+            -w46 - w49 + w50 - w51 - w53 - w56 + w57 + w59 - w62 + w73, -w42 - w43 - w44,
+            0.3*length*rho_I*w10 + 0.16666666666666666*length*rho_I + 0.020833333333333332*phi_s*rho_A*w47*w6 + 0.0011904761904761906*rho_A*w10*w47 - w64 - w72,
+            w13 + w74 + w9, -w17 - w29 - w45, w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73,
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -149,17 +146,12 @@ def K_s(p, out):
     w13 = 0.08333333333333333*(E_I_rise*E_I_rise)*w0/E_I
     w14 = w12 + w13*w2 - w13
     w15 = 3.0*w12*w2 + w14
-    v0 = -w11 + w15
-    v1 = 3.0*E_I*w0*w2 - w14
-    v2 = w11 + w15
-    fill(out, ((w1, -w1, w1), (w4, w9, -w4, w10, v0, -w9, v1, w4, -w10, v2)))
+    fill(out, ((w1, -w1, w1), (w4, w9, -w4, w10, -w11 + w15, -w9, 3.0*E_I*w0*w2 - w14, w4, -w10, w11 + w15)))
 
 
 @njit(**OPTIONS)
 def K_d(p, s, out):
-    """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
-
-    M here is that of translation alone.
+    """Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
     rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
@@ -191,76 +183,61 @@ def K_d(p, s, out):
     w24 = w21*w23
     w25 = w19 - w22 + w24
     w26 = -w18 + w25
-    w27 = -w17
-    w28 = w14*w20
-    w29 = 0.001388888888888889*w28
-    w30 = w29*w7
-    w31 = w27 + w29 - w30
-    w32 = w15 + w26 + w31
-    w33 = 0.16666666666666666*w1
-    w34 = w11 + w33 - w9
-    w35 = -w15
-    w36 = w18 + w25
-    w37 = w31 + w35 + w36
-    w38 = 0.016666666666666666*w3*w7
-    w39 = 1.0/(w6*w6)
-    w40 = 0.004761904761904762*w1*w39 + 0.03333333333333333*w8
-    w41 = 0.000992063492063492*w28*w7
-    w42 = w14*w39
-    w43 = 0.0003968253968253968*w20
-    w44 = w42*w43
-    w45 = 0.002380952380952381*w42
-    w46 = w15 + w45
-    w47 = w25 + w46
-    w48 = -w33
-    w49 = w11 + w9
-    w50 = w48 + w49
-    w51 = w17 - w29
-    w52 = w41 + w44 + w51
-    w53 = -0.002976190476190476*rho_A_rise*w13*w7 + w52
-    w54 = length*length*length
-    w55 = rho_A_rise*w54
-    w56 = w55*w7
-    w57 = 0.0011904761904761906*w56
-    w58 = rho_A*w54
-    w59 = w39*w58
-    w60 = w43*w59
-    w61 = w58*w7
-    w62 = w43*w61
-    w63 = 0.0011904761904761906*w59
-    w64 = 0.0001984126984126984*w20
-    w65 = E_I_rise*E_I_rise
-    w66 = 1.0/(E_I*E_I)
-    w67 = 3.306878306878307e-05*w65*w66
-    w68 = -w55*w64 + w56*w64 + w58*w67 + 0.008333333333333333*w58 + w59*w67 - 6.613756613756614e-05*w61*w65*w66
-    w69 = w63 + w68
-    w70 = w30 + w51
-    w71 = w26 + w35 + w70
-    w72 = w2 + w4
-    w73 = w49 + w72
-    w74 = w15 + w36 + w70
-    v0 = -w0*w5
-    v1 = -epsilon*w12
-    v2 = -epsilon*w32
-    v3 = -w0*w33
-    v4 = -epsilon*w34
-    v5 = epsilon*w37
-    v6 = w0*(w38 - w40 - w5)
-    v7 = w0*(0.005357142857142857*rho_A_rise*w13*w7 - w27 - w29 + w41 + w44 - w47)
-    v8 = w0*(w40 + w48)
-    v9 = w0*(w19 - w22 + w24 - w46 - w53)
-    v10 = w0*(w57 + w60 - w62 - w69)
-    v11 = w0*(-w25 - w35 + w45 - w53)
-    v12 = w0*(-w63 + w68)
-    v13 = epsilon*w50
-    v14 = -epsilon*w71
-    v15 = -w0*w72
-    v16 = -epsilon*w73
-    v17 = epsilon*w74
-    v18 = w0*(-w38 - w40 - w72)
-    v19 = w0*(0.005357142857142857*w23 + w47 + w52)
-    v20 = w0*(-w57 - w60 + w62 - w69)
-    fill(out, ((v0, v3, v15), (v6, v7, v8, v9, v10, v11, v12, v18, v19, v20), (v1, v2, v4, v5, v13, v14, v16, v17)))
+    w27 = w14*w20
+    w28 = 0.001388888888888889*w27
+    w29 = w28*w7
+    w30 = -w17 + w28 - w29
+    w31 = w15 + w26 + w30
+    w32 = 0.16666666666666666*w1
+    w33 = w11 + w32 - w9
+    w34 = w18 + w25
+    w35 = -w15 + w30 + w34
+    w36 = 0.016666666666666666*w3*w7
+    w37 = 1.0/(w6*w6)
+    w38 = 0.004761904761904762*w1*w37 + 0.03333333333333333*w8
+    w39 = 0.000992063492063492*w27*w7
+    w40 = w14*w37
+    w41 = 0.0003968253968253968*w20
+    w42 = w40*w41
+    w43 = 0.002380952380952381*w40
+    w44 = w15 + w43
+    w45 = w25 + w44
+    w46 = w11 + w9
+    w47 = -w32 + w46
+    w48 = w17 - w28
+    w49 = w39 + w42 + w48
+    w50 = -0.002976190476190476*rho_A_rise*w13*w7 + w49
+    w51 = length*length*length
+    w52 = rho_A_rise*w51
+    w53 = w52*w7
+    w54 = 0.0011904761904761906*w53
+    w55 = rho_A*w51
+    w56 = w37*w55
+    w57 = w41*w56
+    w58 = w55*w7
+    w59 = w41*w58
+    w60 = 0.0011904761904761906*w56
+    w61 = 0.0001984126984126984*w20
+    w62 = E_I_rise*E_I_rise
+    w63 = 1.0/(E_I*E_I)
+    w64 = 3.306878306878307e-05*w62*w63
+    w65 = -w52*w61 + w53*w61 + w55*w64 + 0.008333333333333333*w55 + w56*w64 - 6.613756613756614e-05*w58*w62*w63
+    w66 = w60 + w65
+    w67 = w29 + w48
+    w68 = -w15 + w26 + w67
+    w69 = w2 + w4
+    w70 = w46 + w69
+    w71 = w15 + w34 + w67
+    fill(out, (
+        (-w0*w5, -w0*w32, -w0*w69),
+        (
+            w0*(w36 - w38 - w5), w0*(0.005357142857142857*rho_A_rise*w13*w7 + w17 - w28 + w39 + w42 - w45),
+            w0*(-w32 + w38), w0*(w19 - w22 + w24 - w44 - w50), w0*(w54 + w57 - w59 - w66), w0*(w15 - w25 + w43 - w50),
+            w0*(-w60 + w65), w0*(-w36 - w38 - w69), w0*(0.005357142857142857*w23 + w45 + w49),
+            w0*(-w54 - w57 + w59 - w66),
+        ),
+        (-epsilon*w12, -epsilon*w31, -epsilon*w33, epsilon*w35, epsilon*w47, -epsilon*w68, -epsilon*w70, epsilon*w71),
+    ))
 
 
 @njit(**OPTIONS)
@@ -347,15 +324,17 @@ def K_g(p, s, out):
     P_3 = -rho_A*w4*w5 - w2*w4*x_0 + w3 + 0.25*w6
     P_4 = -0.3333333333333333*w6
     v0 = P_1*w11 + P_2*w13 + P_3*w16 + P_4*w17
-    v1 = P_1*w23 + P_2*w29 + P_3*w34 + P_4*w39
-    v2 = -P_1*w11 - P_2*w13 - P_3*w16 - P_4*w17
-    v3 = P_1*w40 + P_2*w41 + P_3*w42 + P_4*w43
-    v4 = P_1*(-w46 + w47 + w54) + P_2*(-w55 + 0.013888888888888888*w56 + w60 + w62) + P_3*(0.011904761904761904*w56 + w60 - w63 + w65) + P_4*(0.010714285714285714*w56 - w66 - w67 + w69)
-    v5 = -P_1*w23 - P_2*w29 - P_3*w34 - P_4*w39
-    v6 = P_1*(0.05*length*w9 - w53) + P_2*(0.025*length*w9 - w61 - w70) + P_3*(0.01904761904761905*length*w9 - w64 - w70) + P_4*(0.01607142857142857*length*w9 - 0.005357142857142857*w56 - w68)
-    v7 = -P_1*w40 - P_2*w41 - P_3*w42 - P_4*w43
-    v8 = P_1*(w46 - w47 + w54) + P_2*(-w30*w50 + w55 + w62 + w71) + P_3*(-0.0007936507936507937*w56 + w63 + w65 + w71) + P_4*(w66 + w67 + w69)
-    fill(out, ((v0, v1, v2, v3, v4, v5, v6, v0, v7, v8),))
+    fill(out, (
+        (
+            v0, P_1*w23 + P_2*w29 + P_3*w34 + P_4*w39, -P_1*w11 - P_2*w13 - P_3*w16 - P_4*w17,
+            P_1*w40 + P_2*w41 + P_3*w42 + P_4*w43,
+            P_1*(-w46 + w47 + w54) + P_2*(-w55 + 0.013888888888888888*w56 + w60 + w62) + P_3*(0.011904761904761904*w56 + w60 - w63 + w65) + P_4*(0.010714285714285714*w56 - w66 - w67 + w69),
+            -P_1*w23 - P_2*w29 - P_3*w34 - P_4*w39,
+            P_1*(0.05*length*w9 - w53) + P_2*(0.025*length*w9 - w61 - w70) + P_3*(0.01904761904761905*length*w9 - w64 - w70) + P_4*(0.01607142857142857*length*w9 - 0.005357142857142857*w56 - w68),
+            v0, -P_1*w40 - P_2*w41 - P_3*w42 - P_4*w43,
+            P_1*(w46 - w47 + w54) + P_2*(-w30*w50 + w55 + w62 + w71) + P_3*(-0.0007936507936507937*w56 + w63 + w65 + w71) + P_4*(w66 + w67 + w69),
+        ),
+    ))
 
 
 @njit(**OPTIONS)
@@ -383,33 +362,23 @@ def C(p, s, out):
     w15 = w14*w4
     w16 = E_I_rise/E_I
     w17 = 0.001388888888888889*w13*w16
-    w18 = -w17
-    w19 = w17*w4
-    w20 = w12 - w15 + w18 + w19
-    w21 = 0.002777777777777778*w10*w16
-    w22 = w21*w4
-    w23 = -w14 + w21 - w22
-    w24 = w11 + w20 + w23
-    w25 = 0.3333333333333333*w0
-    w26 = w25 - w5 + w7
-    w27 = -w11
-    w28 = w12 + w15 + w18 + w19
-    w29 = w23 + w27 + w28
-    w30 = w5 + w7
-    w31 = -w25 + w30
-    w32 = w14 - w21 + w22
-    w33 = w20 + w27 + w32
-    w34 = w1 + w3 + w30
-    w35 = w11 + w28 + w32
-    v0 = -omega*w8
-    v1 = -omega*w24
-    v2 = -omega*w26
-    v3 = omega*w29
-    v4 = omega*w31
-    v5 = -omega*w33
-    v6 = -omega*w34
-    v7 = omega*w35
-    fill(out, ((v0, v1, v2, v3, v4, v5, v6, v7),))
+    w18 = w17*w4
+    w19 = w12 - w15 - w17 + w18
+    w20 = 0.002777777777777778*w10*w16
+    w21 = w20*w4
+    w22 = -w14 + w20 - w21
+    w23 = w11 + w19 + w22
+    w24 = 0.3333333333333333*w0
+    w25 = w24 - w5 + w7
+    w26 = w12 + w15 - w17 + w18
+    w27 = -w11 + w22 + w26
+    w28 = w5 + w7
+    w29 = -w24 + w28
+    w30 = w14 - w20 + w21
+    w31 = -w11 + w19 + w30
+    w32 = w1 + w28 + w3
+    w33 = w11 + w26 + w30
+    fill(out, ((-omega*w8, -omega*w23, -omega*w25, omega*w27, omega*w29, -omega*w31, -omega*w32, omega*w33),))
 
 
 @njit(**OPTIONS)
@@ -464,15 +433,15 @@ def F(p, s, out):
     w40 = -rho_I*w0 + w0*w16 + w10*w28 + w14*w25 + w15*x_0
     w41 = w1 + w3
     w42 = 0.08333333333333333*w13 + w5 + w6 + 0.3333333333333333*w8
-    v0 = a_x*(-w1 + w3) + w4*(w5 - w6 + w9)
-    v1 = a_y*(-w1 + w12 + w3) + epsilon*(w17 - w5 + w6 - w9)
-    v2 = a_y*(w15 - w23) + epsilon*(-w26 - w28 + w29 - w30 + w32 + w33 + w34 - w35 - w36 - w37 + w38 - w39 + w40)
-    v3 = -a_x*w41 + w4*w42
-    v4 = a_y*(-w12 - w41) + epsilon*(-w17 - w42)
-    v5 = a_y*(w15 + w23) + epsilon*(w26 + w28 - w29 + w30 - w32 - w33 - w34 + w35 + w36 + w37 - w38 + w39 + w40)
-    pack(out, 0, (v0, v1))
-    pack(out, 2, (v2, v3))
-    pack(out, 4, (v4, v5))
+    pack(out, 0, (a_x*(-w1 + w3) + w4*(w5 - w6 + w9), a_y*(-w1 + w12 + w3) + epsilon*(w17 - w5 + w6 - w9)))
+    pack(out, 2, (
+        a_y*(w15 - w23) + epsilon*(-w26 - w28 + w29 - w30 + w32 + w33 + w34 - w35 - w36 - w37 + w38 - w39 + w40),
+        -a_x*w41 + w4*w42,
+    ))
+    pack(out, 4, (
+        a_y*(-w12 - w41) + epsilon*(-w17 - w42),
+        a_y*(w15 + w23) + epsilon*(w26 + w28 - w29 + w30 - w32 - w33 - w34 + w35 + w36 + w37 - w38 + w39 + w40),
+    ))
 
 
 @njit(**OPTIONS)

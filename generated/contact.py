@@ -17,6 +17,8 @@ import math
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
@@ -27,9 +29,9 @@ LAWS = ('hertz', 'kelvin-voigt', 'hunt-crossley', 'lankarani-nikravesh', 'flores
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'point_line': (136, 46), 'circles': (172, 39), 'angle': (5, 5), 'point_line_acceleration': (74, 36),
-        'circles_acceleration': (69, 32), 'angle_acceleration': (2, 2), 'point_line_along': (284, 70),
-        'circles_along': (476, 79), 'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9),
-        'elastic_slopes': (5, 5), 'damped_slopes': (5, 5), 'hysteretic_slopes': (21, 11), 'stored': (8, 8),
+    'circles_acceleration': (69, 32), 'angle_acceleration': (2, 2), 'point_line_along': (284, 70),
+    'circles_along': (476, 79), 'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9), 'elastic_slopes': (5, 5),
+    'damped_slopes': (5, 5), 'hysteretic_slopes': (21, 11), 'stored': (8, 8),
 }
 
 
@@ -40,38 +42,24 @@ def point_line(w, a, b, p, c, out, k):
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
     speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
     the second section is turned beside that."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    theta_1 = w[a + 2]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    direction_x = p[c]
-    direction_y = p[c + 1]
-    reach = p[c + 2]
-    radius = p[c + 7]
-    w0 = -x_2
-    w1 = -y_2
-    w2 = math.cos(theta_1)
-    w3 = math.sin(theta_1)
-    n_x = out[k + 2] = direction_x*w2 - direction_y*w3
-    w4 = n_x*radius
-    n_y = out[k + 3] = direction_x*w3 + direction_y*w2
-    w5 = n_y*radius
-    d_x = -w0 - x_1
-    d_y = -w1 - y_1
+    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1 = unpacked(w, 6, a)
+    x_2, y_2, _, v_x_2, v_y_2, omega_2 = unpacked(w, 6, b)
+    direction_x, direction_y, reach, _, _, _, _, radius = unpacked(p, 8, c)
+    w0 = math.cos(theta_1)
+    w1 = math.sin(theta_1)
+    n_x = out[k + 2] = direction_x*w0 - direction_y*w1
+    w2 = n_x*radius
+    n_y = out[k + 3] = direction_x*w1 + direction_y*w0
+    w3 = n_y*radius
+    d_x = -x_1 + x_2
+    d_y = -y_1 + y_2
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = d_x*n_x + d_y*n_y - reach
     out[k + 1] = -d_x*n_y*omega_1 + d_x_rate*n_x + d_y*n_x*omega_1 + d_y_rate*n_y
-    out[k + 4] = -w0 - w4
-    out[k + 5] = -w1 - w5
-    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w4) - n_y*(-d_y + w5)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
+    out[k + 4] = -w2 + x_2
+    out[k + 5] = -w3 + y_2
+    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w2) - n_y*(-d_y + w3)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
     out[k + 7] = 0.0
 
 
@@ -82,36 +70,24 @@ def circles(w, a, b, p, c, out, k):
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
     speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
     the second section is turned beside that."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    direction_x = p[c]
-    reach = p[c + 2]
-    radius = p[c + 7]
-    w0 = -x_2
-    w1 = -y_2
-    d_y = -w1 - y_1
-    d_x = -w0 - x_1
+    x_1, y_1, _, v_x_1, v_y_1, omega_1 = unpacked(w, 6, a)
+    x_2, y_2, _, v_x_2, v_y_2, omega_2 = unpacked(w, 6, b)
+    direction_x, _, reach, _, _, _, _, radius = unpacked(p, 8, c)
+    d_y = -y_1 + y_2
+    d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w2 = direction_x/length
-    n_x = out[k + 2] = d_x*w2
-    w3 = n_x*radius
-    n_y = out[k + 3] = d_y*w2
-    w4 = n_y*radius
+    w0 = direction_x/length
+    n_x = out[k + 2] = d_x*w0
+    w1 = n_x*radius
+    n_y = out[k + 3] = d_y*w0
+    w2 = n_y*radius
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = direction_x*(length - reach)
-    out[k + 1] = w2*(d_x*d_x_rate + d_y*d_y_rate)
-    out[k + 4] = -w0 - w3
-    out[k + 5] = -w1 - w4
-    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w3) - n_y*(-d_y + w4)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
+    out[k + 1] = w0*(d_x*d_x_rate + d_y*d_y_rate)
+    out[k + 4] = -w1 + x_2
+    out[k + 5] = -w2 + y_2
+    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w1) - n_y*(-d_y + w2)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
     out[k + 7] = 0.0
 
 
@@ -122,14 +98,9 @@ def angle(w, a, b, p, c, out, k):
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
     speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
     the second section is turned beside that."""
-    theta_1 = w[a + 2]
-    omega_1 = w[a + 5]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    theta_2 = w[b + 2]
-    omega_2 = w[b + 5]
-    direction_x = p[c]
-    reach = p[c + 2]
+    theta_1, _, _, omega_1 = unpacked(w, 4, a + 2)
+    x_2, y_2, theta_2, _, _, omega_2 = unpacked(w, 6, b)
+    direction_x, _, reach = unpacked(p, 3, c)
     out[k] = direction_x*(-theta_1 + theta_2) - reach
     out[k + 1] = direction_x*(-omega_1 + omega_2)
     out[k + 2] = out[k + 3] = out[k + 6] = 0.0
@@ -141,23 +112,9 @@ def angle(w, a, b, p, c, out, k):
 @njit(**OPTIONS)
 def point_line_acceleration(w, a, b, p, c):
     """g'' [m/s^2] of ``point_line``."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    theta_1 = w[a + 2]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    epsilon_1 = w[a + 8]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
-    direction_x = p[c]
-    direction_y = p[c + 1]
+    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
+    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
+    direction_x, direction_y = unpacked(p, 2, c)
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
     n_x = direction_x*w0 - direction_y*w1
@@ -174,28 +131,18 @@ def point_line_acceleration(w, a, b, p, c):
 @njit(**OPTIONS)
 def circles_acceleration(w, a, b, p, c):
     """g'' [m/s^2] of ``circles``."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
+    x_1, y_1, _, v_x_1, v_y_1, _, a_x_1, a_y_1 = unpacked(w, 8, a)
+    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
     direction_x = p[c]
     d_y = -y_1 + y_2
     d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
     w0 = direction_x/length
-    w1 = d_x*w0
-    w2 = d_y*w0
+    n_x = d_x*w0
+    n_y = d_y*w0
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
-    return (d_x_rate*d_x_rate)*w0 + (d_y_rate*d_y_rate)*w0 - direction_x*((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length) + w1*(-a_x_1 + a_x_2) + w2*(-a_y_1 + a_y_2)
+    return (d_x_rate*d_x_rate)*w0 + (d_y_rate*d_y_rate)*w0 - direction_x*((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length) + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2)
 
 
 @njit(**OPTIONS)
@@ -213,27 +160,9 @@ def point_line_along(w, a, b, p, c, out, k):
 
     Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
     first of them by the twists of both sections."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    theta_1 = w[a + 2]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    epsilon_1 = w[a + 8]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    theta_2 = w[b + 2]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
-    epsilon_2 = w[b + 8]
-    direction_x = p[c]
-    direction_y = p[c + 1]
-    radius = p[c + 7]
+    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
+    x_2, y_2, theta_2, v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2 = unpacked(w, 9, b)
+    direction_x, direction_y, _, _, _, _, _, radius = unpacked(p, 8, c)
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
     n_y = out[k + 3] = direction_x*w1 + direction_y*w0
@@ -245,14 +174,14 @@ def point_line_along(w, a, b, p, c, out, k):
     w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
     w5 = n_y*omega_1
     w6 = 2.0*w3
-    w7 = out[k + 5] = -w4
-    w8 = 2.0*n_y*radius
+    w7 = 2.0*n_y*radius
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = -d_x*n_y + d_y*n_x - radius*(-theta_1 + theta_2)
     out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
-    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*w5 + epsilon_1*w7 + epsilon_2*w2 + n_x*omega_1*(-d_x_rate - omega_1*(d_y - w8) - omega_2*w8) + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) - w5*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6)
+    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*w5 - epsilon_1*w4 + epsilon_2*w2 + n_x*omega_1*(-d_x_rate - omega_1*(d_y - w7) - omega_2*w7) + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) - w5*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6)
     out[k + 4] = -n_x
+    out[k + 5] = -w4
     out[k + 6] = -n_y
 
 
@@ -262,24 +191,9 @@ def circles_along(w, a, b, p, c, out, k):
 
     Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
     first of them by the twists of both sections."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    epsilon_1 = w[a + 8]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
-    epsilon_2 = w[b + 8]
-    direction_x = p[c]
-    radius = p[c + 7]
+    x_1, y_1, _, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
+    x_2, y_2, _, v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2 = unpacked(w, 9, b)
+    direction_x, _, _, _, _, _, _, radius = unpacked(p, 8, c)
     d_y = -y_1 + y_2
     d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
@@ -290,16 +204,16 @@ def circles_along(w, a, b, p, c, out, k):
     w2 = out[k + 8] = -(n_x*n_x)*radius - (n_y*n_y)*radius
     w3 = n_x*radius
     w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
-    w5 = out[k + 5] = -w4
-    w6 = 2.0*w3
+    w5 = 2.0*w3
     d_y_rate = -v_y_1 + v_y_2
     d_x_rate = -v_x_1 + v_x_2
-    w7 = direction_x*(d_x*d_x_rate + d_y*d_y_rate)/(length*length*length)
-    w8 = 2.0*n_y*radius
+    w6 = direction_x*(d_x*d_x_rate + d_y*d_y_rate)/(length*length*length)
+    w7 = 2.0*n_y*radius
     out[k] = 0.0
     out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
-    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*n_y*omega_1 + epsilon_1*w5 + epsilon_2*w2 + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) + (-d_x*w7 + d_x_rate*direction_x*w0)*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6) + (-d_y*w7 + d_y_rate*direction_x*w0)*(-d_x_rate - omega_1*(d_y - w8) - omega_2*w8)
+    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*n_y*omega_1 - epsilon_1*w4 + epsilon_2*w2 + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) + (-d_x*w6 + d_x_rate*direction_x*w0)*(d_y_rate - omega_1*(d_x - w5) - omega_2*w5) + (-d_y*w6 + d_y_rate*direction_x*w0)*(-d_x_rate - omega_1*(d_y - w7) - omega_2*w7)
     out[k + 4] = -n_x
+    out[k + 5] = -w4
     out[k + 6] = -n_y
 
 
@@ -308,8 +222,7 @@ def elastic(p, c, g):
     """Force [N] on the second side along the normal, of an elastic contact, K d^n.
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K = p[c + 3]
-    n = p[c + 4]
+    K, n = unpacked(p, 2, c + 3)
     size = abs(g)
     return -K*g*size**(n - 1.0)
 
@@ -319,9 +232,7 @@ def damped(p, c, g, rate):
     """Force [N] on the second side along the normal, of a spring and a damper, K d^n + c d'.
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K = p[c + 3]
-    n = p[c + 4]
-    chi = p[c + 5]
+    K, n, chi = unpacked(p, 3, c + 3)
     size = abs(g)
     return -K*g*size**(n - 1.0) - chi*rate
 
@@ -331,9 +242,7 @@ def hysteretic(p, c, v_0, g, rate):
     """Force [N] on the second side along the normal, of a contact that loses energy by hysteresis, K d^n (1 + chi d'/v_0).
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K = p[c + 3]
-    n = p[c + 4]
-    chi = p[c + 5]
+    K, n, chi = unpacked(p, 3, c + 3)
     size = abs(g)
     w0 = K*g*size**(n - 1.0)
     return chi*rate*w0/v_0 - w0
@@ -342,8 +251,7 @@ def hysteretic(p, c, v_0, g, rate):
 @njit(**OPTIONS)
 def elastic_slopes(p, c, g):
     """Derivatives of ``elastic`` by g [N/m] and by its rate [N s/m]."""
-    K = p[c + 3]
-    n = p[c + 4]
+    K, n = unpacked(p, 2, c + 3)
     size = abs(g)
     return -K*n*size**(n - 1.0), 0.0
 
@@ -351,9 +259,7 @@ def elastic_slopes(p, c, g):
 @njit(**OPTIONS)
 def damped_slopes(p, c, g):
     """Derivatives of ``damped`` by g [N/m] and by its rate [N s/m]."""
-    K = p[c + 3]
-    n = p[c + 4]
-    chi = p[c + 5]
+    K, n, chi = unpacked(p, 3, c + 3)
     size = abs(g)
     return -K*n*size**(n - 1.0), -chi
 
@@ -361,9 +267,7 @@ def damped_slopes(p, c, g):
 @njit(**OPTIONS)
 def hysteretic_slopes(p, c, v_0, g, rate):
     """Derivatives of ``hysteretic`` by g [N/m] and by its rate [N s/m]."""
-    K = p[c + 3]
-    n = p[c + 4]
-    chi = p[c + 5]
+    K, n, chi = unpacked(p, 3, c + 3)
     size = abs(g)
     w0 = K*size**(n - 1.0)
     w1 = n*w0
@@ -374,8 +278,7 @@ def hysteretic_slopes(p, c, v_0, g, rate):
 @njit(**OPTIONS)
 def stored(p, c, g):
     """Energy [J] of a contact that is as deep as -g, K d^(n + 1)/(n + 1)."""
-    K = p[c + 3]
-    n = p[c + 4]
+    K, n = unpacked(p, 2, c + 3)
     size = abs(g)
     return K*(g*g)*size**(n - 1.0)/(n + 1.0)
 

@@ -7,6 +7,7 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
 
 FORMAT = 3
@@ -37,8 +38,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (6, 6)}
 @njit(**OPTIONS)
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    main_speed = p[0]
-    main_angle = p[1]
+    main_speed, main_angle = unpacked(p, 2)
     main_coordinate = out[k + 0] = main_angle + main_speed*t
     out[k + 1] = main_speed
     out[k + 2] = 0.0
@@ -47,13 +47,8 @@ def courses(t, p, out, k):
 @njit(**OPTIONS)
 def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    main_coordinate = x[i + 0]
-    gas_1_offset = p[2]
-    gas_1_table = p[3]
-    gas_2_offset = p[4]
-    gas_2_table = p[5]
-    gas_3_offset = p[6]
-    gas_3_table = p[7]
+    main_coordinate = x[i]
+    _, _, gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table = unpacked(p, 8)
     out[k + 0] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
     out[k + 1] = table(main_coordinate - gas_2_offset, p, int(gas_2_table))
     out[k + 2] = table(main_coordinate - gas_3_offset, p, int(gas_3_table))

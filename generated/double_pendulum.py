@@ -10,7 +10,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
 
 FORMAT = 3
@@ -67,42 +67,40 @@ def motion(t, p, s):
     ) = unpacked(p, 14)
     pivot_coordinate = s[0] = table(t, p, int(pivot_angle_table))
     cos_pivot = s[2] = math.cos(pivot_coordinate)
-    w0 = upper_length*cos_pivot
+    x_lower = s[6] = upper_length*cos_pivot
     sin_pivot = s[3] = math.sin(pivot_coordinate)
-    w1 = upper_length*sin_pivot
+    y_lower = s[7] = upper_length*sin_pivot
     pivot_rate = s[4] = table(t, p, int(pivot_speed_table))
-    w2 = pivot_rate*pivot_rate
-    w3 = lower_centre_x*lower_mass
+    w0 = pivot_rate*pivot_rate
+    w1 = lower_centre_x*lower_mass
     elbow_coordinate = s[1] = table(t, p, int(elbow_angle_table))
     sin_elbow = math.sin(elbow_coordinate)
     cos_elbow = math.cos(elbow_coordinate)
     s_lower = s[9] = cos_pivot*sin_elbow + cos_elbow*sin_pivot
-    w4 = s_lower*w3
+    w2 = s_lower*w1
     elbow_rate = table(t, p, int(elbow_speed_table))
     omega_lower = s[12] = pivot_rate + elbow_rate
-    w5 = omega_lower*omega_lower
+    w3 = omega_lower*omega_lower
     c_lower = s[8] = cos_pivot*cos_elbow - sin_pivot*sin_elbow
-    w6 = c_lower*w3
-    w7 = upper_centre_x*upper_mass
-    w8 = sin_pivot*w7
-    w9 = cos_pivot*w7
-    w10 = lower_mass*gravity_y
-    w11 = upper_mass*gravity_y
+    w4 = c_lower*w1
+    w5 = upper_centre_x*upper_mass
+    w6 = sin_pivot*w5
+    w7 = cos_pivot*w5
+    w8 = lower_mass*gravity_y
+    w9 = upper_mass*gravity_y
     pivot_acceleration = s[5] = table(t, p, int(pivot_acceleration_table))
     elbow_acceleration = table(t, p, int(elbow_acceleration_table))
-    x_lower = s[6] = w0
-    y_lower = s[7] = w1
-    v_x_lower = s[10] = -pivot_rate*w1
-    v_y_lower = s[11] = pivot_rate*w0
-    a_x_lower = s[13] = -pivot_acceleration*w1 - w0*w2
-    a_y_lower = s[14] = pivot_acceleration*w0 - w1*w2
+    v_x_lower = s[10] = -pivot_rate*y_lower
+    v_y_lower = s[11] = pivot_rate*x_lower
+    a_x_lower = s[13] = -pivot_acceleration*y_lower - w0*x_lower
+    a_y_lower = s[14] = pivot_acceleration*x_lower - w0*y_lower
     epsilon_lower = s[15] = pivot_acceleration + elbow_acceleration
-    elbow_force_x = s[18] = a_x_lower*lower_mass - epsilon_lower*w4 - w5*w6
-    pivot_force_x = s[16] = -pivot_acceleration*w8 + elbow_force_x - w2*w9
-    elbow_force_y = s[19] = a_y_lower*lower_mass + epsilon_lower*w6 - w10 - w4*w5
-    pivot_force_y = s[17] = pivot_acceleration*w9 + elbow_force_y - w11 - w2*w8
-    elbow_drive = s[21] = -a_x_lower*lower_centre_x*lower_mass*s_lower + a_y_lower*lower_centre_x*lower_mass*c_lower - lower_centre_x*c_lower*w10 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia)
-    pivot_drive = s[20] = -upper_centre_x*cos_pivot*w11 + pivot_acceleration*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*w1 + elbow_force_y*w0
+    elbow_force_x = s[18] = a_x_lower*lower_mass - epsilon_lower*w2 - w3*w4
+    pivot_force_x = s[16] = -pivot_acceleration*w6 + elbow_force_x - w0*w7
+    elbow_force_y = s[19] = a_y_lower*lower_mass + epsilon_lower*w4 - w2*w3 - w8
+    pivot_force_y = s[17] = pivot_acceleration*w7 + elbow_force_y - w0*w6 - w9
+    elbow_drive = s[21] = -a_x_lower*lower_centre_x*lower_mass*s_lower + a_y_lower*lower_centre_x*lower_mass*c_lower - lower_centre_x*c_lower*w8 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia)
+    pivot_drive = s[20] = -upper_centre_x*cos_pivot*w9 + pivot_acceleration*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*y_lower + elbow_force_y*x_lower
 
 
 @njit(**OPTIONS)
@@ -116,28 +114,28 @@ def inverse(t, y, p, out):
         _, _, gravity_y,
     ) = unpacked(p, 14)
     cos_pivot = math.cos(pivot_angle_)
-    w0 = upper_length*cos_pivot
+    x_lower = upper_length*cos_pivot
     sin_pivot = math.sin(pivot_angle_)
-    w1 = upper_length*sin_pivot
-    w2 = pivot_speed_*pivot_speed_
-    w3 = lower_centre_x*lower_mass
+    y_lower = upper_length*sin_pivot
+    w0 = pivot_speed_*pivot_speed_
+    w1 = lower_centre_x*lower_mass
     sin_elbow = math.sin(elbow_angle_)
     cos_elbow = math.cos(elbow_angle_)
     s_lower = cos_pivot*sin_elbow + cos_elbow*sin_pivot
-    w4 = s_lower*w3
+    w2 = s_lower*w1
     omega_lower = pivot_speed_ + elbow_speed_
-    w5 = omega_lower*omega_lower
+    w3 = omega_lower*omega_lower
     c_lower = cos_pivot*cos_elbow - sin_pivot*sin_elbow
-    w6 = c_lower*w3
-    w10 = lower_mass*gravity_y
-    w11 = upper_mass*gravity_y
-    a_x_lower = -pivot_acceleration_*w1 - w0*w2
-    a_y_lower = pivot_acceleration_*w0 - w1*w2
+    w4 = c_lower*w1
+    w8 = lower_mass*gravity_y
+    w9 = upper_mass*gravity_y
+    a_x_lower = -pivot_acceleration_*y_lower - w0*x_lower
+    a_y_lower = pivot_acceleration_*x_lower - w0*y_lower
     epsilon_lower = pivot_acceleration_ + elbow_acceleration_
-    elbow_force_x = a_x_lower*lower_mass - epsilon_lower*w4 - w5*w6
-    elbow_force_y = a_y_lower*lower_mass + epsilon_lower*w6 - w10 - w4*w5
-    elbow_drive = out[1] = -a_x_lower*lower_centre_x*lower_mass*s_lower + a_y_lower*lower_centre_x*lower_mass*c_lower - lower_centre_x*c_lower*w10 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia)
-    pivot_drive = out[0] = -upper_centre_x*cos_pivot*w11 + pivot_acceleration_*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*w1 + elbow_force_y*w0
+    elbow_force_x = a_x_lower*lower_mass - epsilon_lower*w2 - w3*w4
+    elbow_force_y = a_y_lower*lower_mass + epsilon_lower*w4 - w2*w3 - w8
+    elbow_drive = out[1] = -a_x_lower*lower_centre_x*lower_mass*s_lower + a_y_lower*lower_centre_x*lower_mass*c_lower - lower_centre_x*c_lower*w8 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia)
+    pivot_drive = out[0] = -upper_centre_x*cos_pivot*w9 + pivot_acceleration_*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*y_lower + elbow_force_y*x_lower
 
 
 @njit(**OPTIONS)

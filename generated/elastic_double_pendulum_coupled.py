@@ -8,15 +8,13 @@ how large its loads are.
 Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
-from numba import njit
-
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, TERMS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
+from kaneflex.generated.laws import no_courses as courses, no_magnitudes as magnitudes
 
 FORMAT = 3
 STRUCTURE = "6077d078cd9cada7"
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # axial, transverse shapes; 1 where its start moves in its frame
 BODIES = {
@@ -39,15 +37,3 @@ LOADS = ()  # in the order of magnitudes
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {'courses': (0, 0), 'magnitudes': (0, 0)} | beam.OPERATIONS
-
-
-@njit(**OPTIONS)
-def courses(t, p, out, k):
-    """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    pass
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass

@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -80,45 +80,43 @@ def motion(t, p, s):
     ) = unpacked(p, 14)
     main_coordinate = s[5] = main_angle + main_speed*t
     sin_main = s[7] = math.sin(main_coordinate)
-    w0 = crank_length*sin_main
-    w1 = rod_length*rod_length
-    w2 = 1.0/rod_length
+    y_rod = s[10] = crank_length*sin_main
+    w0 = rod_length*rod_length
+    w1 = 1.0/rod_length
     cos_main = s[6] = math.cos(main_coordinate)
-    w3 = crank_length*cos_main
-    gamma_rod = -w0
-    closure_bore = s[32] = -(gamma_rod*gamma_rod)/w1 + 1.0
-    w_rod = bore_branch*math.sqrt(closure_bore*w1)
-    c_rod = s[11] = w2*w_rod
-    w4 = w2/c_rod
-    s_rod = s[12] = gamma_rod*w2
-    w5 = rod_length*s_rod
-    w6 = main_speed*main_speed
-    v_y_rod = s[14] = main_speed*w3
-    omega_rod = s[0] = s[15] = -v_y_rod*w4
-    w7 = omega_rod*omega_rod
-    w8 = c_rod*w7
-    a_x_rod = s[16] = -w3*w6
-    w9 = a_x_rod*rod_mass
-    w10 = rod_centre_x*rod_mass
-    a_y_rod = s[17] = -w0*w6
-    epsilon_rod = s[1] = s[18] = -w4*(a_y_rod - w5*w7)
-    w11 = epsilon_rod*w10
-    w12 = crank_centre_x*crank_mass*w6
-    x_rod = s[9] = w3
-    y_rod = s[10] = w0
-    x_piston = s[19] = w3 + w_rod
-    y_piston = s[20] = gamma_rod + w0
-    v_x_rod = s[13] = -main_speed*w0
-    v_x_piston = s[21] = -omega_rod*w5 + v_x_rod
-    a_x_piston = s[22] = a_x_rod - rod_length*w8 - epsilon_rod*w5
+    x_rod = s[9] = crank_length*cos_main
+    gamma_rod = -y_rod
+    closure_bore = s[32] = -(gamma_rod*gamma_rod)/w0 + 1.0
+    w_rod = bore_branch*math.sqrt(closure_bore*w0)
+    c_rod = s[11] = w1*w_rod
+    w2 = w1/c_rod
+    s_rod = s[12] = gamma_rod*w1
+    w3 = rod_length*s_rod
+    w4 = main_speed*main_speed
+    v_y_rod = s[14] = main_speed*x_rod
+    omega_rod = s[0] = s[15] = -v_y_rod*w2
+    w5 = omega_rod*omega_rod
+    w6 = c_rod*w5
+    a_x_rod = s[16] = -w4*x_rod
+    w7 = a_x_rod*rod_mass
+    w8 = rod_centre_x*rod_mass
+    a_y_rod = s[17] = -w4*y_rod
+    epsilon_rod = s[1] = s[18] = -w2*(a_y_rod - w3*w5)
+    w9 = epsilon_rod*w8
+    w10 = crank_centre_x*crank_mass*w4
+    x_piston = s[19] = w_rod + x_rod
+    y_piston = s[20] = gamma_rod + y_rod
+    v_x_rod = s[13] = -main_speed*y_rod
+    v_x_piston = s[21] = -omega_rod*w3 + v_x_rod
+    a_x_piston = s[22] = a_x_rod - rod_length*w6 - epsilon_rod*w3
     gas = s[31] = table(main_coordinate - gas_offset, p, int(gas_table))
     wrist_force_x = s[27] = a_x_piston*piston_mass + gas
-    pin_force_x = s[25] = wrist_force_x - s_rod*w11 - w10*w8 + w9
-    main_force_x = s[23] = -cos_main*w12 + pin_force_x
-    wrist_force_y = s[28] = -w4*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*s_rod*w9 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - wrist_force_x*w5)
-    pin_force_y = s[26] = a_y_rod*rod_mass + c_rod*w11 + wrist_force_y - s_rod*w10*w7
-    main_force_y = s[24] = pin_force_y - sin_main*w12
-    main_drive = s[30] = -pin_force_x*w0 + pin_force_y*w3
+    pin_force_x = s[25] = wrist_force_x - s_rod*w9 - w6*w8 + w7
+    main_force_x = s[23] = -cos_main*w10 + pin_force_x
+    wrist_force_y = s[28] = -w2*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*s_rod*w7 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - wrist_force_x*w3)
+    pin_force_y = s[26] = a_y_rod*rod_mass + c_rod*w9 + wrist_force_y - s_rod*w5*w8
+    main_force_y = s[24] = pin_force_y - sin_main*w10
+    main_drive = s[30] = -pin_force_x*y_rod + pin_force_y*x_rod
     rod_link_a_x = s[2] = a_x_rod*c_rod + a_y_rod*s_rod
     rod_link_a_y = s[3] = -a_x_rod*s_rod + a_y_rod*c_rod
     rod_link_P_0 = s[4] = -c_rod*pin_force_x - pin_force_y*s_rod

@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -117,118 +117,112 @@ def motion(t, p, s):
     ) = unpacked(p, 33)
     main_coordinate = s[15] = main_angle + main_speed*t
     sin_main = s[17] = math.sin(main_coordinate)
-    w0 = crank_pin_1_x*sin_main
-    w1 = rod_1_length*rod_1_length
-    w2 = 1.0/rod_1_length
+    y_rod_1 = s[20] = crank_pin_1_x*sin_main
+    w0 = rod_1_length*rod_1_length
+    w1 = 1.0/rod_1_length
     cos_main = s[16] = math.cos(main_coordinate)
-    w3 = crank_pin_1_x*cos_main
-    w4 = crank_pin_2_x*sin_main
-    w5 = crank_pin_2_y*cos_main
-    w6 = w4 + w5
-    w7 = rod_2_length*rod_2_length
-    w8 = 1.0/rod_2_length
-    w9 = crank_pin_2_x*cos_main
-    w10 = crank_pin_2_y*sin_main
-    w11 = -w10 + w9
-    w12 = crank_pin_3_x*sin_main
-    w13 = crank_pin_3_y*cos_main
-    w14 = w12 + w13
-    w15 = rod_3_length*rod_3_length
-    w16 = 1.0/rod_3_length
-    w17 = crank_pin_3_x*cos_main
-    w18 = crank_pin_3_y*sin_main
-    w19 = w17 - w18
-    gamma_rod_1 = -w0
-    closure_bore_1 = s[82] = -(gamma_rod_1*gamma_rod_1)/w1 + 1.0
-    w_rod_1 = bore_1_branch*math.sqrt(closure_bore_1*w1)
-    c_rod_1 = s[21] = w2*w_rod_1
-    w20 = w2/c_rod_1
-    s_rod_1 = s[22] = gamma_rod_1*w2
-    w21 = rod_1_length*s_rod_1
-    gamma_rod_2 = -w6
-    closure_bore_2 = s[83] = -(gamma_rod_2*gamma_rod_2)/w7 + 1.0
-    w_rod_2 = bore_2_branch*math.sqrt(closure_bore_2*w7)
-    c_rod_2 = s[31] = w8*w_rod_2
-    w22 = w8/c_rod_2
-    s_rod_2 = s[32] = gamma_rod_2*w8
-    w23 = rod_2_length*s_rod_2
-    gamma_rod_3 = -w14
-    closure_bore_3 = s[84] = -(gamma_rod_3*gamma_rod_3)/w15 + 1.0
-    w_rod_3 = bore_3_branch*math.sqrt(closure_bore_3*w15)
-    c_rod_3 = s[41] = w16*w_rod_3
-    w24 = w16/c_rod_3
-    s_rod_3 = s[42] = gamma_rod_3*w16
-    w25 = rod_3_length*s_rod_3
-    w26 = main_speed*main_speed
-    v_y_rod_1 = s[24] = main_speed*w3
-    omega_rod_1 = s[0] = s[25] = -v_y_rod_1*w20
-    w27 = omega_rod_1*omega_rod_1
-    w28 = c_rod_1*w27
-    v_y_rod_2 = s[34] = -main_speed*w10 + main_speed*w9
-    omega_rod_2 = s[5] = s[35] = -v_y_rod_2*w22
-    w29 = omega_rod_2*omega_rod_2
-    w30 = c_rod_2*w29
-    v_y_rod_3 = s[44] = main_speed*w17 - main_speed*w18
-    omega_rod_3 = s[10] = s[45] = -v_y_rod_3*w24
-    w31 = omega_rod_3*omega_rod_3
-    w32 = c_rod_3*w31
-    a_x_rod_1 = s[26] = -w26*w3
-    w33 = a_x_rod_1*rod_1_mass
-    w34 = rod_1_centre_x*rod_1_mass
-    a_y_rod_1 = s[27] = -w0*w26
-    epsilon_rod_1 = s[1] = s[28] = -w20*(a_y_rod_1 - w21*w27)
-    w35 = epsilon_rod_1*w34
-    a_x_rod_2 = s[36] = crank_pin_2_y*sin_main*w26 - w26*w9
-    w36 = a_x_rod_2*rod_2_mass
-    w37 = rod_2_centre_x*rod_2_mass
-    a_y_rod_2 = s[37] = -w26*w4 - w26*w5
-    epsilon_rod_2 = s[6] = s[38] = -w22*(a_y_rod_2 - w23*w29)
-    w38 = epsilon_rod_2*w37
-    a_x_rod_3 = s[46] = crank_pin_3_y*sin_main*w26 - w17*w26
-    w39 = a_x_rod_3*rod_3_mass
-    w40 = rod_3_centre_x*rod_3_mass
-    a_y_rod_3 = s[47] = -w12*w26 - w13*w26
-    epsilon_rod_3 = s[11] = s[48] = -w24*(a_y_rod_3 - w25*w31)
-    w41 = epsilon_rod_3*w40
-    x_rod_1 = s[19] = w3
-    y_rod_1 = s[20] = w0
-    x_piston_1 = s[49] = w3 + w_rod_1
-    y_piston_1 = s[50] = gamma_rod_1 + w0
-    x_rod_2 = s[29] = w11
-    y_rod_2 = s[30] = w6
-    x_piston_2 = s[53] = w11 + w_rod_2
-    y_piston_2 = s[54] = gamma_rod_2 + w6
-    x_rod_3 = s[39] = w19
-    y_rod_3 = s[40] = w14
-    x_piston_3 = s[57] = w19 + w_rod_3
-    y_piston_3 = s[58] = gamma_rod_3 + w14
-    v_x_rod_1 = s[23] = -main_speed*w0
-    v_x_piston_1 = s[51] = -omega_rod_1*w21 + v_x_rod_1
-    v_x_rod_2 = s[33] = -main_speed*w4 - main_speed*w5
-    v_x_piston_2 = s[55] = -omega_rod_2*w23 + v_x_rod_2
-    v_x_rod_3 = s[43] = -main_speed*w12 - main_speed*w13
-    v_x_piston_3 = s[59] = -omega_rod_3*w25 + v_x_rod_3
-    a_x_piston_1 = s[52] = a_x_rod_1 - rod_1_length*w28 - epsilon_rod_1*w21
-    a_x_piston_2 = s[56] = a_x_rod_2 - rod_2_length*w30 - epsilon_rod_2*w23
-    a_x_piston_3 = s[60] = a_x_rod_3 - rod_3_length*w32 - epsilon_rod_3*w25
+    x_rod_1 = s[19] = crank_pin_1_x*cos_main
+    w2 = crank_pin_2_x*sin_main
+    w3 = crank_pin_2_y*cos_main
+    y_rod_2 = s[30] = w2 + w3
+    w4 = rod_2_length*rod_2_length
+    w5 = 1.0/rod_2_length
+    w6 = crank_pin_2_x*cos_main
+    w7 = crank_pin_2_y*sin_main
+    x_rod_2 = s[29] = w6 - w7
+    w8 = crank_pin_3_x*sin_main
+    w9 = crank_pin_3_y*cos_main
+    y_rod_3 = s[40] = w8 + w9
+    w10 = rod_3_length*rod_3_length
+    w11 = 1.0/rod_3_length
+    w12 = crank_pin_3_x*cos_main
+    w13 = crank_pin_3_y*sin_main
+    x_rod_3 = s[39] = w12 - w13
+    gamma_rod_1 = -y_rod_1
+    closure_bore_1 = s[82] = -(gamma_rod_1*gamma_rod_1)/w0 + 1.0
+    w_rod_1 = bore_1_branch*math.sqrt(closure_bore_1*w0)
+    c_rod_1 = s[21] = w1*w_rod_1
+    w14 = w1/c_rod_1
+    s_rod_1 = s[22] = gamma_rod_1*w1
+    w15 = rod_1_length*s_rod_1
+    gamma_rod_2 = -y_rod_2
+    closure_bore_2 = s[83] = -(gamma_rod_2*gamma_rod_2)/w4 + 1.0
+    w_rod_2 = bore_2_branch*math.sqrt(closure_bore_2*w4)
+    c_rod_2 = s[31] = w5*w_rod_2
+    w16 = w5/c_rod_2
+    s_rod_2 = s[32] = gamma_rod_2*w5
+    w17 = rod_2_length*s_rod_2
+    gamma_rod_3 = -y_rod_3
+    closure_bore_3 = s[84] = -(gamma_rod_3*gamma_rod_3)/w10 + 1.0
+    w_rod_3 = bore_3_branch*math.sqrt(closure_bore_3*w10)
+    c_rod_3 = s[41] = w11*w_rod_3
+    w18 = w11/c_rod_3
+    s_rod_3 = s[42] = gamma_rod_3*w11
+    w19 = rod_3_length*s_rod_3
+    w20 = main_speed*main_speed
+    v_y_rod_1 = s[24] = main_speed*x_rod_1
+    omega_rod_1 = s[0] = s[25] = -v_y_rod_1*w14
+    w21 = omega_rod_1*omega_rod_1
+    w22 = c_rod_1*w21
+    v_y_rod_2 = s[34] = main_speed*w6 - main_speed*w7
+    omega_rod_2 = s[5] = s[35] = -v_y_rod_2*w16
+    w23 = omega_rod_2*omega_rod_2
+    w24 = c_rod_2*w23
+    v_y_rod_3 = s[44] = main_speed*w12 - main_speed*w13
+    omega_rod_3 = s[10] = s[45] = -v_y_rod_3*w18
+    w25 = omega_rod_3*omega_rod_3
+    w26 = c_rod_3*w25
+    a_x_rod_1 = s[26] = -w20*x_rod_1
+    w27 = a_x_rod_1*rod_1_mass
+    w28 = rod_1_centre_x*rod_1_mass
+    a_y_rod_1 = s[27] = -w20*y_rod_1
+    epsilon_rod_1 = s[1] = s[28] = -w14*(a_y_rod_1 - w15*w21)
+    w29 = epsilon_rod_1*w28
+    a_x_rod_2 = s[36] = crank_pin_2_y*sin_main*w20 - w20*w6
+    w30 = a_x_rod_2*rod_2_mass
+    w31 = rod_2_centre_x*rod_2_mass
+    a_y_rod_2 = s[37] = -w2*w20 - w20*w3
+    epsilon_rod_2 = s[6] = s[38] = -w16*(a_y_rod_2 - w17*w23)
+    w32 = epsilon_rod_2*w31
+    a_x_rod_3 = s[46] = crank_pin_3_y*sin_main*w20 - w12*w20
+    w33 = a_x_rod_3*rod_3_mass
+    w34 = rod_3_centre_x*rod_3_mass
+    a_y_rod_3 = s[47] = -w20*w8 - w20*w9
+    epsilon_rod_3 = s[11] = s[48] = -w18*(a_y_rod_3 - w19*w25)
+    w35 = epsilon_rod_3*w34
+    x_piston_1 = s[49] = w_rod_1 + x_rod_1
+    y_piston_1 = s[50] = gamma_rod_1 + y_rod_1
+    x_piston_2 = s[53] = w_rod_2 + x_rod_2
+    y_piston_2 = s[54] = gamma_rod_2 + y_rod_2
+    x_piston_3 = s[57] = w_rod_3 + x_rod_3
+    y_piston_3 = s[58] = gamma_rod_3 + y_rod_3
+    v_x_rod_1 = s[23] = -main_speed*y_rod_1
+    v_x_piston_1 = s[51] = -omega_rod_1*w15 + v_x_rod_1
+    v_x_rod_2 = s[33] = -main_speed*w2 - main_speed*w3
+    v_x_piston_2 = s[55] = -omega_rod_2*w17 + v_x_rod_2
+    v_x_rod_3 = s[43] = -main_speed*w8 - main_speed*w9
+    v_x_piston_3 = s[59] = -omega_rod_3*w19 + v_x_rod_3
+    a_x_piston_1 = s[52] = a_x_rod_1 - rod_1_length*w22 - epsilon_rod_1*w15
+    a_x_piston_2 = s[56] = a_x_rod_2 - rod_2_length*w24 - epsilon_rod_2*w17
+    a_x_piston_3 = s[60] = a_x_rod_3 - rod_3_length*w26 - epsilon_rod_3*w19
     gas_1 = s[79] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
     gas_2 = s[80] = table(main_coordinate - gas_2_offset, p, int(gas_2_table))
     gas_3 = s[81] = table(main_coordinate - gas_3_offset, p, int(gas_3_table))
     wrist_1_force_x = s[65] = a_x_piston_1*piston_1_mass + gas_1
-    pin_1_force_x = s[63] = wrist_1_force_x - s_rod_1*w35 - w28*w34 + w33
+    pin_1_force_x = s[63] = wrist_1_force_x - s_rod_1*w29 - w22*w28 + w27
     wrist_2_force_x = s[70] = a_x_piston_2*piston_2_mass + gas_2
-    pin_2_force_x = s[68] = wrist_2_force_x - s_rod_2*w38 - w30*w37 + w36
+    pin_2_force_x = s[68] = wrist_2_force_x - s_rod_2*w32 - w24*w31 + w30
     wrist_3_force_x = s[75] = a_x_piston_3*piston_3_mass + gas_3
-    pin_3_force_x = s[73] = wrist_3_force_x - s_rod_3*w41 - w32*w40 + w39
+    pin_3_force_x = s[73] = wrist_3_force_x - s_rod_3*w35 - w26*w34 + w33
     main_force_x = s[61] = pin_1_force_x + pin_2_force_x + pin_3_force_x
-    wrist_1_force_y = s[66] = -w20*(a_y_rod_1*rod_1_centre_x*rod_1_mass*c_rod_1 - rod_1_centre_x*s_rod_1*w33 + epsilon_rod_1*((rod_1_centre_x*rod_1_centre_x)*rod_1_mass + rod_1_inertia) - wrist_1_force_x*w21)
-    pin_1_force_y = s[64] = a_y_rod_1*rod_1_mass + c_rod_1*w35 + wrist_1_force_y - s_rod_1*w27*w34
-    wrist_2_force_y = s[71] = -w22*(a_y_rod_2*rod_2_centre_x*rod_2_mass*c_rod_2 - rod_2_centre_x*s_rod_2*w36 + epsilon_rod_2*((rod_2_centre_x*rod_2_centre_x)*rod_2_mass + rod_2_inertia) - wrist_2_force_x*w23)
-    pin_2_force_y = s[69] = a_y_rod_2*rod_2_mass + c_rod_2*w38 + wrist_2_force_y - s_rod_2*w29*w37
-    wrist_3_force_y = s[76] = -w24*(a_y_rod_3*rod_3_centre_x*rod_3_mass*c_rod_3 - rod_3_centre_x*s_rod_3*w39 + epsilon_rod_3*((rod_3_centre_x*rod_3_centre_x)*rod_3_mass + rod_3_inertia) - wrist_3_force_x*w25)
-    pin_3_force_y = s[74] = a_y_rod_3*rod_3_mass + c_rod_3*w41 + wrist_3_force_y - s_rod_3*w31*w40
+    wrist_1_force_y = s[66] = -w14*(a_y_rod_1*rod_1_centre_x*rod_1_mass*c_rod_1 - rod_1_centre_x*s_rod_1*w27 + epsilon_rod_1*((rod_1_centre_x*rod_1_centre_x)*rod_1_mass + rod_1_inertia) - wrist_1_force_x*w15)
+    pin_1_force_y = s[64] = a_y_rod_1*rod_1_mass + c_rod_1*w29 + wrist_1_force_y - s_rod_1*w21*w28
+    wrist_2_force_y = s[71] = -w16*(a_y_rod_2*rod_2_centre_x*rod_2_mass*c_rod_2 - rod_2_centre_x*s_rod_2*w30 + epsilon_rod_2*((rod_2_centre_x*rod_2_centre_x)*rod_2_mass + rod_2_inertia) - wrist_2_force_x*w17)
+    pin_2_force_y = s[69] = a_y_rod_2*rod_2_mass + c_rod_2*w32 + wrist_2_force_y - s_rod_2*w23*w31
+    wrist_3_force_y = s[76] = -w18*(a_y_rod_3*rod_3_centre_x*rod_3_mass*c_rod_3 - rod_3_centre_x*s_rod_3*w33 + epsilon_rod_3*((rod_3_centre_x*rod_3_centre_x)*rod_3_mass + rod_3_inertia) - wrist_3_force_x*w19)
+    pin_3_force_y = s[74] = a_y_rod_3*rod_3_mass + c_rod_3*w35 + wrist_3_force_y - s_rod_3*w25*w34
     main_force_y = s[62] = pin_1_force_y + pin_2_force_y + pin_3_force_y
-    main_drive = s[78] = crank_pin_1_x*cos_main*pin_1_force_y - pin_1_force_x*w0 - pin_2_force_x*w6 + pin_2_force_y*w11 - pin_3_force_x*w14 + pin_3_force_y*w19
+    main_drive = s[78] = crank_pin_1_x*cos_main*pin_1_force_y - pin_1_force_x*y_rod_1 - pin_2_force_x*y_rod_2 + pin_2_force_y*x_rod_2 - pin_3_force_x*y_rod_3 + pin_3_force_y*x_rod_3
     rod_1_link_a_x = s[2] = a_x_rod_1*c_rod_1 + a_y_rod_1*s_rod_1
     rod_1_link_a_y = s[3] = -a_x_rod_1*s_rod_1 + a_y_rod_1*c_rod_1
     rod_1_link_P_0 = s[4] = -c_rod_1*pin_1_force_x - pin_1_force_y*s_rod_1

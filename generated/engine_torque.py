@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -119,121 +119,115 @@ def motion(t, p, s):
     ) = unpacked(p, 35)
     main_coordinate = s[15] = table(t, p, int(main_angle_table))
     sin_main = s[17] = math.sin(main_coordinate)
-    w0 = crank_pin_1_x*sin_main
-    w1 = rod_1_length*rod_1_length
-    w2 = 1.0/rod_1_length
+    y_rod_1 = s[21] = crank_pin_1_x*sin_main
+    w0 = rod_1_length*rod_1_length
+    w1 = 1.0/rod_1_length
     cos_main = s[16] = math.cos(main_coordinate)
-    w3 = crank_pin_1_x*cos_main
-    w4 = crank_pin_2_x*sin_main
-    w5 = crank_pin_2_y*cos_main
-    w6 = w4 + w5
-    w7 = rod_2_length*rod_2_length
-    w8 = 1.0/rod_2_length
-    w9 = crank_pin_2_x*cos_main
-    w10 = crank_pin_2_y*sin_main
-    w11 = -w10 + w9
-    w12 = crank_pin_3_x*sin_main
-    w13 = crank_pin_3_y*cos_main
-    w14 = w12 + w13
-    w15 = rod_3_length*rod_3_length
-    w16 = 1.0/rod_3_length
-    w17 = crank_pin_3_x*cos_main
-    w18 = crank_pin_3_y*sin_main
-    w19 = w17 - w18
-    gamma_rod_1 = -w0
-    closure_bore_1 = s[84] = -(gamma_rod_1*gamma_rod_1)/w1 + 1.0
-    w_rod_1 = bore_1_branch*math.sqrt(closure_bore_1*w1)
-    c_rod_1 = s[22] = w2*w_rod_1
-    w20 = w2/c_rod_1
-    s_rod_1 = s[23] = gamma_rod_1*w2
-    w21 = rod_1_length*s_rod_1
-    gamma_rod_2 = -w6
-    closure_bore_2 = s[85] = -(gamma_rod_2*gamma_rod_2)/w7 + 1.0
-    w_rod_2 = bore_2_branch*math.sqrt(closure_bore_2*w7)
-    c_rod_2 = s[32] = w8*w_rod_2
-    w22 = w8/c_rod_2
-    s_rod_2 = s[33] = gamma_rod_2*w8
-    w23 = rod_2_length*s_rod_2
-    gamma_rod_3 = -w14
-    closure_bore_3 = s[86] = -(gamma_rod_3*gamma_rod_3)/w15 + 1.0
-    w_rod_3 = bore_3_branch*math.sqrt(closure_bore_3*w15)
-    c_rod_3 = s[42] = w16*w_rod_3
-    w24 = w16/c_rod_3
-    s_rod_3 = s[43] = gamma_rod_3*w16
-    w25 = rod_3_length*s_rod_3
+    x_rod_1 = s[20] = crank_pin_1_x*cos_main
+    w2 = crank_pin_2_x*sin_main
+    w3 = crank_pin_2_y*cos_main
+    y_rod_2 = s[31] = w2 + w3
+    w4 = rod_2_length*rod_2_length
+    w5 = 1.0/rod_2_length
+    w6 = crank_pin_2_x*cos_main
+    w7 = crank_pin_2_y*sin_main
+    x_rod_2 = s[30] = w6 - w7
+    w8 = crank_pin_3_x*sin_main
+    w9 = crank_pin_3_y*cos_main
+    y_rod_3 = s[41] = w8 + w9
+    w10 = rod_3_length*rod_3_length
+    w11 = 1.0/rod_3_length
+    w12 = crank_pin_3_x*cos_main
+    w13 = crank_pin_3_y*sin_main
+    x_rod_3 = s[40] = w12 - w13
+    gamma_rod_1 = -y_rod_1
+    closure_bore_1 = s[84] = -(gamma_rod_1*gamma_rod_1)/w0 + 1.0
+    w_rod_1 = bore_1_branch*math.sqrt(closure_bore_1*w0)
+    c_rod_1 = s[22] = w1*w_rod_1
+    w14 = w1/c_rod_1
+    s_rod_1 = s[23] = gamma_rod_1*w1
+    w15 = rod_1_length*s_rod_1
+    gamma_rod_2 = -y_rod_2
+    closure_bore_2 = s[85] = -(gamma_rod_2*gamma_rod_2)/w4 + 1.0
+    w_rod_2 = bore_2_branch*math.sqrt(closure_bore_2*w4)
+    c_rod_2 = s[32] = w5*w_rod_2
+    w16 = w5/c_rod_2
+    s_rod_2 = s[33] = gamma_rod_2*w5
+    w17 = rod_2_length*s_rod_2
+    gamma_rod_3 = -y_rod_3
+    closure_bore_3 = s[86] = -(gamma_rod_3*gamma_rod_3)/w10 + 1.0
+    w_rod_3 = bore_3_branch*math.sqrt(closure_bore_3*w10)
+    c_rod_3 = s[42] = w11*w_rod_3
+    w18 = w11/c_rod_3
+    s_rod_3 = s[43] = gamma_rod_3*w11
+    w19 = rod_3_length*s_rod_3
     main_rate = s[18] = table(t, p, int(main_speed_table))
-    w26 = main_rate*main_rate
-    v_y_rod_1 = s[25] = main_rate*w3
-    omega_rod_1 = s[0] = s[26] = -v_y_rod_1*w20
-    w27 = omega_rod_1*omega_rod_1
-    w28 = c_rod_1*w27
-    v_y_rod_2 = s[35] = -main_rate*w10 + main_rate*w9
-    omega_rod_2 = s[5] = s[36] = -v_y_rod_2*w22
-    w29 = omega_rod_2*omega_rod_2
-    w30 = c_rod_2*w29
-    v_y_rod_3 = s[45] = main_rate*w17 - main_rate*w18
-    omega_rod_3 = s[10] = s[46] = -v_y_rod_3*w24
-    w31 = omega_rod_3*omega_rod_3
-    w32 = c_rod_3*w31
+    w20 = main_rate*main_rate
+    v_y_rod_1 = s[25] = main_rate*x_rod_1
+    omega_rod_1 = s[0] = s[26] = -v_y_rod_1*w14
+    w21 = omega_rod_1*omega_rod_1
+    w22 = c_rod_1*w21
+    v_y_rod_2 = s[35] = main_rate*w6 - main_rate*w7
+    omega_rod_2 = s[5] = s[36] = -v_y_rod_2*w16
+    w23 = omega_rod_2*omega_rod_2
+    w24 = c_rod_2*w23
+    v_y_rod_3 = s[45] = main_rate*w12 - main_rate*w13
+    omega_rod_3 = s[10] = s[46] = -v_y_rod_3*w18
+    w25 = omega_rod_3*omega_rod_3
+    w26 = c_rod_3*w25
     main_acceleration = s[19] = table(t, p, int(main_acceleration_table))
-    a_x_rod_1 = s[27] = -main_acceleration*w0 - w26*w3
-    w33 = a_x_rod_1*rod_1_mass
-    w34 = rod_1_centre_x*rod_1_mass
-    a_y_rod_1 = s[28] = main_acceleration*w3 - w0*w26
-    epsilon_rod_1 = s[1] = s[29] = -w20*(a_y_rod_1 - w21*w27)
-    w35 = epsilon_rod_1*w34
-    a_x_rod_2 = s[37] = crank_pin_2_y*sin_main*w26 - main_acceleration*w4 - main_acceleration*w5 - w26*w9
-    w36 = a_x_rod_2*rod_2_mass
-    w37 = rod_2_centre_x*rod_2_mass
-    a_y_rod_2 = s[38] = crank_pin_2_x*cos_main*main_acceleration - main_acceleration*w10 - w26*w4 - w26*w5
-    epsilon_rod_2 = s[6] = s[39] = -w22*(a_y_rod_2 - w23*w29)
-    w38 = epsilon_rod_2*w37
-    a_x_rod_3 = s[47] = crank_pin_3_y*sin_main*w26 - main_acceleration*w12 - main_acceleration*w13 - w17*w26
-    w39 = a_x_rod_3*rod_3_mass
-    w40 = rod_3_centre_x*rod_3_mass
-    a_y_rod_3 = s[48] = crank_pin_3_x*cos_main*main_acceleration - main_acceleration*w18 - w12*w26 - w13*w26
-    epsilon_rod_3 = s[11] = s[49] = -w24*(a_y_rod_3 - w25*w31)
-    w41 = epsilon_rod_3*w40
-    x_rod_1 = s[20] = w3
-    y_rod_1 = s[21] = w0
-    x_piston_1 = s[50] = w3 + w_rod_1
-    y_piston_1 = s[51] = gamma_rod_1 + w0
-    x_rod_2 = s[30] = w11
-    y_rod_2 = s[31] = w6
-    x_piston_2 = s[54] = w11 + w_rod_2
-    y_piston_2 = s[55] = gamma_rod_2 + w6
-    x_rod_3 = s[40] = w19
-    y_rod_3 = s[41] = w14
-    x_piston_3 = s[58] = w19 + w_rod_3
-    y_piston_3 = s[59] = gamma_rod_3 + w14
-    v_x_rod_1 = s[24] = -main_rate*w0
-    v_x_piston_1 = s[52] = -omega_rod_1*w21 + v_x_rod_1
-    v_x_rod_2 = s[34] = -main_rate*w4 - main_rate*w5
-    v_x_piston_2 = s[56] = -omega_rod_2*w23 + v_x_rod_2
-    v_x_rod_3 = s[44] = -main_rate*w12 - main_rate*w13
-    v_x_piston_3 = s[60] = -omega_rod_3*w25 + v_x_rod_3
-    a_x_piston_1 = s[53] = a_x_rod_1 - rod_1_length*w28 - epsilon_rod_1*w21
-    a_x_piston_2 = s[57] = a_x_rod_2 - rod_2_length*w30 - epsilon_rod_2*w23
-    a_x_piston_3 = s[61] = a_x_rod_3 - rod_3_length*w32 - epsilon_rod_3*w25
+    a_x_rod_1 = s[27] = -main_acceleration*y_rod_1 - w20*x_rod_1
+    w27 = a_x_rod_1*rod_1_mass
+    w28 = rod_1_centre_x*rod_1_mass
+    a_y_rod_1 = s[28] = main_acceleration*x_rod_1 - w20*y_rod_1
+    epsilon_rod_1 = s[1] = s[29] = -w14*(a_y_rod_1 - w15*w21)
+    w29 = epsilon_rod_1*w28
+    a_x_rod_2 = s[37] = crank_pin_2_y*sin_main*w20 - main_acceleration*w2 - main_acceleration*w3 - w20*w6
+    w30 = a_x_rod_2*rod_2_mass
+    w31 = rod_2_centre_x*rod_2_mass
+    a_y_rod_2 = s[38] = crank_pin_2_x*cos_main*main_acceleration - main_acceleration*w7 - w2*w20 - w20*w3
+    epsilon_rod_2 = s[6] = s[39] = -w16*(a_y_rod_2 - w17*w23)
+    w32 = epsilon_rod_2*w31
+    a_x_rod_3 = s[47] = crank_pin_3_y*sin_main*w20 - main_acceleration*w8 - main_acceleration*w9 - w12*w20
+    w33 = a_x_rod_3*rod_3_mass
+    w34 = rod_3_centre_x*rod_3_mass
+    a_y_rod_3 = s[48] = crank_pin_3_x*cos_main*main_acceleration - main_acceleration*w13 - w20*w8 - w20*w9
+    epsilon_rod_3 = s[11] = s[49] = -w18*(a_y_rod_3 - w19*w25)
+    w35 = epsilon_rod_3*w34
+    x_piston_1 = s[50] = w_rod_1 + x_rod_1
+    y_piston_1 = s[51] = gamma_rod_1 + y_rod_1
+    x_piston_2 = s[54] = w_rod_2 + x_rod_2
+    y_piston_2 = s[55] = gamma_rod_2 + y_rod_2
+    x_piston_3 = s[58] = w_rod_3 + x_rod_3
+    y_piston_3 = s[59] = gamma_rod_3 + y_rod_3
+    v_x_rod_1 = s[24] = -main_rate*y_rod_1
+    v_x_piston_1 = s[52] = -omega_rod_1*w15 + v_x_rod_1
+    v_x_rod_2 = s[34] = -main_rate*w2 - main_rate*w3
+    v_x_piston_2 = s[56] = -omega_rod_2*w17 + v_x_rod_2
+    v_x_rod_3 = s[44] = -main_rate*w8 - main_rate*w9
+    v_x_piston_3 = s[60] = -omega_rod_3*w19 + v_x_rod_3
+    a_x_piston_1 = s[53] = a_x_rod_1 - rod_1_length*w22 - epsilon_rod_1*w15
+    a_x_piston_2 = s[57] = a_x_rod_2 - rod_2_length*w24 - epsilon_rod_2*w17
+    a_x_piston_3 = s[61] = a_x_rod_3 - rod_3_length*w26 - epsilon_rod_3*w19
     gas_1 = s[80] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
     gas_2 = s[81] = table(main_coordinate - gas_2_offset, p, int(gas_2_table))
     gas_3 = s[82] = table(main_coordinate - gas_3_offset, p, int(gas_3_table))
     motor = s[83] = 170.0 - 0.27057138309724654*main_rate
     wrist_1_force_x = s[66] = a_x_piston_1*piston_1_mass + gas_1
-    pin_1_force_x = s[64] = wrist_1_force_x - s_rod_1*w35 - w28*w34 + w33
+    pin_1_force_x = s[64] = wrist_1_force_x - s_rod_1*w29 - w22*w28 + w27
     wrist_2_force_x = s[71] = a_x_piston_2*piston_2_mass + gas_2
-    pin_2_force_x = s[69] = wrist_2_force_x - s_rod_2*w38 - w30*w37 + w36
+    pin_2_force_x = s[69] = wrist_2_force_x - s_rod_2*w32 - w24*w31 + w30
     wrist_3_force_x = s[76] = a_x_piston_3*piston_3_mass + gas_3
-    pin_3_force_x = s[74] = wrist_3_force_x - s_rod_3*w41 - w32*w40 + w39
+    pin_3_force_x = s[74] = wrist_3_force_x - s_rod_3*w35 - w26*w34 + w33
     main_force_x = s[62] = pin_1_force_x + pin_2_force_x + pin_3_force_x
-    wrist_1_force_y = s[67] = -w20*(a_y_rod_1*rod_1_centre_x*rod_1_mass*c_rod_1 - rod_1_centre_x*s_rod_1*w33 + epsilon_rod_1*((rod_1_centre_x*rod_1_centre_x)*rod_1_mass + rod_1_inertia) - wrist_1_force_x*w21)
-    pin_1_force_y = s[65] = a_y_rod_1*rod_1_mass + c_rod_1*w35 + wrist_1_force_y - s_rod_1*w27*w34
-    wrist_2_force_y = s[72] = -w22*(a_y_rod_2*rod_2_centre_x*rod_2_mass*c_rod_2 - rod_2_centre_x*s_rod_2*w36 + epsilon_rod_2*((rod_2_centre_x*rod_2_centre_x)*rod_2_mass + rod_2_inertia) - wrist_2_force_x*w23)
-    pin_2_force_y = s[70] = a_y_rod_2*rod_2_mass + c_rod_2*w38 + wrist_2_force_y - s_rod_2*w29*w37
-    wrist_3_force_y = s[77] = -w24*(a_y_rod_3*rod_3_centre_x*rod_3_mass*c_rod_3 - rod_3_centre_x*s_rod_3*w39 + epsilon_rod_3*((rod_3_centre_x*rod_3_centre_x)*rod_3_mass + rod_3_inertia) - wrist_3_force_x*w25)
-    pin_3_force_y = s[75] = a_y_rod_3*rod_3_mass + c_rod_3*w41 + wrist_3_force_y - s_rod_3*w31*w40
+    wrist_1_force_y = s[67] = -w14*(a_y_rod_1*rod_1_centre_x*rod_1_mass*c_rod_1 - rod_1_centre_x*s_rod_1*w27 + epsilon_rod_1*((rod_1_centre_x*rod_1_centre_x)*rod_1_mass + rod_1_inertia) - wrist_1_force_x*w15)
+    pin_1_force_y = s[65] = a_y_rod_1*rod_1_mass + c_rod_1*w29 + wrist_1_force_y - s_rod_1*w21*w28
+    wrist_2_force_y = s[72] = -w16*(a_y_rod_2*rod_2_centre_x*rod_2_mass*c_rod_2 - rod_2_centre_x*s_rod_2*w30 + epsilon_rod_2*((rod_2_centre_x*rod_2_centre_x)*rod_2_mass + rod_2_inertia) - wrist_2_force_x*w17)
+    pin_2_force_y = s[70] = a_y_rod_2*rod_2_mass + c_rod_2*w32 + wrist_2_force_y - s_rod_2*w23*w31
+    wrist_3_force_y = s[77] = -w18*(a_y_rod_3*rod_3_centre_x*rod_3_mass*c_rod_3 - rod_3_centre_x*s_rod_3*w33 + epsilon_rod_3*((rod_3_centre_x*rod_3_centre_x)*rod_3_mass + rod_3_inertia) - wrist_3_force_x*w19)
+    pin_3_force_y = s[75] = a_y_rod_3*rod_3_mass + c_rod_3*w35 + wrist_3_force_y - s_rod_3*w25*w34
     main_force_y = s[63] = pin_1_force_y + pin_2_force_y + pin_3_force_y
-    main_drive = s[79] = crank_pin_1_x*cos_main*pin_1_force_y + main_acceleration*(crank_inertia + flywheel_inertia) - pin_1_force_x*w0 - pin_2_force_x*w6 + pin_2_force_y*w11 - pin_3_force_x*w14 + pin_3_force_y*w19 - motor
+    main_drive = s[79] = crank_pin_1_x*cos_main*pin_1_force_y + main_acceleration*(crank_inertia + flywheel_inertia) - pin_1_force_x*y_rod_1 - pin_2_force_x*y_rod_2 + pin_2_force_y*x_rod_2 - pin_3_force_x*y_rod_3 + pin_3_force_y*x_rod_3 - motor
     rod_1_link_a_x = s[2] = a_x_rod_1*c_rod_1 + a_y_rod_1*s_rod_1
     rod_1_link_a_y = s[3] = -a_x_rod_1*s_rod_1 + a_y_rod_1*c_rod_1
     rod_1_link_P_0 = s[4] = -c_rod_1*pin_1_force_x - pin_1_force_y*s_rod_1
@@ -262,99 +256,99 @@ def inverse(t, y, p, out):
         gas_2_table, gas_3_offset, gas_3_table,
     ) = unpacked(p, 35)
     sin_main = math.sin(main_angle_)
-    w0 = crank_pin_1_x*sin_main
-    w1 = rod_1_length*rod_1_length
-    w2 = 1.0/rod_1_length
+    y_rod_1 = crank_pin_1_x*sin_main
+    w0 = rod_1_length*rod_1_length
+    w1 = 1.0/rod_1_length
     cos_main = math.cos(main_angle_)
-    w3 = crank_pin_1_x*cos_main
-    w4 = crank_pin_2_x*sin_main
-    w5 = crank_pin_2_y*cos_main
-    w6 = w4 + w5
-    w7 = rod_2_length*rod_2_length
-    w8 = 1.0/rod_2_length
-    w9 = crank_pin_2_x*cos_main
-    w10 = crank_pin_2_y*sin_main
-    w11 = -w10 + w9
-    w12 = crank_pin_3_x*sin_main
-    w13 = crank_pin_3_y*cos_main
-    w14 = w12 + w13
-    w15 = rod_3_length*rod_3_length
-    w16 = 1.0/rod_3_length
-    w17 = crank_pin_3_x*cos_main
-    w18 = crank_pin_3_y*sin_main
-    w19 = w17 - w18
-    gamma_rod_1 = -w0
-    closure_bore_1 = -(gamma_rod_1*gamma_rod_1)/w1 + 1.0
-    w_rod_1 = bore_1_branch*math.sqrt(closure_bore_1*w1)
-    c_rod_1 = w2*w_rod_1
-    w20 = w2/c_rod_1
-    s_rod_1 = gamma_rod_1*w2
-    w21 = rod_1_length*s_rod_1
-    gamma_rod_2 = -w6
-    closure_bore_2 = -(gamma_rod_2*gamma_rod_2)/w7 + 1.0
-    w_rod_2 = bore_2_branch*math.sqrt(closure_bore_2*w7)
-    c_rod_2 = w8*w_rod_2
-    w22 = w8/c_rod_2
-    s_rod_2 = gamma_rod_2*w8
-    w23 = rod_2_length*s_rod_2
-    gamma_rod_3 = -w14
-    closure_bore_3 = -(gamma_rod_3*gamma_rod_3)/w15 + 1.0
-    w_rod_3 = bore_3_branch*math.sqrt(closure_bore_3*w15)
-    c_rod_3 = w16*w_rod_3
-    w24 = w16/c_rod_3
-    s_rod_3 = gamma_rod_3*w16
-    w25 = rod_3_length*s_rod_3
-    w26 = main_speed_*main_speed_
-    v_y_rod_1 = main_speed_*w3
-    omega_rod_1 = -v_y_rod_1*w20
-    w27 = omega_rod_1*omega_rod_1
-    w28 = c_rod_1*w27
-    v_y_rod_2 = -main_speed_*w10 + main_speed_*w9
-    omega_rod_2 = -v_y_rod_2*w22
-    w29 = omega_rod_2*omega_rod_2
-    w30 = c_rod_2*w29
-    v_y_rod_3 = main_speed_*w17 - main_speed_*w18
-    omega_rod_3 = -v_y_rod_3*w24
-    w31 = omega_rod_3*omega_rod_3
-    w32 = c_rod_3*w31
-    a_x_rod_1 = -main_acceleration_*w0 - w26*w3
-    w33 = a_x_rod_1*rod_1_mass
-    w34 = rod_1_centre_x*rod_1_mass
-    a_y_rod_1 = main_acceleration_*w3 - w0*w26
-    epsilon_rod_1 = -w20*(a_y_rod_1 - w21*w27)
-    w35 = epsilon_rod_1*w34
-    a_x_rod_2 = crank_pin_2_y*sin_main*w26 - main_acceleration_*w4 - main_acceleration_*w5 - w26*w9
-    w36 = a_x_rod_2*rod_2_mass
-    w37 = rod_2_centre_x*rod_2_mass
-    a_y_rod_2 = crank_pin_2_x*cos_main*main_acceleration_ - main_acceleration_*w10 - w26*w4 - w26*w5
-    epsilon_rod_2 = -w22*(a_y_rod_2 - w23*w29)
-    w38 = epsilon_rod_2*w37
-    a_x_rod_3 = crank_pin_3_y*sin_main*w26 - main_acceleration_*w12 - main_acceleration_*w13 - w17*w26
-    w39 = a_x_rod_3*rod_3_mass
-    w40 = rod_3_centre_x*rod_3_mass
-    a_y_rod_3 = crank_pin_3_x*cos_main*main_acceleration_ - main_acceleration_*w18 - w12*w26 - w13*w26
-    epsilon_rod_3 = -w24*(a_y_rod_3 - w25*w31)
-    w41 = epsilon_rod_3*w40
-    a_x_piston_1 = a_x_rod_1 - rod_1_length*w28 - epsilon_rod_1*w21
-    a_x_piston_2 = a_x_rod_2 - rod_2_length*w30 - epsilon_rod_2*w23
-    a_x_piston_3 = a_x_rod_3 - rod_3_length*w32 - epsilon_rod_3*w25
+    x_rod_1 = crank_pin_1_x*cos_main
+    w2 = crank_pin_2_x*sin_main
+    w3 = crank_pin_2_y*cos_main
+    y_rod_2 = w2 + w3
+    w4 = rod_2_length*rod_2_length
+    w5 = 1.0/rod_2_length
+    w6 = crank_pin_2_x*cos_main
+    w7 = crank_pin_2_y*sin_main
+    x_rod_2 = w6 - w7
+    w8 = crank_pin_3_x*sin_main
+    w9 = crank_pin_3_y*cos_main
+    y_rod_3 = w8 + w9
+    w10 = rod_3_length*rod_3_length
+    w11 = 1.0/rod_3_length
+    w12 = crank_pin_3_x*cos_main
+    w13 = crank_pin_3_y*sin_main
+    x_rod_3 = w12 - w13
+    gamma_rod_1 = -y_rod_1
+    closure_bore_1 = -(gamma_rod_1*gamma_rod_1)/w0 + 1.0
+    w_rod_1 = bore_1_branch*math.sqrt(closure_bore_1*w0)
+    c_rod_1 = w1*w_rod_1
+    w14 = w1/c_rod_1
+    s_rod_1 = gamma_rod_1*w1
+    w15 = rod_1_length*s_rod_1
+    gamma_rod_2 = -y_rod_2
+    closure_bore_2 = -(gamma_rod_2*gamma_rod_2)/w4 + 1.0
+    w_rod_2 = bore_2_branch*math.sqrt(closure_bore_2*w4)
+    c_rod_2 = w5*w_rod_2
+    w16 = w5/c_rod_2
+    s_rod_2 = gamma_rod_2*w5
+    w17 = rod_2_length*s_rod_2
+    gamma_rod_3 = -y_rod_3
+    closure_bore_3 = -(gamma_rod_3*gamma_rod_3)/w10 + 1.0
+    w_rod_3 = bore_3_branch*math.sqrt(closure_bore_3*w10)
+    c_rod_3 = w11*w_rod_3
+    w18 = w11/c_rod_3
+    s_rod_3 = gamma_rod_3*w11
+    w19 = rod_3_length*s_rod_3
+    w20 = main_speed_*main_speed_
+    v_y_rod_1 = main_speed_*x_rod_1
+    omega_rod_1 = -v_y_rod_1*w14
+    w21 = omega_rod_1*omega_rod_1
+    w22 = c_rod_1*w21
+    v_y_rod_2 = main_speed_*w6 - main_speed_*w7
+    omega_rod_2 = -v_y_rod_2*w16
+    w23 = omega_rod_2*omega_rod_2
+    w24 = c_rod_2*w23
+    v_y_rod_3 = main_speed_*w12 - main_speed_*w13
+    omega_rod_3 = -v_y_rod_3*w18
+    w25 = omega_rod_3*omega_rod_3
+    w26 = c_rod_3*w25
+    a_x_rod_1 = -main_acceleration_*y_rod_1 - w20*x_rod_1
+    w27 = a_x_rod_1*rod_1_mass
+    w28 = rod_1_centre_x*rod_1_mass
+    a_y_rod_1 = main_acceleration_*x_rod_1 - w20*y_rod_1
+    epsilon_rod_1 = -w14*(a_y_rod_1 - w15*w21)
+    w29 = epsilon_rod_1*w28
+    a_x_rod_2 = crank_pin_2_y*sin_main*w20 - main_acceleration_*w2 - main_acceleration_*w3 - w20*w6
+    w30 = a_x_rod_2*rod_2_mass
+    w31 = rod_2_centre_x*rod_2_mass
+    a_y_rod_2 = crank_pin_2_x*cos_main*main_acceleration_ - main_acceleration_*w7 - w2*w20 - w20*w3
+    epsilon_rod_2 = -w16*(a_y_rod_2 - w17*w23)
+    w32 = epsilon_rod_2*w31
+    a_x_rod_3 = crank_pin_3_y*sin_main*w20 - main_acceleration_*w8 - main_acceleration_*w9 - w12*w20
+    w33 = a_x_rod_3*rod_3_mass
+    w34 = rod_3_centre_x*rod_3_mass
+    a_y_rod_3 = crank_pin_3_x*cos_main*main_acceleration_ - main_acceleration_*w13 - w20*w8 - w20*w9
+    epsilon_rod_3 = -w18*(a_y_rod_3 - w19*w25)
+    w35 = epsilon_rod_3*w34
+    a_x_piston_1 = a_x_rod_1 - rod_1_length*w22 - epsilon_rod_1*w15
+    a_x_piston_2 = a_x_rod_2 - rod_2_length*w24 - epsilon_rod_2*w17
+    a_x_piston_3 = a_x_rod_3 - rod_3_length*w26 - epsilon_rod_3*w19
     gas_1 = table(main_angle_ - gas_1_offset, p, int(gas_1_table))
     gas_2 = table(main_angle_ - gas_2_offset, p, int(gas_2_table))
     gas_3 = table(main_angle_ - gas_3_offset, p, int(gas_3_table))
     motor = 170.0 - 0.27057138309724654*main_speed_
     wrist_1_force_x = a_x_piston_1*piston_1_mass + gas_1
-    pin_1_force_x = wrist_1_force_x - s_rod_1*w35 - w28*w34 + w33
+    pin_1_force_x = wrist_1_force_x - s_rod_1*w29 - w22*w28 + w27
     wrist_2_force_x = a_x_piston_2*piston_2_mass + gas_2
-    pin_2_force_x = wrist_2_force_x - s_rod_2*w38 - w30*w37 + w36
+    pin_2_force_x = wrist_2_force_x - s_rod_2*w32 - w24*w31 + w30
     wrist_3_force_x = a_x_piston_3*piston_3_mass + gas_3
-    pin_3_force_x = wrist_3_force_x - s_rod_3*w41 - w32*w40 + w39
-    wrist_1_force_y = -w20*(a_y_rod_1*rod_1_centre_x*rod_1_mass*c_rod_1 - rod_1_centre_x*s_rod_1*w33 + epsilon_rod_1*((rod_1_centre_x*rod_1_centre_x)*rod_1_mass + rod_1_inertia) - wrist_1_force_x*w21)
-    pin_1_force_y = a_y_rod_1*rod_1_mass + c_rod_1*w35 + wrist_1_force_y - s_rod_1*w27*w34
-    wrist_2_force_y = -w22*(a_y_rod_2*rod_2_centre_x*rod_2_mass*c_rod_2 - rod_2_centre_x*s_rod_2*w36 + epsilon_rod_2*((rod_2_centre_x*rod_2_centre_x)*rod_2_mass + rod_2_inertia) - wrist_2_force_x*w23)
-    pin_2_force_y = a_y_rod_2*rod_2_mass + c_rod_2*w38 + wrist_2_force_y - s_rod_2*w29*w37
-    wrist_3_force_y = -w24*(a_y_rod_3*rod_3_centre_x*rod_3_mass*c_rod_3 - rod_3_centre_x*s_rod_3*w39 + epsilon_rod_3*((rod_3_centre_x*rod_3_centre_x)*rod_3_mass + rod_3_inertia) - wrist_3_force_x*w25)
-    pin_3_force_y = a_y_rod_3*rod_3_mass + c_rod_3*w41 + wrist_3_force_y - s_rod_3*w31*w40
-    main_drive = out[0] = crank_pin_1_x*cos_main*pin_1_force_y + main_acceleration_*(crank_inertia + flywheel_inertia) - pin_1_force_x*w0 - pin_2_force_x*w6 + pin_2_force_y*w11 - pin_3_force_x*w14 + pin_3_force_y*w19 - motor
+    pin_3_force_x = wrist_3_force_x - s_rod_3*w35 - w26*w34 + w33
+    wrist_1_force_y = -w14*(a_y_rod_1*rod_1_centre_x*rod_1_mass*c_rod_1 - rod_1_centre_x*s_rod_1*w27 + epsilon_rod_1*((rod_1_centre_x*rod_1_centre_x)*rod_1_mass + rod_1_inertia) - wrist_1_force_x*w15)
+    pin_1_force_y = a_y_rod_1*rod_1_mass + c_rod_1*w29 + wrist_1_force_y - s_rod_1*w21*w28
+    wrist_2_force_y = -w16*(a_y_rod_2*rod_2_centre_x*rod_2_mass*c_rod_2 - rod_2_centre_x*s_rod_2*w30 + epsilon_rod_2*((rod_2_centre_x*rod_2_centre_x)*rod_2_mass + rod_2_inertia) - wrist_2_force_x*w17)
+    pin_2_force_y = a_y_rod_2*rod_2_mass + c_rod_2*w32 + wrist_2_force_y - s_rod_2*w23*w31
+    wrist_3_force_y = -w18*(a_y_rod_3*rod_3_centre_x*rod_3_mass*c_rod_3 - rod_3_centre_x*s_rod_3*w33 + epsilon_rod_3*((rod_3_centre_x*rod_3_centre_x)*rod_3_mass + rod_3_inertia) - wrist_3_force_x*w19)
+    pin_3_force_y = a_y_rod_3*rod_3_mass + c_rod_3*w35 + wrist_3_force_y - s_rod_3*w25*w34
+    main_drive = out[0] = crank_pin_1_x*cos_main*pin_1_force_y + main_acceleration_*(crank_inertia + flywheel_inertia) - pin_1_force_x*y_rod_1 - pin_2_force_x*y_rod_2 + pin_2_force_y*x_rod_2 - pin_3_force_x*y_rod_3 + pin_3_force_y*x_rod_3 - motor
 
 
 @njit(**OPTIONS)

@@ -10,9 +10,11 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, TERMS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
+from kaneflex.generated.laws import no_courses as courses
 from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
 
 FORMAT = 3
@@ -66,22 +68,10 @@ OPERATIONS = {'courses': (0, 0), 'magnitudes': (8, 8)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
-def courses(t, p, out, k):
-    """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    pass
-
-
-@njit(**OPTIONS)
 def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    main_coordinate = x[i + 0]
-    main_rate = x[i + 1]
-    gas_1_offset = p[0]
-    gas_1_table = p[1]
-    gas_2_offset = p[2]
-    gas_2_table = p[3]
-    gas_3_offset = p[4]
-    gas_3_table = p[5]
+    main_coordinate, main_rate = unpacked(x, 2, i)
+    gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table = unpacked(p, 6)
     out[k + 0] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
     out[k + 1] = table(main_coordinate - gas_2_offset, p, int(gas_2_table))
     out[k + 2] = table(main_coordinate - gas_3_offset, p, int(gas_3_table))

@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -87,72 +87,67 @@ def motion(t, p, s):
     ) = unpacked(p, 18)
     main_coordinate = s[15] = main_angle + main_speed*t
     cos_main = s[16] = math.cos(main_coordinate)
-    w0 = crank_length*cos_main
+    x_coupler = s[19] = crank_length*cos_main
     sin_main = s[17] = math.sin(main_coordinate)
-    w1 = crank_length*sin_main
-    d_coupler_y = -w1
-    d_coupler_x = ground_right_x - w0
+    y_coupler = s[20] = crank_length*sin_main
+    d_coupler_y = -y_coupler
+    d_coupler_x = ground_right_x - x_coupler
     square_coupler = (d_coupler_x*d_coupler_x) + (d_coupler_y*d_coupler_y)
-    w2 = 1.0/square_coupler
-    w3 = coupler_length*coupler_length
-    w4 = 1.0/coupler_length
-    w5 = 1.0/follower_length
-    share_coupler = 0.5*w2*(-(follower_length*follower_length) + square_coupler + w3)
-    closure_rocker = s[43] = -(share_coupler*share_coupler)*square_coupler/w3 + 1.0
-    height_coupler = rocker_branch*math.sqrt(closure_rocker*w2*w3)
+    w0 = 1.0/square_coupler
+    w1 = coupler_length*coupler_length
+    w2 = 1.0/coupler_length
+    w3 = 1.0/follower_length
+    share_coupler = 0.5*w0*(-(follower_length*follower_length) + square_coupler + w1)
+    closure_rocker = s[43] = -(share_coupler*share_coupler)*square_coupler/w1 + 1.0
+    height_coupler = rocker_branch*math.sqrt(closure_rocker*w0*w1)
     span_coupler_x = d_coupler_x*share_coupler - d_coupler_y*height_coupler
-    c_coupler = s[21] = span_coupler_x*w4
-    w6 = coupler_length*c_coupler
+    c_coupler = s[21] = span_coupler_x*w2
+    w4 = coupler_length*c_coupler
     span_coupler_y = d_coupler_x*height_coupler + d_coupler_y*share_coupler
-    s_follower = s[31] = w5*(-d_coupler_y + span_coupler_y)
-    w7 = follower_length*s_follower
-    s_coupler = s[22] = span_coupler_y*w4
-    w8 = coupler_length*s_coupler
-    c_follower = s[30] = w5*(-d_coupler_x + span_coupler_x)
-    w9 = follower_length*c_follower
-    w10 = 1.0/(w6*w7 - w8*w9)
-    w11 = main_speed*main_speed
-    w12 = w0*w11
-    w13 = w1*w11
-    v_y_coupler = s[24] = main_speed*w0
-    v_x_coupler = s[23] = -main_speed*w1
-    inverse_det_omega_follower = w10
-    omega_follower = s[10] = s[32] = inverse_det_omega_follower*(-v_x_coupler*w6 - v_y_coupler*w8)
-    w14 = omega_follower*omega_follower
-    omega_coupler = s[5] = s[25] = inverse_det_omega_follower*(-v_x_coupler*w9 - v_y_coupler*w7)
-    w15 = omega_coupler*omega_coupler
-    w16 = w15*w6
-    a_x_coupler = s[26] = -w12
-    w17 = a_x_coupler + w14*w9 - w16
-    w18 = w15*w8
-    a_y_coupler = s[27] = -w13
-    w19 = a_y_coupler + w14*w7 - w18
-    inverse_det_epsilon_follower = w10
-    epsilon_follower = s[11] = s[33] = inverse_det_epsilon_follower*(-w17*w6 - w19*w8)
-    w20 = epsilon_follower*((follower_centre_x*follower_centre_x)*follower_mass + follower_inertia)
-    w21 = coupler_centre_x*coupler_mass
-    w22 = c_coupler*w21
-    w23 = at_second_mass*w6 + w22
-    w24 = s_coupler*w21
-    w25 = -at_second_mass*w8 - w24
-    epsilon_coupler = s[6] = s[28] = inverse_det_epsilon_follower*(-w17*w9 - w19*w7)
-    w26 = a_x_coupler*w25 + a_y_coupler*w23 + epsilon_coupler*((coupler_centre_x*coupler_centre_x)*coupler_mass + coupler_inertia + at_second_mass*w3)
-    w27 = coupler_mass + at_second_mass
-    w28 = crank_centre_x*crank_mass*w11
-    w29 = follower_centre_x*follower_mass
-    w30 = s_follower*w29
-    x_coupler = s[19] = w0
-    y_coupler = s[20] = w1
-    inverse_det_second_force_y = w10
-    second_force_y = s[39] = inverse_det_second_force_y*(-w20*w8 - w26*w7)
-    second_force_x = s[38] = inverse_det_second_force_y*(-follower_length*c_follower*w26 - w20*w6)
-    first_force_x = s[36] = a_x_coupler*w27 + epsilon_coupler*w25 + second_force_x - at_second_mass*w16 - w15*w22
-    main_force_x = s[34] = -cos_main*w28 + first_force_x - at_first_mass*w12
-    first_force_y = s[37] = a_y_coupler*w27 + epsilon_coupler*w23 + second_force_y - at_second_mass*w18 - w15*w24
-    main_force_y = s[35] = first_force_y - at_first_mass*w13 - sin_main*w28
-    main_drive = s[42] = -first_force_x*w1 + first_force_y*w0
-    rocker_force_x = s[40] = -c_follower*w14*w29 - epsilon_follower*w30 - second_force_x
-    rocker_force_y = s[41] = follower_centre_x*follower_mass*c_follower*epsilon_follower - second_force_y - w14*w30
+    s_follower = s[31] = w3*(-d_coupler_y + span_coupler_y)
+    w5 = follower_length*s_follower
+    s_coupler = s[22] = span_coupler_y*w2
+    w6 = coupler_length*s_coupler
+    c_follower = s[30] = w3*(-d_coupler_x + span_coupler_x)
+    w7 = follower_length*c_follower
+    inverse_det_omega_follower = 1.0/(w4*w5 - w6*w7)
+    w8 = main_speed*main_speed
+    w9 = w8*x_coupler
+    w10 = w8*y_coupler
+    v_y_coupler = s[24] = main_speed*x_coupler
+    v_x_coupler = s[23] = -main_speed*y_coupler
+    omega_follower = s[10] = s[32] = inverse_det_omega_follower*(-v_x_coupler*w4 - v_y_coupler*w6)
+    w11 = omega_follower*omega_follower
+    omega_coupler = s[5] = s[25] = inverse_det_omega_follower*(-v_x_coupler*w7 - v_y_coupler*w5)
+    w12 = omega_coupler*omega_coupler
+    w13 = w12*w4
+    a_x_coupler = s[26] = -w9
+    w14 = a_x_coupler + w11*w7 - w13
+    w15 = w12*w6
+    a_y_coupler = s[27] = -w10
+    w16 = a_y_coupler + w11*w5 - w15
+    epsilon_follower = s[11] = s[33] = inverse_det_omega_follower*(-w14*w4 - w16*w6)
+    w17 = epsilon_follower*((follower_centre_x*follower_centre_x)*follower_mass + follower_inertia)
+    w18 = coupler_centre_x*coupler_mass
+    w19 = c_coupler*w18
+    w20 = at_second_mass*w4 + w19
+    w21 = s_coupler*w18
+    w22 = -at_second_mass*w6 - w21
+    epsilon_coupler = s[6] = s[28] = inverse_det_omega_follower*(-w14*w7 - w16*w5)
+    w23 = a_x_coupler*w22 + a_y_coupler*w20 + epsilon_coupler*((coupler_centre_x*coupler_centre_x)*coupler_mass + coupler_inertia + at_second_mass*w1)
+    w24 = coupler_mass + at_second_mass
+    w25 = crank_centre_x*crank_mass*w8
+    w26 = follower_centre_x*follower_mass
+    w27 = s_follower*w26
+    second_force_y = s[39] = inverse_det_omega_follower*(-w17*w6 - w23*w5)
+    second_force_x = s[38] = inverse_det_omega_follower*(-follower_length*c_follower*w23 - w17*w4)
+    first_force_x = s[36] = a_x_coupler*w24 + epsilon_coupler*w22 + second_force_x - at_second_mass*w13 - w12*w19
+    main_force_x = s[34] = -cos_main*w25 + first_force_x - at_first_mass*w9
+    first_force_y = s[37] = a_y_coupler*w24 + epsilon_coupler*w20 + second_force_y - at_second_mass*w15 - w12*w21
+    main_force_y = s[35] = first_force_y - at_first_mass*w10 - sin_main*w25
+    main_drive = s[42] = -first_force_x*y_coupler + first_force_y*x_coupler
+    rocker_force_x = s[40] = -c_follower*w11*w26 - epsilon_follower*w27 - second_force_x
+    rocker_force_y = s[41] = follower_centre_x*follower_mass*c_follower*epsilon_follower - second_force_y - w11*w27
     crank_link_P_0 = s[4] = -cos_main*main_force_x - main_force_y*sin_main
     coupler_link_a_x = s[7] = a_x_coupler*c_coupler + a_y_coupler*s_coupler
     coupler_link_a_y = s[8] = -a_x_coupler*s_coupler + a_y_coupler*c_coupler

@@ -7,6 +7,9 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.laws import no_magnitudes as magnitudes
+
 FORMAT = 3
 STRUCTURE = "c3b1e9beae6055a6"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -24,14 +27,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 @njit(**OPTIONS)
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    main_speed = p[0]
-    main_angle = p[1]
+    main_speed, main_angle = unpacked(p, 2)
     main_coordinate = out[k + 0] = main_angle + main_speed*t
     out[k + 1] = main_speed
     out[k + 2] = 0.0
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass

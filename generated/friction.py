@@ -15,13 +15,15 @@ import math
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # of a friction, in p
 NUMBERS = (
-    'direction_x', 'direction_y', 'angle', 'mu', 'mu_static', 'v_s', 'delta', 'viscous', 'preload', 'arm', 'law',
-        'of', 'sigma_0', 'sigma_1',
+    'direction_x', 'direction_y', 'angle', 'mu', 'mu_static', 'v_s', 'delta', 'viscous', 'preload', 'arm', 'law', 'of',
+    'sigma_0', 'sigma_1',
 )
 
 LAWS = ('coulomb', 'stribeck', 'viscous', 'lugre')  # of friction
@@ -29,34 +31,28 @@ LAWS = ('coulomb', 'stribeck', 'viscous', 'lugre')  # of friction
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'limit': (2, 2), 'coulomb': (2, 2), 'stribeck': (9, 9), 'stribeck_slope': (14, 10), 'bristle_decay': (3, 3),
-        'bristle_rate': (5, 5), 'bristle_force': (10, 9), 'bristle_by_speed': (11, 11), 'bristle_by_dry': (5, 5),
+    'bristle_rate': (5, 5), 'bristle_force': (10, 9), 'bristle_by_speed': (11, 11), 'bristle_by_dry': (5, 5),
 }
 
 
 @njit(**OPTIONS)
 def limit(p, c, N):
     """Largest force that holds [N or N m]."""
-    mu_static = p[c + 4]
-    preload = p[c + 8]
+    mu_static, _, _, _, preload = unpacked(p, 5, c + 4)
     return N*mu_static + preload
 
 
 @njit(**OPTIONS)
 def coulomb(p, c, N):
     """Of Coulomb's law."""
-    mu = p[c + 3]
-    preload = p[c + 8]
+    mu, _, _, _, _, preload = unpacked(p, 6, c + 3)
     return N*mu + preload
 
 
 @njit(**OPTIONS)
 def stribeck(p, c, N, v):
     """Of Stribeck's law."""
-    mu = p[c + 3]
-    mu_static = p[c + 4]
-    v_s = p[c + 5]
-    delta = p[c + 6]
-    preload = p[c + 8]
+    mu, mu_static, v_s, delta, _, preload = unpacked(p, 6, c + 3)
     size = abs(v)
     return N*(mu + (-mu + mu_static)*math.exp(-(size/v_s)**delta)) + preload
 
@@ -64,10 +60,7 @@ def stribeck(p, c, N, v):
 @njit(**OPTIONS)
 def stribeck_slope(p, c, N, v):
     """Derivative of ``stribeck`` by |v|."""
-    mu = p[c + 3]
-    mu_static = p[c + 4]
-    v_s = p[c + 5]
-    delta = p[c + 6]
+    mu, mu_static, v_s, delta = unpacked(p, 4, c + 3)
     size = abs(v)
     w0 = (size/v_s)**delta
     return -N*delta*w0*(-mu + mu_static)*math.exp(-w0)/size
@@ -92,9 +85,7 @@ def bristle_rate(p, c, g, v, z):
 @njit(**OPTIONS)
 def bristle_force(p, c, g, v, z):
     """Against the motion, of bristles."""
-    viscous = p[c + 7]
-    sigma_0 = p[c + 12]
-    sigma_1 = p[c + 13]
+    viscous, _, _, _, _, sigma_0, sigma_1 = unpacked(p, 7, c + 7)
     w0 = sigma_0*z
     size = abs(v)
     return sigma_1*(v - size*w0/g) + v*viscous + w0

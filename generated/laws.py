@@ -58,3 +58,13 @@ def around(side, y, x):
     if x < 0.0 and side * angle < 0.0:
         angle += side * 2.0 * math.pi
     return angle
+
+
+@njit(**OPTIONS)
+def no_courses(t, p, out, k):
+    """Courses of a structure without a prescribed drive: nothing is stored."""
+
+
+@njit(**OPTIONS)
+def no_magnitudes(t, x, i, p, out, k):
+    """Sizes of the loads of a structure that has none."""

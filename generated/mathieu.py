@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_g, element_matrices
@@ -62,8 +62,10 @@ CONSTANTS = {
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
-        'tension_acceleration', 'tension_spin', 'viscous')
+TERMS = rows.less(
+    beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
+    'tension_acceleration', 'tension_spin', 'viscous',
+)
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'bar': 0}  # elastic link -> where its LINK_SCALARS begin in s
@@ -80,12 +82,11 @@ def motion(t, p, s):
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     _, _, _, _, _, _, ground_aside_x, bar_length, far_branch, clock_speed, clock_angle, pull_value = unpacked(p, 12)
     clock_coordinate = s[5] = clock_angle + clock_speed*t
-    w0 = math.cos(clock_coordinate)
-    cos_clock = s[7] = w0
+    cos_clock = s[7] = math.cos(clock_coordinate)
     sin_clock = s[8] = math.sin(clock_coordinate)
     w_bar = s[11] = far_branch*math.sqrt((bar_length*bar_length))
     c_bar = s[10] = w_bar/bar_length
-    pulse = s[15] = -2.0*w0
+    pulse = s[15] = -2.0*cos_clock
     far_force_x = s[12] = s[13] = -pull_value - pulse
     bar_link_P_0 = s[4] = -c_bar*far_force_x
     s[6] = ground_aside_x

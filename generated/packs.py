@@ -14,25 +14,36 @@ FORMAT = 3
 BLOCKS = {'axial': ((0, 3), (0, 3)), 'bending': ((1, 2, 4, 5), (1, 2, 4, 5)), 'coupling': ((0, 3), (1, 2, 4, 5))}
 
 
-def unpacked(array, count):
-    """The first numbers of an array, so many of them; nothing is checked."""
-    return tuple(array[:count])
+def unpacked(array, count, start=0):
+    """So many numbers of an array, or from an address on; nothing is checked."""
+    return tuple(array[start : start + count])
 
 
 @type_callable(unpacked)
 def _type_of_numbers(context):
-    def typed(array, count):
+    def typed(array, count, start=types.intp):
         return types.UniTuple(array.dtype, count.literal_value) if isinstance(count, types.IntegerLiteral) else None
 
     return typed
 
 
 @lower_builtin(unpacked, types.Array, types.IntegerLiteral)
+@lower_builtin(unpacked, types.CPointer, types.IntegerLiteral)
 def _load(context, builder, sig, args):
+    return _load_from(context, builder, sig, (*args, context.get_constant(types.intp, 0)))
+
+
+@lower_builtin(unpacked, types.Array, types.IntegerLiteral, types.Integer)
+@lower_builtin(unpacked, types.CPointer, types.IntegerLiteral, types.Integer)
+def _load_from(context, builder, sig, args):
     kind, numbers = sig.args[0], sig.return_type
-    array = context.make_array(kind)(context, builder, args[0])
-    places = [[context.get_constant(types.intp, k)] for k in range(numbers.count)]
-    addresses = [cgutils.get_item_pointer(context, builder, kind, array, place) for place in places]
+    start = context.cast(builder, args[2], sig.args[2], types.intp) if len(sig.args) > 2 else args[2]
+    places = [builder.add(start, start.type(k)) for k in range(numbers.count)]
+    if isinstance(kind, types.CPointer):
+        addresses = [builder.gep(args[0], [place]) for place in places]
+    else:
+        array = context.make_array(kind)(context, builder, args[0])
+        addresses = [cgutils.get_item_pointer(context, builder, kind, array, [place]) for place in places]
     return context.make_tuple(builder, numbers, [context.unpack_value(builder, kind.dtype, each) for each in addresses])
 
 

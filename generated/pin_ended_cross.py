@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, element_matrices
@@ -73,8 +73,10 @@ CONSTANTS = {
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y',
-        'tension_origin', 'tension_acceleration', 'tension_spin', 'viscous')
+TERMS = rows.less(
+    beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'load_y', 'tension_origin',
+    'tension_acceleration', 'tension_spin', 'viscous',
+)
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'arm_1': 0, 'arm_2': 5, 'arm_3': 10, 'arm_4': 15}  # elastic link -> where its LINK_SCALARS begin in s

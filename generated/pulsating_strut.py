@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_g, F, element_matrices
@@ -63,8 +63,10 @@ CONSTANTS = {
 }
 
 # terms of the elastic links: name, group, kernel, factors of the scalar
-TERMS = rows.less(beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x',
-        'tension_acceleration', 'tension_spin', 'viscous')
+TERMS = rows.less(
+    beam.TERMS, 'gyroscopic', 'spin', 'euler', 'centrifugal_load', 'euler_load', 'load_x', 'tension_acceleration',
+    'tension_spin', 'viscous',
+)
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'strut': 0}  # elastic link -> where its LINK_SCALARS begin in s
@@ -84,18 +86,17 @@ def motion(t, p, s):
         clock_angle, mean_value, gravity_y,
     ) = unpacked(p, 13)
     clock_coordinate = s[5] = clock_angle + clock_speed*t
-    w0 = math.cos(clock_coordinate)
-    w1 = 1.0/strut_length
-    w2 = strut_mass*gravity_y
-    cos_clock = s[7] = w0
+    cos_clock = s[7] = math.cos(clock_coordinate)
+    w0 = 1.0/strut_length
+    w1 = strut_mass*gravity_y
     sin_clock = s[8] = math.sin(clock_coordinate)
     w_strut = s[11] = far_branch*math.sqrt((strut_length*strut_length))
-    c_strut = s[10] = w1*w_strut
-    pulse = s[19] = 518.0*w0
+    c_strut = s[10] = w0*w_strut
+    pulse = s[19] = 518.0*cos_clock
     clock_force_y = s[12] = -rotor_mass*gravity_y
     far_force_x = s[13] = s[16] = mean_value + pulse
-    far_force_y = s[17] = strut_centre_x*w1*w2
-    near_force_y = s[14] = far_force_y - w2
+    far_force_y = s[17] = strut_centre_x*w0*w1
+    near_force_y = s[14] = far_force_y - w1
     guide_normal = s[15] = -block_mass*gravity_y - far_force_y
     strut_link_a_y = s[3] = -c_strut*gravity_y
     strut_link_P_0 = s[4] = -c_strut*far_force_x

@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -93,89 +93,83 @@ def motion(t, p, s):
         rod_length, ground_way_y, way_branch, main_speed, main_angle, gravity_y,
     ) = unpacked(p, 22)
     main_coordinate = s[5] = main_angle + main_speed*t
-    w0 = math.sin(main_coordinate)
+    sin_main = s[7] = math.sin(main_coordinate)
     cos_main = s[6] = math.cos(main_coordinate)
-    w1 = crank_length*cos_main
-    sin_main = s[7] = w0
-    w2 = crank_length*sin_main
-    d_lever_y = -ground_pivot_y + w2
-    d_lever_x = w1
+    d_lever_x = s[9] = crank_length*cos_main
+    y_block = s[10] = crank_length*sin_main
+    d_lever_y = -ground_pivot_y + y_block
     square_lever = (d_lever_x*d_lever_x) + (d_lever_y*d_lever_y)
     along_lever = slot_branch*math.sqrt(square_lever)
-    w3 = along_lever/square_lever
-    s_lever = s[12] = s[21] = d_lever_y*w3
-    w4 = lever_length*s_lever
-    w5 = ground_pivot_y + w4
-    w6 = rod_length*rod_length
-    w7 = 1.0/rod_length
-    c_lever = s[11] = s[20] = d_lever_x*w3
-    w8 = lever_length*c_lever
-    y_block = s[10] = w2
-    w9 = -ground_pivot_y + y_block
-    x_block = s[9] = w1
-    w10 = 1.0/(-c_lever*x_block - s_lever*w9)
-    gamma_rod = ground_way_y - w5
-    closure_way = s[53] = -(gamma_rod*gamma_rod)/w6 + 1.0
-    w_rod = way_branch*math.sqrt(closure_way*w6)
-    c_rod = s[26] = w7*w_rod
-    w11 = w7/c_rod
-    s_rod = s[27] = gamma_rod*w7
-    w12 = rod_length*s_rod
-    w13 = main_speed*main_speed
-    v_y_block = s[14] = main_speed*w1
-    v_x_block = s[13] = -main_speed*w2
-    omega_lever = s[15] = s[22] = w10*(-c_lever*v_y_block + s_lever*v_x_block)
-    w14 = 2.0*omega_lever
-    w15 = omega_lever*omega_lever
-    w16 = s_lever*w15
-    w17 = c_lever*w15
-    v_y_rod = s[29] = omega_lever*w8
-    omega_rod = s[0] = s[30] = -v_y_rod*w11
-    w18 = omega_rod*omega_rod
-    w19 = c_rod*w18
-    a_y_block = s[17] = -w13*w2
-    a_x_block = s[16] = -w1*w13
-    epsilon_lever = s[18] = s[23] = w10*(a_x_block*s_lever - a_y_block*c_lever + c_lever*v_x_block*w14 + s_lever*v_y_block*w14 - w16*x_block + w17*w9)
-    a_x_rod = s[31] = -epsilon_lever*w4 - w15*w8
-    w20 = a_x_rod*rod_mass
-    w21 = rod_centre_x*rod_mass
-    a_y_rod = s[32] = epsilon_lever*w8 - w15*w4
-    epsilon_rod = s[1] = s[33] = -w11*(a_y_rod - w12*w18)
-    w22 = epsilon_rod*w21
-    w23 = rod_mass*gravity_y
-    w24 = lever_mass*gravity_y
-    w25 = lever_centre_x*c_lever
-    cut = s[52] = 200.0*math.tanh(10.0*w0 + 5.0) + 200.0
-    a_x_ram = s[37] = a_x_rod - rod_length*w19 - epsilon_rod*w12
+    w0 = along_lever/square_lever
+    s_lever = s[12] = s[21] = d_lever_y*w0
+    w1 = lever_length*s_lever
+    y_rod = s[25] = ground_pivot_y + w1
+    w2 = rod_length*rod_length
+    w3 = 1.0/rod_length
+    c_lever = s[11] = s[20] = d_lever_x*w0
+    x_rod = s[24] = lever_length*c_lever
+    w4 = -ground_pivot_y + y_block
+    w5 = 1.0/(-c_lever*d_lever_x - s_lever*w4)
+    gamma_rod = ground_way_y - y_rod
+    closure_way = s[53] = -(gamma_rod*gamma_rod)/w2 + 1.0
+    w_rod = way_branch*math.sqrt(closure_way*w2)
+    c_rod = s[26] = w3*w_rod
+    w6 = w3/c_rod
+    s_rod = s[27] = gamma_rod*w3
+    w7 = rod_length*s_rod
+    w8 = main_speed*main_speed
+    v_y_block = s[14] = d_lever_x*main_speed
+    v_x_block = s[13] = -main_speed*y_block
+    omega_lever = s[15] = s[22] = w5*(-c_lever*v_y_block + s_lever*v_x_block)
+    w9 = 2.0*omega_lever
+    w10 = omega_lever*omega_lever
+    w11 = s_lever*w10
+    w12 = c_lever*w10
+    v_y_rod = s[29] = omega_lever*x_rod
+    omega_rod = s[0] = s[30] = -v_y_rod*w6
+    w13 = omega_rod*omega_rod
+    w14 = c_rod*w13
+    a_y_block = s[17] = -w8*y_block
+    a_x_block = s[16] = -d_lever_x*w8
+    epsilon_lever = s[18] = s[23] = w5*(a_x_block*s_lever - a_y_block*c_lever + c_lever*v_x_block*w9 - d_lever_x*w11 + s_lever*v_y_block*w9 + w12*w4)
+    a_x_rod = s[31] = -epsilon_lever*w1 - w10*x_rod
+    w15 = a_x_rod*rod_mass
+    w16 = rod_centre_x*rod_mass
+    a_y_rod = s[32] = epsilon_lever*x_rod - w1*w10
+    epsilon_rod = s[1] = s[33] = -w6*(a_y_rod - w13*w7)
+    w17 = epsilon_rod*w16
+    w18 = rod_mass*gravity_y
+    w19 = lever_mass*gravity_y
+    w20 = lever_centre_x*c_lever
+    cut = s[52] = 200.0*math.tanh(10.0*sin_main + 5.0) + 200.0
+    a_x_ram = s[37] = a_x_rod - rod_length*w14 - epsilon_rod*w7
     eye_force_x = s[48] = a_x_ram*ram_mass - cut
-    eye_force_y = s[49] = -w11*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*c_rod*w23 - rod_centre_x*s_rod*w20 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - eye_force_x*w12)
-    head_force_y = s[47] = a_y_rod*rod_mass + c_rod*w22 + eye_force_y - s_rod*w18*w21 - w23
-    head_force_x = s[46] = eye_force_x - s_rod*w22 - w19*w21 + w20
+    eye_force_y = s[49] = -w6*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*c_rod*w18 - rod_centre_x*s_rod*w15 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - eye_force_x*w7)
+    head_force_y = s[47] = a_y_rod*rod_mass + c_rod*w17 + eye_force_y - s_rod*w13*w16 - w18
+    head_force_x = s[46] = eye_force_x - s_rod*w17 - w14*w16 + w15
     slot_moment = s[45] = block_inertia*epsilon_lever
-    slot_normal = s[44] = w10*(epsilon_lever*((lever_centre_x*lever_centre_x)*lever_mass + lever_inertia) + slot_moment - head_force_x*w4 + head_force_y*w8 - w24*w25)
-    w26 = slot_normal*s_lever
-    w27 = crank_centre_x*cos_main
-    w28 = crank_mass*w13
-    w29 = c_lever*slot_normal
-    w30 = crank_mass*gravity_y
-    w31 = lever_centre_x*lever_mass
-    w32 = a_y_rod - gravity_y
-    x_rod = s[24] = w8
-    y_rod = s[25] = w5
-    x_ram = s[34] = w8 + w_rod
-    y_ram = s[35] = gamma_rod + w5
-    v_x_rod = s[28] = -omega_lever*w4
-    v_x_ram = s[36] = -omega_rod*w12 + v_x_rod
-    pin_force_x = s[40] = a_x_block*block_mass + w26
-    main_force_x = s[38] = pin_force_x - w27*w28
-    pin_force_y = s[41] = a_y_block*block_mass - block_mass*gravity_y - w29
-    main_force_y = s[39] = -crank_centre_x*sin_main*w28 + pin_force_y - w30
-    main_drive = s[51] = crank_length*cos_main*pin_force_y - pin_force_x*w2 - w27*w30
-    foot_force_x = s[42] = -epsilon_lever*s_lever*w31 + head_force_x - w17*w31 - w26
-    foot_force_y = s[43] = lever_mass*epsilon_lever*w25 + head_force_y - w16*w31 - w24 + w29
+    slot_normal = s[44] = w5*(epsilon_lever*((lever_centre_x*lever_centre_x)*lever_mass + lever_inertia) + slot_moment - head_force_x*w1 + head_force_y*x_rod - w19*w20)
+    w21 = slot_normal*s_lever
+    w22 = crank_centre_x*cos_main
+    w23 = crank_mass*w8
+    w24 = c_lever*slot_normal
+    w25 = crank_mass*gravity_y
+    w26 = lever_centre_x*lever_mass
+    w27 = a_y_rod - gravity_y
+    x_ram = s[34] = w_rod + x_rod
+    y_ram = s[35] = gamma_rod + y_rod
+    v_x_rod = s[28] = -omega_lever*w1
+    v_x_ram = s[36] = -omega_rod*w7 + v_x_rod
+    pin_force_x = s[40] = a_x_block*block_mass + w21
+    main_force_x = s[38] = pin_force_x - w22*w23
+    pin_force_y = s[41] = a_y_block*block_mass - block_mass*gravity_y - w24
+    main_force_y = s[39] = -crank_centre_x*sin_main*w23 + pin_force_y - w25
+    main_drive = s[51] = crank_length*cos_main*pin_force_y - pin_force_x*y_block - w22*w25
+    foot_force_x = s[42] = -epsilon_lever*s_lever*w26 + head_force_x - w12*w26 - w21
+    foot_force_y = s[43] = lever_mass*epsilon_lever*w20 + head_force_y - w11*w26 - w19 + w24
     way_normal = s[50] = -ram_mass*gravity_y - eye_force_y
-    rod_link_a_x = s[2] = a_x_rod*c_rod + s_rod*w32
-    rod_link_a_y = s[3] = -a_x_rod*s_rod + c_rod*w32
+    rod_link_a_x = s[2] = a_x_rod*c_rod + s_rod*w27
+    rod_link_a_y = s[3] = -a_x_rod*s_rod + c_rod*w27
     rod_link_P_0 = s[4] = -c_rod*head_force_x - head_force_y*s_rod
     s[8] = main_speed
     s[19] = ground_pivot_y

@@ -9,6 +9,8 @@ import math
 
 from numba import njit
 
+from kaneflex.generated.laws import no_magnitudes as magnitudes
+
 FORMAT = 3
 STRUCTURE = "d3f3deb1746cbdc6"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -40,34 +42,22 @@ def courses(t, p, out, k):
     w1 = math.sin(w0)
     w2 = 0.4*t - 0.5*w1/math.pi
     w3 = math.pi*w2
-    w4 = 0.5*w3
-    w5 = 0.4 - 0.4*math.cos(w0)
-    w6 = math.pi*w5
-    w7 = 0.5*w6
-    w8 = (math.pi*math.pi)*w1
-    w9 = 0.16000000000000003*w8
-    w10 = 0.25*math.pi
-    joint_1_coordinate = out[k + 0] = w4
-    joint_1_rate = out[k + 1] = w7
-    joint_1_acceleration = out[k + 2] = w9
+    joint_1_coordinate = out[k + 0] = out[k + 9] = 0.5*w3
+    w4 = 0.4 - 0.4*math.cos(w0)
+    w5 = math.pi*w4
+    joint_1_rate = out[k + 1] = out[k + 10] = 0.5*w5
+    w6 = (math.pi*math.pi)*w1
+    joint_1_acceleration = out[k + 2] = out[k + 11] = 0.16000000000000003*w6
+    w7 = 0.25*math.pi
     joint_2_coordinate = out[k + 3] = -0.08333333333333333*w3 + 0.25*math.pi
-    joint_2_rate = out[k + 4] = -0.08333333333333333*w6
-    joint_2_acceleration = out[k + 5] = -0.026666666666666672*w8
-    joint_3_coordinate = out[k + 6] = -w10*w2 + math.pi
-    joint_3_rate = out[k + 7] = -w10*w5
-    joint_3_acceleration = out[k + 8] = -0.08000000000000002*w8
-    joint_4_coordinate = out[k + 9] = w4
-    joint_4_rate = out[k + 10] = w7
-    joint_4_acceleration = out[k + 11] = w9
-    joint_5_coordinate = out[k + 12] = w10 + 0.16666666666666666*w3
-    joint_5_rate = out[k + 13] = 0.16666666666666666*w6
-    joint_5_acceleration = out[k + 14] = 0.053333333333333344*w8
+    joint_2_rate = out[k + 4] = -0.08333333333333333*w5
+    joint_2_acceleration = out[k + 5] = -0.026666666666666672*w6
+    joint_3_coordinate = out[k + 6] = -w2*w7 + math.pi
+    joint_3_rate = out[k + 7] = -w4*w7
+    joint_3_acceleration = out[k + 8] = -0.08000000000000002*w6
+    joint_5_coordinate = out[k + 12] = 0.16666666666666666*w3 + w7
+    joint_5_rate = out[k + 13] = 0.16666666666666666*w5
+    joint_5_acceleration = out[k + 14] = 0.053333333333333344*w6
     joint_6_coordinate = out[k + 15] = -w3
-    joint_6_rate = out[k + 16] = -w6
-    joint_6_acceleration = out[k + 17] = -0.32000000000000006*w8
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass
+    joint_6_rate = out[k + 16] = -w5
+    joint_6_acceleration = out[k + 17] = -0.32000000000000006*w6

@@ -7,6 +7,8 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+
 FORMAT = 3
 STRUCTURE = "b49c565d2a51237a"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -30,8 +32,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 @njit(**OPTIONS)
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    shaft_speed = p[0]
-    shaft_angle = p[1]
+    shaft_speed, shaft_angle = unpacked(p, 2)
     shaft_coordinate = out[k + 0] = shaft_angle + shaft_speed*t
     out[k + 1] = shaft_speed
     out[k + 2] = 0.0

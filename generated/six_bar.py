@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -126,351 +126,298 @@ def motion(t, p, s):
     size_right_rocker = math.sqrt((seed_right_rocker_c*seed_right_rocker_c) + (seed_right_rocker_s*seed_right_rocker_s))
     w3 = 1.0/size_right_rocker
     c_left_rocker_0 = seed_left_rocker_c*w2
-    w4 = -left_rocker_length*c_left_rocker_0
+    slope_right_knee_1_2_0 = -left_rocker_length*c_left_rocker_0
     cos_main = s[11] = math.cos(main_coordinate)
-    w5 = crank_length*cos_main
-    w6 = -ground_left_x
-    w7 = w5 + w6
+    x_rod = s[14] = crank_length*cos_main
+    w4 = -ground_left_x + x_rod
     s_platform_0 = seed_platform_s*w1
-    w8 = platform_knee_y*s_platform_0
+    w5 = platform_knee_y*s_platform_0
     c_rod_0 = seed_rod_c*w0
-    w9 = rod_length*c_rod_0
+    slope_right_knee_1_0_0 = rod_length*c_rod_0
     c_platform_0 = seed_platform_c*w1
-    w10 = platform_knee_x*c_platform_0
-    w11 = -w10 + w8 + w9
+    w6 = platform_knee_x*c_platform_0
+    w7 = slope_right_knee_1_0_0 + w5 - w6
     s_rod_0 = seed_rod_s*w0
-    w12 = rod_length*s_rod_0
-    w13 = -w12
-    w14 = platform_knee_x*s_platform_0
-    w15 = platform_knee_y*c_platform_0
-    w16 = w14 + w15
+    w8 = rod_length*s_rod_0
+    slope_right_knee_0_0_0 = -w8
+    w9 = platform_knee_x*s_platform_0
+    w10 = platform_knee_y*c_platform_0
+    slope_right_knee_0_1_0 = w10 + w9
     s_left_rocker_0 = seed_left_rocker_s*w2
-    w17 = left_rocker_length*s_left_rocker_0
+    slope_right_knee_0_2_0 = left_rocker_length*s_left_rocker_0
     sin_main = s[12] = math.sin(main_coordinate)
-    w18 = -crank_length*sin_main + ground_left_y
+    w11 = -crank_length*sin_main + ground_left_y
     c_right_rocker_0 = seed_right_rocker_c*w3
-    w19 = -right_rocker_length*c_right_rocker_0
-    w20 = -ground_right_x
-    w21 = w20 + w5
-    w22 = platform_length - platform_knee_x
+    slope_right_knee_3_3_0 = -right_rocker_length*c_right_rocker_0
+    w12 = -ground_right_x + x_rod
+    w13 = platform_length - platform_knee_x
     s_right_rocker_0 = seed_right_rocker_s*w3
-    w23 = right_rocker_length*s_right_rocker_0
-    w24 = crank_length*sin_main
-    slope_right_knee_3_3_0 = w19
-    slope_right_knee_3_1_0 = c_platform_0*w22 + w8
-    slope_right_knee_2_3_0 = w23
-    slope_right_knee_2_1_0 = -s_platform_0*w22 + w15
-    w25 = slope_right_knee_2_1_0*slope_right_knee_3_3_0 - slope_right_knee_2_3_0*slope_right_knee_3_1_0
-    slope_right_knee_1_2_0 = w4
-    slope_right_knee_0_0_0 = w13
-    w26 = slope_right_knee_0_0_0*slope_right_knee_1_2_0
-    slope_right_knee_3_0_0 = w9
-    slope_right_knee_2_0_0 = w13
-    w27 = -slope_right_knee_2_0_0*slope_right_knee_3_3_0 + slope_right_knee_2_3_0*slope_right_knee_3_0_0
-    slope_right_knee_0_1_0 = w16
-    w28 = slope_right_knee_0_1_0*slope_right_knee_1_2_0
-    slope_right_knee_1_1_0 = platform_knee_y*s_platform_0 - w10
-    slope_right_knee_1_0_0 = w9
-    w29 = slope_right_knee_1_0_0*w25 + slope_right_knee_1_1_0*w27
-    gap_right_knee_3_0 = platform_length*s_platform_0 + w12 - w14 - w15 - w23 + w24
-    gap_right_knee_2_0 = platform_length*c_platform_0 + w11 + w19 + w21
-    w30 = gap_right_knee_2_0*slope_right_knee_3_3_0 - gap_right_knee_3_0*slope_right_knee_2_3_0
-    w31 = -w30
-    gap_right_knee_1_0 = -w13 - w16 - w17 - w18
-    w32 = -gap_right_knee_1_0*w27 + slope_right_knee_1_0_0*w31
-    w33 = gap_right_knee_1_0*w25
-    gap_right_knee_0_0 = w11 + w4 + w7
-    w34 = gap_right_knee_0_0*slope_right_knee_1_2_0
-    slope_right_knee_0_2_0 = w17
-    w35 = slope_right_knee_0_2_0*slope_right_knee_1_0_0 - w26
-    w36 = -gap_right_knee_1_0*slope_right_knee_0_2_0 + w34
-    w37 = slope_right_knee_0_2_0*slope_right_knee_1_1_0 - w28
-    inverse_det_change_left_rocker_0 = 1.0/(slope_right_knee_0_2_0*w29 - w25*w26 - w27*w28)
-    change_left_rocker_0 = inverse_det_change_left_rocker_0*(-gap_right_knee_0_0*w29 - slope_right_knee_0_0_0*(-slope_right_knee_1_1_0*w31 - w33) - slope_right_knee_0_1_0*w32)
+    slope_right_knee_2_3_0 = right_rocker_length*s_right_rocker_0
+    y_rod = s[15] = crank_length*sin_main
+    slope_right_knee_3_1_0 = c_platform_0*w13 + w5
+    slope_right_knee_2_1_0 = -s_platform_0*w13 + w10
+    w14 = slope_right_knee_2_1_0*slope_right_knee_3_3_0 - slope_right_knee_2_3_0*slope_right_knee_3_1_0
+    w15 = slope_right_knee_0_0_0*slope_right_knee_1_2_0
+    w16 = -slope_right_knee_0_0_0*slope_right_knee_3_3_0 + slope_right_knee_1_0_0*slope_right_knee_2_3_0
+    w17 = slope_right_knee_0_1_0*slope_right_knee_1_2_0
+    slope_right_knee_1_1_0 = platform_knee_y*s_platform_0 - w6
+    w18 = slope_right_knee_1_0_0*w14 + slope_right_knee_1_1_0*w16
+    gap_right_knee_3_0 = platform_length*s_platform_0 - slope_right_knee_2_3_0 - w10 + w8 - w9 + y_rod
+    gap_right_knee_2_0 = platform_length*c_platform_0 + slope_right_knee_3_3_0 + w12 + w7
+    w19 = gap_right_knee_2_0*slope_right_knee_3_3_0 - gap_right_knee_3_0*slope_right_knee_2_3_0
+    gap_right_knee_1_0 = -slope_right_knee_0_0_0 - slope_right_knee_0_1_0 - slope_right_knee_0_2_0 - w11
+    w20 = -gap_right_knee_1_0*w16 - slope_right_knee_1_0_0*w19
+    w21 = gap_right_knee_1_0*w14
+    gap_right_knee_0_0 = slope_right_knee_1_2_0 + w4 + w7
+    w22 = gap_right_knee_0_0*slope_right_knee_1_2_0
+    w23 = slope_right_knee_0_2_0*slope_right_knee_1_0_0 - w15
+    w24 = -gap_right_knee_1_0*slope_right_knee_0_2_0 + w22
+    w25 = slope_right_knee_0_2_0*slope_right_knee_1_1_0 - w17
+    inverse_det_change_left_rocker_0 = 1.0/(slope_right_knee_0_2_0*w18 - w14*w15 - w16*w17)
+    change_left_rocker_0 = inverse_det_change_left_rocker_0*(-gap_right_knee_0_0*w18 - slope_right_knee_0_0_0*(slope_right_knee_1_1_0*w19 - w21) - slope_right_knee_0_1_0*w20)
     ds_left_rocker_0 = math.sin(change_left_rocker_0)
     dc_left_rocker_0 = math.cos(change_left_rocker_0)
     c_left_rocker_1 = c_left_rocker_0*dc_left_rocker_0 - ds_left_rocker_0*s_left_rocker_0
-    w38 = -left_rocker_length*c_left_rocker_1
-    change_platform_0 = inverse_det_change_left_rocker_0*(slope_right_knee_0_2_0*w32 - w26*w31 + w27*w34)
+    slope_right_knee_1_2_1 = -left_rocker_length*c_left_rocker_1
+    change_platform_0 = inverse_det_change_left_rocker_0*(slope_right_knee_0_2_0*w20 + w15*w19 + w16*w22)
     ds_platform_0 = math.sin(change_platform_0)
     dc_platform_0 = math.cos(change_platform_0)
     s_platform_1 = c_platform_0*ds_platform_0 + dc_platform_0*s_platform_0
-    w39 = platform_knee_y*s_platform_1
-    change_rod_0 = inverse_det_change_left_rocker_0*(slope_right_knee_0_2_0*(slope_right_knee_1_1_0*w30 - w33) + w25*w34 - w28*w30)
+    w26 = platform_knee_y*s_platform_1
+    change_rod_0 = inverse_det_change_left_rocker_0*(slope_right_knee_0_2_0*(slope_right_knee_1_1_0*w19 - w21) + w14*w22 - w17*w19)
     ds_rod_0 = math.sin(change_rod_0)
     dc_rod_0 = math.cos(change_rod_0)
     c_rod_1 = c_rod_0*dc_rod_0 - ds_rod_0*s_rod_0
-    w40 = rod_length*c_rod_1
+    slope_right_knee_1_0_1 = rod_length*c_rod_1
     c_platform_1 = c_platform_0*dc_platform_0 - ds_platform_0*s_platform_0
-    w41 = platform_knee_x*c_platform_1
-    w42 = w39 + w40 - w41
+    w27 = platform_knee_x*c_platform_1
+    w28 = slope_right_knee_1_0_1 + w26 - w27
     s_rod_1 = c_rod_0*ds_rod_0 + dc_rod_0*s_rod_0
-    w43 = rod_length*s_rod_1
-    w44 = -w43
-    w45 = platform_knee_x*s_platform_1
-    w46 = platform_knee_y*c_platform_1
-    w47 = w45 + w46
+    w29 = rod_length*s_rod_1
+    slope_right_knee_0_0_1 = -w29
+    w30 = platform_knee_x*s_platform_1
+    w31 = platform_knee_y*c_platform_1
+    slope_right_knee_0_1_1 = w30 + w31
     s_left_rocker_1 = c_left_rocker_0*ds_left_rocker_0 + dc_left_rocker_0*s_left_rocker_0
-    w48 = left_rocker_length*s_left_rocker_1
-    change_right_rocker_0 = inverse_det_change_left_rocker_0*(-gap_right_knee_2_0*(slope_right_knee_3_0_0*w37 - slope_right_knee_3_1_0*w35) - slope_right_knee_2_0_0*(-gap_right_knee_3_0*w37 - slope_right_knee_3_1_0*w36) - slope_right_knee_2_1_0*(gap_right_knee_3_0*w35 + slope_right_knee_3_0_0*w36))
+    slope_right_knee_0_2_1 = left_rocker_length*s_left_rocker_1
+    change_right_rocker_0 = inverse_det_change_left_rocker_0*(-gap_right_knee_2_0*(slope_right_knee_1_0_0*w25 - slope_right_knee_3_1_0*w23) - slope_right_knee_0_0_0*(-gap_right_knee_3_0*w25 - slope_right_knee_3_1_0*w24) - slope_right_knee_2_1_0*(gap_right_knee_3_0*w23 + slope_right_knee_1_0_0*w24))
     ds_right_rocker_0 = math.sin(change_right_rocker_0)
     dc_right_rocker_0 = math.cos(change_right_rocker_0)
     c_right_rocker_1 = c_right_rocker_0*dc_right_rocker_0 - ds_right_rocker_0*s_right_rocker_0
-    w49 = -right_rocker_length*c_right_rocker_1
+    slope_right_knee_3_3_1 = -right_rocker_length*c_right_rocker_1
     s_right_rocker_1 = c_right_rocker_0*ds_right_rocker_0 + dc_right_rocker_0*s_right_rocker_0
-    w50 = right_rocker_length*s_right_rocker_1
-    slope_right_knee_3_3_1 = w49
-    slope_right_knee_3_1_1 = c_platform_1*w22 + w39
-    slope_right_knee_2_3_1 = w50
-    slope_right_knee_2_1_1 = -s_platform_1*w22 + w46
-    w51 = slope_right_knee_2_1_1*slope_right_knee_3_3_1 - slope_right_knee_2_3_1*slope_right_knee_3_1_1
-    slope_right_knee_1_2_1 = w38
-    slope_right_knee_0_0_1 = w44
-    w52 = slope_right_knee_0_0_1*slope_right_knee_1_2_1
-    slope_right_knee_3_0_1 = w40
-    slope_right_knee_2_0_1 = w44
-    w53 = -slope_right_knee_2_0_1*slope_right_knee_3_3_1 + slope_right_knee_2_3_1*slope_right_knee_3_0_1
-    slope_right_knee_0_1_1 = w47
-    w54 = slope_right_knee_0_1_1*slope_right_knee_1_2_1
-    slope_right_knee_1_1_1 = platform_knee_y*s_platform_1 - w41
-    slope_right_knee_1_0_1 = w40
-    w55 = slope_right_knee_1_0_1*w51 + slope_right_knee_1_1_1*w53
-    gap_right_knee_3_1 = platform_length*s_platform_1 + w24 + w43 - w45 - w46 - w50
-    gap_right_knee_2_1 = platform_length*c_platform_1 + w21 + w42 + w49
-    w56 = gap_right_knee_2_1*slope_right_knee_3_3_1 - gap_right_knee_3_1*slope_right_knee_2_3_1
-    w57 = -w56
-    gap_right_knee_1_1 = -w18 - w44 - w47 - w48
-    w58 = -gap_right_knee_1_1*w53 + slope_right_knee_1_0_1*w57
-    w59 = gap_right_knee_1_1*w51
-    gap_right_knee_0_1 = w38 + w42 + w7
-    w60 = gap_right_knee_0_1*slope_right_knee_1_2_1
-    slope_right_knee_0_2_1 = w48
-    w61 = slope_right_knee_0_2_1*slope_right_knee_1_0_1 - w52
-    w62 = -gap_right_knee_1_1*slope_right_knee_0_2_1 + w60
-    w63 = slope_right_knee_0_2_1*slope_right_knee_1_1_1 - w54
-    inverse_det_change_left_rocker_1 = 1.0/(slope_right_knee_0_2_1*w55 - w51*w52 - w53*w54)
-    change_rod_1 = inverse_det_change_left_rocker_1*(slope_right_knee_0_2_1*(slope_right_knee_1_1_1*w56 - w59) + w51*w60 - w54*w56)
+    slope_right_knee_2_3_1 = right_rocker_length*s_right_rocker_1
+    slope_right_knee_3_1_1 = c_platform_1*w13 + w26
+    slope_right_knee_2_1_1 = -s_platform_1*w13 + w31
+    w32 = slope_right_knee_2_1_1*slope_right_knee_3_3_1 - slope_right_knee_2_3_1*slope_right_knee_3_1_1
+    w33 = slope_right_knee_0_0_1*slope_right_knee_1_2_1
+    w34 = -slope_right_knee_0_0_1*slope_right_knee_3_3_1 + slope_right_knee_1_0_1*slope_right_knee_2_3_1
+    w35 = slope_right_knee_0_1_1*slope_right_knee_1_2_1
+    slope_right_knee_1_1_1 = platform_knee_y*s_platform_1 - w27
+    w36 = slope_right_knee_1_0_1*w32 + slope_right_knee_1_1_1*w34
+    gap_right_knee_3_1 = platform_length*s_platform_1 - slope_right_knee_2_3_1 + w29 - w30 - w31 + y_rod
+    gap_right_knee_2_1 = platform_length*c_platform_1 + slope_right_knee_3_3_1 + w12 + w28
+    w37 = gap_right_knee_2_1*slope_right_knee_3_3_1 - gap_right_knee_3_1*slope_right_knee_2_3_1
+    gap_right_knee_1_1 = -slope_right_knee_0_0_1 - slope_right_knee_0_1_1 - slope_right_knee_0_2_1 - w11
+    w38 = -gap_right_knee_1_1*w34 - slope_right_knee_1_0_1*w37
+    w39 = gap_right_knee_1_1*w32
+    gap_right_knee_0_1 = slope_right_knee_1_2_1 + w28 + w4
+    w40 = gap_right_knee_0_1*slope_right_knee_1_2_1
+    w41 = slope_right_knee_0_2_1*slope_right_knee_1_0_1 - w33
+    w42 = -gap_right_knee_1_1*slope_right_knee_0_2_1 + w40
+    w43 = slope_right_knee_0_2_1*slope_right_knee_1_1_1 - w35
+    inverse_det_change_left_rocker_1 = 1.0/(slope_right_knee_0_2_1*w36 - w32*w33 - w34*w35)
+    change_rod_1 = inverse_det_change_left_rocker_1*(slope_right_knee_0_2_1*(slope_right_knee_1_1_1*w37 - w39) + w32*w40 - w35*w37)
     ds_rod_1 = math.sin(change_rod_1)
     dc_rod_1 = math.cos(change_rod_1)
     s_rod_2 = s[17] = c_rod_1*ds_rod_1 + dc_rod_1*s_rod_1
-    w64 = rod_length*s_rod_2
-    w65 = -w64
-    change_platform_1 = inverse_det_change_left_rocker_1*(slope_right_knee_0_2_1*w58 - w52*w57 + w53*w60)
+    w44 = rod_length*s_rod_2
+    slope_right_knee_0_0_ = -w44
+    change_platform_1 = inverse_det_change_left_rocker_1*(slope_right_knee_0_2_1*w38 + w33*w37 + w34*w40)
     ds_platform_1 = math.sin(change_platform_1)
     dc_platform_1 = math.cos(change_platform_1)
     s_platform_2 = s[27] = c_platform_1*ds_platform_1 + dc_platform_1*s_platform_1
-    w66 = platform_knee_x*s_platform_2
+    w45 = platform_knee_x*s_platform_2
     c_platform_2 = s[26] = c_platform_1*dc_platform_1 - ds_platform_1*s_platform_1
-    w67 = platform_knee_y*c_platform_2
-    w68 = w66 + w67
-    change_left_rocker_1 = inverse_det_change_left_rocker_1*(-gap_right_knee_0_1*w55 - slope_right_knee_0_0_1*(-slope_right_knee_1_1_1*w57 - w59) - slope_right_knee_0_1_1*w58)
+    w46 = platform_knee_y*c_platform_2
+    slope_right_knee_0_1_ = w45 + w46
+    change_left_rocker_1 = inverse_det_change_left_rocker_1*(-gap_right_knee_0_1*w36 - slope_right_knee_0_0_1*(slope_right_knee_1_1_1*w37 - w39) - slope_right_knee_0_1_1*w38)
     ds_left_rocker_1 = math.sin(change_left_rocker_1)
     dc_left_rocker_1 = math.cos(change_left_rocker_1)
     s_left_rocker_2 = s[37] = c_left_rocker_1*ds_left_rocker_1 + dc_left_rocker_1*s_left_rocker_1
-    w69 = left_rocker_length*s_left_rocker_2
+    slope_right_knee_0_2_ = left_rocker_length*s_left_rocker_2
     c_rod_2 = s[16] = c_rod_1*dc_rod_1 - ds_rod_1*s_rod_1
-    w70 = rod_length*c_rod_2
-    w71 = platform_knee_x*c_platform_2
-    w72 = -platform_knee_y*s_platform_2 + w71
-    w73 = -w72
+    slope_right_knee_1_0_ = rod_length*c_rod_2
+    w47 = platform_knee_x*c_platform_2
+    w48 = -platform_knee_y*s_platform_2 + w47
+    slope_right_knee_1_1_ = -w48
     c_left_rocker_2 = s[36] = c_left_rocker_1*dc_left_rocker_1 - ds_left_rocker_1*s_left_rocker_1
-    w74 = left_rocker_length*c_left_rocker_2
-    w75 = -w74
-    change_right_rocker_1 = inverse_det_change_left_rocker_1*(-gap_right_knee_2_1*(slope_right_knee_3_0_1*w63 - slope_right_knee_3_1_1*w61) - slope_right_knee_2_0_1*(-gap_right_knee_3_1*w63 - slope_right_knee_3_1_1*w62) - slope_right_knee_2_1_1*(gap_right_knee_3_1*w61 + slope_right_knee_3_0_1*w62))
+    w49 = left_rocker_length*c_left_rocker_2
+    slope_right_knee_1_2_ = -w49
+    change_right_rocker_1 = inverse_det_change_left_rocker_1*(-gap_right_knee_2_1*(slope_right_knee_1_0_1*w43 - slope_right_knee_3_1_1*w41) - slope_right_knee_0_0_1*(-gap_right_knee_3_1*w43 - slope_right_knee_3_1_1*w42) - slope_right_knee_2_1_1*(gap_right_knee_3_1*w41 + slope_right_knee_1_0_1*w42))
     ds_right_rocker_1 = math.sin(change_right_rocker_1)
     dc_right_rocker_1 = math.cos(change_right_rocker_1)
     s_right_rocker_2 = s[42] = c_right_rocker_1*ds_right_rocker_1 + dc_right_rocker_1*s_right_rocker_1
-    w76 = right_rocker_length*s_right_rocker_2
-    w77 = platform_knee_y*s_platform_2
+    slope_right_knee_2_3_ = right_rocker_length*s_right_rocker_2
+    w50 = platform_knee_y*s_platform_2
     c_right_rocker_2 = s[41] = c_right_rocker_1*dc_right_rocker_1 - ds_right_rocker_1*s_right_rocker_1
-    w78 = right_rocker_length*c_right_rocker_2
-    w79 = -w78
-    slope_right_knee_3_3_ = w79
-    slope_right_knee_3_0_ = w70
-    slope_right_knee_2_3_ = w76
-    slope_right_knee_2_0_ = w65
-    w80 = slope_right_knee_2_0_*slope_right_knee_3_3_ - slope_right_knee_2_3_*slope_right_knee_3_0_
-    slope_right_knee_3_1_ = c_platform_2*w22 + w77
-    slope_right_knee_2_1_ = -s_platform_2*w22 + w67
-    w81 = slope_right_knee_2_1_*slope_right_knee_3_3_ - slope_right_knee_2_3_*slope_right_knee_3_1_
-    w82 = -w71 + w77
-    w83 = w5 + w70
-    w84 = w82 + w83
-    w85 = platform_length*c_platform_2
-    w86 = w82 + w85
-    w87 = platform_length*s_platform_2
-    w88 = w24 + w64 - w66 - w67
-    w89 = -w68
-    w90 = w70*w89
-    w91 = w74*w76
-    w92 = w90*w91
-    w93 = w76*w85
-    w94 = w78*w87
-    w95 = w93 - w94
-    w96 = w74*w95
-    w97 = w73*w91 + w96
-    w98 = w72*w78
-    w99 = -w93 + w94
-    w100 = w78*w89 + w99
-    w101 = -w100
-    w102 = -w101*w70 + w64*w98
-    w103 = 1.0/(w102*w69 + w64*w97 - w92)
-    v_y_rod = s[19] = main_speed*w5
-    v_x_rod = s[18] = -main_speed*w24
-    w104 = v_x_rod*w70 + v_y_rod*w64
-    w105 = -w104
-    w106 = w74*w89
-    w107 = w106*w76
-    inverse_det_v_x_platform = w103
-    w108 = inverse_det_v_x_platform*(w104*w93 - w104*w94)
-    w109 = w69*w85
-    w110 = w74*w87
-    w111 = main_speed*main_speed
-    omega_left_rocker = s[38] = w108
-    w112 = omega_left_rocker*omega_left_rocker
-    w113 = w112*w74
-    omega_platform = s[30] = inverse_det_v_x_platform*(left_rocker_length*right_rocker_length*c_right_rocker_2*s_left_rocker_2*w104 - w104*w91)
-    w114 = omega_platform*omega_platform
-    omega_rod = s[0] = s[20] = inverse_det_v_x_platform*(v_x_rod*w97 + v_y_rod*w107 + w69*(v_x_rod*w98 + v_y_rod*w101))
-    w115 = omega_rod*omega_rod
-    a_x_rod = s[21] = -w111*w5
-    w116 = a_x_rod + w114*w71 - w114*w77 - w115*w70
-    w117 = w70*w95
-    w118 = w68*w70
-    w119 = w72*w76
-    w120 = w119 + w99
-    w121 = -w120
-    w122 = w112*w69
-    w123 = w122*(w118*w76 + w121*w64)
-    w124 = w114*w85
-    omega_right_rocker = s[5] = s[43] = inverse_det_v_x_platform*(w104*w109 - w104*w110)
-    w125 = omega_right_rocker*omega_right_rocker
-    w126 = w125*w78
-    w127 = w124 - w126
-    w128 = w114*w87 - w125*w76
-    w129 = w128*w76
-    w130 = w127*w78 + w129
-    w131 = -w130
-    w132 = w118*w131
-    a_y_rod = s[22] = -w111*w24
-    w133 = a_y_rod + w114*w66 + w114*w67 - w115*w64
-    w134 = w131*w72 + w133*w95
-    w135 = w134*w64
-    w136 = -w116
-    w137 = w69*w78
-    w138 = -w137 + w91
-    w139 = (left_rocker_length*left_rocker_length)*w112
-    w140 = (s_left_rocker_2*s_left_rocker_2)*w139*w78
-    w141 = -w133
-    w142 = w113*w78
-    w143 = w102*w113 + w117*w136 + w132 - w135
-    w144 = w64*w73
-    w145 = w68*w78
-    w146 = w69*w95
-    w147 = rod_length*s_rod_2*w86 - w70*w87 - w90
-    w148 = (c_left_rocker_2*c_left_rocker_2)*w139
-    w149 = w68 - w87
-    w150 = w149*w70
-    w151 = w70*w76
-    w152 = -w127*w78
-    w153 = w69*w73
-    w154 = left_rocker_length*c_left_rocker_2*w121 - w153*w78
-    w155 = left_rocker_length*s_left_rocker_2*w100 - w107
-    w156 = a_x_rod*rod_mass
-    w157 = rod_centre_x*s_rod_2
-    w158 = rod_mass*gravity_y
-    w159 = rod_centre_x*c_rod_2
-    inverse_det_a_x_platform = w103
-    epsilon_rod = s[1] = s[23] = inverse_det_a_x_platform*(w113*w97 + w136*(w138*w72 - w96) + w68*(w138*w141 + w140 - w74*(-w130 - w142)) + w69*(w121*w122 + w134))
-    w160 = -a_y_rod*rod_centre_x*rod_mass*c_rod_2 - epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) + w156*w157 + w158*w159
-    w161 = -w160
-    w162 = -w95
-    w163 = left_rocker_mass*gravity_y
-    w164 = left_rocker_centre_x*c_left_rocker_2
-    w165 = w163*w164
-    epsilon_left_rocker = s[39] = inverse_det_a_x_platform*(w123 - w143)
-    w166 = epsilon_left_rocker*((left_rocker_centre_x*left_rocker_centre_x)*left_rocker_mass + left_rocker_inertia)
-    w167 = w165 - w166
-    w168 = -w167
-    a_y_platform = s[32] = inverse_det_a_x_platform*(-w122*(-w137*w144 - w70*(w145*w69 + w146)) - w143*w74)
-    w169 = a_y_platform*platform_mass
-    w170 = platform_mass*gravity_y
-    w171 = platform_centre_x*platform_mass
-    w172 = c_platform_2*w171
-    w173 = s_platform_2*w171
-    epsilon_platform = s[33] = inverse_det_a_x_platform*(rod_length*c_rod_2*w136*w138 + left_rocker_length*s_left_rocker_2*(-w122*w151 - w70*(w129 - w152)) - w148*w151 - w64*(w133*w138 - w140 - w74*(w129 + w142 - w152)))
-    w174 = epsilon_platform*w172 - w114*w173 + w169 - w170
-    w175 = right_rocker_mass*gravity_y
-    w176 = right_rocker_centre_x*c_right_rocker_2
-    epsilon_right_rocker = s[6] = s[44] = inverse_det_a_x_platform*(w127*(w118*w74 + w64*(-w72*w74 + w74*w85)) + w147*w148 + w69*(w122*w147 - w128*(-w144 - w150) + w85*(-w141*w64 - w70*(-w116 + w124 - w126))) + w87*(w136*w70*w74 + w64*(w128*w74 - w133*w74)))
-    w177 = -epsilon_right_rocker*((right_rocker_centre_x*right_rocker_centre_x)*right_rocker_mass + right_rocker_inertia) + w175*w176
-    w178 = -w177
-    a_x_platform = s[31] = inverse_det_a_x_platform*(left_rocker_length*s_left_rocker_2*(-w116*w117 - w123 + w132 - w135) - w113*(rod_length*s_rod_2*w97 - w92))
-    w179 = a_x_platform*platform_centre_x*platform_mass*s_platform_2
-    w180 = platform_centre_x*c_platform_2
-    w181 = w170*w180
-    w182 = w169*w180
-    w183 = epsilon_platform*((platform_centre_x*platform_centre_x)*platform_mass + platform_inertia)
-    w184 = w179 + w181 - w182 - w183
-    w185 = -w184
-    w186 = w178*w87 + w185*w76
-    w187 = -a_x_platform*platform_mass + epsilon_platform*w173 + w114*w172
-    w188 = -w187
-    w189 = w146*w188 + w184*w69*w78
-    w190 = -w100 - w119
-    w191 = -w174
-    w192 = -w179 - w181 + w182 + w183
-    w193 = w78*(w191*w72 + w192)
-    w194 = w106 - w153
-    w195 = w106*w174
-    w196 = -w165 + w166
-    w197 = w187*w69 + w196
-    w198 = rod_mass*w157
-    w199 = rod_mass*w159
-    w200 = crank_centre_x*cos_main
-    w201 = crank_mass*w111
-    w202 = crank_mass*gravity_y
-    w203 = left_rocker_centre_x*left_rocker_mass*s_left_rocker_2
-    w204 = left_rocker_mass*w164
-    w205 = right_rocker_centre_x*right_rocker_mass*s_right_rocker_2
-    w206 = right_rocker_mass*w176
-    w207 = a_y_rod - gravity_y
-    slope_right_knee_0_0_ = w65
-    slope_right_knee_0_1_ = w68
-    slope_right_knee_0_2_ = w69
-    slope_right_knee_1_0_ = w70
-    slope_right_knee_1_1_ = w73
-    slope_right_knee_1_2_ = w75
-    closure_right_knee = s[60] = right_knee_side*(-slope_right_knee_0_0_*slope_right_knee_1_2_*w81 + slope_right_knee_0_1_*slope_right_knee_1_2_*w80 + slope_right_knee_0_2_*(slope_right_knee_1_0_*w81 - slope_right_knee_1_1_*w80))
-    left_right_knee_0 = w6 + w75 + w84
-    left_right_knee_1 = -w18 - w65 - w68 - w69
-    left_right_knee_2 = w20 + w79 + w83 + w86
-    left_right_knee_3 = -w76 + w87 + w88
+    w51 = right_rocker_length*c_right_rocker_2
+    slope_right_knee_3_3_ = -w51
+    w52 = slope_right_knee_0_0_*slope_right_knee_3_3_ - slope_right_knee_1_0_*slope_right_knee_2_3_
+    slope_right_knee_3_1_ = c_platform_2*w13 + w50
+    slope_right_knee_2_1_ = -s_platform_2*w13 + w46
+    w53 = slope_right_knee_2_1_*slope_right_knee_3_3_ - slope_right_knee_2_3_*slope_right_knee_3_1_
+    w54 = -w47 + w50
+    w55 = slope_right_knee_1_0_ + x_rod
+    x_platform = s[24] = w54 + w55
+    w56 = platform_length*c_platform_2
+    w57 = w54 + w56
+    w58 = platform_length*s_platform_2
+    y_platform = s[25] = w44 - w45 - w46 + y_rod
+    w59 = -slope_right_knee_0_1_*slope_right_knee_1_0_
+    w60 = slope_right_knee_2_3_*w49
+    w61 = w59*w60
+    w62 = slope_right_knee_2_3_*w56
+    w63 = w51*w58
+    w64 = w62 - w63
+    w65 = w49*w64
+    w66 = slope_right_knee_1_1_*w60 + w65
+    w67 = w48*w51
+    w68 = -w62 + w63
+    w69 = -slope_right_knee_0_1_*w51 + w68
+    w70 = slope_right_knee_1_0_*w69 + w44*w67
+    inverse_det_v_x_platform = 1.0/(slope_right_knee_0_2_*w70 + w44*w66 - w61)
+    v_y_rod = s[19] = main_speed*x_rod
+    v_x_rod = s[18] = -main_speed*y_rod
+    w71 = slope_right_knee_1_0_*v_x_rod + v_y_rod*w44
+    w72 = -slope_right_knee_0_1_*w49
+    w73 = slope_right_knee_2_3_*w72
+    omega_left_rocker = s[38] = inverse_det_v_x_platform*(w62*w71 - w63*w71)
+    w74 = slope_right_knee_0_2_*w56
+    w75 = w49*w58
+    w76 = main_speed*main_speed
+    w77 = omega_left_rocker*omega_left_rocker
+    w78 = w49*w77
+    omega_platform = s[30] = inverse_det_v_x_platform*(left_rocker_length*right_rocker_length*c_right_rocker_2*s_left_rocker_2*w71 - w60*w71)
+    w79 = omega_platform*omega_platform
+    omega_rod = s[0] = s[20] = inverse_det_v_x_platform*(slope_right_knee_0_2_*(v_x_rod*w67 - v_y_rod*w69) + v_x_rod*w66 + v_y_rod*w73)
+    w80 = omega_rod*omega_rod
+    a_x_rod = s[21] = -w76*x_rod
+    w81 = a_x_rod - slope_right_knee_1_0_*w80 + w47*w79 - w50*w79
+    w82 = slope_right_knee_1_0_*w64
+    w83 = slope_right_knee_0_1_*slope_right_knee_1_0_
+    w84 = slope_right_knee_2_3_*w48
+    w85 = w68 + w84
+    w86 = slope_right_knee_0_2_*w77
+    w87 = w86*(slope_right_knee_2_3_*w83 - w44*w85)
+    w88 = w56*w79
+    omega_right_rocker = s[5] = s[43] = inverse_det_v_x_platform*(w71*w74 - w71*w75)
+    w89 = omega_right_rocker*omega_right_rocker
+    w90 = w51*w89
+    w91 = w88 - w90
+    w92 = -slope_right_knee_2_3_*w89 + w58*w79
+    w93 = slope_right_knee_2_3_*w92
+    w94 = w51*w91 + w93
+    w95 = -w83*w94
+    a_y_rod = s[22] = -w76*y_rod
+    w96 = a_y_rod - w44*w80 + w45*w79 + w46*w79
+    w97 = -w48*w94 + w64*w96
+    w98 = w44*w97
+    w99 = slope_right_knee_0_2_*w51
+    w100 = w60 - w99
+    w101 = (left_rocker_length*left_rocker_length)*w77
+    w102 = (s_left_rocker_2*s_left_rocker_2)*w101*w51
+    w103 = w51*w78
+    w104 = w70*w78 - w81*w82 + w95 - w98
+    w105 = slope_right_knee_1_1_*w44
+    w106 = slope_right_knee_0_1_*w51
+    w107 = slope_right_knee_0_2_*w64
+    w108 = rod_length*s_rod_2*w57 - slope_right_knee_1_0_*w58 - w59
+    w109 = (c_left_rocker_2*c_left_rocker_2)*w101
+    w110 = slope_right_knee_0_1_ - w58
+    w111 = slope_right_knee_1_0_*w110
+    w112 = slope_right_knee_1_0_*slope_right_knee_2_3_
+    w113 = -w51*w91
+    w114 = slope_right_knee_0_2_*slope_right_knee_1_1_
+    w115 = -left_rocker_length*c_left_rocker_2*w85 - w114*w51
+    w116 = left_rocker_length*s_left_rocker_2*w69 - w73
+    w117 = a_x_rod*rod_mass
+    w118 = rod_centre_x*s_rod_2
+    w119 = rod_mass*gravity_y
+    w120 = rod_centre_x*c_rod_2
+    epsilon_rod = s[1] = s[23] = inverse_det_v_x_platform*(slope_right_knee_0_1_*(-w100*w96 + w102 - w49*(-w103 - w94)) + slope_right_knee_0_2_*(-w85*w86 + w97) + w66*w78 - w81*(w100*w48 - w65))
+    w121 = -a_y_rod*rod_centre_x*rod_mass*c_rod_2 - epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) + w117*w118 + w119*w120
+    w122 = left_rocker_mass*gravity_y
+    w123 = left_rocker_centre_x*c_left_rocker_2
+    w124 = w122*w123
+    epsilon_left_rocker = s[39] = inverse_det_v_x_platform*(-w104 + w87)
+    w125 = epsilon_left_rocker*((left_rocker_centre_x*left_rocker_centre_x)*left_rocker_mass + left_rocker_inertia)
+    w126 = w124 - w125
+    a_y_platform = s[32] = inverse_det_v_x_platform*(-w104*w49 - w86*(-slope_right_knee_1_0_*(slope_right_knee_0_2_*w106 + w107) - w105*w99))
+    w127 = a_y_platform*platform_mass
+    w128 = platform_mass*gravity_y
+    w129 = platform_centre_x*platform_mass
+    w130 = c_platform_2*w129
+    w131 = s_platform_2*w129
+    epsilon_platform = s[33] = inverse_det_v_x_platform*(-rod_length*c_rod_2*w100*w81 + left_rocker_length*s_left_rocker_2*(-slope_right_knee_1_0_*(-w113 + w93) - w112*w86) - w109*w112 - w44*(w100*w96 - w102 - w49*(w103 - w113 + w93)))
+    w132 = epsilon_platform*w130 + w127 - w128 - w131*w79
+    w133 = right_rocker_mass*gravity_y
+    w134 = right_rocker_centre_x*c_right_rocker_2
+    epsilon_right_rocker = s[6] = s[44] = inverse_det_v_x_platform*(slope_right_knee_0_2_*(w108*w86 + w56*(-slope_right_knee_1_0_*(-w81 + w88 - w90) + w44*w96) - w92*(-w105 - w111)) + w108*w109 + w58*(-slope_right_knee_1_0_*w49*w81 + w44*(w49*w92 - w49*w96)) + w91*(w44*(-w48*w49 + w49*w56) + w49*w83))
+    w135 = -epsilon_right_rocker*((right_rocker_centre_x*right_rocker_centre_x)*right_rocker_mass + right_rocker_inertia) + w133*w134
+    a_x_platform = s[31] = inverse_det_v_x_platform*(left_rocker_length*s_left_rocker_2*(-w81*w82 - w87 + w95 - w98) - w78*(rod_length*s_rod_2*w66 - w61))
+    w136 = a_x_platform*platform_centre_x*platform_mass*s_platform_2
+    w137 = platform_centre_x*c_platform_2
+    w138 = w128*w137
+    w139 = w127*w137
+    w140 = epsilon_platform*((platform_centre_x*platform_centre_x)*platform_mass + platform_inertia)
+    w141 = w136 + w138 - w139 - w140
+    w142 = -slope_right_knee_2_3_*w141 - w135*w58
+    w143 = -a_x_platform*platform_mass + epsilon_platform*w131 + w130*w79
+    w144 = slope_right_knee_0_2_*w141*w51 - w107*w143
+    w145 = -w69 - w84
+    w146 = -w136 - w138 + w139 + w140
+    w147 = w51*(-w132*w48 + w146)
+    w148 = -w114 + w72
+    w149 = w132*w72
+    w150 = -w124 + w125
+    w151 = slope_right_knee_0_2_*w143 + w150
+    w152 = rod_mass*w118
+    w153 = rod_mass*w120
+    w154 = crank_centre_x*cos_main
+    w155 = crank_mass*w76
+    w156 = crank_mass*gravity_y
+    w157 = left_rocker_centre_x*left_rocker_mass*s_left_rocker_2
+    w158 = left_rocker_mass*w123
+    w159 = right_rocker_centre_x*right_rocker_mass*s_right_rocker_2
+    w160 = right_rocker_mass*w134
+    w161 = a_y_rod - gravity_y
+    closure_right_knee = s[60] = right_knee_side*(-slope_right_knee_0_0_*slope_right_knee_1_2_*w53 + slope_right_knee_0_1_*slope_right_knee_1_2_*w52 + slope_right_knee_0_2_*(slope_right_knee_1_0_*w53 - slope_right_knee_1_1_*w52))
+    left_right_knee_0 = -ground_left_x + slope_right_knee_1_2_ + x_platform
+    left_right_knee_1 = -slope_right_knee_0_0_ - slope_right_knee_0_1_ - slope_right_knee_0_2_ - w11
+    left_right_knee_2 = -ground_right_x + slope_right_knee_3_3_ + w55 + w57
+    left_right_knee_3 = -slope_right_knee_2_3_ + w58 + y_platform
     gap_right_knee = s[61] = math.sqrt((left_right_knee_0*left_right_knee_0) + (left_right_knee_1*left_right_knee_1) + (left_right_knee_2*left_right_knee_2) + (left_right_knee_3*left_right_knee_3))
-    x_rod = s[14] = w5
-    y_rod = s[15] = w24
-    x_platform = s[24] = w84
-    y_platform = s[25] = w88
-    v_x_platform = s[28] = inverse_det_v_x_platform*w69*(w105*w93 - w105*w94)
-    v_y_platform = s[29] = w108*w74
-    inverse_det_head_force_y = 1.0/(-w154*w64 - w155*w70)
-    head_force_y = s[50] = inverse_det_head_force_y*(w155*w161 - w64*(platform_length*left_rocker_length*c_platform_2*s_left_rocker_2*w178 + left_rocker_length*c_left_rocker_2*(w174*w95 - w186) - w162*w168 - w189))
-    left_knee_force_x = s[53] = inverse_det_head_force_y*(w167*(-w144*w78 - w70*(w145 + w95)) - w74*(w160*w190 - w64*(w121*w187 - w177*w86 + w193) - w70*(w100*w191 + w149*w178 + w76*(w184 + w188*w89))))
-    right_knee_force_y = s[58] = inverse_det_head_force_y*(w177*(w150*w69 + w64*(w110 + w153)) + w76*(w161*w194 - w64*(left_rocker_length*c_left_rocker_2*w185 - w153*w188 - w73*(-w174*w74 - w196)) - w70*(-w185*w69 - w195 + w197*w68)))
-    head_force_x = s[49] = inverse_det_head_force_y*(w154*w160 - w70*(-w109*w177 + w162*w167 - w189 - w74*(w186 + w191*w95)))
-    left_knee_force_y = s[54] = inverse_det_head_force_y*(w168*(-w120*w64 - w76*w90) - w69*(w160*w190 + w64*(w121*w188 - w178*w86 - w193) - w70*(w100*w191 - w149*w177 - w76*(w187*w89 + w192))))
-    right_knee_force_x = s[57] = inverse_det_head_force_y*(w178*(-w64*w74*w86 - w70*(-w106 - w109)) + w78*(w161*w194 + w64*(left_rocker_length*c_left_rocker_2*w184 - w153*w187 - w73*(-w167 - w191*w74)) - w70*(left_rocker_length*s_left_rocker_2*w184 - w195 - w197*w89)))
-    pin_force_x = s[47] = -epsilon_rod*w198 + head_force_x - w115*w199 + w156
-    main_force_x = s[45] = pin_force_x - w200*w201
-    pin_force_y = s[48] = a_y_rod*rod_mass + epsilon_rod*w199 + head_force_y - w115*w198 - w158
-    main_force_y = s[46] = -crank_centre_x*sin_main*w201 + pin_force_y - w202
-    main_drive = s[59] = crank_length*cos_main*pin_force_y - pin_force_x*w24 - w200*w202
-    left_force_x = s[51] = -epsilon_left_rocker*w203 + left_knee_force_x - w112*w204
-    left_force_y = s[52] = epsilon_left_rocker*w204 + left_knee_force_y - w112*w203 - w163
-    right_force_x = s[55] = -epsilon_right_rocker*w205 + right_knee_force_x - w125*w206
-    right_force_y = s[56] = epsilon_right_rocker*w206 + right_knee_force_y - w125*w205 - w175
-    rod_link_a_x = s[2] = a_x_rod*c_rod_2 + s_rod_2*w207
-    rod_link_a_y = s[3] = -a_x_rod*s_rod_2 + c_rod_2*w207
+    v_x_platform = s[28] = inverse_det_v_x_platform*slope_right_knee_0_2_*(-w62*w71 + w63*w71)
+    v_y_platform = s[29] = omega_left_rocker*w49
+    inverse_det_head_force_y = 1.0/(-slope_right_knee_1_0_*w116 - w115*w44)
+    head_force_y = s[50] = inverse_det_head_force_y*(-w116*w121 - w44*(-platform_length*left_rocker_length*c_platform_2*s_left_rocker_2*w135 + left_rocker_length*c_left_rocker_2*(w132*w64 - w142) - w126*w64 - w144))
+    left_knee_force_x = s[53] = inverse_det_head_force_y*(w126*(-slope_right_knee_1_0_*(w106 + w64) - w105*w51) - w49*(-slope_right_knee_1_0_*(slope_right_knee_2_3_*(slope_right_knee_0_1_*w143 + w141) - w110*w135 - w132*w69) + w121*w145 - w44*(-w135*w57 - w143*w85 + w147)))
+    right_knee_force_y = s[58] = inverse_det_head_force_y*(slope_right_knee_2_3_*(-slope_right_knee_1_0_*(slope_right_knee_0_1_*w151 + slope_right_knee_0_2_*w141 - w149) - w121*w148 - w44*(-left_rocker_length*c_left_rocker_2*w141 - slope_right_knee_1_1_*(-w132*w49 - w150) + w114*w143)) + w135*(slope_right_knee_0_2_*w111 + w44*(w114 + w75)))
+    head_force_x = s[49] = inverse_det_head_force_y*(-slope_right_knee_1_0_*(-w126*w64 - w135*w74 - w144 - w49*(-w132*w64 + w142)) + w115*w121)
+    left_knee_force_y = s[54] = inverse_det_head_force_y*(-slope_right_knee_0_2_*(-slope_right_knee_1_0_*(-slope_right_knee_2_3_*(-slope_right_knee_0_1_*w143 + w146) - w110*w135 - w132*w69) + w121*w145 + w44*(w135*w57 + w143*w85 - w147)) - w126*(-slope_right_knee_2_3_*w59 - w44*w85))
+    right_knee_force_x = s[57] = inverse_det_head_force_y*(-w135*(-slope_right_knee_1_0_*(-w72 - w74) - w44*w49*w57) + w51*(-slope_right_knee_1_0_*(left_rocker_length*s_left_rocker_2*w141 + slope_right_knee_0_1_*w151 - w149) - w121*w148 + w44*(left_rocker_length*c_left_rocker_2*w141 - slope_right_knee_1_1_*(-w126 + w132*w49) - w114*w143)))
+    pin_force_x = s[47] = -epsilon_rod*w152 + head_force_x + w117 - w153*w80
+    main_force_x = s[45] = pin_force_x - w154*w155
+    pin_force_y = s[48] = a_y_rod*rod_mass + epsilon_rod*w153 + head_force_y - w119 - w152*w80
+    main_force_y = s[46] = -crank_centre_x*sin_main*w155 + pin_force_y - w156
+    main_drive = s[59] = crank_length*cos_main*pin_force_y - pin_force_x*y_rod - w154*w156
+    left_force_x = s[51] = -epsilon_left_rocker*w157 + left_knee_force_x - w158*w77
+    left_force_y = s[52] = epsilon_left_rocker*w158 + left_knee_force_y - w122 - w157*w77
+    right_force_x = s[55] = -epsilon_right_rocker*w159 + right_knee_force_x - w160*w89
+    right_force_y = s[56] = epsilon_right_rocker*w160 + right_knee_force_y - w133 - w159*w89
+    rod_link_a_x = s[2] = a_x_rod*c_rod_2 + s_rod_2*w161
+    rod_link_a_y = s[3] = -a_x_rod*s_rod_2 + c_rod_2*w161
     rod_link_P_0 = s[4] = -c_rod_2*pin_force_x - pin_force_y*s_rod_2
     right_rocker_link_a_x = s[7] = -gravity_y*s_right_rocker_2
     right_rocker_link_a_y = s[8] = -c_right_rocker_2*gravity_y

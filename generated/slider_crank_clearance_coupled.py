@@ -10,9 +10,11 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, TERMS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
+from kaneflex.generated.laws import no_magnitudes as magnitudes
 
 FORMAT = 3
 STRUCTURE = "10648569547e5e63"
@@ -46,14 +48,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)} | beam.OPERATIONS
 @njit(**OPTIONS)
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    main_speed = p[0]
-    main_angle = p[1]
+    main_speed, main_angle = unpacked(p, 2)
     main_coordinate = out[k + 0] = main_angle + main_speed*t
     out[k + 1] = main_speed
     out[k + 2] = 0.0
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass

@@ -17,24 +17,24 @@ import math
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # sec: the numbers of section i begin at 15 i
 SECTION = (
     'r_x', 'r_y', 'r_z', 'v_x', 'v_y', 'v_z', 'a_x', 'a_y', 'a_z', 'omega_x', 'omega_y', 'omega_z', 'epsilon_x',
-        'epsilon_y', 'epsilon_z',
+    'epsilon_y', 'epsilon_z',
 )
 
 # p: the numbers of a body begin at o
-BODY = (
-    'mass', 'centre_x', 'centre_y', 'centre_z', 'J_x', 'J_y', 'J_z', 'J_xy', 'J_yz', 'J_zx',
-)
+BODY = ('mass', 'centre_x', 'centre_y', 'centre_z', 'J_x', 'J_y', 'J_z', 'J_xy', 'J_yz', 'J_zx')
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'demand': (294, 184), 'inertia': (48, 21), 'coincide': (9, 9), 'perpendicular': (153, 96), 'on_plane': (150, 93),
-        'pull_directed': (217, 32), 'pull_regular': (37, 16),
+    'pull_directed': (217, 32), 'pull_regular': (37, 16),
 }
 
 
@@ -42,26 +42,9 @@ OPERATIONS = {
 def demand(p, o, w, k, out, n):
     """Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.
 
-        w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."""
-    mass = p[o]
-    centre_x = p[o + 1]
-    centre_y = p[o + 2]
-    centre_z = p[o + 3]
-    J_x = p[o + 4]
-    J_y = p[o + 5]
-    J_z = p[o + 6]
-    J_xy = p[o + 7]
-    J_yz = p[o + 8]
-    J_zx = p[o + 9]
-    omega_x = w[k]
-    omega_y = w[k + 1]
-    omega_z = w[k + 2]
-    a_x = w[k + 3]
-    a_y = w[k + 4]
-    a_z = w[k + 5]
-    epsilon_x = w[k + 6]
-    epsilon_y = w[k + 7]
-    epsilon_z = w[k + 8]
+    w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."""
+    mass, centre_x, centre_y, centre_z, J_x, J_y, J_z, J_xy, J_yz, J_zx = unpacked(p, 10, o)
+    omega_x, omega_y, omega_z, a_x, a_y, a_z, epsilon_x, epsilon_y, epsilon_z = unpacked(w, 9, k)
     w0 = a_x*mass
     w1 = centre_z*mass
     w2 = epsilon_y*w1
@@ -107,16 +90,7 @@ def demand(p, o, w, k, out, n):
 @njit(**OPTIONS)
 def inertia(p, o, out, n):
     """Store the mass matrix of a body (6, 6) row by row, in its axes: of its origin's velocity and of omega."""
-    mass = p[o]
-    centre_x = p[o + 1]
-    centre_y = p[o + 2]
-    centre_z = p[o + 3]
-    J_x = p[o + 4]
-    J_y = p[o + 5]
-    J_z = p[o + 6]
-    J_xy = p[o + 7]
-    J_yz = p[o + 8]
-    J_zx = p[o + 9]
+    mass, centre_x, centre_y, centre_z, J_x, J_y, J_z, J_xy, J_yz, J_zx = unpacked(p, 10, o)
     w0 = out[n + 4] = out[n + 24] = centre_z*mass
     w1 = out[n + 15] = out[n + 20] = centre_y*mass
     w2 = out[n + 11] = out[n + 31] = centre_x*mass
@@ -139,24 +113,8 @@ def inertia(p, o, out, n):
 @njit(**OPTIONS)
 def coincide(sec, i, j, out, n):
     """The points of two sections are one: three rows at out[n], out[n + 15] and out[n + 30]."""
-    r_x_1 = sec[15 * i]
-    r_y_1 = sec[15 * i + 1]
-    r_z_1 = sec[15 * i + 2]
-    v_x_1 = sec[15 * i + 3]
-    v_y_1 = sec[15 * i + 4]
-    v_z_1 = sec[15 * i + 5]
-    a_x_1 = sec[15 * i + 6]
-    a_y_1 = sec[15 * i + 7]
-    a_z_1 = sec[15 * i + 8]
-    r_x_2 = sec[15 * j]
-    r_y_2 = sec[15 * j + 1]
-    r_z_2 = sec[15 * j + 2]
-    v_x_2 = sec[15 * j + 3]
-    v_y_2 = sec[15 * j + 4]
-    v_z_2 = sec[15 * j + 5]
-    a_x_2 = sec[15 * j + 6]
-    a_y_2 = sec[15 * j + 7]
-    a_z_2 = sec[15 * j + 8]
+    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1 = unpacked(sec, 9, 15 * i)
+    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2 = unpacked(sec, 9, 15 * j)
     out[n] = -r_x_1 + r_x_2
     out[n + 1] = -v_x_1 + v_x_2
     out[n + 2] = -a_x_1 + a_x_2
@@ -174,91 +132,52 @@ def coincide(sec, i, j, out, n):
 @njit(**OPTIONS)
 def perpendicular(sec, i, j, axes, k, l, out, n):
     """Axis k of the first section and axis l of the second are at right angles: a row at out[n]."""
-    omega_x_1 = sec[15 * i + 9]
-    omega_y_1 = sec[15 * i + 10]
-    omega_z_1 = sec[15 * i + 11]
-    epsilon_x_1 = sec[15 * i + 12]
-    epsilon_y_1 = sec[15 * i + 13]
-    epsilon_z_1 = sec[15 * i + 14]
-    omega_x_2 = sec[15 * j + 9]
-    omega_y_2 = sec[15 * j + 10]
-    omega_z_2 = sec[15 * j + 11]
-    epsilon_x_2 = sec[15 * j + 12]
-    epsilon_y_2 = sec[15 * j + 13]
-    epsilon_z_2 = sec[15 * j + 14]
-    n_x_1 = axes[3 * k]
-    n_y_1 = axes[3 * k + 1]
-    n_z_1 = axes[3 * k + 2]
-    n_x_2 = axes[3 * l]
-    n_y_2 = axes[3 * l + 1]
-    n_z_2 = axes[3 * l + 2]
+    omega_x_1, omega_y_1, omega_z_1, epsilon_x_1, epsilon_y_1, epsilon_z_1 = unpacked(sec, 6, 15 * i + 9)
+    omega_x_2, omega_y_2, omega_z_2, epsilon_x_2, epsilon_y_2, epsilon_z_2 = unpacked(sec, 6, 15 * j + 9)
+    n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
+    n_x_2, n_y_2, n_z_2 = unpacked(axes, 3, 3 * l)
     w0 = n_y_2*omega_z_2
     w1 = n_z_2*omega_y_2 - w0
     w2 = n_y_1*omega_z_1 - n_z_1*omega_y_1
-    w3 = -w2
-    w4 = n_z_2*omega_x_2
-    w5 = n_x_2*omega_z_2 - w4
-    w6 = n_x_1*omega_z_1 - n_z_1*omega_x_1
-    w7 = n_x_2*omega_y_2
-    w8 = n_y_2*omega_x_2 - w7
-    w9 = n_x_1*omega_y_1 - n_y_1*omega_x_1
-    w10 = -w9
-    w11 = out[n + 6] = n_y_1*n_z_2 - n_y_2*n_z_1
-    w12 = out[n + 12] = -w11
-    w13 = out[n + 13] = n_x_1*n_z_2 - n_x_2*n_z_1
-    w14 = out[n + 7] = -w13
-    w15 = out[n + 8] = n_x_1*n_y_2 - n_x_2*n_y_1
-    w16 = out[n + 14] = -w15
+    w3 = n_z_2*omega_x_2
+    w4 = n_x_2*omega_z_2 - w3
+    w5 = n_x_1*omega_z_1 - n_z_1*omega_x_1
+    w6 = n_x_2*omega_y_2
+    w7 = n_y_2*omega_x_2 - w6
+    w8 = n_x_1*omega_y_1 - n_y_1*omega_x_1
+    w9 = out[n + 6] = n_y_1*n_z_2 - n_y_2*n_z_1
+    w10 = out[n + 13] = n_x_1*n_z_2 - n_x_2*n_z_1
+    w11 = out[n + 8] = n_x_1*n_y_2 - n_x_2*n_y_1
     out[n] = n_x_1*n_x_2 + n_y_1*n_y_2 + n_z_1*n_z_2
-    out[n + 1] = n_x_1*w1 + n_x_2*w3 + n_y_1*w5 + n_y_2*w6 + n_z_1*w8 + n_z_2*w10
-    out[n + 2] = epsilon_x_1*w11 + epsilon_x_2*w12 + epsilon_y_1*w14 + epsilon_y_2*w13 + epsilon_z_1*w15 + epsilon_z_2*w16 + w1*(n_y_1*omega_z_2 - n_z_1*omega_y_2 - w2) + w10*(n_x_2*omega_y_1 - n_y_2*omega_x_1 + n_y_2*omega_x_2 - w7) + w3*(n_y_2*omega_z_1 - n_z_2*omega_y_1 + n_z_2*omega_y_2 - w0) + w5*(-n_x_1*omega_z_2 + n_z_1*omega_x_2 + w6) + w6*(-n_x_2*omega_z_1 + n_x_2*omega_z_2 + n_z_2*omega_x_1 - w4) + w8*(n_x_1*omega_y_2 - n_y_1*omega_x_2 - w9)
+    out[n + 1] = n_x_1*w1 - n_x_2*w2 + n_y_1*w4 + n_y_2*w5 + n_z_1*w7 - n_z_2*w8
+    out[n + 2] = epsilon_x_1*w9 - epsilon_x_2*w9 - epsilon_y_1*w10 + epsilon_y_2*w10 + epsilon_z_1*w11 - epsilon_z_2*w11 + w1*(n_y_1*omega_z_2 - n_z_1*omega_y_2 - w2) - w2*(n_y_2*omega_z_1 - n_z_2*omega_y_1 + n_z_2*omega_y_2 - w0) + w4*(-n_x_1*omega_z_2 + n_z_1*omega_x_2 + w5) + w5*(-n_x_2*omega_z_1 + n_x_2*omega_z_2 + n_z_2*omega_x_1 - w3) + w7*(n_x_1*omega_y_2 - n_y_1*omega_x_2 - w8) - w8*(n_x_2*omega_y_1 - n_y_2*omega_x_1 + n_y_2*omega_x_2 - w6)
     out[n + 3] = out[n + 4] = out[n + 5] = out[n + 9] = out[n + 10] = out[n + 11] = 0.0
+    out[n + 7] = -w10
+    out[n + 12] = -w9
+    out[n + 14] = -w11
 
 
 @njit(**OPTIONS)
 def on_plane(sec, i, j, axes, k, out, n):
     """The second point is in the plane across the axis k through the first: a row at out[n]."""
-    r_x_1 = sec[15 * i]
-    r_y_1 = sec[15 * i + 1]
-    r_z_1 = sec[15 * i + 2]
-    v_x_1 = sec[15 * i + 3]
-    v_y_1 = sec[15 * i + 4]
-    v_z_1 = sec[15 * i + 5]
-    a_x_1 = sec[15 * i + 6]
-    a_y_1 = sec[15 * i + 7]
-    a_z_1 = sec[15 * i + 8]
-    omega_x_1 = sec[15 * i + 9]
-    omega_y_1 = sec[15 * i + 10]
-    omega_z_1 = sec[15 * i + 11]
-    epsilon_x_1 = sec[15 * i + 12]
-    epsilon_y_1 = sec[15 * i + 13]
-    epsilon_z_1 = sec[15 * i + 14]
-    r_x_2 = sec[15 * j]
-    r_y_2 = sec[15 * j + 1]
-    r_z_2 = sec[15 * j + 2]
-    v_x_2 = sec[15 * j + 3]
-    v_y_2 = sec[15 * j + 4]
-    v_z_2 = sec[15 * j + 5]
-    a_x_2 = sec[15 * j + 6]
-    a_y_2 = sec[15 * j + 7]
-    a_z_2 = sec[15 * j + 8]
-    n_x_1 = axes[3 * k]
-    n_y_1 = axes[3 * k + 1]
-    n_z_1 = axes[3 * k + 2]
+    (
+        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1, omega_x_1, omega_y_1, omega_z_1, epsilon_x_1,
+        epsilon_y_1, epsilon_z_1,
+    ) = unpacked(sec, 15, 15 * i)
+    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2 = unpacked(sec, 9, 15 * j)
+    n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2
     w3 = n_y_1*omega_z_1 - n_z_1*omega_y_1
-    w4 = -w3
-    w5 = n_x_1*omega_z_1 - n_z_1*omega_x_1
-    w6 = n_x_1*omega_y_1 - n_y_1*omega_x_1
-    w7 = -w6
-    w8 = out[n + 6] = n_y_1*w2 - n_z_1*w1
-    w9 = out[n + 7] = -n_x_1*w2 + n_z_1*w0
-    w10 = out[n + 8] = n_x_1*w1 - n_y_1*w0
+    w4 = n_x_1*omega_z_1 - n_z_1*omega_x_1
+    w5 = n_x_1*omega_y_1 - n_y_1*omega_x_1
+    w6 = out[n + 6] = n_y_1*w2 - n_z_1*w1
+    w7 = out[n + 7] = -n_x_1*w2 + n_z_1*w0
+    w8 = out[n + 8] = n_x_1*w1 - n_y_1*w0
     out[n] = n_x_1*w0 + n_y_1*w1 + n_z_1*w2
-    out[n + 1] = -n_x_1*v_x_1 + n_x_1*v_x_2 - n_y_1*v_y_1 + n_y_1*v_y_2 - n_z_1*v_z_1 + n_z_1*v_z_2 + w0*w4 + w1*w5 + w2*w7
-    out[n + 2] = -a_x_1*n_x_1 + a_x_2*n_x_1 - a_y_1*n_y_1 + a_y_2*n_y_1 - a_z_1*n_z_1 + a_z_2*n_z_1 + epsilon_x_1*w8 + epsilon_y_1*w9 + epsilon_z_1*w10 + v_x_1*w3 + v_x_2*w4 - v_y_1*w5 + v_y_2*w5 + v_z_1*w6 + v_z_2*w7 + w4*(-omega_y_1*w2 + omega_z_1*w1 - v_x_1 + v_x_2) + w5*(omega_x_1*w2 - omega_z_1*w0 - v_y_1 + v_y_2) + w7*(-omega_x_1*w1 + omega_y_1*w0 - v_z_1 + v_z_2)
+    out[n + 1] = -n_x_1*v_x_1 + n_x_1*v_x_2 - n_y_1*v_y_1 + n_y_1*v_y_2 - n_z_1*v_z_1 + n_z_1*v_z_2 - w0*w3 + w1*w4 - w2*w5
+    out[n + 2] = -a_x_1*n_x_1 + a_x_2*n_x_1 - a_y_1*n_y_1 + a_y_2*n_y_1 - a_z_1*n_z_1 + a_z_2*n_z_1 + epsilon_x_1*w6 + epsilon_y_1*w7 + epsilon_z_1*w8 + v_x_1*w3 - v_x_2*w3 - v_y_1*w4 + v_y_2*w4 + v_z_1*w5 - v_z_2*w5 - w3*(-omega_y_1*w2 + omega_z_1*w1 - v_x_1 + v_x_2) + w4*(omega_x_1*w2 - omega_z_1*w0 - v_y_1 + v_y_2) - w5*(-omega_x_1*w1 + omega_y_1*w0 - v_z_1 + v_z_2)
     out[n + 3] = -n_x_1
     out[n + 4] = -n_y_1
     out[n + 5] = -n_z_1
@@ -272,19 +191,9 @@ def on_plane(sec, i, j, axes, k, out, n):
 def pull_directed(sec, i, j, k, c, L_0, out, n):
     """Spring and damper T = k (L - L_0) + c L' between two points that are apart.
 
-        Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
-    r_x_1 = sec[15 * i]
-    r_y_1 = sec[15 * i + 1]
-    r_z_1 = sec[15 * i + 2]
-    v_x_1 = sec[15 * i + 3]
-    v_y_1 = sec[15 * i + 4]
-    v_z_1 = sec[15 * i + 5]
-    r_x_2 = sec[15 * j]
-    r_y_2 = sec[15 * j + 1]
-    r_z_2 = sec[15 * j + 2]
-    v_x_2 = sec[15 * j + 3]
-    v_y_2 = sec[15 * j + 4]
-    v_z_2 = sec[15 * j + 5]
+    Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
+    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1 = unpacked(sec, 6, 15 * i)
+    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2 = unpacked(sec, 6, 15 * j)
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2
@@ -305,13 +214,9 @@ def pull_directed(sec, i, j, k, c, L_0, out, n):
 def pull_regular(sec, i, j, k, out, n):
     """The same without free length and damper, also where the points meet.
 
-        Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
-    r_x_1 = sec[15 * i]
-    r_y_1 = sec[15 * i + 1]
-    r_z_1 = sec[15 * i + 2]
-    r_x_2 = sec[15 * j]
-    r_y_2 = sec[15 * j + 1]
-    r_z_2 = sec[15 * j + 2]
+    Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
+    r_x_1, r_y_1, r_z_1 = unpacked(sec, 3, 15 * i)
+    r_x_2, r_y_2, r_z_2 = unpacked(sec, 3, 15 * j)
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2

@@ -14,11 +14,11 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load, fill_square,
-)  # digest bf1d04e691f322e2
+    SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load, fill_square,
+)  # digest 7243d982511b2063
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -142,10 +142,10 @@ def K_d(p, s, out):
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
     fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_1,), (f_2,))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3,), (f_4,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_1,), (f_2,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3,), (f_4,))
     fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_5,))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6,), (f_7,))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6,), (f_7,))
     fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_8,))
     fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_9,))
 
@@ -188,9 +188,9 @@ def C(p, s, out):
     f_2 = -omega_x*w0
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0,), (-f_0,))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_1,), (-f_1,))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_2,), (-f_2,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0,), (-f_0,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_1,), (-f_1,))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_2,), (-f_2,))
 
 
 @njit(forceinline=True, **OPTIONS)

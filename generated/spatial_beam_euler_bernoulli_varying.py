@@ -14,12 +14,12 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load, fill_square,
-)  # digest bf1d04e691f322e2
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2161a196ff0542da
+    SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load, fill_square,
+)  # digest 7243d982511b2063
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c19ebdab21899820
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -30,7 +30,7 @@ ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'M': (1132, 1132), 'K_s': (1026, 1022), 'K_d': (2465, 2382), 'K_g': (2156, 2069), 'C': (1185, 1167),
-        'F': (431, 390),
+    'F': (431, 390),
 }
 
 
@@ -125,10 +125,10 @@ def K_d(p, s, out):
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
     fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
     fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_10, f_11))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
     fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_16, f_17))
     fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_18, f_19))
 
@@ -172,25 +172,24 @@ def C(p, s, out):
     rho_A, _, _, _, _, _, _, _, length, _, rho_A_rise = unpacked(p, 11)
     omega_x, omega_y, omega_z = unpacked(s, 3)
     w0 = 2.0*rho_A - rho_A_rise
-    w1 = -w0
-    w2 = length*omega_z
-    w3 = 2.0*rho_A_rise
-    w4 = length*omega_y
-    w5 = length*omega_x
-    f_0 = w1*w2
-    f_1 = -w2*w3
-    f_2 = w0*w2
-    f_3 = w0*w4
-    f_4 = w3*w4
-    f_5 = w1*w4
-    f_6 = w1*w5
-    f_7 = -w3*w5
-    f_8 = w0*w5
+    w1 = length*omega_z
+    w2 = 2.0*rho_A_rise
+    w3 = length*omega_y
+    w4 = length*omega_x
+    f_0 = -w0*w1
+    f_1 = -w1*w2
+    f_2 = w0*w1
+    f_3 = w0*w3
+    f_4 = w2*w3
+    f_5 = -w0*w3
+    f_6 = -w0*w4
+    f_7 = -w2*w4
+    f_8 = w0*w4
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
 
 
 @njit(forceinline=True, **OPTIONS)

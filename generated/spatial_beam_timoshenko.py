@@ -14,13 +14,13 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load,
+    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load,
     fill_square,
-)  # digest bf1d04e691f322e2
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2161a196ff0542da
+)  # digest 7243d982511b2063
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c19ebdab21899820
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -30,8 +30,7 @@ ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1937, 1930), 'K_s': (1040, 1034), 'K_d': (2272, 2237), 'K_g': (1577, 1540), 'C': (881, 877),
-        'F': (268, 257),
+    'M': (1937, 1930), 'K_s': (1040, 1034), 'K_d': (2272, 2237), 'K_g': (1577, 1540), 'C': (881, 877), 'F': (268, 257),
 }
 
 
@@ -143,16 +142,16 @@ def K_d(p, s, out):
     bend_v = (beta_v - 1.0, 0.0, length)
     bend_w = (beta_w - 1.0, 0.0, -length)
     fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_1,), (f_2,))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3,), (f_4,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_1,), (f_2,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3,), (f_4,))
     fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_5,))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6,), (f_7,))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6,), (f_7,))
     fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_8,))
     fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_9,))
-    fill(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_10,), (f_11,))
-    fill(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_12,), (f_13,))
+    fill_both(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_10,), (f_11,))
+    fill_both(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_12,), (f_13,))
     fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_14,))
-    fill(out, False, ROTATION_ROTATION, W, V, bend_w, bend_v, (f_15,), (f_15,))
+    fill_both(out, False, ROTATION_ROTATION, W, V, bend_w, bend_v, (f_15,), (f_15,))
     fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_16,))
 
 
@@ -202,11 +201,11 @@ def C(p, s, out):
     f_4 = rho_I_z*w2
     bend_v = (beta_v - 1.0, 0.0, length)
     bend_w = (beta_w - 1.0, 0.0, -length)
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0,), (-f_0,))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_1,), (-f_1,))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_2,), (-f_2,))
-    fill(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_3,), (-f_3,))
-    fill(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_4,), (-f_4,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0,), (-f_0,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_1,), (-f_1,))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_2,), (-f_2,))
+    fill_both(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_3,), (-f_3,))
+    fill_both(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_4,), (-f_4,))
 
 
 @njit(forceinline=True, **OPTIONS)

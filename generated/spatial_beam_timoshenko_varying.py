@@ -14,13 +14,13 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, fill  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load,
+    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load,
     fill_square,
-)  # digest bf1d04e691f322e2
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2161a196ff0542da
+)  # digest 7243d982511b2063
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c19ebdab21899820
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -31,7 +31,7 @@ ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'M': (3438, 3415), 'K_s': (1512, 1497), 'K_d': (4731, 4546), 'K_g': (2172, 2081), 'C': (1793, 1767),
-        'F': (587, 538),
+    'F': (587, 538),
 }
 
 
@@ -221,16 +221,16 @@ def K_d(p, s, out):
     bend_v = (beta_v - 1.0, alpha_v, length)
     bend_w = (beta_w - 1.0, alpha_w, -length)
     fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
     fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_10, f_11))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
     fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_16, f_17))
     fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_18, f_19))
-    fill(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_20, f_21), (f_22, f_23))
-    fill(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_24, f_25), (f_26, f_27))
+    fill_both(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_20, f_21), (f_22, f_23))
+    fill_both(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_24, f_25), (f_26, f_27))
     fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_28, f_29))
-    fill(out, False, ROTATION_ROTATION, W, V, bend_w, bend_v, (f_30, f_31), (f_30, f_31))
+    fill_both(out, False, ROTATION_ROTATION, W, V, bend_w, bend_v, (f_30, f_31), (f_30, f_31))
     fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_32, f_33))
 
 
@@ -285,37 +285,36 @@ def C(p, s, out):
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
     w2 = 2.0*rho_A - rho_A_rise
-    w3 = -w2
-    w4 = length*omega_z
-    w5 = 2.0*rho_A_rise
-    w6 = length*omega_y
-    w7 = length*omega_x
-    w8 = 2.0*rho_I_y - rho_I_y_rise
-    w9 = 2.0*rho_I_z - rho_I_z_rise
+    w3 = length*omega_z
+    w4 = 2.0*rho_A_rise
+    w5 = length*omega_y
+    w6 = length*omega_x
+    w7 = 2.0*rho_I_y - rho_I_y_rise
+    w8 = 2.0*rho_I_z - rho_I_z_rise
     alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
     alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
-    f_0 = w3*w4
-    f_1 = -w4*w5
-    f_2 = w2*w4
-    f_3 = w2*w6
-    f_4 = w5*w6
-    f_5 = w3*w6
-    f_6 = w3*w7
-    f_7 = -w5*w7
-    f_8 = w2*w7
-    f_9 = omega_z*w8
+    f_0 = -w2*w3
+    f_1 = -w3*w4
+    f_2 = w2*w3
+    f_3 = w2*w5
+    f_4 = w4*w5
+    f_5 = -w2*w5
+    f_6 = -w2*w6
+    f_7 = -w4*w6
+    f_8 = w2*w6
+    f_9 = omega_z*w7
     f_10 = 2.0*omega_z*rho_I_y_rise
-    f_11 = -omega_z*w8
-    f_12 = omega_y*w9
+    f_11 = -omega_z*w7
+    f_12 = omega_y*w8
     f_13 = 2.0*omega_y*rho_I_z_rise
-    f_14 = -omega_y*w9
+    f_14 = -omega_y*w8
     bend_v = (beta_v - 1.0, alpha_v, length)
     bend_w = (beta_w - 1.0, alpha_w, -length)
-    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
-    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
-    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
-    fill(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_9, f_10), (f_11, -f_10))
-    fill(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_12, f_13), (f_14, -f_13))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
+    fill_both(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_9, f_10), (f_11, -f_10))
+    fill_both(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_12, f_13), (f_14, -f_13))
 
 
 @njit(forceinline=True, **OPTIONS)

@@ -14,18 +14,18 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 # p: the numbers of shape j begin at o + 12 j
-SINGLE = (
-    'N_x', 'N_y', 'N_z', 'x_N_x', 'x_N_y', 'x_N_z', 'y_N_x', 'y_N_y', 'y_N_z', 'z_N_x', 'z_N_y', 'z_N_z',
-)
+SINGLE = ('N_x', 'N_y', 'N_z', 'x_N_x', 'x_N_y', 'x_N_z', 'y_N_x', 'y_N_y', 'y_N_z', 'z_N_x', 'z_N_y', 'z_N_z')
 
 # those of j and l at o + 12 n + 23 (n j + l)
 PAIR = (
     'N_x_N_x', 'N_x_N_y', 'N_x_N_z', 'N_y_N_x', 'N_y_N_y', 'N_y_N_z', 'N_z_N_x', 'N_z_N_y', 'N_z_N_z', 'G_x', 'G_y',
-        'G_z', 'x_G_x', 'x_G_y', 'x_G_z', 'y_G_x', 'y_G_y', 'y_G_z', 'z_G_x', 'z_G_y', 'z_G_z', 'stiffness', 'damping',
+    'G_z', 'x_G_x', 'x_G_y', 'x_G_z', 'y_G_x', 'y_G_y', 'y_G_z', 'z_G_x', 'z_G_y', 'z_G_z', 'stiffness', 'damping',
 )
 
 
@@ -202,45 +202,30 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
 
 @njit(**OPTIONS)
 def shaped_inertia(p, o, count, q, i, out, n):
-    """Add what shapes change of a body's mass matrix (6, 6) at out[n]; store behind it what couples them to it,
-    (6, count), and their own, (count, count), all row by row."""
+    """Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
+    them to it, (6, count), and their own, (count, count), all row by row."""
     modal = n + 36 + 6 * count
     for j in range(count):
         j1, q_j = o + 12 * j, q[i + j]
         x0 = p[j1 + 2] * q_j
         x1 = p[j1 + 1] * q_j
-        x2 = -x1
-        x3 = -x0
-        x4 = p[j1] * q_j
-        x5 = -x4
-        x6 = 2.0 * q_j
-        x7 = p[j1 + 11] * x6
-        x8 = p[j1 + 7] * x6
-        x9 = -p[j1 + 4] * q_j - p[j1 + 6] * q_j
-        x10 = -p[j1 + 5] * q_j - p[j1 + 9] * q_j
-        x11 = p[j1 + 3] * x6
-        x12 = -p[j1 + 10] * q_j - p[j1 + 8] * q_j
+        x2 = p[j1] * q_j
+        x3 = 2.0 * q_j
+        x4 = p[j1 + 11] * x3
+        x5 = p[j1 + 7] * x3
+        x6 = p[j1 + 3] * x3
         out[n + 4] += x0
-        out[n + 5] += x2
-        out[n + 9] += x3
-        out[n + 11] += x4
+        out[n + 5] -= x1
+        out[n + 9] -= x0
+        out[n + 11] += x2
         out[n + 15] += x1
-        out[n + 16] += x5
-        out[n + 19] += x3
-        out[n + 20] += x1
-        out[n + 21] += x7 + x8
-        out[n + 22] += x9
-        out[n + 23] += x10
-        out[n + 24] += x0
-        out[n + 26] += x5
-        out[n + 27] += x9
-        out[n + 28] += x11 + x7
-        out[n + 29] += x12
-        out[n + 30] += x2
-        out[n + 31] += x4
-        out[n + 33] += x10
-        out[n + 34] += x12
-        out[n + 35] += x11 + x8
+        out[n + 16] -= x2
+        out[n + 21] += x4 + x5
+        out[n + 22] -= p[j1 + 4] * q_j + p[j1 + 6] * q_j
+        out[n + 23] -= p[j1 + 5] * q_j + p[j1 + 9] * q_j
+        out[n + 28] += x4 + x6
+        out[n + 29] -= p[j1 + 10] * q_j + p[j1 + 8] * q_j
+        out[n + 35] += x5 + x6
         f_x = p[j1]
         f_y = p[j1 + 1]
         f_z = p[j1 + 2]
@@ -254,55 +239,40 @@ def shaped_inertia(p, o, count, q, i, out, n):
             y2 = y0 * y1
             y3 = p[jl + 10] * q_l
             y4 = y1 * y3
-            y5 = -y4
-            y6 = -y2
-            y7 = p[jl + 9] * q_l
-            y8 = y1 * y7
-            y9 = -y8
-            y10 = q_j * q_l
-            y11 = p[jl + 20] * y10 + p[jl + 8] * y10
-            y12 = p[jl + 16] * y10 + p[jl + 4] * y10
-            y13 = p[jl + 13] * q_l
-            y14 = p[jl + 15] * q_l
-            y15 = p[jl + 1] * q_l
-            y16 = p[jl + 3] * q_l
-            y17 = -y1 * y13 - y1 * y14 - y1 * y15 - y1 * y16
-            y18 = p[jl + 14] * q_l
-            y19 = p[jl + 6] * q_l
-            y20 = -p[jl + 18] * q_l * y1 - p[jl + 2] * q_l * y1 - y1 * y18 - y1 * y19
-            y21 = p[jl + 12] * y10 + p[jl] * y10
-            y22 = p[jl + 17] * q_l
-            y23 = p[jl + 19] * q_l
-            y24 = p[jl + 5] * q_l
-            y25 = p[jl + 7] * q_l
-            y26 = -y1 * y22 - y1 * y23 - y1 * y24 - y1 * y25
+            y5 = p[jl + 9] * q_l
+            y6 = y1 * y5
+            y7 = q_j * q_l
+            y8 = p[jl + 20] * y7 + p[jl + 8] * y7
+            y9 = p[jl + 16] * y7 + p[jl + 4] * y7
+            y10 = p[jl + 13] * q_l
+            y11 = p[jl + 15] * q_l
+            y12 = p[jl + 1] * q_l
+            y13 = p[jl + 3] * q_l
+            y14 = p[jl + 14] * q_l
+            y15 = p[jl + 6] * q_l
+            y16 = p[jl + 12] * y7 + p[jl] * y7
+            y17 = p[jl + 17] * q_l
+            y18 = p[jl + 19] * q_l
+            y19 = p[jl + 5] * q_l
+            y20 = p[jl + 7] * q_l
             out[n + 4] += y2
-            out[n + 5] += y5
-            out[n + 9] += y6
-            out[n + 11] += y8
+            out[n + 5] -= y4
+            out[n + 9] -= y2
+            out[n + 11] += y6
             out[n + 15] += y4
-            out[n + 16] += y9
-            out[n + 19] += y6
-            out[n + 20] += y4
-            out[n + 21] += y11 + y12
-            out[n + 22] += y17
-            out[n + 23] += y20
-            out[n + 24] += y2
-            out[n + 26] += y9
-            out[n + 27] += y17
-            out[n + 28] += y11 + y21
-            out[n + 29] += y26
-            out[n + 30] += y5
-            out[n + 31] += y8
-            out[n + 33] += y20
-            out[n + 34] += y26
-            out[n + 35] += y12 + y21
-            f_x += y7
+            out[n + 16] -= y6
+            out[n + 21] += y8 + y9
+            out[n + 22] -= y1 * y10 + y1 * y11 + y1 * y12 + y1 * y13
+            out[n + 23] -= p[jl + 18] * q_l * y1 + p[jl + 2] * q_l * y1 + y1 * y14 + y1 * y15
+            out[n + 28] += y16 + y8
+            out[n + 29] -= y1 * y17 + y1 * y18 + y1 * y19 + y1 * y20
+            out[n + 35] += y16 + y9
+            f_x += y5
             f_y += y3
             f_z += y0
-            m_x += y22 - y23 - y24 + y25
-            m_y += p[jl + 18] * q_l + p[jl + 2] * q_l - y18 - y19
-            m_z += y13 - y14 - y15 + y16
+            m_x += y17 - y18 - y19 + y20
+            m_y += p[jl + 18] * q_l + p[jl + 2] * q_l - y14 - y15
+            m_z += y10 - y11 - y12 + y13
             out[modal + count * j + l] = p[jl + 4] + p[jl + 8] + p[jl]
         out[n + 36 + j] = f_x
         out[n + 36 + 1 * count + j] = f_y
@@ -310,19 +280,17 @@ def shaped_inertia(p, o, count, q, i, out, n):
         out[n + 36 + 3 * count + j] = m_x
         out[n + 36 + 4 * count + j] = m_y
         out[n + 36 + 5 * count + j] = m_z
+    for k in range(6):
+        for l in range(k):
+            out[n + 6 * k + l] = out[n + 6 * l + k]
 
 
 @njit(**OPTIONS)
 def section(w, k, out, n):
     """Store R, T row by row and T' theta' of a section turned by theta_y and theta_z, then by theta_x about itself.
 
-        w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."""
-    theta_x = w[k]
-    theta_y = w[k + 1]
-    theta_z = w[k + 2]
-    rate_x = w[k + 3]
-    rate_y = w[k + 4]
-    rate_z = w[k + 5]
+    w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."""
+    theta_x, theta_y, theta_z, rate_x, rate_y, rate_z = unpacked(w, 6, k)
     w0 = theta_y*theta_y
     w1 = 0.5*w0
     w2 = theta_z*theta_z

@@ -5,11 +5,10 @@ Structure f66f86d2dd42abae, format 3, SymPy 1.14; made by: kaneflex derive SCENE
 Bodies, joints and springs are those of kaneflex.generated.spatial.
 """
 
-from numba import njit
+from kaneflex.generated.laws import no_courses as courses, no_magnitudes as magnitudes
 
 FORMAT = 3
 STRUCTURE = "f66f86d2dd42abae"
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 PARAMETERS = ()  # p: path, unit
 TABLES = ()  # what has a table in p, which begins at <path>.table
@@ -19,15 +18,3 @@ OBSERVED = ()  # joints that laws know beside them
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {'courses': (0, 0), 'magnitudes': (0, 0)}
-
-
-@njit(**OPTIONS)
-def courses(t, p, out, k):
-    """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    pass
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass

@@ -7,6 +7,9 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.laws import no_magnitudes as magnitudes
+
 FORMAT = 3
 STRUCTURE = "b1bf50a25f97f753"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -24,14 +27,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 @njit(**OPTIONS)
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    shaft_speed = p[0]
-    shaft_angle = p[1]
+    shaft_speed, shaft_angle = unpacked(p, 2)
     shaft_coordinate = out[k + 0] = shaft_angle + shaft_speed*t
     out[k + 1] = shaft_speed
     out[k + 2] = 0.0
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass

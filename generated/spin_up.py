@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -62,21 +62,20 @@ def motion(t, p, s):
     beam_centre_x, beam_mass, beam_inertia, hub_speed, hub_angle, hub_spin_up = unpacked(p, 6)
     w0 = 1.0/hub_spin_up
     tau_hub = min(hub_spin_up, t)
-    w1 = -tau_hub
     turn_hub = 2.0*math.pi*tau_hub*w0
-    w2 = math.cos(turn_hub) - 1.0
-    w3 = hub_speed*w0
-    w4 = beam_centre_x*beam_mass
-    hub_coordinate = s[5] = hub_angle + hub_speed*(t + w1) + w3*(0.25*(hub_spin_up*hub_spin_up)*w2/(math.pi*math.pi) + 0.5*(tau_hub*tau_hub))
+    w1 = math.cos(turn_hub) - 1.0
+    w2 = hub_speed*w0
+    w3 = beam_centre_x*beam_mass
+    hub_coordinate = s[5] = hub_angle + hub_speed*(t - tau_hub) + w2*(0.25*(hub_spin_up*hub_spin_up)*w1/(math.pi*math.pi) + 0.5*(tau_hub*tau_hub))
     sin_hub = s[7] = math.sin(hub_coordinate)
-    w5 = sin_hub*w4
-    hub_rate = s[0] = s[8] = w3*(-0.5*hub_spin_up*math.sin(turn_hub)/math.pi - w1)
-    w6 = hub_rate*hub_rate
+    w4 = sin_hub*w3
+    hub_rate = s[0] = s[8] = w2*(-0.5*hub_spin_up*math.sin(turn_hub)/math.pi + tau_hub)
+    w5 = hub_rate*hub_rate
     cos_hub = s[6] = math.cos(hub_coordinate)
-    w7 = cos_hub*w4
-    hub_acceleration = s[1] = s[9] = -w2*w3
-    hub_force_x = s[10] = -hub_acceleration*w5 - w6*w7
-    hub_force_y = s[11] = hub_acceleration*w7 - w5*w6
+    w6 = cos_hub*w3
+    hub_acceleration = s[1] = s[9] = -w1*w2
+    hub_force_x = s[10] = -hub_acceleration*w4 - w5*w6
+    hub_force_y = s[11] = hub_acceleration*w6 - w4*w5
     hub_drive = s[12] = hub_acceleration*((beam_centre_x*beam_centre_x)*beam_mass + beam_inertia)
     beam_link_P_0 = s[4] = -cos_hub*hub_force_x - hub_force_y*sin_hub
 

@@ -10,6 +10,9 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from numba import njit
 
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.laws import no_magnitudes as magnitudes
+
 FORMAT = 3
 STRUCTURE = "bc545a37b0ad7f33"
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -43,14 +46,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 @njit(**OPTIONS)
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    way_speed = p[0]
-    way_position = p[1]
+    way_speed, way_position = unpacked(p, 2)
     way_coordinate = out[k + 0] = way_position + way_speed*t
     out[k + 1] = way_speed
     out[k + 2] = 0.0
-
-
-@njit(**OPTIONS)
-def magnitudes(t, x, i, p, out, k):
-    """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    pass

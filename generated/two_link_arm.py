@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -81,55 +81,53 @@ def motion(t, p, s):
     w6 = math.sin(w5)
     shoulder_coordinate = s[10] = 0.8 - 0.6*w2
     cos_shoulder = s[12] = math.cos(shoulder_coordinate)
-    w7 = upper_length*cos_shoulder
+    x_lower = s[16] = upper_length*cos_shoulder
     sin_shoulder = s[13] = math.sin(shoulder_coordinate)
-    w8 = upper_length*sin_shoulder
+    y_lower = s[17] = upper_length*sin_shoulder
     shoulder_rate = s[0] = s[14] = 1.2*w3
-    w9 = shoulder_rate*shoulder_rate
-    w10 = lower_mass + load_mass
+    w7 = shoulder_rate*shoulder_rate
+    w8 = lower_mass + load_mass
     elbow_rate = -1.4*w3 + 0.8*math.pi*math.cos(w5)
     omega_lower = s[5] = s[22] = shoulder_rate + elbow_rate
-    w11 = omega_lower*omega_lower
-    w12 = lower_centre_x*lower_mass
+    w9 = omega_lower*omega_lower
+    w10 = lower_centre_x*lower_mass
     elbow_coordinate = s[11] = 0.7*w2 + 0.2*w6 - 0.9
     sin_elbow = math.sin(elbow_coordinate)
     cos_elbow = math.cos(elbow_coordinate)
     c_lower = s[18] = cos_shoulder*cos_elbow - sin_shoulder*sin_elbow
+    w11 = c_lower*w10
+    w12 = lower_length*load_mass
     w13 = c_lower*w12
-    w14 = lower_length*load_mass
-    w15 = c_lower*w14
     s_lower = s[19] = cos_shoulder*sin_elbow + cos_elbow*sin_shoulder
-    w16 = s_lower*w12
-    w17 = s_lower*w14
-    w18 = -w16 - w17
-    w19 = upper_centre_x*upper_mass
-    w20 = sin_shoulder*w19
-    w21 = cos_shoulder*w19
-    w22 = lower_mass*gravity_y
-    w23 = gravity_y*load_mass
-    w24 = w13 + w15
-    w25 = upper_mass*gravity_y
+    w14 = s_lower*w10
+    w15 = s_lower*w12
+    w16 = -w14 - w15
+    w17 = upper_centre_x*upper_mass
+    w18 = sin_shoulder*w17
+    w19 = cos_shoulder*w17
+    w20 = lower_mass*gravity_y
+    w21 = gravity_y*load_mass
+    w22 = w11 + w13
+    w23 = upper_mass*gravity_y
     shoulder_acceleration = s[1] = s[15] = 2.4*w2*w4
-    a_y_lower = s[24] = shoulder_acceleration*w7 - w8*w9
-    w26 = a_y_lower - gravity_y
+    a_y_lower = s[24] = shoulder_acceleration*x_lower - w7*y_lower
+    w24 = a_y_lower - gravity_y
     elbow_acceleration = -w4*(2.8*w2 + 3.2*w6)
-    x_lower = s[16] = w7
-    y_lower = s[17] = w8
-    v_x_lower = s[20] = -shoulder_rate*w8
-    v_y_lower = s[21] = shoulder_rate*w7
-    a_x_lower = s[23] = -shoulder_acceleration*w8 - w7*w9
+    v_x_lower = s[20] = -shoulder_rate*y_lower
+    v_y_lower = s[21] = shoulder_rate*x_lower
+    a_x_lower = s[23] = -shoulder_acceleration*y_lower - w7*x_lower
     epsilon_lower = s[6] = s[25] = shoulder_acceleration + elbow_acceleration
-    elbow_force_x = s[28] = a_x_lower*w10 + epsilon_lower*w18 - w11*w13 - w11*w15
-    shoulder_force_x = s[26] = -shoulder_acceleration*w20 + elbow_force_x - w21*w9
-    elbow_force_y = s[29] = a_y_lower*w10 + epsilon_lower*w24 - w11*w16 - w11*w17 - w22 - w23
-    shoulder_force_y = s[27] = shoulder_acceleration*w21 + elbow_force_y - w20*w9 - w25
-    elbow_drive = s[31] = a_x_lower*w18 + a_y_lower*w24 - lower_centre_x*c_lower*w22 - lower_length*c_lower*w23 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia + (lower_length*lower_length)*load_mass)
-    shoulder_drive = s[30] = -upper_centre_x*cos_shoulder*w25 + shoulder_acceleration*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*w8 + elbow_force_y*w7
+    elbow_force_x = s[28] = a_x_lower*w8 + epsilon_lower*w16 - w11*w9 - w13*w9
+    shoulder_force_x = s[26] = -shoulder_acceleration*w18 + elbow_force_x - w19*w7
+    elbow_force_y = s[29] = a_y_lower*w8 + epsilon_lower*w22 - w14*w9 - w15*w9 - w20 - w21
+    shoulder_force_y = s[27] = shoulder_acceleration*w19 + elbow_force_y - w18*w7 - w23
+    elbow_drive = s[31] = a_x_lower*w16 + a_y_lower*w22 - lower_centre_x*c_lower*w20 - lower_length*c_lower*w21 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia + (lower_length*lower_length)*load_mass)
+    shoulder_drive = s[30] = -upper_centre_x*cos_shoulder*w23 + shoulder_acceleration*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*y_lower + elbow_force_y*x_lower
     upper_link_a_x = s[2] = -gravity_y*sin_shoulder
     upper_link_a_y = s[3] = -cos_shoulder*gravity_y
     upper_link_P_0 = s[4] = -cos_shoulder*shoulder_force_x - shoulder_force_y*sin_shoulder
-    lower_link_a_x = s[7] = a_x_lower*c_lower + s_lower*w26
-    lower_link_a_y = s[8] = -a_x_lower*s_lower + c_lower*w26
+    lower_link_a_x = s[7] = a_x_lower*c_lower + s_lower*w24
+    lower_link_a_y = s[8] = -a_x_lower*s_lower + c_lower*w24
     lower_link_P_0 = s[9] = -c_lower*elbow_force_x - elbow_force_y*s_lower
 
 

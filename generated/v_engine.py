@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest ee70ab7834ef40ec
+from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -99,125 +99,105 @@ def motion(t, p, s):
     ) = unpacked(p, 30)
     main_coordinate = s[10] = main_angle + main_speed*t
     cos_main = s[11] = math.cos(main_coordinate)
-    w0 = crank_length*cos_main
+    x_rod_1 = s[14] = s[24] = crank_length*cos_main
     sin_main = s[12] = math.sin(main_coordinate)
-    w1 = crank_length*sin_main
-    w2 = rod_1_length*rod_1_length
-    w3 = 1.0/rod_1_length
-    w4 = rod_2_length*rod_2_length
-    w5 = 1.0/rod_2_length
-    w6 = -main_speed*w1
-    w7 = main_speed*w0
-    gamma_rod_1 = -bore_1_direction_x*w1 + bore_1_direction_y*w0
-    closure_bore_1 = s[61] = -(gamma_rod_1*gamma_rod_1)/w2 + 1.0
-    w_rod_1 = bore_1_branch*math.sqrt(closure_bore_1*w2)
+    y_rod_1 = s[15] = s[25] = crank_length*sin_main
+    w0 = rod_1_length*rod_1_length
+    w1 = 1.0/rod_1_length
+    w2 = rod_2_length*rod_2_length
+    w3 = 1.0/rod_2_length
+    v_x_rod_1 = s[18] = s[28] = -main_speed*y_rod_1
+    v_y_rod_1 = s[19] = s[29] = main_speed*x_rod_1
+    gamma_rod_1 = -bore_1_direction_x*y_rod_1 + bore_1_direction_y*x_rod_1
+    closure_bore_1 = s[61] = -(gamma_rod_1*gamma_rod_1)/w0 + 1.0
+    w_rod_1 = bore_1_branch*math.sqrt(closure_bore_1*w0)
     span_rod_1_x = -gamma_rod_1*bore_1_direction_y + bore_1_direction_x*w_rod_1
-    c_rod_1 = s[16] = span_rod_1_x*w3
-    w8 = rod_1_length*c_rod_1
+    c_rod_1 = s[16] = span_rod_1_x*w1
+    w4 = rod_1_length*c_rod_1
     span_rod_1_y = gamma_rod_1*bore_1_direction_x + bore_1_direction_y*w_rod_1
-    s_rod_1 = s[17] = span_rod_1_y*w3
-    w9 = rod_1_length*s_rod_1
-    w10 = 1.0/(-bore_1_direction_x*w8 - bore_1_direction_y*w9)
-    v_y_rod_1 = s[19] = w7
-    v_x_rod_1 = s[18] = w6
-    w11 = v_x_rod_1*w8 + v_y_rod_1*w9
-    gamma_rod_2 = -bore_2_direction_x*w1 + bore_2_direction_y*w0
-    closure_bore_2 = s[62] = -(gamma_rod_2*gamma_rod_2)/w4 + 1.0
-    w_rod_2 = bore_2_branch*math.sqrt(closure_bore_2*w4)
+    s_rod_1 = s[17] = span_rod_1_y*w1
+    w5 = rod_1_length*s_rod_1
+    inverse_det_v_x_piston_1 = 1.0/(-bore_1_direction_x*w4 - bore_1_direction_y*w5)
+    w6 = v_x_rod_1*w4 + v_y_rod_1*w5
+    gamma_rod_2 = -bore_2_direction_x*y_rod_1 + bore_2_direction_y*x_rod_1
+    closure_bore_2 = s[62] = -(gamma_rod_2*gamma_rod_2)/w2 + 1.0
+    w_rod_2 = bore_2_branch*math.sqrt(closure_bore_2*w2)
     span_rod_2_x = -gamma_rod_2*bore_2_direction_y + bore_2_direction_x*w_rod_2
-    c_rod_2 = s[26] = span_rod_2_x*w5
-    w12 = rod_2_length*c_rod_2
+    c_rod_2 = s[26] = span_rod_2_x*w3
+    w7 = rod_2_length*c_rod_2
     span_rod_2_y = gamma_rod_2*bore_2_direction_x + bore_2_direction_y*w_rod_2
-    s_rod_2 = s[27] = span_rod_2_y*w5
-    w13 = rod_2_length*s_rod_2
-    w14 = 1.0/(-bore_2_direction_x*w12 - bore_2_direction_y*w13)
-    v_y_rod_2 = s[29] = w7
-    v_x_rod_2 = s[28] = w6
-    w15 = v_x_rod_2*w12 + v_y_rod_2*w13
-    w16 = main_speed*main_speed
-    w17 = -w0*w16
-    w18 = -w1*w16
-    inverse_det_v_x_piston_1 = w10
+    s_rod_2 = s[27] = span_rod_2_y*w3
+    w8 = rod_2_length*s_rod_2
+    inverse_det_v_x_piston_2 = 1.0/(-bore_2_direction_x*w7 - bore_2_direction_y*w8)
+    w9 = v_x_rod_1*w7 + v_y_rod_1*w8
+    w10 = main_speed*main_speed
+    a_x_rod_1 = s[21] = s[31] = -w10*x_rod_1
+    a_y_rod_1 = s[22] = s[32] = -w10*y_rod_1
     omega_rod_1 = s[0] = s[20] = inverse_det_v_x_piston_1*(bore_1_direction_x*v_y_rod_1 - bore_1_direction_y*v_x_rod_1)
-    w19 = omega_rod_1*omega_rod_1
-    a_x_rod_1 = s[21] = w17
-    w20 = a_x_rod_1 - w19*w8
-    a_y_rod_1 = s[22] = w18
-    w21 = a_y_rod_1 - w19*w9
-    w22 = w21*w9
-    w23 = -w20
-    inverse_det_v_x_piston_2 = w14
-    omega_rod_2 = s[5] = s[30] = inverse_det_v_x_piston_2*(bore_2_direction_x*v_y_rod_2 - bore_2_direction_y*v_x_rod_2)
-    w24 = omega_rod_2*omega_rod_2
-    a_x_rod_2 = s[31] = w17
-    w25 = a_x_rod_2 - w12*w24
-    a_y_rod_2 = s[32] = w18
-    w26 = a_y_rod_2 - w13*w24
-    w27 = w13*w26
-    w28 = -w25
-    w29 = a_y_rod_1*rod_1_mass
-    w30 = rod_1_centre_x*c_rod_1
-    w31 = a_x_rod_1*rod_1_mass
-    w32 = rod_1_centre_x*s_rod_1
-    inverse_det_a_x_piston_1 = w10
-    epsilon_rod_1 = s[1] = s[23] = inverse_det_a_x_piston_1*(bore_1_direction_x*w21 + bore_1_direction_y*w23)
-    w33 = epsilon_rod_1*((rod_1_centre_x*rod_1_centre_x)*rod_1_mass + rod_1_inertia) + w29*w30 - w31*w32
+    w11 = omega_rod_1*omega_rod_1
+    w12 = a_x_rod_1 - w11*w4
+    w13 = a_y_rod_1 - w11*w5
+    w14 = w13*w5
+    omega_rod_2 = s[5] = s[30] = inverse_det_v_x_piston_2*(bore_2_direction_x*v_y_rod_1 - bore_2_direction_y*v_x_rod_1)
+    w15 = omega_rod_2*omega_rod_2
+    w16 = a_x_rod_1 - w15*w7
+    w17 = a_y_rod_1 - w15*w8
+    w18 = w17*w8
+    w19 = a_y_rod_1*rod_1_mass
+    w20 = rod_1_centre_x*c_rod_1
+    w21 = a_x_rod_1*rod_1_mass
+    w22 = rod_1_centre_x*s_rod_1
+    epsilon_rod_1 = s[1] = s[23] = inverse_det_v_x_piston_1*(bore_1_direction_x*w13 - bore_1_direction_y*w12)
+    w23 = epsilon_rod_1*((rod_1_centre_x*rod_1_centre_x)*rod_1_mass + rod_1_inertia) + w19*w20 - w21*w22
     gas_1 = s[59] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
-    a_x_piston_1 = s[38] = inverse_det_a_x_piston_1*bore_1_direction_x*(-w20*w8 - w22)
-    w34 = a_x_piston_1*piston_1_mass - gas_1*gas_1_direction_x
-    a_y_piston_1 = s[39] = -inverse_det_a_x_piston_1*bore_1_direction_y*(w22 - w23*w8)
-    w35 = a_y_piston_1*piston_1_mass - gas_1*gas_1_direction_y
-    w36 = bore_1_direction_y*w35
-    w37 = rod_1_mass*w32
-    w38 = rod_1_mass*w30
-    w39 = a_y_rod_2*rod_2_mass
-    w40 = rod_2_centre_x*c_rod_2
-    w41 = a_x_rod_2*rod_2_mass
-    w42 = rod_2_centre_x*s_rod_2
-    inverse_det_a_x_piston_2 = w14
-    epsilon_rod_2 = s[6] = s[33] = inverse_det_a_x_piston_2*(bore_2_direction_x*w26 + bore_2_direction_y*w28)
-    w43 = epsilon_rod_2*((rod_2_centre_x*rod_2_centre_x)*rod_2_mass + rod_2_inertia) + w39*w40 - w41*w42
+    a_x_piston_1 = s[38] = inverse_det_v_x_piston_1*bore_1_direction_x*(-w12*w4 - w14)
+    w24 = a_x_piston_1*piston_1_mass - gas_1*gas_1_direction_x
+    a_y_piston_1 = s[39] = -inverse_det_v_x_piston_1*bore_1_direction_y*(w12*w4 + w14)
+    w25 = a_y_piston_1*piston_1_mass - gas_1*gas_1_direction_y
+    w26 = bore_1_direction_y*w25
+    w27 = rod_1_mass*w22
+    w28 = rod_1_mass*w20
+    w29 = a_y_rod_1*rod_2_mass
+    w30 = rod_2_centre_x*c_rod_2
+    w31 = a_x_rod_1*rod_2_mass
+    w32 = rod_2_centre_x*s_rod_2
+    epsilon_rod_2 = s[6] = s[33] = inverse_det_v_x_piston_2*(bore_2_direction_x*w17 - bore_2_direction_y*w16)
+    w33 = epsilon_rod_2*((rod_2_centre_x*rod_2_centre_x)*rod_2_mass + rod_2_inertia) + w29*w30 - w31*w32
     gas_2 = s[60] = table(main_coordinate - gas_2_offset, p, int(gas_2_table))
-    a_x_piston_2 = s[44] = inverse_det_a_x_piston_2*bore_2_direction_x*(-w12*w25 - w27)
-    w44 = a_x_piston_2*piston_2_mass - gas_2*gas_2_direction_x
-    a_y_piston_2 = s[45] = -inverse_det_a_x_piston_2*bore_2_direction_y*(-w12*w28 + w27)
-    w45 = a_y_piston_2*piston_2_mass - gas_2*gas_2_direction_y
-    w46 = bore_2_direction_y*w45
-    w47 = rod_2_mass*w42
-    w48 = rod_2_mass*w40
-    w49 = crank_centre_x*crank_mass*w16
-    x_rod_1 = s[14] = w0
-    y_rod_1 = s[15] = w1
-    x_piston_1 = s[34] = span_rod_1_x + w0
-    y_piston_1 = s[35] = span_rod_1_y + w1
-    x_rod_2 = s[24] = w0
-    y_rod_2 = s[25] = w1
-    x_piston_2 = s[40] = span_rod_2_x + w0
-    y_piston_2 = s[41] = span_rod_2_y + w1
-    v_x_piston_1 = s[36] = -inverse_det_v_x_piston_1*bore_1_direction_x*w11
-    v_y_piston_1 = s[37] = -inverse_det_v_x_piston_1*bore_1_direction_y*w11
-    v_x_piston_2 = s[42] = -inverse_det_v_x_piston_2*bore_2_direction_x*w15
-    v_y_piston_2 = s[43] = -inverse_det_v_x_piston_2*bore_2_direction_y*w15
-    inverse_det_wrist_1_force_x = w10
-    wrist_1_force_x = s[50] = inverse_det_wrist_1_force_x*(-bore_1_direction_y*w33 - w8*(bore_1_direction_x*w34 + w36))
-    bore_1_normal = s[52] = inverse_det_wrist_1_force_x*(rod_1_length*s_rod_1*w34 - w33 - w35*w8)
-    wrist_1_force_y = s[51] = inverse_det_wrist_1_force_x*(bore_1_direction_x*w33 + w9*(-bore_1_direction_x*w34 - w36))
-    pin_1_force_x = s[48] = -epsilon_rod_1*w37 + wrist_1_force_x - w19*w38 + w31
-    inverse_det_wrist_2_force_x = w14
-    wrist_2_force_x = s[55] = inverse_det_wrist_2_force_x*(-bore_2_direction_y*w43 - w12*(bore_2_direction_x*w44 + w46))
-    bore_2_normal = s[57] = inverse_det_wrist_2_force_x*(rod_2_length*s_rod_2*w44 - w12*w45 - w43)
-    wrist_2_force_y = s[56] = inverse_det_wrist_2_force_x*(bore_2_direction_x*w43 + w13*(-bore_2_direction_x*w44 - w46))
-    pin_2_force_x = s[53] = -epsilon_rod_2*w47 + wrist_2_force_x - w24*w48 + w41
-    main_force_x = s[46] = -cos_main*w49 + pin_1_force_x + pin_2_force_x
-    pin_1_force_y = s[49] = epsilon_rod_1*w38 + wrist_1_force_y - w19*w37 + w29
-    pin_2_force_y = s[54] = epsilon_rod_2*w48 + wrist_2_force_y - w24*w47 + w39
-    main_force_y = s[47] = pin_1_force_y + pin_2_force_y - sin_main*w49
-    main_drive = s[58] = -pin_1_force_x*w1 + pin_1_force_y*w0 - pin_2_force_x*w1 + pin_2_force_y*w0
+    a_x_piston_2 = s[44] = inverse_det_v_x_piston_2*bore_2_direction_x*(-w16*w7 - w18)
+    w34 = a_x_piston_2*piston_2_mass - gas_2*gas_2_direction_x
+    a_y_piston_2 = s[45] = -inverse_det_v_x_piston_2*bore_2_direction_y*(w16*w7 + w18)
+    w35 = a_y_piston_2*piston_2_mass - gas_2*gas_2_direction_y
+    w36 = bore_2_direction_y*w35
+    w37 = rod_2_mass*w32
+    w38 = rod_2_mass*w30
+    w39 = crank_centre_x*crank_mass*w10
+    x_piston_1 = s[34] = span_rod_1_x + x_rod_1
+    y_piston_1 = s[35] = span_rod_1_y + y_rod_1
+    x_piston_2 = s[40] = span_rod_2_x + x_rod_1
+    y_piston_2 = s[41] = span_rod_2_y + y_rod_1
+    v_x_piston_1 = s[36] = -inverse_det_v_x_piston_1*bore_1_direction_x*w6
+    v_y_piston_1 = s[37] = -inverse_det_v_x_piston_1*bore_1_direction_y*w6
+    v_x_piston_2 = s[42] = -inverse_det_v_x_piston_2*bore_2_direction_x*w9
+    v_y_piston_2 = s[43] = -inverse_det_v_x_piston_2*bore_2_direction_y*w9
+    wrist_1_force_x = s[50] = inverse_det_v_x_piston_1*(-bore_1_direction_y*w23 - w4*(bore_1_direction_x*w24 + w26))
+    bore_1_normal = s[52] = inverse_det_v_x_piston_1*(rod_1_length*s_rod_1*w24 - w23 - w25*w4)
+    wrist_1_force_y = s[51] = inverse_det_v_x_piston_1*(bore_1_direction_x*w23 + w5*(-bore_1_direction_x*w24 - w26))
+    pin_1_force_x = s[48] = -epsilon_rod_1*w27 + wrist_1_force_x - w11*w28 + w21
+    wrist_2_force_x = s[55] = inverse_det_v_x_piston_2*(-bore_2_direction_y*w33 - w7*(bore_2_direction_x*w34 + w36))
+    bore_2_normal = s[57] = inverse_det_v_x_piston_2*(rod_2_length*s_rod_2*w34 - w33 - w35*w7)
+    wrist_2_force_y = s[56] = inverse_det_v_x_piston_2*(bore_2_direction_x*w33 + w8*(-bore_2_direction_x*w34 - w36))
+    pin_2_force_x = s[53] = -epsilon_rod_2*w37 + wrist_2_force_x - w15*w38 + w31
+    main_force_x = s[46] = -cos_main*w39 + pin_1_force_x + pin_2_force_x
+    pin_1_force_y = s[49] = epsilon_rod_1*w28 + wrist_1_force_y - w11*w27 + w19
+    pin_2_force_y = s[54] = epsilon_rod_2*w38 + wrist_2_force_y - w15*w37 + w29
+    main_force_y = s[47] = pin_1_force_y + pin_2_force_y - sin_main*w39
+    main_drive = s[58] = -pin_1_force_x*y_rod_1 + pin_1_force_y*x_rod_1 - pin_2_force_x*y_rod_1 + pin_2_force_y*x_rod_1
     rod_1_link_a_x = s[2] = a_x_rod_1*c_rod_1 + a_y_rod_1*s_rod_1
     rod_1_link_a_y = s[3] = -a_x_rod_1*s_rod_1 + a_y_rod_1*c_rod_1
     rod_1_link_P_0 = s[4] = -c_rod_1*pin_1_force_x - pin_1_force_y*s_rod_1
-    rod_2_link_a_x = s[7] = a_x_rod_2*c_rod_2 + a_y_rod_2*s_rod_2
-    rod_2_link_a_y = s[8] = -a_x_rod_2*s_rod_2 + a_y_rod_2*c_rod_2
+    rod_2_link_a_x = s[7] = a_x_rod_1*c_rod_2 + a_y_rod_1*s_rod_2
+    rod_2_link_a_y = s[8] = -a_x_rod_1*s_rod_2 + a_y_rod_1*c_rod_2
     rod_2_link_P_0 = s[9] = -c_rod_2*pin_2_force_x - pin_2_force_y*s_rod_2
     s[13] = main_speed
 

@@ -4,6 +4,7 @@ import ast
 import hashlib
 import importlib
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -22,7 +23,7 @@ from kaneflex.derive.__main__ import modules
 from kaneflex.derive.beam import beam_element
 from kaneflex.derive.packs import CALLED
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
-from kaneflex.generated.packs import fill, pack
+from kaneflex.generated.packs import fill, pack, unpacked
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.structure import coupled_hash
@@ -169,6 +170,13 @@ def test_every_kernel_is_printed_once():
         for kernel, node in functions(name).items():
             if kernel in ELEMENT_KERNELS or kernel.startswith("table"):
                 assert where.setdefault(ast.unparse(node), name) == name, f"{kernel} of {name}"
+
+
+def test_no_number_has_two_names():
+    """What kernels share is neither another symbol nor its negative, and no name of theory stands for one of it."""
+    for path in FOLDER.glob("*.py"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            assert not re.fullmatch(r" +(w\d+ = (.* = )?-?[^\W\d]\w*|[^\W\d]\w* = (.* = )?w\d+)", line), (path, line)
 
 
 # ---- only what the scene requires -------------------------------------------------------------------------------
@@ -363,6 +371,24 @@ def test_numbers_are_stored_together_wherever_they_lie(order, compiled):
     (njit(stored) if compiled else stored)(out, row)
     assert out.ravel().tolist() == [0.0] * out.shape[1] + [1.5, 2.5] + [0.0] * (out.size - out.shape[1] - 2)
     assert row.tolist() == [0.0, 0.0, 3.5, 4.5, *[0.0] * (len(row) - 4)]
+
+
+@pytest.mark.parametrize("order", ["C", "apart", "float32"])
+@pytest.mark.parametrize("compiled", [True, False])
+def test_numbers_are_read_together_wherever_they_lie(order, compiled):
+    """From the first one, or from a place that is told when the kernel runs."""
+
+    def weighed(row, start):
+        a, _, c = unpacked(row, 3)
+        d, e = unpacked(row, 2, 2 * start + 1)
+        return a + 10.0 * c + 100.0 * d + 1000.0 * e
+
+    row = np.arange(1.0, 9.0)
+    if order == "apart":
+        row = np.repeat(row, 2)[::2]
+    if order == "float32":
+        row = row.astype(np.float32)
+    assert (njit(weighed) if compiled else weighed)(row, 2) == 1 + 30 + 600 + 7000
 
 
 @pytest.mark.parametrize("order", ["C", "F", "apart", "float32"])

@@ -2,12 +2,14 @@
 
 import ast
 import math
+import re
 
 import numpy as np
 import pytest
 import sympy as sm
 
 from kaneflex.derive import StructurallySingular, derive_equations, lookups_numba
+from kaneflex.derive.bracketed import bracketed
 from kaneflex.derive.emit import Kernel, NumbaPrinter, print_kernel
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.linear import determinant, solve_blocks
@@ -20,6 +22,7 @@ from kaneflex.derive.program import (
 )
 from kaneflex.derive.steps import Steps
 from kaneflex.generated import laws
+from kaneflex.generated.packs import unpacked
 from kaneflex.scene import read_scene
 from kaneflex.scene.laws import FUNCTIONS, ON_ARRAYS, parse_law
 
@@ -82,6 +85,30 @@ def test_sharing_finds_what_assignments_and_outputs_have_in_common():
 def test_sharing_keeps_the_names_that_theory_gave():
     program = Program("p", INPUTS, ((x, a * b + c), (y, (a * b) ** 2)), (("out[0]", x + y),))
     assert {x, y} <= {symbol for symbol, _ in share(program).assignments}
+
+
+def test_what_is_shared_goes_by_the_first_name_that_theory_has_for_it():
+    steps = ((x, a * b), (y, sm.sin(a * b)), (z, a * b))
+    program = share(Program("p", INPUTS, steps, (("out[0]", y + z), ("out[1]", a * b), ("out[2]", sm.cos(y)))))
+    assert program.assignments == ((x, a * b), (y, sm.sin(x)))
+    assert [value for _, value in program.outputs] == [x + y, x, sm.cos(y)]
+
+
+def test_a_negative_that_is_shared_has_no_name_but_theory_s():
+    outputs = (("out[0]", c - a), ("out[1]", c - a * b))
+    shared, _ = sm.cse([value for _, value in outputs], order="canonical")
+    assert [value for _, value in shared] == [-c]  # SymPy's own sharing gives it one
+    assert share(Program("p", INPUTS, (), outputs)).assignments == ()
+    named = share(Program("p", INPUTS, ((x, -a * b),), (("out[0]", a * b), ("out[1]", x + c))))
+    assert {x} <= {symbol for symbol, _ in named.assignments}
+
+
+def test_entries_between_brackets_are_not_broken():
+    entries = [f"{name}=-{k} / 'some - words'" for k, name in enumerate("abcdefgh")]
+    first, *lines, last = bracketed("f(", entries, ")", 60).split("\n")
+    assert (first, last) == ("f(", ")") and len(lines) > 3 and max(map(len, lines)) <= 60
+    assert [entry for line in lines for entry in line.strip().removesuffix(",").split(", ")] == entries
+    assert bracketed("f(", entries[:1], ")", 60) == f"f({entries[0]})"
 
 
 def test_sharing_inlines_what_is_a_number_or_another_symbol():
@@ -185,13 +212,24 @@ def test_a_printed_kernel_reads_what_it_uses_and_stores_what_is_not_zero():
     program = Program("p", (*INPUTS, z), ((x, a * b),), (("out[0]", x + c), ("out[1]", sm.S.Zero)))
     reads = tuple((symbol, f"p[{k}]") for k, symbol in enumerate((a, b, c, z)))
     text = print_kernel(Kernel(program, ("p", "out"), reads, "Doc."))
-    assert "out[1]" not in text and "z = " not in text
-    scope = {"njit": lambda **options: lambda function: function, "OPTIONS": {}, "math": math}
+    assert "out[1]" not in text and not re.search(r"\bz\b", text)
+    scope = {"njit": lambda **options: lambda function: function, "OPTIONS": {}, "math": math, "unpacked": unpacked}
     exec(text, scope)  # our own text
     out = [0.0, 0.0]
     scope["p"]([2.0, 3.0, 4.0, 5.0], out)
     assert out == [10.0, 0.0]
     assert scope["p"].__doc__ == "Doc."
+
+
+def test_a_printed_kernel_reads_from_where_its_numbers_begin():
+    """From the first one that it asks for on, and alone what stands alone."""
+    reads = ((a, "p[k + 1]"), (x, "p[k + 2]"), (b, "p[k + 3]"), (c, "q[9 * i]"), (z, "q[9 * i + 1]"))
+    program = Program("p", (*INPUTS, x, z), (), (("value", a + 10 * b + 100 * c),))
+    text = print_kernel(Kernel(program, ("p", "k", "q", "i"), reads, "Doc.", returns=True))
+    assert "a, _, b = unpacked(p, 3, k + 1)\n" in text and "c = q[9 * i]\n" in text
+    scope = {"njit": lambda **options: lambda function: function, "OPTIONS": {}, "unpacked": unpacked}
+    exec(text, scope)  # our own text
+    assert scope["p"]([0.0, 0.0, 0.0, 1.0, 0.0, 2.0], 2, [0.0] * 9 + [3.0], 1) == 321.0
 
 
 # ---- linear systems ---------------------------------------------------------------------------------------------

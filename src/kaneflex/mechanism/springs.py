@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from kaneflex.mechanism.parts import Spring
-from kaneflex.mechanism.planar import Number, Vector, dot
+from kaneflex.mechanism.planar import Number
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
@@ -22,9 +22,9 @@ def is_directed(spring: Spring) -> bool:
     return not (spring.free == 0 and spring.damping == 0)
 
 
-def rate_of_length(gap: Vector, gap_rate: Vector, length: Number) -> Number:
-    """L' = d . d' / L."""
-    return dot(gap, gap_rate) / length
+def rate_of_length(gap: Sequence[Number], gap_rate: Sequence[Number], length: Number) -> Number:
+    """L' = d . d' / L, in the plane or in space."""
+    return sum(part * rate for part, rate in zip(gap, gap_rate, strict=True)) / length
 
 
 def drag(spring: Spring, rate: Number) -> Number:
@@ -42,7 +42,7 @@ def potential(spring: Spring, now: Number) -> Number:
     return spring.stiffness * (now - spring.free) ** 2 / 2
 
 
-def force(spring: Spring, gap: Vector, pull: Number, length: Number) -> Vector:
+def force(spring: Spring, gap: Sequence[Number], pull: Number, length: Number) -> tuple[Number, ...]:
     """Global force on the second point by the tension T: -T d / L, or -k d where that needs no direction."""
     if not is_directed(spring):
         return tuple(-spring.stiffness * part for part in gap)

@@ -19,6 +19,7 @@ from typing import Any
 from numba import types
 from numba.core.dispatcher import Dispatcher
 
+from kaneflex.generated.packs import unpacked
 from kaneflex.multibody import tables
 from kaneflex.multibody.c_text import NAMES, WIDTH, declared, safe, type_name, wider
 from kaneflex.multibody.printed_expressions import OPERATORS, Expressions
@@ -189,6 +190,10 @@ class _Written(Expressions):
         """Several at once: in their order, where no value asks for what was assigned before it, else by copies."""
         if len(node.targets) > 1:
             self.refuse(node)
+        value = node.value
+        if isinstance(value, ast.Call) and isinstance(value.func, ast.Name) and self._object(value.func) is unpacked:
+            self._read(targets, *value.args)
+            return
         if not isinstance(node.value, ast.Tuple):
             text, kind = self.expression(node.value)
             if not isinstance(kind, types.BaseTuple):
@@ -209,6 +214,15 @@ class _Written(Expressions):
         for target, (text, kind) in zip(targets, values, strict=True):
             self._take(target, kind)
             self._line(f"{self._place(target)} = {text};")
+
+    def _read(self, targets: Sequence[ast.expr], array: ast.expr, _: ast.expr, *start: ast.expr) -> None:
+        """Numbers of an array one by one, but those that go by ``_``."""
+        for k, target in enumerate(targets):
+            if not (isinstance(target, ast.Name) and target.id == "_"):
+                place = ast.BinOp(start[0], ast.Add(), ast.Constant(k)) if start else ast.Constant(k)
+                text, kind = self.expression(ast.Subscript(array, place))
+                self._take(target, kind)
+                self._line(f"{self._place(target)} = {text};")
 
     @staticmethod
     def _meet(targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> bool:
