@@ -10,7 +10,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import lost_stiffness
-from kaneflex.response.undersampling import between_steps
+from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import UserError
@@ -171,16 +171,15 @@ def few_steps(model: Model, lowest: float) -> list[str]:
     per_period = 1.0 / (lowest * model.step)
     if per_period >= FEWEST_STEPS:
         return []
-    wanted = int(model.options.steps * FEWEST_STEPS / per_period) + 1
+    cure = at_least(int(model.options.steps * FEWEST_STEPS / per_period) + 1, model.options)
     if model.coupled is not None:
         return [
             f"{per_period:.2g} stored instants in a period of the lowest mode ({lowest:.4g} Hz): the run follows free "
-            "vibrations between them, but neither its results nor their extremes show them; give solve.steps = "
-            f"{wanted} or more"
+            f"vibrations between them, but neither its results nor their extremes show them; {cure}"
         ]
     return [
         f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
-        f"resolved; give solve.steps = {wanted} or more, unless only the slow response matters"
+        f"resolved; {cure}, unless only the slow response matters"
     ]
 
 
