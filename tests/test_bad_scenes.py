@@ -304,6 +304,22 @@ BAD = {
         "[sensors]", '[springs]\nband = {between = ["crank.start", "crank.end"], stiffness = 1}\n[sensors]',
         "springs.band.between = ['crank.start', 'crank.end']: both ends are on the same body. "
         "Name points of two bodies."),
+    "spring across a pin": (
+        "[sensors]", '[springs]\nband = {between = ["rod.start", "crank.end"], damping = 1}\n[sensors]',
+        "springs.band.between = ['rod.start', 'crank.end']: joint pin keeps its points together, where length and "
+        "damping have no direction. Move one of the points, give stiffness alone, or write torsional_at for a spring "
+        "that turns."),
+    "mass of nothing": (
+        "[sensors]", '[masses]\nlump = {at = "rod.mid"}\n[sensors]',
+        "masses.lump: neither mass nor inertia. Give at least one of them."),
+    "I beside J": (
+        'I = "7008 mm^4"', 'I = "7008 mm^4", J = "1 mm^4"',
+        "bodies.rod.beam.I = '7008 mm^4': a section in space has I_y, I_z and J, one in the plane I alone. "
+        "Leave I out in space, J in the plane."),
+    "J alone": (
+        'I = "7008 mm^4"', 'J = "1 mm^4"',
+        "bodies.rod.beam.I_y: missing: a section in space has I_y, I_z and J, one in the plane I alone. "
+        "Give all three in space, I in the plane."),
     "spring to nowhere": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.ende"], stiffness = 1}\n[sensors]',
         "springs.band.between = 'crank.ende': crank has no point 'ende'. The nearest known one is 'end'."),

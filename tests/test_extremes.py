@@ -10,7 +10,7 @@ from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
 from extremes import METHODS, Case, Ending, attempt, judge
 from runs import derived_on_the_fly, model, run
 
-from kaneflex.response.undersampling import between_steps
+from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.scene import scene_of
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
@@ -126,6 +126,13 @@ def test_a_table_whose_curve_overshoots_is_named(tmp_path):
 def test_steps_of_whole_turns_are_named():
     said = between_steps(model("engine", "solve.preset=paper", "main.speed=600000 rpm", "solve.steps=400"))
     assert said[0].startswith("main turns by 360 deg in a step") and "give solve.steps = 5027 or more" in said[0]
+
+
+def test_steps_that_no_run_can_have_are_not_asked_for():
+    options = model("engine", "solve.preset=paper").options
+    assert at_least(10**9, options) == "give solve.steps = 1000000000 or more"
+    shorter = f"give solve.duration = {options.duration / 1e3:.2g} s or less and more of solve.steps"
+    assert at_least(10**12, options) == shorter
 
 
 STILL = ("bodies.piston.mass=1e6 kg", "loads.gas=none", "damping=none", "solve.start=zero")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.plausible import implausible, stubby_links
 
 SCENES = [Path(entry.name) for entry in files("kaneflex.scenes").iterdir()]
@@ -22,6 +22,9 @@ STUBBY = {"engine-elastic-crank", "engine-paper"}
     ("four-bar", ["coupler.E=71"], "bodies.coupler.beam.E = 71 Pa is that of no material"),
     ("four-bar", ["coupler.rho=0.05"], "bodies.coupler.beam.rho = 0.05 kg/m^3 is that of no material"),
     ("four-bar", ["coupler.rho=2.7"], "bodies.coupler.beam: sound would travel at 1.62e+05 m/s in it"),
+    ("engine", ["rod.I=7008"], "bodies.rod.beam.I = 7008 m^4 is a section some 9.15 m wide, of a link 0.137 m long"),
+    ("engine", ["rod.beam.I=none", "rod.mass=none", 'rod.beam.section={rectangle = ["20 mm", "8 mm"]}',
+     "rod_mid_strain.fibre=11 mm"], "sensors.rod_mid_strain.fibre: 0.011 m from the axis is outside of the section at"),
     ("engine", ["gravity=[0, -9810]"], "gravity is 9810 m/s^2, where the earth's is 9.81"),
     ("engine", ["crank.inertia=300.0"], "bodies.crank.inertia = 300 kg m^2 of 0.952 kg"),
     ("spatial-slider-crank", ["rod.inertia=[1.0, 4000.0, 4000.0]"], "bodies.rod.inertia = 4000 kg m^2"),
@@ -70,3 +73,17 @@ def test_beams_that_are_none_are_noted():
     assert not noted(5.0 * gyration, *shear) and not noted(10.1 * gyration)
     (note,) = noted(2.5 * gyration, *shear)
     assert "no beam by any theory" in note
+
+
+@pytest.mark.parametrize(("fibre", "told"), [([0.0, 0.05], "is 0.01 m wide"), ([0.05, 0.0], "is 0.03 m high")])
+def test_a_gauge_beside_its_section_is_warned_of_in_space(fibre, told):
+    scene = scene_of({
+        "schema": 1,
+        "bodies": {"bar": {"length": 1, "beam": {"material": "steel", "section": {"rectangle": [0.03, 0.01]}}}},
+        "joints": {"root": {"revolute": ["ground", "bar.start"], "axis": [0, 0, 1]}},
+        "drives": {"root": {"speed": 1}},
+        "sensors": {"gauge": {"strain": "bar.mid", "fibre": fibre}},
+        "solve": {"duration": 1},
+    })  # fmt: skip
+    (warning,) = implausible(scene)
+    assert told in warning

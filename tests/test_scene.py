@@ -11,7 +11,7 @@ import pint
 import pytest
 
 import kaneflex
-from kaneflex.scene import json_schema, read_scene, shipped_scenes, with_settings
+from kaneflex.scene import json_schema, read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.read import _validated
 from kaneflex.support.errors import SceneError
@@ -185,6 +185,8 @@ def test_settings_by_short_and_long_paths():
     assert scene.solve.steps == 720 and scene.gravity == (0, -9.81)
     assert engine.bodies["rod"].beam.elements == 4 and engine.solve.steps is None
     assert with_settings(scene, ["rod.elements=2"]).solve.steps == 720
+    lump = scene_of({"schema": 1, "like": "engine", "masses": {"lump": {"at": "rod.mid", "mass": 0.1}}})
+    assert with_settings(lump, ["lump.mass=50 g"]).masses["lump"].mass == 0.05
 
 
 @pytest.mark.parametrize("name", ["engine", "engine-rig-clearance", "four-bar-motor", "double-pendulum", "stick-slip"])

@@ -129,8 +129,12 @@ def test_a_spring_pulls_points_that_meet_if_it_needs_no_direction(tmp_path):
     assert solved(scene_of(tmp_path, ("[sensors]", spring)))["angle"].values == pytest.approx(
         alone["angle"].values, abs=1e-9
     )
+    damped = spring.replace("10}", "10, damping = 1}")
+    with pytest.raises(SceneError, match=r"springs.coil.between.*joint hinge keeps its points together"):
+        scene_of(tmp_path, ("[sensors]", damped))
+    seat = "[ground]\nseat = [0, 0, 0]\n" + damped.replace('"ground"', '"ground.seat"')
     with pytest.raises(SceneError, match=r"springs.coil.between.*its points meet"):
-        load(scene_of(tmp_path, ("[sensors]", spring.replace("10}", "10, damping = 1}"))))
+        load(scene_of(tmp_path, ("[sensors]", seat)))
 
 
 FOUR_BAR = """

@@ -209,6 +209,7 @@ GOOD = ["x,F", "0,1", "90,3", "180,5", "360,1"]
     ([*GOOD[:2], "90", *GOOD[3:]], "t.csv, line 3: '' is not a finite number"),
     ([*GOOD[:2], "200,3", *GOOD[3:]], "t.csv, line 4: 180 does not rise above 200"),
     ([*GOOD[:2], "0,3", *GOOD[3:]], "t.csv, line 3: 0 does not rise above 0"),
+    ([*GOOD[:2], "180,3,5", *GOOD[3:]], "t.csv, line 3: 3 cells under 2 columns"),  # 3,5 is 3.5 in many countries
 ])  # fmt: skip
 def test_bad_files(tmp_path, lines, reason):
     path = tmp_path / "t.csv"

@@ -213,6 +213,10 @@ class Model:
         """Spin and Euler stiffness at time t [s], with T' and T'' of the joints where the preset keeps them; (n, n)."""
         return self._at("K_d", t)
 
+    def K_c(self, t: float) -> np.ndarray:
+        """Stiffness by damping that turns with the links, at time t [s], shape (n, n)."""
+        return self._at("K_c", t)
+
     def K_g(self, t: float) -> np.ndarray:
         """Geometric stiffness by the axial forces at time t [s], shape (n, n)."""
         return self._at("K_g", t)

@@ -26,7 +26,7 @@ from kaneflex.multibody.impulses import answer
 from kaneflex.multibody.rows import works_at
 from kaneflex.multibody.sticking import LET_GO, lets_go, no_rate, no_speed
 from kaneflex.multibody.tables import (
-    ACTS, ALONG, BEFORE, BEGUN_AT, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LAST_R, LIMIT, MODE, NOW,
+    ACTS, ALONG, BEFORE, BEGUN_AT, BORE, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LAST_R, LIMIT, MODE, NOW,
     NUMBERS_AT, OPTIONS, PLACE, REACTION, REACTIONS, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart,
     larger, of_holds, smaller,
 )  # fmt: skip
@@ -46,7 +46,7 @@ _ROUNDING = 1e-12
 @njit(**OPTIONS)
 def gather(m, touching):
     """List, after so many contacts that touch, what may stick or slip beside them; how many. BEFORE is how they stood,
-    and DUE says where one is to let go by its force."""
+    and DUE says where one is to let go, BORE by what force."""
     apart()
     plan, w, found = m.plan, m.w, touching
     for n in range(-count(m), 0):
@@ -60,7 +60,7 @@ def gather(m, touching):
         w[vector(m, OLD) + found] = 0.0 if stuck else w[k + SLIP]
         w[k + BEFORE], w[k + MODE] = w[k + MODE], IDLE
         if stuck and w[k + DUE] > 0.0:
-            w[k + DUE] = LET_GO - abs(w[k + HOLDING])
+            w[k + DUE], w[k + BORE] = LET_GO, abs(w[k + HOLDING])
         if presses >= -1:
             m.pivots[listed(m) + found] = n
             w[vector(m, PRESSES) + found] = presses

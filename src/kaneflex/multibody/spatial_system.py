@@ -299,12 +299,13 @@ class SpatialSystem:
 
     @cached_property
     def measure(self) -> np.ndarray:
-        """What counts as one in each speed: 1 rad, or the mechanism's size."""
+        """What counts as one in each speed: 1 rad, of shapes of twist, too, or the mechanism's size."""
         found = np.ones(self.speeds)
         for kind, speed in self.tables.nodes[:, [KIND, SPEED]].tolist():
             if SPEEDS[kind] == 1 and kind != TURN:
                 found[speed] = self.mechanism.size
-        found[self.modal_speeds] = self.mechanism.size
+        twisting = [shapes.twisting for shapes in self.layout.shapes.values()]
+        found[self.modal_speeds] = np.where(np.concatenate([np.zeros(0, bool), *twisting]), 1.0, self.mechanism.size)
         return found
 
     @cached_property

@@ -17,10 +17,10 @@ from kaneflex.multibody.holds import (
 )  # fmt: skip
 from kaneflex.multibody.loops import follow, hold_now, mend, middle
 from kaneflex.multibody.tables import (
-    ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, DRIVES, DUE,
-    EXTENT, FIRMEST, FRAME, FRAME_SIZE, GRAVITY, HOLDING, IN_A_ROW, KEPT, LIMIT, MODE, NODES, NORMAL, NOW, NUMBERS_AT,
-    OPTIONS, PIVOTS, PLACE, RATE, ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH, TURN, WANTED,
-    WHAT, Y, YIELDING, apart, larger, of_holds,
+    ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, BORE, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT,
+    DRIVES, DUE, EXTENT, FIRMEST, FRAME, FRAME_SIZE, GRAVITY, HOLDING, IN_A_ROW, KEPT, LIMIT, MODE, NODES, NORMAL, NOW,
+    NUMBERS_AT, OPTIONS, PIVOTS, PLACE, RATE, ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH,
+    TURN, WANTED, WHAT, Y, YIELDING, apart, larger, of_holds,
 )  # fmt: skip
 
 _EPS = 2.3e-16
@@ -31,8 +31,7 @@ _WRONG = 1e-9
 _SHORT, _ALIKE = 1e-6, 1e-9
 """Shares of what holds by which what is to let go may be short of it, as a step found it, and others' shares differ."""
 LET_GO = -2.0
-"""DUE of what has been stuck and is to let go, where that is decided, is this less the force that it exerted; of all
-others without speed -1."""
+"""DUE of what has been stuck and is to let go, where that is decided; of all others without speed -1."""
 _STILL = 1e-11
 """Speed of nothing, in sizes of the mechanism, or rad, a second: what a hold shows whom others keep still."""
 _CANDIDATES = 6
@@ -255,7 +254,7 @@ def _stand(m, n, t):
         if w[m.plan[TOUCH] + IN_A_ROW] > 0.0 and not shifts and before != IDLE:
             w[k + MODE] = before  # it has let go just before others do
     elif shifts:
-        w[k + DUE] = LET_GO - abs(w[k + HOLDING])
+        w[k + DUE], w[k + BORE] = LET_GO, abs(w[k + HOLDING])
     return 1
 
 
@@ -278,7 +277,7 @@ def _share(m, t, A):
             bears, share = abs(w[k + HOLDING]), abs(w[k + HOLDING]) / (w[k + LIMIT] + no_force(m, n))
             if w[k + DUE] >= 0.0 or w[k + MODE] != STUCK:
                 continue
-            lets = w[k + DUE] <= LET_GO and bears >= (1.0 - _SHORT) * (LET_GO - w[k + DUE])
+            lets = w[k + DUE] <= LET_GO and bears >= (1.0 - _SHORT) * w[k + BORE]
             if turn == 0 and lets:
                 level = larger(level, share)
             elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):

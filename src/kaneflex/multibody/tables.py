@@ -93,6 +93,8 @@ its own is; the force that it exerted before; the largest g of bristles since it
 sticks; where it stuck, or how far its bristles are bent; what damps it; of the rate of bristles its derivatives by
 speed, by how they are bent (against it) and by what presses; when it first pressed its sides into each other. As of
 contacts, DUE and NODES follow; of bristles a node has speed, g, how they are bent, force."""
+BORE = FIRMEST
+"""Of a hold that sticks, which has no bristles: the force that it exerted where it is to let go."""
 (
     PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
     SHARED,

@@ -149,7 +149,7 @@ class Motion(ABC):
         return frame.place(np.reshape(at, (-1, 1)) + d)
 
     def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
-        """Of a global vector, (2, n_times), the components in the axes that sensors on a body have.
+        """Of a global vector, (2 or 3, n_times), the components in the axes that sensors on a body have.
 
         Those of a body that deforms turn with the rigid motion, those of one that others carry with it.
         """

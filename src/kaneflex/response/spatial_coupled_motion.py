@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.spatial_motion import SpatialMotion
@@ -64,7 +65,11 @@ class SpatialCoupledMotion(Motion):
         turned = np.einsum("jit,jkt->ikt", frame.axes, section.axes)
         return np.vstack([apart, rotation_vector(turned)])
 
-    @property
+    def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
+        deforms = body != GROUND and self.model.scene.bodies[body].deforms
+        return (self.beside if deforms else self.rigid).frame(body).to_body(vector)
+
+    @cached_property
     def beside(self) -> SpatialMotion:
         """The rigid mechanism at these instants."""
         return cast(CoupledKinematics, self._moving.motion).rigid.at(self.times)

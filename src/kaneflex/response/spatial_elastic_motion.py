@@ -43,6 +43,12 @@ class SpatialElasticMotion(ElasticMotion):
             np.vstack([part[:3] + np.cross(part[3:], arm[:, None], axis=0), part[3:]]) for part in moved
         ))  # fmt: skip
 
+    def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
+        own = self.rigid.frame(body).to_body(vector)
+        if body == GROUND or self.model.scene.bodies[body].deforms:
+            return own
+        return own - np.cross(self.displacement(body)[0][3:], own, axis=0)
+
     def section(self, link: str, x: float, after: bool = False) -> Section:
         if link in self.model.links:
             return self._elastic_section(link, x, after)

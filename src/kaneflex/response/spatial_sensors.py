@@ -68,7 +68,7 @@ class SpatialReader(Reader):
         if sensor.component.startswith("angle"):
             vector = angle
         if sensor.axes == "body":
-            vector = self.rigid.frame(address_of(sensor).body).to_body(vector)
+            vector = self.motion.seen_from(address_of(sensor).body, vector)
         return vector["xyz".index(sensor.component[-1])]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
@@ -161,6 +161,7 @@ class SpatialReader(Reader):
         part = "moment" if sensor.component.startswith("angle") else "force"
         vector = np.array([reaction(f"{name}.{part}_{axis}") for axis in "xyz"])
         if sensor.axes == "body":
-            vector = self.rigid.frame(sensor.body or second).to_body(vector)
+            on = sensor.body or second
+            vector = self.rigid.frame(on).to_body(vector) if of_rigid else self.motion.seen_from(on, vector)
         sign = -1.0 if sensor.body == first else 1.0
         return sign * vector["xyz".index(sensor.component[-1])]

@@ -7,6 +7,8 @@ import numpy as np
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.scene.quantities import MOST
 
 _SAMPLES = 60_000
 """Instants that are looked at, spread over the steps."""
@@ -16,6 +18,13 @@ _UNSEEN = 0.2
 """Change of a load or an angular speed between two steps beyond the straight line, as a share of its largest value."""
 _TURN = 0.5
 """Angle [rad] that a drive may turn in a step without a word."""
+
+
+def at_least(wanted: int, options: Options) -> str:
+    """The cure of too few steps in a run: as many as are wanted, or a shorter run where nobody can have as many."""
+    if wanted <= MOST:
+        return f"give solve.steps = {wanted} or more"
+    return f"give solve.duration = {options.duration * MOST / wanted:.2g} s or less and more of solve.steps"
 
 
 def between_steps(model: Model) -> list[str]:
@@ -36,8 +45,8 @@ def between_steps(model: Model) -> list[str]:
         if turned > _TURN and not scene.slides(name) and not drive.free:
             wanted = int(np.ceil(options.steps * turned / _TURN))
             found.append(
-                f"{name} turns by {np.degrees(turned):.3g} deg in a step: what happens in between is not seen; give "
-                f"solve.steps = {wanted} or more"
+                f"{name} turns by {np.degrees(turned):.3g} deg in a step: what happens in between is not seen; "
+                + at_least(wanted, options)
             )
     varying = {f"loads.{name}": name for name, load in scene.loads.items() if load.kind != "value"}
     speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in seen}

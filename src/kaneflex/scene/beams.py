@@ -48,11 +48,13 @@ class Sectioned(Made):
             if self.section is not None and getattr(self, field) is not None:
                 raise Fault("the shape of the section has its own", f"Leave {field} out", below=field)
         if any(given := [getattr(self, field) for field in _IN_SPACE]):
+            own = "a section in space has I_y, I_z and J, one in the plane I alone"
             if self.I is not None:
-                raise Fault("a section in space has I_y and I_z", "Leave I out", below="I")
+                beside = " and ".join(field for field, value in zip(_IN_SPACE, given, strict=True) if value)
+                raise Fault(own, f"Leave I out in space, {beside} in the plane", below="I")
             if None in given:
                 missing = _IN_SPACE[given.index(None)]
-                raise Fault("missing", "A section in space has I_y, I_z and J: give all three", below=missing)
+                raise Fault(f"missing: {own}", "Give all three in space, I in the plane", below=missing)
         for field in ("A", "I"):
             if getattr(self, f"{field}_end") is not None and getattr(self, field) is None:
                 raise Fault(f"no {field} to start from", f"Give {field}, too", below=f"{field}_end")

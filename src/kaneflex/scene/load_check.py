@@ -78,6 +78,8 @@ def _distributed(scene: Scene, key: str, body: str) -> Iterator[Problem]:
 
 
 def spring_problems(scene: Scene) -> Iterator[Problem]:
+    joints = scene.joints.items()
+    together = {frozenset(map(str, joint.addresses)): name for name, joint in joints if joint.keeps_together}
     for name, spring in scene.springs.items():
         key, kind = f"springs.{name}", "bushing" if spring.bushing else "between"
         for end in spring.ends:
@@ -86,6 +88,11 @@ def spring_problems(scene: Scene) -> Iterator[Problem]:
             if body is not None and body.elastic and body.beam.axially_rigid:
                 cure = "Leave axially_rigid out, or attach the spring elsewhere"
                 yield Problem(f"{key}.{kind}", str(end), f"{end.body} is axially rigid", cure)
+        held = together.get(frozenset(map(str, spring.between or ())))
+        if held is not None and (spring.length or spring.damping):
+            reason = f"joint {held} keeps its points together, where length and damping have no direction"
+            cure = "Move one of the points, give stiffness alone, or write torsional_at for a spring that turns"
+            yield Problem(f"{key}.between", [*map(str, spring.ends)], reason, cure)
         if spring.torsional_at is not None:
             yield from _torsional(scene, f"{key}.torsional_at", spring.torsional_at)
 

@@ -121,6 +121,11 @@ class Joint(SceneTable):
         """Whether its clearance is in its angle alone: it holds its two points together all the same."""
         return self.clearance is not None and self.clearance.angle is not None
 
+    @property
+    def keeps_together(self) -> bool:
+        """Whether its two points are one."""
+        return self.kind not in ("prismatic", "cylindrical") and (self.clearance is None or self.has_backlash)
+
     def _check_friction(self, kind: str, friction: Friction) -> None:
         if self.clearance is not None and not self.has_backlash:
             raise Fault("a joint with a clearance has no force of its own", "Give clearance.friction", below="friction")
@@ -156,6 +161,12 @@ class Mass(SceneTable):
     at: AddressField
     mass: NonNegativeMass = 0.0
     inertia: BodyInertia = 0.0
+
+    @model_validator(mode="after")
+    def _something(self) -> Mass:
+        if not self.model_fields_set & {"mass", "inertia"}:
+            raise Fault("neither mass nor inertia", "Give at least one of them")
+        return self
 
 
 class Load(SceneTable):

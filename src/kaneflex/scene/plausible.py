@@ -31,6 +31,8 @@ _FAR = 30.0
 _STUBBY, _STUBBIEST = 10.0, 3.0
 """Slenderness, length over radius of gyration, below which shear adds a tenth and more to the bending of a cantilever,
 and below which a beam by any theory is none."""
+_STOUT = 10.0
+"""Times its link's length that a section may be wide, by the roots of its area and second moments, without a word."""
 _ROUNDED = 1e-3
 """Share by which sums of rounded numbers may be off without a word."""
 _BEYOND_ROWS = 0.02
@@ -41,9 +43,9 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     """Warnings of what is read from the scene alone: numbers in a wrong unit, and tables' curves where no row is."""
     long = _long_links(scene)
     apart = () if long else _far_apart(scene)
-    read = (_materials, _torsion, _speeds, _gravity, _inertias, _damping)
+    read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _damping, _cuts, _fibres)
     found = (apart, *(each(scene) for each in read))
-    return (*long, *(text for each in found for text in each), *_cuts(scene), *_overshooting_tables(scene))
+    return (*long, *(text for each in found for text in each), *_overshooting_tables(scene))
 
 
 def _cuts(scene: Scene) -> Iterator[str]:
@@ -60,6 +62,28 @@ def _cuts(scene: Scene) -> Iterator[str]:
         if x in scene.acted_on(address.body) or changes:
             why = "the section changes" if changes else "something acts"
             yield f'{name} is read just before {address}, where {why}: give it cut = "before", or "after"'
+
+
+def _fibres(scene: Scene) -> Iterator[str]:
+    """Strain gauges outside of a section whose shape is known: at more than half its height, in space or its width."""
+    for name, sensor in scene.sensors.items():
+        if sensor.fibre is None:
+            continue
+        address = sensor.target
+        assert isinstance(address, Address)
+        body, x = scene.bodies[address.body], scene.point(address)[0]
+        piece = body.profile.piece_at(x, sensor.cut == "after") if body.beam is not None else None
+        if piece is None or piece.shape is None:
+            continue
+        height, second = (*piece.dimensions(x), 0.0)[:2]
+        sides = (height, second if piece.shape.kind in ("rectangle", "I") else height)
+        fibre = sensor.fibre if isinstance(sensor.fibre, tuple) else (sensor.fibre,)
+        for at, side, of in zip(fibre, sides, ("high", "wide"), strict=False):
+            if abs(at) > 0.5 * (1.0 + _ROUNDED) * side:
+                yield (
+                    f"sensors.{name}.fibre: {at:.4g} m from the axis is outside of the section at {address}, which is "
+                    f"{side:.4g} m {of}"
+                )
 
 
 def stubby_links(scene: Scene) -> Iterator[str]:
@@ -140,6 +164,21 @@ def _materials(scene: Scene) -> Iterator[str]:
                     f"{where}: sound would travel at {sound:.3g} m/s in it, by E = {E:.4g} Pa and rho = {rho:.4g} "
                     "kg/m^3, as in no material; steel has '210 GPa' and '7850 kg/m^3'"
                 )
+
+
+def _sections(scene: Scene) -> Iterator[str]:
+    """Warnings of sections that are far wider than their link is long, as one whose I in mm^4 has no unit."""
+    for name, body in scene.bodies.items():
+        if body.beam is None or body.length is None:
+            continue
+        for key, part in body.beam.sections.items():
+            for field, root, unit in (("A", 2, "m^2"), ("I", 4, "m^4"), ("I_y", 4, "m^4"), ("I_z", 4, "m^4")):
+                given = getattr(part, field) or 0.0
+                if (wide := given ** (1.0 / root)) > _STOUT * body.length:
+                    yield (
+                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} is a section some {wide:.3g} m wide, of a "
+                        f"link {body.length:.4g} m long: a plain number is in {unit}"
+                    )
 
 
 def _torsion(scene: Scene) -> Iterator[str]:

@@ -46,7 +46,7 @@ _SQUARE = 1e-6
 """Cosine up to which two axes are taken to be at right angles."""
 _ROUNDING = 1e-9
 """Relative; of numbers that a user rounded."""
-_MOST = 1_000_000_000
+MOST = 1_000_000_000
 """Largest count: its bytes alone would fill most memories."""
 
 
@@ -190,8 +190,8 @@ def _whole_number(value: object) -> int:
         raise Fault("not a whole number", "Write a whole number of one or more")
     if value < 1:
         raise Fault("too few", "Write a whole number of one or more")
-    if value > _MOST:
-        raise Fault(f"more than {_MOST:,}", "Write a smaller number")
+    if value > MOST:
+        raise Fault(f"more than {MOST:,}", "Write a smaller number")
     return value
 
 

@@ -252,6 +252,8 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
         reason, cure = "not a text", "Write it in quotes"
     elif error["type"] in ("tuple_type", "list_type"):
         reason, cure = "not a list", "Write it in brackets, like [...]"
+    elif error["type"] == "too_short":
+        reason, cure = "empty", f"Give at least {error['ctx']['min_length']}"
     elif error["type"] in ("bool_type", "bool_parsing"):
         reason, cure = "neither true nor false", "Write true or false, without quotes"
     else:

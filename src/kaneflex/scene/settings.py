@@ -12,7 +12,7 @@ from kaneflex.support.errors import SceneError, nearest
 
 _MOST_NAMES = 3
 """Names that a message lists at most."""
-_NAMED = ("bodies", "joints", "drives", "loads", "springs", "contacts", "sensors", "events")
+_NAMED = ("bodies", "joints", "drives", "masses", "loads", "springs", "contacts", "sensors", "events")
 """Top-level tables whose entries users name."""
 
 
@@ -106,7 +106,7 @@ def _other_path(raw: Mapping[str, Any], keys: list[str]) -> str:
     having = list(dict.fromkeys(owners))[:_MOST_NAMES]
     if having:
         return f"Write {' or '.join('.'.join([name, *keys[1:]]) for name in having)}"
-    return "Begin with the name of a body, joint, drive, load or sensor, or with solve"
+    return "Begin with the name of a body, joint, drive, mass, load or sensor, or with solve"
 
 
 def _or_rather(close: list[str]) -> str:

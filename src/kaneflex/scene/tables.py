@@ -152,8 +152,8 @@ def read_table(
     CSV file.
 
     The first line is a header; lines that start with # are skipped. Raises Fault, with `below` naming the
-    scene's key: file missing or empty, no header, no such column, cells that are no finite numbers, abscissae
-    that do not rise. A file is read anew only if it has changed.
+    scene's key: file missing or empty, no header, no such column or several, cells that are no finite numbers or
+    under no column, abscissae that do not rise. A file is read anew only if it has changed.
     """
     try:
         found = Path(path).stat()
@@ -176,7 +176,14 @@ def _read(
         raise Fault(f"{Path(path).name} has one column", "Give two columns separated by commas", below="table")
     if column is not None and column not in header:
         raise Fault(f"{Path(path).name} has no such column", nearest(column, header), below="column")
+    if column is not None and header.count(column) > 1:
+        reason = f"{Path(path).name} has {header.count(column)} columns of that name"
+        raise Fault(reason, "Name each column once", below="column")
     at = 1 if column is None else header.index(column)
+    for line, row in rows[1:]:
+        if any(cell.strip() for cell in row[len(header) :]):
+            reason = f"{Path(path).name}, line {line}: {len(row)} cells under {len(header)} columns"
+            raise Fault(reason, "Part cells by commas, and write decimals with a point", below="table")
     if len(rows) - 1 < _FEWEST_ROWS:
         reason = f"{Path(path).name} has {len(rows) - 1} rows of numbers"
         raise Fault(reason, f"Give at least {_FEWEST_ROWS}", below="table")

@@ -70,7 +70,8 @@ def _check_poles(scene: Scene, rigid: RigidMotion, known: Sequence[str]) -> None
 def _pole(rigid: RigidMotion, scalar: str) -> float | None:
     """Where a scalar has a pole [s], looked for where its neighbouring values part most.
 
-    There they part the further, the nearer they lie, to the last; over a jump by as much, elsewhere by less.
+    There they part the further, the nearer they lie, to the last; over a jump by as much, elsewhere by less. A pole
+    that is an instant itself, but for rounding, stands above both of its neighbours however near they are.
     """
     times, values = rigid.times, rigid[scalar]
     parted = abs(np.diff(values))
@@ -85,7 +86,13 @@ def _pole(rigid: RigidMotion, scalar: str) -> float | None:
             return float(times[np.isfinite(values).argmin()])
         if parted.max() < 2.0 / _POLE_PARTS * first:
             return None
-    return float(times[parted.argmax()]) if first and parted.max() > 2.0 * before else None
+    if not first:
+        return None
+    rise, fall = np.diff(values)[:-1], -np.diff(values)[1:]
+    alone = np.minimum(abs(rise), abs(fall)) * (rise * fall > 0.0)
+    if parted.max() > 2.0 * before:
+        return float(times[parted.argmax()])
+    return float(times[1 + alone.argmax()]) if alone.max() > 0.5 * parted.max() else None
 
 
 def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:

@@ -75,7 +75,7 @@ def _first_rates(model: Model) -> tuple[np.ndarray, np.ndarray]:
     weights = slopes @ np.linalg.inv(np.polynomial.chebyshev.chebvander(points, order[-1]))
     spans = model.options.duration * 0.5 ** np.arange(_HALVINGS)
     spread = 0.5 * spans[:, None] * (1.0 + points)
-    moving = np.isfinite(model.motion.at(np.unique(spread)).values).all(axis=1)
+    moving = np.isfinite(model.scalars(np.unique(spread))).all(axis=1)  # shared reactions are in no equation, and nan
     spans, spread = (part[np.isin(spread, np.unique(spread)[moving]).all(axis=1)] for part in (spans, spread))
     times, places = np.unique(spread, return_inverse=True)
     z = answers(model, times, model.motion.at(times).column_of(model.kept["F"]).T)

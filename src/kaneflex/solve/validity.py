@@ -10,7 +10,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import lost_stiffness
-from kaneflex.response.undersampling import between_steps
+from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import UserError
@@ -153,7 +153,8 @@ def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
     if other.outcome is not Outcome.COMPLETED:
         return []
     worth = {name: apart.max(initial=0.0) for name, apart in _apart(solution, other).items()}
-    worth = {name: share for name, share in worth.items() if share > LARGEST_COUPLING}
+    zero = _zero(solution)  # forces are read with the links' own stiffness, so that a pin's moment would not be zero
+    worth = {name: share for name, share in worth.items() if share > LARGEST_COUPLING and name not in zero}
     if not worth:
         return []
     worst, link = max(worth, key=worth.__getitem__), max(shares, key=shares.__getitem__)
@@ -170,16 +171,15 @@ def few_steps(model: Model, lowest: float) -> list[str]:
     per_period = 1.0 / (lowest * model.step)
     if per_period >= FEWEST_STEPS:
         return []
-    wanted = int(model.options.steps * FEWEST_STEPS / per_period) + 1
+    cure = at_least(int(model.options.steps * FEWEST_STEPS / per_period) + 1, model.options)
     if model.coupled is not None:
         return [
             f"{per_period:.2g} stored instants in a period of the lowest mode ({lowest:.4g} Hz): the run follows free "
-            "vibrations between them, but neither its results nor their extremes show them; give solve.steps = "
-            f"{wanted} or more"
+            f"vibrations between them, but neither its results nor their extremes show them; {cure}"
         ]
     return [
         f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
-        f"resolved; give solve.steps = {wanted} or more, unless only the slow response matters"
+        f"resolved; {cure}, unless only the slow response matters"
     ]
 
 
@@ -269,11 +269,29 @@ def _apart(solution: Solution, other: Solution) -> dict[str, np.ndarray]:
     """
     count = min(len(solution.times), len(other.times))
     shared = solution.times[:count] == other.times[:count]  # one of them may have been ended by an event
-    found, peaks = {}, {name: abs(series.values).max() for name, series in solution.series.items()}
+    found, peaks, least = {}, _peaks(solution), _least_peaks(solution)
     for name, series in solution.series.items():
-        beside = max(peaks[each] for each, one in solution.series.items() if one.unit == series.unit)
-        largest = max(peaks[name], ZERO * beside) or 1.0
+        largest = max(peaks[name], least[series.unit]) or 1.0
         found[name] = abs(other.series[name].values[:count] - series.values[:count])[shared] / largest
+    return found
+
+
+def _zero(solution: Solution) -> set[str]:
+    """Sensors that may be zero but for rounding."""
+    peaks, least = _peaks(solution), _least_peaks(solution)
+    return {name for name, series in solution.series.items() if peaks[name] <= least[series.unit]}
+
+
+def _peaks(solution: Solution) -> dict[str, float]:
+    return {name: float(abs(series.values).max()) for name, series in solution.series.items()}
+
+
+def _least_peaks(solution: Solution) -> dict[str, float]:
+    """By unit the peak below which a sensor's may be rounding: a share of the largest."""
+    found: dict[str, float] = {}
+    for name, peak in _peaks(solution).items():
+        unit = solution.series[name].unit
+        found[unit] = max(found.get(unit, 0.0), ZERO * peak)
     return found
 
 
