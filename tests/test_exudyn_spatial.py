@@ -229,6 +229,19 @@ def test_links_that_bend_more_are_further_apart(peer):
     assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
 
 
+def test_a_four_bar_that_bends_back_on_its_motion_is_that_of_exact_rods(peer):
+    """From rest to 1 % of its links' lengths, undamped: what is left under preset coupled is the size of Exudyn's
+    elements, squared. Its coupler hangs on a universal joint, its follower on a pin that is none of its axes."""
+    peer("exudyn")
+    settings = ["solve.preset=coupled", "solve.modes=5", "damping=none", "sensors.follower_moment=none"]
+    settings += ["solve.start=zero", "solve.duration=9 ms", "solve.steps=36"]
+    scene = with_settings(read_scene("four-bar-misaligned"), settings)
+    coarse, fine = elastic_shares(scene, 8, 40), elastic_shares(scene, 16, 80)
+    for sensor in ("coupler_mid", "follower_mid"):
+        assert fine[sensor] < 4e-3 and 3 * fine[sensor] < coarse[sensor], sensor
+    assert fine["out_of_plane"] < 3e-3
+
+
 CANTILEVER = """
 gravity = [0, 0, -9.81]
 [bodies.arm]

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,8 +13,6 @@ from lifting import lifted
 from runs import solved
 
 import kaneflex
-from kaneflex.fem.spatial_links import link_of_scene
-from kaneflex.multibody.spatial_shapes import spatial_shapes
 from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.sections import torsion_constant
 from kaneflex.support.errors import SceneError
@@ -209,12 +206,14 @@ def test_a_link_that_turns_freely_is_the_planar_one(damping, close):
     """Its axes follow its mean turn, whatever the number of its shapes, and damping acts against these.
 
     Undamped, the force at the hinge has the vibration along the strip, that of 0.2 um here: less than a step's error.
+    The bend is measured from the turn of the section there, for a slope v' of 2 atan(v'/2), in the plane of v'.
     """
     flat = _solution(PENDULUM.format(gravity=[0, -9.81], axis="", damping=damping))
     deep = _solution(PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping=damping))
     for name in ("angle", "bend", "height", *close):
         expected = flat.series[name].values
-        assert abs(deep.series[name].values - expected).max() < (0.01 if name in close else 2e-5) * abs(expected).max()
+        bound = 0.01 if name in close else 1e-4 if name == "bend" else 2e-5
+        assert abs(deep.series[name].values - expected).max() < bound * abs(expected).max(), name
 
 
 @pytest.mark.parametrize("damping", ['rayleigh = {ratio = 0.05, at = ["20 Hz", "300 Hz"]}', "modal = {ratio = 0.05}"])
@@ -354,39 +353,12 @@ def test_a_round_link_turns_freely_whatever_axes_its_section_is_given(askew, clo
         assert abs(turned.series[name].values - expected).max() < close * abs(expected).max(), name
 
 
-def test_shapes_about_an_oblique_axis_turn_the_section_about_it_alone_and_have_no_momentum_about_it():
-    scene, axis = scene_of(_pendulum("")), np.array([0.05, 0.6, np.sqrt(1.0 - 0.36 - 0.0025)])
-    link = link_of_scene(scene, "strip", 4)
-    basis = spatial_shapes(scene, link, 3, (0.0, 0.0, 0.0), axis).basis
-    turned = basis[3:6]
-    assert abs(axis @ turned).max() > 1.0 and abs(np.cross(turned.T, axis)).max() < 1e-10 * abs(turned).max()
-    turn = np.hstack([np.hstack([np.cross(axis, [x, 0.0, 0.0]), axis]) for x in link.nodes])
-    M = link.part.matrices["M"].at({}).toarray()
-    energies = np.einsum("aj,ab,bj->j", basis, M, basis)
-    assert abs(turn @ M @ basis).max() < 1e-10 * np.sqrt((turn @ M @ turn) * energies.max())
-
-
-def test_a_strip_on_a_pin_along_and_across_it_is_warned_of():
-    text = _pendulum('rotation = {x = [0.96, 0, 0.28]}, ', '{rectangle = ["1.5 mm", "10 mm"]}')
-    assert re.search(r"strip bends by .* hangs on hinge", "\n".join(_solution(text).warnings))
-
-
-def test_a_run_that_stops_names_its_cures():
-    """The coupler hangs on a universal joint: its third mode leaves turns on the spot no inertia, two serve."""
-    text = shipped_scenes()["four-bar-misaligned"].read_text().partition("[solve]")[0]
-    text = "\n".join(line for line in text.splitlines() if "bending_moment" not in line)
-    tail = '\n\n[solve]\npreset = "coupled"\nstart = "zero"\nduration = "9 ms"\nsteps = 9\nmodes = {}\n'
-    with pytest.raises(SceneError, match=r"can't go on after t = 0\.0085\d+ s: .* Give fewer solve\.modes"):
-        _solution(text + tail.format(3))
-    assert _solution(text + tail.format(2)).model.energy.drift < 1e-6
-
-
 def test_stiff_vibrations_set_no_steps():
     """The rod vibrates along its axis at 4.3 and 15 kHz, unseen: a turn in 0.1 s takes few steps to a coarse tolerance,
     and with finer ones every sensor comes to the same."""
     text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
     tail = '\n[solve]\npreset = "coupled"\nstart = "quasistatic"\nsteps = 90\ntolerance = {}\n'
-    coarse, fine, finest = (_solution(text + tail.format(each)) for each in ("1e-5", "1e-7", "1e-10"))
+    coarse, fine, finest = (_solution(text + tail.format(each)) for each in ("1e-5", "1e-8", "1e-10"))
     steps = [len(each.model.motion.curve.knots) for each in (coarse, fine, finest)]
     assert steps[0] < 2 * 90 and steps[0] < steps[1] < steps[2] < 1500
     for name, series in finest.series.items():

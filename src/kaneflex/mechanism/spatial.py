@@ -146,7 +146,7 @@ class SpatialMechanism:
     A lumped mass is part of its rigid body; on an elastic one it is a body of its own, welded to the link's axis.
 
     ``asked``: joints whose coordinate a drive, a law or a spring knows; ``known``: those of them that are not only left
-    free by their drive; ``read``: those of sensors.
+    free by their drive; ``prescribed``: those whose drive says where they stand; ``read``: those of sensors.
     """
 
     bodies: Mapping[str, SpatialBody]
@@ -156,6 +156,7 @@ class SpatialMechanism:
     floating: tuple[str, ...]
     asked: frozenset[str]
     known: frozenset[str]
+    prescribed: frozenset[str]
     read: frozenset[str]
     gravity: np.ndarray
     size: float
@@ -214,12 +215,13 @@ def _made(scene: Scene) -> SpatialMechanism:
     reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
     known = {*scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
-    known |= {name for name, drive in scene.drives.items() if drive.kind != "free"}
+    prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"} & set(joints)
+    known |= prescribed
     read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
     gravity = np.asarray(scene.vector(scene.gravity))
     return SpatialMechanism(
         bodies, joints, loads, springs, tuple(scene.floating), frozenset((known | {*scene.drives}) & set(joints)),
-        frozenset(known & set(joints)), frozenset(read & set(joints)), gravity, float(size),
+        frozenset(known & set(joints)), frozenset(prescribed), frozenset(read & set(joints)), gravity, float(size),
     )  # fmt: skip
 
 

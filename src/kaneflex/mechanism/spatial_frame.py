@@ -80,11 +80,13 @@ class SpatialFrame:
 
 
 def turn_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame, relative: np.ndarray) -> Rates:
-    """How far a joint with an axis has turned, from -pi to pi, with two rates [rad, rad/s, rad/s^2], (n_times,) each.
+    """How far a joint has turned about its first axis, from -pi to pi, with two rates [rad, rad/s, rad/s^2], (n_times,)
+    each.
 
     ``relative``: axes of the second body in those of the first where the joint stands at zero, (3, 3).
     """
-    y, z = across(joint.axes[0])
+    y = [*joint.axes[1:], *across(joint.axes[0])][0]  # a universal joint's second axis turns about the first alone
+    z = np.cross(joint.axes[0], y)
     turned = second.to_global(relative.T @ y)
     angle = np.arctan2(_dot(turned, first.to_global(z)), _dot(turned, first.to_global(y)))
     return angle, *turn_rates(joint, first, second)

@@ -27,8 +27,11 @@ def given_speeds(system: SpatialSystem) -> dict[int, float]:
             found |= dict(zip(system.speeds_of(name), _as_ball(system, joint, drive.angular_velocity), strict=True))
         elif joint.kind != "spherical":
             values = (drive.initial_speed,) if joint.freedoms == 1 else drive.initial_speeds or ()
-            given = zip(joint.moves, values, strict=False)
-            found |= {number[f"{name}.{move}"]: value for (move, _), value in given}
+            given = {f"{name}.{move}": value for (move, _), value in zip(joint.moves, values, strict=False)}
+            if given and name in system.layout.kept:
+                omega = _as_ball(system, joint, _turning(system, joint, values))
+                given |= {f"{name}.omega_{axis}": value for axis, value in zip("xyz", omega, strict=True)}
+            found |= {number[each]: value for each, value in given.items() if each in number}
     for body in system.mechanism.floating:
         free, R = system.scene.floating[body], system.mechanism.bodies[body].rotation
         turn = R.T @ np.zeros(3) if free.angular_velocity is None else R.T @ np.asarray(free.angular_velocity)
@@ -36,16 +39,31 @@ def given_speeds(system: SpatialSystem) -> dict[int, float]:
     return found
 
 
-def _as_ball(system: SpatialSystem, joint: SpatialJoint, omega: Sequence[float]) -> np.ndarray:
-    """Speeds of a spherical joint from its second body's angular velocity against its first, in the second's axes.
+def _turning(system: SpatialSystem, joint: SpatialJoint, speeds: Sequence[float]) -> np.ndarray:
+    """Angular velocity of a joint's second body against its first, in the second's axes, by the speeds of its moves."""
+    first, second = _standing(system, joint)
+    omega, now = np.zeros(3), {False: second.T @ first, True: system.mechanism.relative(joint).T}
+    for (move, axis), speed in zip(joint.moves, speeds, strict=True):
+        if move.startswith("angle"):
+            omega += speed * now[move == "angle_2"] @ axis  # the second of two goes along with the second body
+    return omega
+
+
+def _as_ball(system: SpatialSystem, joint: SpatialJoint, omega: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Speeds of a ball from the angular velocity of a joint's second body against its first, in the second's axes.
 
     Where the tree goes from the second body to the first it is the opposite, in the first's.
     """
     if system.layout.tree[joint.name][1] > 0:
         return np.asarray(omega)
-    first, second = (system.work.R[system.layout.node_of[side.body]] if side.body != GROUND else np.eye(3)
-                     for side in joint.sides)  # fmt: skip
+    first, second = _standing(system, joint)
     return -first.T @ second @ np.asarray(omega)
+
+
+def _standing(system: SpatialSystem, joint: SpatialJoint) -> list[np.ndarray]:
+    """Axes of a joint's bodies where ``work`` stands."""
+    return [system.work.R[system.layout.node_of[side.body]] if side.body != GROUND else np.eye(3)
+            for side in joint.sides]  # fmt: skip
 
 
 def named_speeds(system: SpatialSystem) -> list[int]:

@@ -15,10 +15,11 @@ from kaneflex.multibody.spatial_curves import Curve, Followed
 from kaneflex.multibody.spatial_linear import neighbours
 from kaneflex.multibody.spatial_modal_data import held_shapes
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
+from kaneflex.multibody.spatial_sections import sections
 from kaneflex.multibody.spatial_shapes import spatial_shapes
 from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
-from kaneflex.multibody.spatial_tables import COORDINATE, SPEED, Deformable, Flexible, Place
+from kaneflex.multibody.spatial_tables import BALL, COORDINATE, COUNT, KIND, SPEED, Deformable, Flexible, Place
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 
@@ -65,7 +66,7 @@ class CoupledKinematics(SpatialKinematics):
 def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
     """A scene in space whose bodies deform."""
 
-    def shapes(name: str, held: Place | None, freed: np.ndarray | None) -> Deformable:
+    def shapes(name: str, held: Place | None, freed: str) -> Deformable:
         body = scene.bodies[name]
         if body.modal is not None:
             return held_shapes(body.modal, held, freed)
@@ -115,20 +116,36 @@ class _Beside(Curve):
         q, u = found.q.copy(), found.u.copy()
         for joint, (body, turn) in of.layout.freed.items():  # a joint stands as its section does, not as the axes
             last, shapes = (of.tables.nodes[node] for node in (of.layout.tree[joint][0][-1], of.layout.node_of[body]))
-            for moved, what in ((q, COORDINATE), (u, SPEED)):
-                moved[:, last[what]] += moved[:, shapes[what] : shapes[what] + len(turn)] @ turn
+            theta, rate = (moved[:, shapes[what] : shapes[what] + shapes[COUNT]] @ turn.T
+                           for moved, what in ((q, COORDINATE), (u, SPEED)))  # fmt: skip
+            if last[KIND] == BALL:
+                _turn_on(q[:, last[COORDINATE] :][:, :4], u[:, last[SPEED] :][:, :3], theta, rate)
+            else:
+                q[:, last[COORDINATE]] += 2.0 * np.arctan(0.5 * theta)
+                u[:, last[SPEED]] += rate / (1.0 + 0.25 * theta**2)
         return np.ascontiguousarray(np.hstack([q[:, self.q], u[:, self.u]]))
 
 
+def _turn_on(q: np.ndarray, u: np.ndarray, theta: np.ndarray, rate: np.ndarray) -> None:
+    """Turn quaternions (n, 4) and angular velocities in their axes (n, 3) on to sections that stand at theta there."""
+    from scipy.spatial.transform import Rotation
+
+    R, T, _ = sections(theta, rate)
+    turned = Rotation.from_quat(np.roll(q, -1, axis=1)) * Rotation.from_matrix(R)
+    q[:] = np.roll(turned.as_quat(), 1, axis=1)
+    u[:] = np.einsum("nji,nj->ni", R, u + np.einsum("nij,nj->ni", T, rate))
+
+
 def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
-    """A warning for each body whose axes a joint lets turn that don't follow its mean turn, where it bends far."""
+    """A warning for each body whose axes a joint lets turn that don't follow its mean turn, where it bends far: they
+    turn about none of its own alone, and a law or a spring knows the joint's angle."""
     system, seen, found = motion.module.system, motion.at(times), list[str]()
     mechanism, layout = system.mechanism, system.layout
     for name, (_, child) in layout.tree.items():
         joint = mechanism.joints[name]
         body = joint.sides[1 if child > 0 else 0].body
-        turns = joint.kind == "spherical" or any(move.startswith("angle") for move, _ in joint.moves)
-        if body not in layout.shapes or not turns or name in mechanism.known or name in layout.freed:
+        turns = any(move.startswith("angle") for move, _ in joint.moves)
+        if body not in layout.shapes or not turns or name in mechanism.prescribed or name in layout.freed:
             continue
         bent = max(abs(seen[f"{body}.shape_{k}"]).max() for k in range(layout.shapes[body].count))
         if bent > _BENT * (system.scene.bodies[body].length or np.inf):

@@ -13,7 +13,7 @@ from numba.types import CPointer
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_dynamics import accelerations, close, tie
 from kaneflex.multibody.spatial_forces import deforming
-from kaneflex.multibody.spatial_kinematics import accelerate
+from kaneflex.multibody.spatial_kinematics import accelerate, goes, stands
 from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, apart, kernel
 
 CLOSED = 1e-7
@@ -49,8 +49,8 @@ class Laws(NamedTuple):
         Their parameters.
     driven : ndarray (n_driven,)
         Coordinates of the prescribed drives.
-    told : ndarray (n_told, 3)
-        Of every joint that magnitudes know its place in ``x``, coordinate and speed.
+    told : ndarray (n_told, 2)
+        Of every joint that magnitudes know its place in ``x``, and its node.
     x, course : ndarray
         What magnitudes read, and what courses store.
     now : ndarray (2,)
@@ -109,8 +109,8 @@ def project(m, choice, k, law, t):
     if len(choice.dependent):
         tie(k, choice, k.u, -1, False)
     for i in range(len(law.told)):
-        at = law.told[i, 0]
-        law.x[at], law.x[at + 1] = k.q[law.told[i, 1]], k.u[law.told[i, 2]]
+        at, node = law.told[i, 0], law.told[i, 1]
+        law.x[at], law.x[at + 1] = stands(m, node, k.q), goes(m, node, k.q, k.u)
     kernel(_address(law.kernels), MAGNITUDES)(t, _address(law.x), 0, _address(law.p), _address(k.sizes), 0)
     for i in range(len(k.sizes)):
         k.sizes[i] += law.added[i]

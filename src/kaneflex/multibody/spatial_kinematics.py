@@ -89,6 +89,30 @@ def _turn(kind, axis, q, k, R):
 
 
 @njit(**OPTIONS)
+def _beyond(m, n, of, what):
+    """theta or theta' of the section at a node that turns axes which follow their body's mean turn: its shapes are the
+    next node, whose coordinates (of q) or speeds (of u) begin at COORDINATE or SPEED. Of other nodes zero."""
+    apart()
+    found = 0.0
+    for i in range(m.nodes[n, COUNT]):
+        found += m.p[m.nodes[n, AT] + i] * of[m.nodes[n + 1, what] + i]
+    return found
+
+
+@njit(**OPTIONS)
+def stands(m, n, q):
+    """Coordinate of a joint by its node, as the section there stands, which theta turns by 2 atan(theta / 2)."""
+    return q[m.nodes[n, COORDINATE]] + 2.0 * math.atan(0.5 * _beyond(m, n, q, COORDINATE))
+
+
+@njit(**OPTIONS)
+def goes(m, n, q, u):
+    """How fast that grows."""
+    theta = _beyond(m, n, q, COORDINATE)
+    return u[m.nodes[n, SPEED]] + _beyond(m, n, u, SPEED) / (1.0 + 0.25 * theta**2)
+
+
+@njit(**OPTIONS)
 def place(m, q, k):
     """Axes and origins of all nodes, and where sections and axes are."""
     apart()
@@ -122,7 +146,7 @@ def place(m, q, k):
         for i in range(3):
             r[i] = P[i] - x[i]
     for n in range(len(m.twists)):
-        k.twists[n, 0] = q[m.nodes[m.twists[n, 3], COORDINATE]]
+        k.twists[n, 0] = stands(m, m.twists[n, 3], q)
     for n in range(len(m.axis_on)):
         _carried_to(k, m.axis_on[n], m.axes[n], k.axes[n])
     for n in range(len(m.on)):

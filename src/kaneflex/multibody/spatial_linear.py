@@ -133,7 +133,8 @@ def spinning(system: SpatialSystem, base: State) -> tuple[np.ndarray, np.ndarray
 
 
 def names_of(system: SpatialSystem, base: State) -> tuple[str, ...]:
-    """Of y: JOINT.angle or JOINT.position, JOINT.turn_x of a ball, BODY.shape_k; of a free body BODY.x and turn_x."""
+    """Of y: JOINT.angle or JOINT.position, JOINT.turn_x of a joint that ends in a ball, BODY.shape_k; of a free body
+    BODY.x and turn_x."""
     speeds = (system.layout.speeds[k] for k in base.choice.independent)
     return tuple(name.replace(".omega_", ".turn_").replace(".shapes.", ".shape_") for name in speeds)
 

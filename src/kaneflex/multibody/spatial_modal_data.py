@@ -73,9 +73,9 @@ class HeldShapes:
         return found
 
 
-def held_shapes(data: ModalData, held: Place | None, freed: np.ndarray | None = None) -> HeldShapes:
-    """Shapes of modal data that move and turn nothing at a place, but about an axis ``freed``, a unit vector, leave no
-    momentum about it; without a place they leave no momentum at all (Buckens)."""
+def held_shapes(data: ModalData, held: Place | None, freed: str = "") -> HeldShapes:
+    """Shapes of modal data that move and turn nothing at a place, but about those of its axes in ``freed``, like "z" or
+    "xyz", leave no momentum there; without a place they leave no momentum at all (Buckens 1972)."""
     a = data.arrays
     m, S, E, count = float(a["mass"]), a["mass_r"], a["mass_r_r"], len(a["stiffness"])
     # Translations along and turns about x, y, z as further shapes A + B r.
@@ -97,8 +97,8 @@ def held_shapes(data: ModalData, held: Place | None, freed: np.ndarray | None = 
     r_P = np.zeros(3) if point is None else a["r"][point]
     momentum = np.einsum("cab,abj->cj", CROSS, r_N - np.einsum("a,bj->abj", r_P, N))
     wanted = np.vstack([N, momentum]) if point is None else rows[point].copy()
-    if point is not None and freed is not None:
-        wanted[3:] += np.outer(freed, freed @ (momentum - wanted[3:]))
+    for k in map("xyz".index, freed if point is not None else ""):
+        wanted[3 + k] = momentum[k]
     taken = np.linalg.solve(wanted[:, count:], wanted[:, :count])
     kept, w = np.vstack([np.eye(count), -taken]), taken[3:]
 

@@ -187,15 +187,21 @@ class SpatialKinematics(RigidKinematics):
 
             return at
 
-        return {name: Count(stands(name), longest) for name in module.closing if joints[name].kind != "prismatic"}
+        return {name: Count(stands(name), longest) for name in module.closing
+                if joints[name].kind not in ("prismatic", "spherical")}  # fmt: skip
 
     def _stands(self, name: str, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinate of a joint as its bodies stand, an angle from -pi to pi, and its rate."""
+        """Coordinate of a joint as its bodies stand, an angle from -pi to pi, and its rate; of a ball no rate."""
+        from scipy.spatial.transform import Rotation
+
         mechanism = self.module.system.mechanism
         joint = mechanism.joints[name]
         joint, first, second = joined_frames(motion, joint)
         if joint.kind == "prismatic":
             return slide_of(joint, first, second)[:2]
+        if joint.kind == "spherical":
+            turned = np.einsum("jit,jkt->tik", first.axes, second.axes) @ mechanism.relative(joint).T
+            return Rotation.from_matrix(turned).magnitude(), np.zeros(len(motion.times))
         return turn_of(joint, first, second, mechanism.relative(joint))[:2]
 
     def _coordinate(self, joint: str, q: np.ndarray) -> np.ndarray:

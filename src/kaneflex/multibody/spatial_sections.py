@@ -62,7 +62,7 @@ class Deformed:
 
 def deformed(motion: SpatialMotion, side: Side) -> Deformed:
     """Of a point of a body that deforms; beside its carrier it goes along with the section there."""
-    shapes, count = motion.system.layout.shapes[side.body], len(motion.times)
+    shapes = motion.system.layout.shapes[side.body]
     place = shapes.carrier(side.at)
     (rows, G), beside = shapes.at(place), np.subtract(side.at, place)
     q, u, b = (np.array([motion[f"{side.body}.shape_{k}{tail}"] for k in range(shapes.count)]) for tail, _ in _RATES)
@@ -74,18 +74,22 @@ def deformed(motion: SpatialMotion, side: Side) -> Deformed:
     d += 0.5 * second(q, q)
     d_rate += second(q, u)
     d_accel += second(q, b) + second(u, u)
-    angles = np.ascontiguousarray(np.vstack([rows[3:6] @ q, rows[3:6] @ u]).T)
-    found = np.zeros((count, 21))
-    _turn(angles, found)
-    found = np.ascontiguousarray(found.T)
-    turned, T = found[:9].reshape(3, 3, count), found[9:18].reshape(3, 3, count)
+    turned, T, gamma = (np.ascontiguousarray(np.moveaxis(part, 0, -1))
+                        for part in sections((rows[3:6] @ q).T, (rows[3:6] @ u).T))  # fmt: skip
     omega = applied(T, rows[3:6] @ u)
-    alpha = applied(T, rows[3:6] @ b) + found[18:]
+    alpha = applied(T, rows[3:6] @ b) + gamma
     arm = applied(turned, beside)
     carried = cross(omega, arm)
     moved = (d + arm - beside[:, None], d_rate + carried,
              d_accel + cross(alpha, arm) + cross(omega, carried))  # fmt: skip
     return Deformed(moved, turned, (omega, alpha))
+
+
+def sections(theta: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Axes R and T (n, 3, 3) of sections that stand at theta (n, 3) and turn by T theta', and T' theta' (n, 3)."""
+    found = np.zeros((len(theta), 21))
+    _turn(np.hstack([theta, rate]), found)
+    return found[:, :9].reshape(-1, 3, 3), found[:, 9:18].reshape(-1, 3, 3), found[:, 18:]
 
 
 @njit(cache=True, error_model="numpy")

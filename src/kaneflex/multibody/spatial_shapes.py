@@ -26,6 +26,8 @@ from kaneflex.support.spatial_contract import SPATIAL_NODE
 
 _KINDS = {("u",): 1, ("v", "theta_z"): 2, ("w", "theta_y"): 2, ("theta_x",): 1}
 """A node's coordinates of each kind, with how many of a free link's shapes deform nothing."""
+_NEAR = 0.99
+"""Component of a joint's axis along one of the body's from which on next to nothing turns the section about that."""
 _EQUAL = 1e-6  # relative distance of squared frequencies that are one's
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for two cubics times a mass that grows linearly
 
@@ -40,7 +42,7 @@ class SpatialShapes:
     link : SpatialLink
     basis : ndarray (6 n_nodes, count)
         Orthogonal with respect to mass and stiffness; the largest displacement of each is one, of twist the rotation.
-        Zero where the link's axes are held, but for a turn about a freed axis; of free axes without momentum.
+        Zero where the link's axes are held, but for turns about freed ones; of free axes without momentum.
     held : float or None
         Distance from the start at which the axes go along with the section [m], None: with the link in the mean.
     """
@@ -225,15 +227,13 @@ def _product(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     return np.einsum("i,j,k->ijk", a, b, c)
 
 
-def spatial_shapes(
-    scene: Scene, link: SpatialLink, modes: int, held: Place | None, freed: np.ndarray | None = None
-) -> SpatialShapes:
+def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: Place | None, freed: str = "") -> SpatialShapes:
     """Static shapes of the points where joints and loads act, and ``modes`` modes of bending in either plane, fewer of
     stretch and twist, with these points held.
 
-    ``held``: the place where the link's axes go along with its section. About an axis ``freed``, a unit vector that its
-    joint there lets it turn about, they follow its mean turn: without momentum its shapes can't take the place of that
-    turn (Buckens), which would leave it next to no inertia of its own.
+    ``held``: the place where the link's axes go along with its section. About those of them in ``freed``, like "z" or
+    "xyz", they follow its mean turn: without momentum its shapes can't take the place of that turn (Buckens 1972),
+    which would leave it next to no inertia of its own.
     """
     x = None if held is None else held[0]
     first = None if x is None else link.node_at(x)
@@ -243,27 +243,20 @@ def spatial_shapes(
     if held is None and not turned:
         turned, kept = {0}, kept | {0}  # what is left of its motions deforms nothing
     K, M = (link.part.matrices[name].at({}).toarray() for name in ("K_s", "M"))
-    twisted = x in _torques(scene, link.name) or sum(place == x for place in joints) > 1
-    axis = np.zeros(3) if freed is None else freed
-    most, oblique = 3 + int(abs(axis).argmax()), np.count_nonzero(axis) > 1
-    found, beside = [], np.zeros(len(K))
+    turning, twisted = ({SPATIAL_NODE.index(f"theta_{axis}") for axis in axes}
+                        for axes in (freed, _twisted(scene, link.name, x)))  # fmt: skip
+    found = []
     for kind, rigid in _KINDS.items():
         places = [SPATIAL_NODE.index(name) for name in kind]
-        loose = [k for k in places if k == most and axis.any()]
+        loose = [k for k in places if k in turning]
         rows = np.array([6 * n + k for n in range(len(link.nodes)) for k in places if n != first or k in loose])
         static = [6 * node + k for node in sorted(kept) for k in places if k < 3 or node in turned]
-        if oblique and first is not None and not loose and places[-1] >= 3:
-            share, turn = axis[places[-1] - 3] / axis[most - 3], 6 * first + places[-1]
-            beside += share * _static(K, np.union1d(rows, turn), [turn, *static])[:, 0]
-        static += [6 * first + k for k in loose if first is not None and twisted]
+        static += [6 * first + k for k in loose if first is not None and k in twisted]
         wanted = modes if len(places) == 2 else axial_modes(modes, len(link.nodes) - 1, len(kept) + 1)
-        still = rigid if held is None else 0 if oblique else len(loose)
+        still = rigid if held is None else len(loose)
         own = _of_kind(K, M, rows, static, wanted + (len(loose) if not static else 0))
         found.append(own[:, still:])
-    basis = np.hstack(found)
-    if oblique and first is not None:  # the section turns about it alone, the link in the mean does not
-        basis = _by_frequency(K, M, basis + np.outer(beside, basis[6 * first + most]))[:, 1:]
-    return SpatialShapes(scene, link, basis, x)
+    return SpatialShapes(scene, link, np.hstack(found), x)
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
@@ -275,11 +268,20 @@ def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
             [float(side.at[0]) for side in loads if side.body == body])  # fmt: skip
 
 
-def _torques(scene: Scene, body: str) -> set[float]:
-    """Distances from a body's start [m] of joints at which a load is a torque."""
-    mechanism = spatial_mechanism_of(scene)
-    joints = [mechanism.joints[load.joint] for load in mechanism.loads.values() if load.joint is not None]
-    return {float(side.at[0]) for joint in joints for side in joint.sides if side.body == body}
+def _twisted(scene: Scene, body: str, x: float | None) -> str:
+    """Which of the body's axes something can turn the section at x [m] about: joints there but about an axis that the
+    body carries; a torque or a spring at a joint there, or more joints than one, any."""
+    mechanism, found = spatial_mechanism_of(scene), set[str]()
+    here = {name: (joint, joint.sides.index(side)) for name, joint in mechanism.joints.items()
+            for side in joint.sides if side.body == body and side.at[0] == x}  # fmt: skip
+    turned = {load.joint for load in mechanism.loads.values()} | {each.joint for each in mechanism.springs.values()}
+    if len(here) > 1 or here.keys() & turned:
+        return "xyz"
+    for joint, number in here.values():
+        for carried in [*joint.axes, *joint.axes][number:][:1]:
+            own = mechanism.stands(body).T @ mechanism.stands(joint.sides[0].body) @ carried
+            found |= {axis for axis, along in zip("xyz", own, strict=True) if abs(along) < _NEAR}
+    return "".join(sorted(found))
 
 
 def _static(K: np.ndarray, rows: np.ndarray, static: list[int]) -> np.ndarray:
@@ -287,7 +289,7 @@ def _static(K: np.ndarray, rows: np.ndarray, static: list[int]) -> np.ndarray:
     inner, held = np.setdiff1d(rows, static), np.array(static, int)
     shapes = np.zeros((len(K), len(static)))
     shapes[static, np.arange(len(static))] = 1.0
-    if len(inner):
+    if len(inner) and static:  # what turns freely is singular without
         shapes[inner] = -np.linalg.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, held)])
     return shapes
 

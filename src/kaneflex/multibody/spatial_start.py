@@ -9,6 +9,7 @@ from kaneflex.multibody.spatial_choice import choose, given_speeds, named_speeds
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.multibody.spatial_tables import COORDINATE
+from kaneflex.multibody.spatial_turns import angle_about
 from kaneflex.scene.spatial_check import START_SPEEDS
 from kaneflex.support.errors import SceneError
 
@@ -71,7 +72,8 @@ def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
     system.place(q)
     off = system.gaps()
     if off.max(initial=0.0) > 1e-7:
-        joint = next(name for name, rows in system.layout.cuts.items() if rows.start <= off.argmax() < rows.stop)
+        held = {**system.layout.cuts, **system.layout.kept}
+        joint = next(name for name, rows in held.items() if rows.start <= off.argmax() < rows.stop)
         raise SceneError(
             f"joints.{joint}", None, "the loop that it closes can't close where the drives start: "
             f"{off.max():.1e} of the mechanism's size, or rad, stay open",
@@ -85,7 +87,8 @@ def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
         field = next((field for field in ("angle", "position") if field in drive.model_fields_set), None)
         if drive.kind != "free" or field is None:
             continue
-        stands = float(q[system.columns([name], COORDINATE)[0]])
+        k = int(system.columns([name], COORDINATE)[0])
+        stands = angle_about(system.pin(name), q[k : k + 4]) if name in system.layout.kept else float(q[k])
         if abs(stands - drive.start) > 1e-9 * max(1.0, abs(drive.start)):
             raise SceneError(
                 f"drives.{name}.{field}", drive.start, f"there the loops don't close; nearby they do at {stands:.9g}",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -33,6 +33,7 @@ from kaneflex.multibody.spatial_rows import (
 )  # fmt: skip
 from kaneflex.multibody.spatial_steps import Steps, steps_of
 from kaneflex.multibody.spatial_tables import (
+    AXIS,
     BALL,
     COORDINATE,
     COORDINATES,
@@ -41,6 +42,8 @@ from kaneflex.multibody.spatial_tables import (
     RIGID,
     ROWS,
     SHAPES,
+    SHIFT,
+    SLIDE,
     SPEED,
     SPEEDS,
     TURN,
@@ -50,6 +53,7 @@ from kaneflex.multibody.spatial_tables import (
     Tables,
 )  # fmt: skip
 from kaneflex.multibody.spatial_topology import build_tables
+from kaneflex.multibody.spatial_turns import ball_about
 from kaneflex.multibody.spatial_work import Instants, Work, work_of
 from kaneflex.multibody.tables import STRUCTURE_KERNELS
 from kaneflex.scene import Scene
@@ -216,13 +220,10 @@ class SpatialSystem:
         """The module's kernels, with what they read; addresses are of this process alone."""
         reads = 3 * len(self.known_joints)  # coordinates and speeds, then accelerations
         kernels = [kernel_address(getattr(self.module, name), of) for name, of in STRUCTURE_KERNELS.items()]
-        where: list[list[int]] = []
-        for name in self.told_joints:
-            at = 2 * self.known_joints.index(name)
-            where.append([at, *(int(self.columns([name], what)[0]) for what in (COORDINATE, SPEED))])
+        where = [[2 * self.known_joints.index(name), self.node(name)] for name in self.told_joints]
         return Laws(
             np.array(kernels), np.ascontiguousarray(self.parameters, float), self.driven_coordinates,
-            np.array(where, int).reshape(-1, 3), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
+            np.array(where, int).reshape(-1, 2), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
             np.zeros(len(self.mechanism.loads) + len(self.driven)),
             steps_of(self.tables, self._no_choice, self.coordinates, self.measure),
         )  # fmt: skip
@@ -287,7 +288,11 @@ class SpatialSystem:
         nodes, _ = self.layout.tree[joint]
         if self.mechanism.joints[joint].kind != "cylindrical":
             return nodes[0]
-        return next(node for node in nodes if self.tables.nodes[node, KIND] == TURN)
+        return next(node for node in nodes if self.tables.nodes[node, KIND] != SLIDE)
+
+    def pin(self, joint: str) -> np.ndarray:
+        """Axis of the pin for which a joint's ball stands, in its node's axes, (3,)."""
+        return self.tables.numbers[self.node(joint), AXIS:SHIFT]
 
     def columns(self, names: Sequence[str], what: int) -> np.ndarray:
         """Where the first coordinates (COORDINATE) or speeds (SPEED) of joints are."""
@@ -367,7 +372,9 @@ class SpatialSystem:
         q[nodes[nodes[:, KIND] == BALL, COORDINATE]] = 1.0
         for name, drive in self.scene.drives.items():
             if drive.kind == "free" and self.mechanism.joints[name].freedoms == 1:
-                q[self.columns([name], COORDINATE)] = drive.start
+                k = int(self.columns([name], COORDINATE)[0])
+                stands = ball_about(self.pin(name), drive.start) if name in self.layout.kept else [drive.start]
+                q[k : k + len(stands)] = stands
         for body in self.mechanism.floating:
             first = self.speeds_of(body)[0]
             place = nodes[:, COORDINATE][nodes[:, SPEED] == first][0]
@@ -381,9 +388,10 @@ class SpatialSystem:
 
 
 def build_spatial_system(
-    scene: Scene, module: ModuleType, flexible: Flexible = RIGID, coupled: bool = False
+    scene: Scene, module: ModuleType, flexible: Flexible = RIGID, coupled: bool = False, balls: Collection[str] = ()
 ) -> SpatialSystem:
-    """Bind a scene to its module; ``flexible``: shapes of the bodies that deform."""
+    """Bind a scene to its module; ``flexible``: shapes of the bodies that deform; ``balls``: joints of the tree that
+    turn as balls do whatever hangs on them."""
     mechanism = spatial_mechanism_of(scene)
-    tables, layout = build_tables(mechanism, flexible)
+    tables, layout = build_tables(mechanism, flexible, balls)
     return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout, coupled)

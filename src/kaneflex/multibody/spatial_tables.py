@@ -4,7 +4,9 @@ Every joint of the tree is a chain of *nodes*, each of which turns about an axis
 does, or stays: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a body that moves
 freely hangs on three that slide and a ball. The last node of a chain carries the body. On a body that deforms follow a
 node that owns its modal coordinates and a *station* for each of its places where something acts: it stands and turns as
-the body does there. Joints that the tree leaves over are *cuts*, which close its loops by elementary constraints.
+the body does there. So that its axes can follow its mean turn, a joint that lets it turn, but about one of these alone,
+ends in a ball, and elementary constraints *keep* how the section there stands. Joints that the tree leaves over are
+*cuts*, which close its loops by such constraints.
 """
 
 from __future__ import annotations
@@ -21,10 +23,11 @@ FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
 KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT = range(7)
 """Columns of ``nodes``; BODY: where the numbers of a body that has mass begin in ``p``, else -1. COUNT: shapes of a
 body that deforms, whose coordinates and speeds begin at COORDINATE and SPEED; AT: where the numbers of a station begin
-in ``p``, N and psi, (3, COUNT) each, then G, (3, COUNT, COUNT)."""
+in ``p``, N and psi, (3, COUNT) each, then G, (3, COUNT, COUNT); those of a node that turns axes which follow their
+body's mean turn: how far each of its shapes turns the section beyond them, (COUNT,)."""
 ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
-"""Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis and the joint's point
-in its own."""
+"""Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis (of a ball
+that of the pin which it stands for) and the joint's point in its own."""
 COINCIDE, PERPENDICULAR, ON_PLANE = range(3)
 ROWS = (3, 1, 1)
 """Rows of an elementary constraint."""
@@ -123,9 +126,9 @@ class Axis(Deformable, Protocol):
         of what :meth:`at` gives."""
 
 
-Flexible = Mapping[str, Callable[[Place | None, np.ndarray | None], Deformable]]
-"""Body that deforms -> its shapes, by the place that holds its axes, None: in the mean of its mass; and by a unit
-vector about which they turn in the mean although they are held, None: about none."""
+Flexible = Mapping[str, Callable[[Place | None, str], Deformable]]
+"""Body that deforms -> its shapes, by the place that holds its axes, None: in the mean of its mass; and by those of
+them, like "z" or "xyz", about which they turn in the mean although they are held."""
 RIGID: Flexible = {}
 
 
@@ -145,9 +148,12 @@ class Layout:
         Joint of the tree -> its nodes, and -1 where the tree goes through it from its second body to its first.
     cuts : mapping
         Joint that closes a loop -> its rows.
+    kept : mapping
+        Joint of the tree that ends in a ball although it has axes -> its rows.
     freed : mapping
         Joint of the tree whose last node turns axes that follow their body in the mean -> the body, and how far each of
-        its shapes turns the section at the joint beyond them, about the node's axis (count,) [rad/m].
+        its shapes turns the section at the joint beyond them: about the node's axis (count,), of a ball about x, y, z
+        (3, count) [rad/m].
     speeds : tuple of str
         What every generalised speed is called, like ``shaft.angle`` or ``ball.omega_x``.
     """
@@ -157,6 +163,7 @@ class Layout:
     shapes: Mapping[str, Deformable]
     tree: Mapping[str, tuple[tuple[int, ...], int]]
     cuts: Mapping[str, slice]
+    kept: Mapping[str, slice]
     freed: Mapping[str, tuple[str, np.ndarray]]
     speeds: tuple[str, ...]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import cast
 
 import numpy as np
@@ -44,16 +44,13 @@ from kaneflex.support.errors import SceneError
 
 _ALIGNED = 1e-9
 """Components of an axis up to which it has none."""
-_OBLIQUE = 0.1
-"""Component of an axis along its link times that across up to which it counts as one of both: sections that turn about
-it by an angle are off by half of this share of the angle's square."""
 
 
 class _Maker:
     """Rows of the tables as they are found."""
 
-    def __init__(self, mechanism: SpatialMechanism, flexible: Flexible) -> None:
-        self.mechanism, self.flexible = mechanism, flexible
+    def __init__(self, mechanism: SpatialMechanism, flexible: Flexible, balls: Collection[str]) -> None:
+        self.mechanism, self.flexible, self.balls = mechanism, flexible, set(balls)
         self.shapes: dict[str, Deformable] = {}
         self.stations: dict[tuple[str, Place], int] = {}
         self.freed: dict[str, tuple[str, np.ndarray]] = {}
@@ -78,7 +75,7 @@ class _Maker:
         self.speeds += names
         return len(self.nodes) - 1
 
-    def body(self, name: str, node: int, at: Sequence[float], freed: np.ndarray | None = None) -> None:
+    def body(self, name: str, node: int, at: Sequence[float], freed: str = "") -> None:
         """The body that the last node of a chain carries, joined at a point in its axes."""
         self.numbers[node][SHIFT:] = at
         if name in self.flexible:
@@ -89,7 +86,7 @@ class _Maker:
             shapes = self.shapes[name].numbers() if name in self.shapes else np.zeros(0)
             self.nodes[node][BODY] = self.stored(np.concatenate([[body.mass], body.centre, body.inertia, shapes]))
 
-    def deforming(self, name: str, frame: int, held: Place | None, freed: np.ndarray | None) -> int:
+    def deforming(self, name: str, frame: int, held: Place | None, freed: str) -> int:
         """The node of a body's modal coordinates, in its axes."""
         shapes = self.shapes[name] = self.flexible[name](held, freed)
         node = self.node(SHAPES, frame, [f"{name}.shapes.{k}" for k in range(shapes.count)])
@@ -140,15 +137,18 @@ class _Maker:
         return len(self.axes) - 1
 
 
-def build_tables(mechanism: SpatialMechanism, flexible: Flexible = RIGID) -> tuple[Tables, Layout]:
-    """The tables of a mechanism, nothing in motion and no loop closed yet; ``flexible``: of its bodies that deform.
+def build_tables(
+    mechanism: SpatialMechanism, flexible: Flexible = RIGID, balls: Collection[str] = ()
+) -> tuple[Tables, Layout]:
+    """The tables of a mechanism, nothing in motion and no loop closed yet; ``flexible``: of its bodies that deform;
+    ``balls``: joints of the tree that turn as balls do whatever hangs on them.
 
     Raises
     ------
     SceneError
         If a body hangs on nothing, its place at first is said twice, or too many coordinates of a loop are asked for.
     """
-    maker, tree, closing, cuts = _Maker(mechanism, flexible), {}, {}, []
+    maker, tree, closing, kept, cuts = _Maker(mechanism, flexible, balls), {}, {}, {}, []
     for name, child in spanning_tree(mechanism):
         if child < 0:
             _float(maker, name)
@@ -156,7 +156,11 @@ def build_tables(mechanism: SpatialMechanism, flexible: Flexible = RIGID) -> tup
             tree[name] = (_hang(maker, mechanism.joints[name], child), 1 if child == 1 else -1)
     rows = 0
     for name, joint in mechanism.joints.items():
-        if name not in tree:
+        if name in maker.balls:
+            found = _cut(maker, joint, rows, hangs=True)
+            cuts += found
+            kept[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
+        elif name not in tree:
             if name in mechanism.asked:
                 raise SceneError(
                     f"joints.{name}", None, "it closes a loop whose other joints' coordinates are asked for, too",
@@ -167,7 +171,7 @@ def build_tables(mechanism: SpatialMechanism, flexible: Flexible = RIGID) -> tup
             closing[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
     tables = _tables(maker, cuts, tree)
     nodes = {name: node for name, node in maker.node_of.items() if name != GROUND}
-    return tables, Layout(nodes, maker.stations, maker.shapes, tree, closing, maker.freed, tuple(maker.speeds))
+    return tables, Layout(nodes, maker.stations, maker.shapes, tree, closing, kept, maker.freed, tuple(maker.speeds))
 
 
 def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
@@ -229,10 +233,17 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
     inner, outer = joint.sides[1 - child], joint.sides[child]
     relative = maker.mechanism.stands(inner.body).T @ bodies[outer.body].rotation
     own = np.eye(3) if child == 0 else relative.T  # from the first body's axes into the outer one's, at zero
+    deforms, mechanism = outer.body in maker.flexible, maker.mechanism
     moves = [(TURN if name.startswith("angle") else BALL if name == "rotation" else SLIDE, name, own @ axis)
              for name, axis in joint.moves]  # fmt: skip
     if child == 0:
         moves = [(kind, name, -axis) for kind, name, axis in reversed(moves)]
+    turns = any(kind == TURN for kind, *_ in moves)
+    if deforms and turns and not _turned_about(moves) and joint.name not in mechanism.known:
+        maker.balls.add(joint.name)
+    if joint.name in maker.balls:
+        pin = next((axis for _, name, axis in moves if name == "angle"), np.zeros(3))
+        moves = [*(move for move in moves if move[0] == SLIDE), (BALL, "rotation", pin)]
     parent, at = maker.on(inner)
     nodes = list[int]()
     for k, (kind, name, axis) in enumerate(moves or [(FIXED, "", np.zeros(3))]):
@@ -240,26 +251,31 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
         first = {"rotation": relative, "place": at} if k == 0 else {}
         parent = maker.node(kind, parent, names, axis=axis, **first)
         nodes.append(parent)
-    free = outer.body in maker.flexible and joint.name not in maker.mechanism.known
-    freed = _freed(moves[-1][2]) if free and moves and moves[-1][1] == "angle" else None
+    freed = _turned_about(moves) if deforms and joint.name not in mechanism.prescribed else ""
     maker.body(outer.body, parent, outer.at, freed)
-    if freed is not None:
+    if freed:
         shapes = maker.shapes[outer.body]
-        maker.freed[joint.name] = outer.body, freed @ shapes.at(shapes.carrier(outer.at))[0][3:6]
+        turned = shapes.at(shapes.carrier(outer.at))[0][3:6]
+        if len(freed) == 1:
+            turned = moves[-1][2] @ turned
+            maker.nodes[parent][COUNT], maker.nodes[parent][AT] = shapes.count, maker.stored(turned)
+        maker.freed[joint.name] = outer.body, turned
     return tuple(nodes)
 
 
-def _freed(axis: np.ndarray) -> np.ndarray | None:
-    """An axis, in its body's axes, about which the section there can turn in shapes; None where it can't.
+def _turned_about(moves: Sequence[tuple[int, str, np.ndarray]]) -> str:
+    """Those of its body's axes about which a joint's last node turns them: about one alone, or as a ball.
 
-    Sections bend first and twist then: about an axis that is neither along the link nor across it they would turn to
-    the first order alone.
+    Shapes turn a section by bending first and twist then: about an axis that is none of the body's own, or changes
+    with the joint, no fixed shapes do.
     """
-    along = abs(axis[0])
-    if along * np.hypot(axis[1], axis[2]) > _OBLIQUE:
-        return None
-    cleaned = np.where(abs(axis) > _ALIGNED, axis, 0.0)
-    return np.asarray(cleaned / np.linalg.norm(cleaned))
+    if moves and moves[-1][0] == BALL:
+        return "xyz"
+    turns = [axis for kind, _, axis in moves if kind == TURN]
+    if len(turns) != 1 or moves[-1][0] != TURN:
+        return ""
+    about = [name for name, along in zip("xyz", turns[0], strict=True) if abs(along) > _ALIGNED]
+    return about[0] if len(about) == 1 else ""
 
 
 def _speed_names(owner: str, kind: int, name: str) -> list[str]:
@@ -278,8 +294,9 @@ def _float(maker: _Maker, name: str) -> None:
     maker.body(name, node, (0.0, 0.0, 0.0))
 
 
-def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
-    """Elementary constraints of a joint that closes a loop, the first of whose rows is ``row``."""
+def _cut(maker: _Maker, joint: SpatialJoint, row: int, hangs: bool = False) -> list[tuple[int, ...]]:
+    """Elementary constraints of a joint that closes a loop, the first of whose rows is ``row``; of one on which a body
+    ``hangs`` as on a ball, those of turns."""
     first, second = (maker.section(side) for side in joint.sides)
     bodies, found = [side.body for side in joint.sides], list[tuple[int, ...]]()
 
@@ -294,7 +311,9 @@ def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
         row += ROWS[what]
 
     across, parallel = joint.across, joint.parallel
-    if across is None:
+    if hangs:
+        pass
+    elif across is None:
         add(COINCIDE)
     else:
         for axis in axes(across, 0):

@@ -12,6 +12,16 @@ _FAR = 1.0
 """Largest way of an angle [rad], at the rate at either end, over which its turns are sure."""
 
 
+def ball_about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """The quaternion (4,) of a turn by an angle [rad] about a unit vector."""
+    return np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * axis)])
+
+
+def angle_about(axis: np.ndarray, ball: np.ndarray) -> float:
+    """The angle [rad] of a quaternion's turn about a unit vector, from -pi to pi."""
+    return 2.0 * math.remainder(math.atan2(axis @ ball[1:], ball[0]), math.pi)
+
+
 class Count:
     """Counts on from where an angle stands at t = 0, in steps in which it can't go round.
 

@@ -121,7 +121,7 @@ def _moving(
         repeats = options.start == "periodic"
         run, verdict = _cycle(system, start, options, share, closer) if repeats else (None, COMPLETED)
         motion, energy = run.moving(module) if run else integrate(system, start, module, options, share)
-        alone = build_spatial_system(system.scene, system.module, coupled=True)
+        alone = build_spatial_system(system.scene, system.module, coupled=True, balls=system.layout.kept)
         motion = replace(beside(motion, start, alone, start_of(alone)), verdict=verdict)
     elif module.FREE:
         share = share_of(progress, "forward dynamics of the rigid mechanism")
