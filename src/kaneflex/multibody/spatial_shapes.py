@@ -45,12 +45,15 @@ class SpatialShapes:
         Zero where the link's axes are held, but for turns about freed ones; of free axes without momentum.
     held : float or None
         Distance from the start at which the axes go along with the section [m], None: with the link in the mean.
+    most : int
+        Modes of bending that its elements have in either plane, beside the static shapes.
     """
 
     scene: Scene
     link: SpatialLink
     basis: np.ndarray
     held: float | None
+    most: int
 
     @property
     def count(self) -> int:
@@ -245,7 +248,7 @@ def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: Place | No
     K, M = (link.part.matrices[name].at({}).toarray() for name in ("K_s", "M"))
     turning, twisted = ({SPATIAL_NODE.index(f"theta_{axis}") for axis in axes}
                         for axes in (freed, _twisted(scene, link.name, x)))  # fmt: skip
-    found = []
+    found, most = [], 6 * len(link.nodes)
     for kind, rigid in _KINDS.items():
         places = [SPATIAL_NODE.index(name) for name in kind]
         loose = [k for k in places if k in turning]
@@ -254,9 +257,11 @@ def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: Place | No
         static += [6 * first + k for k in loose if first is not None and k in twisted]
         wanted = modes if len(places) == 2 else axial_modes(modes, len(link.nodes) - 1, len(kept) + 1)
         still = rigid if held is None else len(loose)
+        if len(places) == 2:
+            most = min(most, len(rows) - len(static))
         own = _of_kind(K, M, rows, static, wanted + (len(loose) if not static else 0))
         found.append(own[:, still:])
-    return SpatialShapes(scene, link, np.hstack(found), x)
+    return SpatialShapes(scene, link, np.hstack(found), x, most)
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:

@@ -22,6 +22,7 @@ from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.spatial_forward import Run, integrate
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.multibody.spatial_reactions import open_reactions
+from kaneflex.multibody.spatial_shapes import SpatialShapes
 from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
@@ -72,9 +73,23 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     if motion.module.FREE and options.dynamics not in ("rigid", "coupled"):
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(motion.module.FREE)))
     if coupled:
-        warnings = (*warnings, *taken_turns(motion, np.linspace(0.0, options.duration, _LOOKED_AT)))
+        turns = taken_turns(motion, np.linspace(0.0, options.duration, _LOOKED_AT))
+        warnings = (*warnings, *_beyond(system, scene), *turns)
     model = replace(model, energy=energy, warnings=warnings)
     return timed(model, started, derived, compiled)
+
+
+def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:
+    """A warning for each link whose elements don't have the modes that the scene asks for."""
+    asked = scene.solve.modes
+    if asked == "all" or "modes" not in scene.solve.model_fields_set:
+        return []
+    links = {name: each for name, each in system.layout.shapes.items() if isinstance(each, SpatialShapes)}
+    return [
+        f"{name} has {each.most} modes of bending in either plane, which solve.modes = {asked} takes: "
+        "give the link more elements for more"
+        for name, each in links.items() if int(asked) > each.most
+    ]  # fmt: skip
 
 
 def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) -> Model:
