@@ -9,7 +9,9 @@ from runs import solved
 
 import kaneflex
 from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.multibody.spatial_choice import choose, given_speeds
 from kaneflex.multibody.spatial_shapes import spatial_shapes
+from kaneflex.multibody.spatial_tables import COORDINATE
 from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.materials import MATERIALS
 from kaneflex.scene.sections import torsion_constant
@@ -57,6 +59,7 @@ PIN = 'hinge = {revolute = ["ground", "strip.start"], axis = [0, 0, 1]}'
 TILTED = 'rotation = {x = [0.866025403784, -0.5, 0]}, '
 ASKEW = 'rotation = {x = [0.96, 0, 0.28]}, '
 ANGLE = 'angle = {position = "hinge", component = "angle"}\n'
+SLID = 'slid = {position = "hinge", component = "x"}\n'
 COIL = '[springs.coil]\ntorsional_at = "hinge"\nstiffness = 0.02\ndamping = 0.002\n'
 HELPED = '[loads.help]\ntorque_at = "hinge"\nlaw = "0.05 * sin(3 * hinge) - 0.01 * hinge_speed"\n'
 
@@ -129,6 +132,13 @@ def test_springs_and_laws_know_how_the_section_at_a_pin_stands(more):
     assert deep.model.energy.drift < 2e-6
 
 
+def test_a_spring_at_a_pin_stores_what_the_section_there_turns_it_by():
+    """A slope of theta turns that by 2 atan(theta / 2): energy is kept by a strip that bends far."""
+    stiff = COIL.replace("stiffness = 0.02\ndamping = 0.002", "stiffness = 2\ndamping = 0")
+    found = strip(modes=3, more=ANGLE + stiff, gravity="[0, -40, 0]")
+    assert abs(found.series["bend"].values).max() > 0.3 and found.model.energy.drift < 2e-6
+
+
 def test_a_strip_on_a_pin_along_and_across_it_is_one_on_a_stub():
     """On a stub that next to nothing weighs, which turns with the section; there its shapes leave the stub's turn no
     inertia if they are many, those of the strip on the pin itself may be as many as one likes."""
@@ -150,6 +160,8 @@ def test_a_law_at_a_pin_along_and_across_its_strip_is_warned_of():
     assert re.search(r"strip bends by .* hangs on hinge", "\n".join(found.warnings))
 
 
+CROSS = "axes = [[0.48, 0.6, 0.64], [0.8, 0, -0.6]]"
+SOFT = 'beam = {{material = "steel", section = {{circle = "6 mm"}}, elements = 2}}'
 FLUNG = """
 schema = 1
 gravity = [0, 0, -9.81]
@@ -177,8 +189,8 @@ steps = 30
 
 
 @pytest.mark.parametrize(("joint", "start"), [
-    ('universal = ["post.end", "rod.start"], axes = [[0, 0.6, 0.8], [0, 0.8, -0.6]]', "initial_speeds = [3.0, -2.0]"),
-    ('universal = ["rod.start", "post.end"], axes = [[0, 0.6, 0.8], [0, 0.8, -0.6]]', "initial_speeds = [3.0, -2.0]"),
+    (f'universal = ["post.end", "rod.start"], {CROSS}', "initial_speeds = [3.0, -2.0]"),
+    (f'universal = ["rod.start", "post.end"], {CROSS}', "initial_speeds = [3.0, -2.0]"),
     ('spherical = ["post.end", "rod.start"]', "angular_velocity = [1.0, 2.0, -3.0]"),
     ('revolute = ["post.end", "rod.start"], axis = [0.48, 0.6, 0.64]', 'angle = "20 deg", initial_speed = 2.0'),
     ('revolute = ["rod.start", "post.end"], axis = [0.48, 0.6, 0.64]', 'angle = "20 deg", initial_speed = 2.0'),
@@ -197,6 +209,42 @@ def test_what_hardly_deforms_moves_and_is_held_as_what_is_rigid(joint, start):
     for name, series in stiff.series.items():
         expected = hard.series[name].values
         assert abs(series.values - expected).max() < 1e-4 * max(0.1, abs(expected).max()), name
+    beside, turned = (found.model.motion.at(stiff.times) for found in (stiff, hard))
+    assert beside["hinge.angle"] == pytest.approx(turned["hinge.angle"], abs=1e-5)
+
+
+def test_a_strip_slides_and_turns_alike_whichever_body_is_the_first():
+    sides = ('["ground", "strip.start"], axis = [0, 0, 1]', '["strip.start", "ground"], axis = [0.28, 0, 0.96]')
+    one, back = (strip(f"hinge = {{cylindrical = {of}}}", ASKEW, gravity="[0, -9.81, -3]", more=SLID) for of in sides)
+    for name in ("height", "bend"):
+        assert apart(one, back, name) < 1e-5, name
+    assert abs(one.series["slid"].values + back.series["slid"].values).max() < 1e-7
+
+
+@pytest.mark.parametrize("sides", ['["post.end", "rod.start"]', '["rod.start", "post.end"]'])
+def test_speeds_of_a_universal_joint_are_about_its_axes_as_they_stand(sides):
+    """A loop may close where the joint does not stand at zero: what is given is what the joint lets it turn by."""
+    joint = f"universal = {sides}, {CROSS}"
+    text = FLUNG.replace("BODY", SOFT).format(joint=joint, start="initial_speeds = [3.0, -2.0]", preset="coupled")
+    system = kaneflex.load(scene_of(text)).module.system
+    q, u = system.at_zero.copy(), np.zeros(system.speeds)
+    k = int(system.columns(["hinge"], COORDINATE)[0])
+    q[k : k + 4] = [0.9, 0.1, 0.3, math.sqrt(0.09)]
+    q[k : k + 4] /= np.linalg.norm(q[k : k + 4])
+    assert system.close(q, choose(system, q)) and abs(q[k : k + 4] - system.at_zero[k : k + 4]).max() > 0.1
+    system.place(q)
+    given = given_speeds(system)
+    u[list(given)] = list(given.values())
+    assert len(given) == 3 and abs(system.work.J @ u).max() < 1e-12
+
+
+def test_the_rigid_mechanism_beside_a_motion_goes_as_its_sections_do():
+    """On a ball, whose axes turn by less than these."""
+    found = strip('hinge = {spherical = ["ground", "strip.start"]}', TILTED, 3, more="")
+    h, twin = 1e-5, found.model.motion.rigid
+    before, here, after = (twin.at(0.07 + step) for step in (-h, 0.0, h))
+    rate = (after["strip.axes_xx"] - before["strip.axes_xx"]) / (2.0 * h)
+    assert rate == pytest.approx(-here["strip.omega_z"] * here["strip.axes_yx"], rel=1e-4)
 
 
 @pytest.mark.parametrize("freed", ["z", "xyz"])

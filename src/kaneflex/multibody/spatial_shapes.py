@@ -283,7 +283,8 @@ def _twisted(scene: Scene, body: str, x: float | None) -> str:
     if len(here) > 1 or here.keys() & turned:
         return "xyz"
     for joint, number in here.values():
-        for carried in [*joint.axes, *joint.axes][number:][:1]:
+        if joint.axes:
+            carried = joint.axes[number if len(joint.axes) > 1 else 0]
             own = mechanism.stands(body).T @ mechanism.stands(joint.sides[0].body) @ carried
             found |= {axis for axis, along in zip("xyz", own, strict=True) if abs(along) < _NEAR}
     return "".join(sorted(found))

@@ -285,9 +285,9 @@ class SpatialSystem:
 
     def node(self, joint: str) -> int:
         """Number of the node that has a joint's first coordinate; of a cylindrical one's, its turn."""
-        nodes, _ = self.layout.tree[joint]
+        nodes, sign = self.layout.tree[joint]
         if self.mechanism.joints[joint].kind != "cylindrical":
-            return nodes[0]
+            return nodes[0 if sign > 0 else -1]
         return next(node for node in nodes if self.tables.nodes[node, KIND] != SLIDE)
 
     def pin(self, joint: str) -> np.ndarray:

@@ -148,7 +148,8 @@ def build_tables(
     SceneError
         If a body hangs on nothing, its place at first is said twice, or too many coordinates of a loop are asked for.
     """
-    maker, tree, closing, kept, cuts = _Maker(mechanism, flexible, balls), {}, {}, {}, []
+    maker, tree, cuts = _Maker(mechanism, flexible, balls), {}, []
+    closing, kept = dict[str, slice](), dict[str, slice]()
     for name, child in spanning_tree(mechanism):
         if child < 0:
             _float(maker, name)
@@ -156,19 +157,17 @@ def build_tables(
             tree[name] = (_hang(maker, mechanism.joints[name], child), 1 if child == 1 else -1)
     rows = 0
     for name, joint in mechanism.joints.items():
-        if name in maker.balls:
-            found = _cut(maker, joint, rows, hangs=True)
-            cuts += found
-            kept[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
-        elif name not in tree:
-            if name in mechanism.asked:
-                raise SceneError(
-                    f"joints.{name}", None, "it closes a loop whose other joints' coordinates are asked for, too",
-                    "Ask for one coordinate less in this loop: drives, laws and springs of joints",
-                )  # fmt: skip
-            found = _cut(maker, joint, rows)
-            cuts += found
-            closing[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
+        hangs = name in maker.balls
+        if name in tree and not hangs:
+            continue
+        if not hangs and name in mechanism.asked:
+            raise SceneError(
+                f"joints.{name}", None, "it closes a loop whose other joints' coordinates are asked for, too",
+                "Ask for one coordinate less in this loop: drives, laws and springs of joints",
+            )  # fmt: skip
+        found = _cut(maker, joint, rows, hangs)
+        cuts += found
+        (kept if hangs else closing)[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
     tables = _tables(maker, cuts, tree)
     nodes = {name: node for name, node in maker.node_of.items() if name != GROUND}
     return tables, Layout(nodes, maker.stations, maker.shapes, tree, closing, kept, maker.freed, tuple(maker.speeds))
@@ -240,7 +239,7 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
         moves = [(kind, name, -axis) for kind, name, axis in reversed(moves)]
     turns = any(kind == TURN for kind, *_ in moves)
     if deforms and turns and not _turned_about(moves) and joint.name not in mechanism.known:
-        maker.balls.add(joint.name)
+        maker.balls.add(joint.name)  # one that a law or a spring knows keeps its coordinate
     if joint.name in maker.balls:
         pin = next((axis for _, name, axis in moves if name == "angle"), np.zeros(3))
         moves = [*(move for move in moves if move[0] == SLIDE), (BALL, "rotation", pin)]
@@ -294,7 +293,7 @@ def _float(maker: _Maker, name: str) -> None:
     maker.body(name, node, (0.0, 0.0, 0.0))
 
 
-def _cut(maker: _Maker, joint: SpatialJoint, row: int, hangs: bool = False) -> list[tuple[int, ...]]:
+def _cut(maker: _Maker, joint: SpatialJoint, row: int, hangs: bool) -> list[tuple[int, ...]]:
     """Elementary constraints of a joint that closes a loop, the first of whose rows is ``row``; of one on which a body
     ``hangs`` as on a ball, those of turns."""
     first, second = (maker.section(side) for side in joint.sides)
