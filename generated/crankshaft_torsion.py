@@ -8,7 +8,7 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 from numba import njit
 
 from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
-from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
+from kaneflex.generated.tables import table  # digest fef2e113e8a2f3b4
 
 FORMAT = 3
 STRUCTURE = "6d7423f9db6d797c"
