@@ -72,7 +72,7 @@ def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
     main_coordinate, main_rate = unpacked(x, 2, i)
     gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table = unpacked(p, 6)
-    out[k + 0] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
+    out[k] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
     out[k + 1] = table(main_coordinate - gas_2_offset, p, int(gas_2_table))
     out[k + 2] = table(main_coordinate - gas_3_offset, p, int(gas_3_table))
     out[k + 3] = 170.0 - 0.27057138309724654*main_rate
