@@ -89,7 +89,7 @@ def courses_and_loads(
     values = [sm.sympify(value) for of, steps in parts.values() for value in (*of, *dict(steps).values())]
     read = set().union(*(value.free_symbols for value in values))
     parameters = {path: entry for path, entry in mechanism.parameters.items() if entry[0] in read}
-    numbers = tuple((symbol, f"p[{k}]") for k, (symbol, _) in enumerate(parameters.values()))
+    numbers = emit.places((symbol for symbol, _ in parameters.values()), "p")
     reads = {"courses": numbers, "magnitudes": (*emit.places(_inputs(mechanism, switches), "x", "i"), *numbers)}
     docs = _DOCS | ({"magnitudes": _SWITCHED} if mechanism.observed or switches.sides else {})
     kernels = (
