@@ -72,7 +72,7 @@ def generate_c(scene: Any, name: str, progress: Progress = lambda stage: None) -
     return {f"{name}.h": head, f"{name}.c": text}
 
 
-def _element_kernels(equations: Equations) -> list[tuple[emit.Kernel, Program]]:
+def _element_kernels(equations: Equations) -> list[emit.Printed]:
     """The kernels of the element that its numba module shares with other scenes."""
     if not equations.beam:
         return []

@@ -21,7 +21,7 @@ from kaneflex.derive.lookups import T
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import drive_courses, load_size
 from kaneflex.derive.names import Names
-from kaneflex.derive.program import Program, share
+from kaneflex.derive.program import Assignment
 from kaneflex.derive.steps import Steps
 from kaneflex.support.contract import ELEMENT_KERNELS
 
@@ -83,36 +83,43 @@ def generate_coupled(
 
 def courses_and_loads(
     mechanism: SymbolicMechanism, switches: Switches
-) -> tuple[list[tuple[emit.Kernel, Program]], dict[str, tuple[sm.Symbol, str]]]:
+) -> tuple[list[emit.Printed], dict[str, tuple[sm.Symbol, str]]]:
     """What is a structure's own where its equations are those of all: its kernels, and the parameters they read."""
-    programs = [courses(mechanism), magnitudes(mechanism, switches)]
-    read = {symbol for raw in programs for symbol in raw.inputs}
+    parts = {"courses": _courses(mechanism), "magnitudes": _magnitudes(mechanism, switches)}
+    values = [sm.sympify(value) for of, steps in parts.values() for value in (*of, *dict(steps).values())]
+    read = set().union(*(value.free_symbols for value in values))
     parameters = {path: entry for path, entry in mechanism.parameters.items() if entry[0] in read}
-    return [(kernel_of(raw, mechanism, parameters, switches), raw) for raw in programs], parameters
+    numbers = emit.places((symbol for symbol, _ in parameters.values()), "p")
+    reads = {"courses": numbers, "magnitudes": (*emit.places(_inputs(mechanism, switches), "x", "i"), *numbers)}
+    docs = _DOCS | ({"magnitudes": _SWITCHED} if mechanism.observed or switches.sides else {})
+    kernels = (
+        emit.kernel(name, _ARGUMENTS[name], reads[name], of, docs[name], steps, out="k")
+        for name, (of, steps) in parts.items()
+    )
+    return list(kernels), parameters
 
 
-def courses(mechanism: SymbolicMechanism) -> Program:
-    """Coordinate, speed and acceleration of every prescribed drive."""
+def _courses(mechanism: SymbolicMechanism) -> tuple[list[sm.Expr], list[Assignment]]:
+    """Coordinate, speed and acceleration of every prescribed drive, and what they are written in."""
     prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
     found = drive_courses(mechanism, prescribed, steps).values()
-    return _program("courses", mechanism, [], steps, [v for d in found for v in (d.angle, d.speed, d.acceleration)])
+    return [value for drive in found for value in (drive.angle, drive.speed, drive.acceleration)], steps.assignments
 
 
-def magnitudes(mechanism: SymbolicMechanism, switches: Switches) -> Program:
+def _magnitudes(mechanism: SymbolicMechanism, switches: Switches) -> tuple[list[sm.Expr], list[Assignment]]:
     """Size of every load, by the time and the joints' coordinates and speeds; then what switches them, with its rates.
 
     A law whose value or slope jumps stays on the side of each of its ``switches`` that it is told.
     """
     states = {name: _state(name) for name in (*mechanism.drives, *mechanism.observed)}
-    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
     values = []
     for load in mechanism.loads.values():
         switches.load = load.name
         values.append(load_size(mechanism, load, states, switches.functions))
     for argument in switches.sides:
         values += [argument, _rate(argument, states)]
-    return _program("magnitudes", mechanism, _inputs(mechanism, switches), steps, values)
+    return values, []
 
 
 def _inputs(mechanism: SymbolicMechanism, switches: Switches) -> list[sm.Symbol]:
@@ -138,26 +145,14 @@ def _rate(argument: sm.Expr, states: Mapping[str, tuple[sm.Symbol, sm.Symbol]]) 
     return found
 
 
-def _program(
-    name: str, mechanism: SymbolicMechanism, states: Iterable[sm.Symbol], steps: Steps, values: Iterable[sm.Expr]
-) -> Program:
-    """A program whose inputs are t, states and, of the parameters, those that it reads."""
-    values = [sm.sympify(value) for value in values]
-    expressions = [*values, *(expression for _, expression in steps.assignments)]
-    read = set().union(*(expression.free_symbols for expression in expressions))
-    numbers = [symbol for symbol, _ in mechanism.parameters.values() if symbol in read]
-    outputs = tuple((f"out[k + {k}]", value) for k, value in enumerate(values))
-    return Program(name, (T, *states, *numbers), tuple(steps.assignments), outputs)
-
-
 _DOCS = {
     "courses": "Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each.",
     "magnitudes": "Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES.",
-    "switched": """Size of every load at t [s], then of SWITCHES what changes them where it passes zero, with its rate.
-
-    x: coordinate and speed of every drive, then joint, in the order of DRIVES and OBSERVED; their accelerations; which
-    side of zero the loads count as of each of SWITCHES: 1 above, -1 below, 0 where it stays at zero.""",
 }
+_SWITCHED = """Size of every load at t [s], then of SWITCHES what changes them where it passes zero, with its rate.
+
+x: coordinate and speed of every drive, then joint, in the order of DRIVES and OBSERVED; their accelerations; which
+side of zero the loads count as of each of SWITCHES: 1 above, -1 below, 0 where it stays at zero."""
 _ARGUMENTS = {"courses": ("t", "p", "out", "k"), "magnitudes": ("t", "x", "i", "p", "out", "k")}
 
 
@@ -168,17 +163,6 @@ def printed(kernels: Iterable[emit.Printed], names: Names) -> tuple[list[str], l
     imports = [module_text.import_names("laws", idle)] if idle else []
     lookups = lookups_numba.import_lookups([raw for _, raw in own])
     return emit.print_kernels((kernel for kernel, _ in own), names), [*imports, *lookups]
-
-
-def kernel_of(
-    raw: Program, mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.Symbol, str]], switches: Switches
-) -> emit.Kernel:
-    states = _inputs(mechanism, switches) if raw.name == "magnitudes" else []
-    reads = [(symbol, f"x[i + {k}]") for k, symbol in enumerate(states)]
-    reads += [(symbol, f"p[{k}]") for k, (symbol, _) in enumerate(parameters.values())]
-    told = raw.name == "magnitudes" and (mechanism.observed or switches.sides)
-    doc = _DOCS["switched" if told else raw.name]
-    return emit.Kernel(share(raw), _ARGUMENTS[raw.name], tuple(reads), doc, zeros=True)
 
 
 _ABOUT = (

@@ -88,7 +88,7 @@ def monomial(scalar: sm.Expr) -> tuple[str, ...]:
     return tuple(str(base) for base, power in powers if base != 1 for _ in range(int(power)))
 
 
-def element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
+def element_kernel(name: str, element: Element) -> emit.Printed:
     """The sum of an element's terms that a kernel computes, and its raw program."""
     doc, target, groups = _KERNELS[name]
     if element.has("rho_I"):
@@ -97,8 +97,8 @@ def element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
         doc += "\nSo is the correction M_c for the element's answer to its own inertia; K_d and C are without it."
     chosen = [term for term in element.terms if term.target == target and term.group in groups]
     total = sum((term.scalar * term.matrix for term in chosen), sm.zeros(*chosen[0].matrix.shape))
-    inputs = [(symbol, f"p[{k}]") for k, (_, symbol, *_) in enumerate(element.parameters)]
-    inputs += [(symbol, f"s[{k}]") for k, (_, symbol, *_) in enumerate(element.scalars)]
+    inputs = emit.places((symbol for _, symbol, *_ in element.parameters), "p")
+    inputs += emit.places((symbol for _, symbol, *_ in element.scalars), "s")
     symbols = tuple(symbol for symbol, _ in inputs)
     raw, steps, stored = Program(name, symbols, (), _stores(total)), (), total
     if name == "K_g":  # by the few numbers of the tension, in Horner's form, instead of by all of their products
@@ -110,7 +110,7 @@ def element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
     matrix = stored.cols > 1
     program = share(Program(name, symbols, steps, _stores(stored)))
     program = named(_independent(program, stored) if matrix else program, least=2)
-    return emit.Kernel(program, arguments, tuple(inputs), doc, packed=True, fill=matrix), raw
+    return emit.Kernel(program, arguments, inputs, doc, packed=True, fill=matrix), raw
 
 
 def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:

@@ -134,8 +134,8 @@ def kernel(
     return Kernel(share(raw), arguments, reads, doc, zeros=True, returns=not out), raw
 
 
-def places(symbols: Iterable[sm.Symbol], array: str, begin: str) -> Reads:
-    """Numbers that stand side by side in an array, from this index on."""
+def places(symbols: Iterable[sm.Symbol], array: str, begin: str = "") -> Reads:
+    """Numbers that stand side by side in an array, from its beginning or from this index on."""
     return tuple((symbol, f"{array}[{offset(begin, k)}]") for k, symbol in enumerate(symbols))
 
 
@@ -208,7 +208,7 @@ def operations(kernels: Sequence[Printed]) -> dict[str, tuple[int, int]]:
 
 def offset(begin: str, k: int) -> str:
     """The text of an index that is k after another one."""
-    return f"{begin} + {k}" if k else begin
+    return f"{begin} + {k}" if k and begin else begin or str(k)
 
 
 def kernels_module(

@@ -12,7 +12,7 @@ from kaneflex.derive.bracketed import bracketed
 from kaneflex.derive.elements import element_kernel, in_letters, monomial
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
-from kaneflex.derive.program import Program, share
+from kaneflex.derive.program import share
 from kaneflex.support.contract import (
     BEAMS,
     ELEMENT_KERNELS,
@@ -125,7 +125,7 @@ def generate_pruned(
     return print_module(equations, kernels, structure, without)
 
 
-def _halves(equations: Equations, without: Sequence[str]) -> list[tuple[emit.Kernel, Program]]:
+def _halves(equations: Equations, without: Sequence[str]) -> list[emit.Printed]:
     """The kernels of which some groups of terms are left out and others stay: no element's module has them."""
     groups = {kernel: {row[1] for row in ELEMENT_TERMS if row[2] == kernel} for kernel in ELEMENT_KERNELS}
     kept = {row[2] for row in equations.terms}
@@ -134,40 +134,28 @@ def _halves(equations: Equations, without: Sequence[str]) -> list[tuple[emit.Ker
     return [element_kernel(kernel, element) for kernel in split]
 
 
-def lower(equations: Equations) -> list[tuple[emit.Kernel, Program]]:
+def lower(equations: Equations) -> list[emit.Printed]:
     """Kernels with shared subexpressions, each beside its raw program (for the count of what sharing saved)."""
-    motion, raw = _motion_kernel(equations)
-    kernels = [(motion, raw)]
+    parameters = tuple(symbol for symbol, _ in equations.mechanism.parameters.values())
+    numbers, raw = emit.places(parameters, "p"), equations.motion.program(parameters)
+    kernels = [(emit.Kernel(share(raw), ("t", "p", "s"), numbers, _MOTION), raw)]
     if equations.inverse is not None:
-        kernels.append(_inverse_kernel(equations))
+        raw, states = equations.inverse
+        reads = (*emit.places((symbol for _, symbol in states), "y"), *numbers)
+        kernels.append((emit.Kernel(share(raw), ("t", "y", "p", "out"), reads, _INVERSE), raw))
     return kernels
 
 
-def _motion_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
-    parameters = tuple(symbol for symbol, _ in equations.mechanism.parameters.values())
-    raw = equations.motion.program(parameters)
-    doc = (
-        "Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.\n\n"
-        "p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."
-    )
-    reads = tuple((symbol, f"p[{k}]") for k, symbol in enumerate(parameters))
-    return emit.Kernel(share(raw), ("t", "p", "s"), reads, doc), raw
+_MOTION = """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
+p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
+_INVERSE = """Torque that each free joint would need at time t [s] for a state and its accelerations.
 
-def _inverse_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
-    raw, states = equations.inverse
-    doc = (
-        "Torque that each free joint would need at time t [s] for a state and its accelerations.\n\n"
-        "p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration of each joint of FREE."
-    )
-    parameters = [symbol for symbol, _ in equations.mechanism.parameters.values()]
-    reads = [(symbol, f"y[{k}]") for k, (_, symbol) in enumerate(states)]
-    reads += [(symbol, f"p[{k}]") for k, symbol in enumerate(parameters)]
-    return emit.Kernel(share(raw), ("t", "y", "p", "out"), tuple(reads), doc), raw
+p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration of each joint of FREE."""
 
 
 def print_module(
-    equations: Equations, kernels: list[tuple[emit.Kernel, Program]], structure: str, without: Sequence[str] = ()
+    equations: Equations, kernels: list[emit.Printed], structure: str, without: Sequence[str] = ()
 ) -> str:
     counts, names = emit.operations(kernels), equations.mechanism.names
     imports = [import_element(equations.beam, kernels_of(equations.terms, tuple(counts)))] if equations.beam else []

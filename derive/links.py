@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import sympy as sm
@@ -32,10 +33,18 @@ def link_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) 
         "a_y": -pose.s * a + pose.c * b,
         "P_0": -_axial_force(mechanism, name, "start", solved),
     }
+    return frame_scalars(name, values, steps)
+
+
+def frame_scalars(name: str, values: Mapping[str, sm.Expr], steps: Steps) -> tuple[Scalar, ...]:
+    """LINK_SCALARS of a link, zero where no value is given."""
     return tuple(
-        Scalar(f"{name}.link.{key}", unit, meaning, steps.assign(sm.Symbol(f"{name}_link_{key}"), values[key]))
+        Scalar(
+            f"{name}.link.{key}", unit, meaning,
+            steps.assign(sm.Symbol(f"{name}_link_{key}"), values.get(key, sm.S.Zero)),
+        )
         for key, unit, meaning in LINK_SCALARS
-    )
+    )  # fmt: skip
 
 
 def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> list[Scalar]:

@@ -33,9 +33,11 @@ TABLES = {
     "table_jerk": ("Third derivative of a cubic table", "6.0 * p[k + 3]"),
 }
 """Name of a lookup -> what it is, and its value at the distance d from the breakpoint where the cubic at k begins."""
-_TABLE = '''@njit(**OPTIONS)
-def {name}(x, p, start):
-    """{doc}: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
+_PLACE = '''@njit(forceinline=True, **OPTIONS)
+def place_in_table(x, p, start):
+    """Distance from the breakpoint before x, and where the cubic there begins.
+
+    p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
     n = int(p[start])
     period = p[start + 1]
     knots = start + 2
@@ -49,18 +51,25 @@ def {name}(x, p, start):
             low = middle
         else:
             high = middle
-    d = x - p[knots + low]
-    k = knots + n + 1 + 4 * low
+    return x - p[knots + low], knots + n + 1 + 4 * low
+'''
+_TABLE = '''@njit(**OPTIONS)
+def {name}(x, p, start):
+    """{doc}, whose block begins at p[start]."""
+    {d}, k = place_in_table(x, p, start)
     return {value}
 '''
-TABLE_LOOKUPS = {name: _TABLE.format(name=name, doc=doc, value=value) for name, (doc, value) in TABLES.items()}
+TABLE_LOOKUPS = {
+    name: _TABLE.format(name=name, doc=doc, d="d" if "d *" in value else "_", value=value)
+    for name, (doc, value) in TABLES.items()
+}
 """Name of a lookup -> its text."""
 
 
 def tables_text() -> str:
     """Text of the module of lookups in tables, which every module imports what it calls from."""
     said = "Names of a block's numbers are said in kaneflex.scene.tables."
-    return module("Piecewise cubic tables", [said], [], TABLE_LOOKUPS.values())
+    return module("Piecewise cubic tables", [said], [], [_PLACE, *TABLE_LOOKUPS.values()])
 
 
 _LAW = '''@njit(**OPTIONS)

@@ -18,7 +18,7 @@ from kaneflex.derive.closure import UnsupportedLoop, place_bodies
 from kaneflex.derive.constraints import multiplier
 from kaneflex.derive.laws import FUNCTIONS, law_expression
 from kaneflex.derive.linear import StructurallySingular, solve_blocks
-from kaneflex.derive.links import jump_scalars, link_scalars
+from kaneflex.derive.links import frame_scalars, jump_scalars, link_scalars
 from kaneflex.derive.lookups import T, table, table_curvature, table_rate
 from kaneflex.derive.mechanism import SymbolicMechanism
 from kaneflex.derive.names import Names
@@ -30,7 +30,7 @@ from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
 from kaneflex.mechanism.parts import Load, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_acceleration, minus
-from kaneflex.support.contract import BODY_SCALARS, COURSES, LINK_SCALARS
+from kaneflex.support.contract import BODY_SCALARS, COURSES
 
 
 @dataclass(frozen=True)
@@ -167,14 +167,7 @@ def _still(mechanism: SymbolicMechanism) -> Motion:
         scalars += _body_scalars(name, pose, rest)
         if body.elastic:
             g_x, g_y = mechanism.gravity
-            specific_force = {"a_x": -c * g_x - s * g_y, "a_y": s * g_x - c * g_y}
-            links[name] = tuple(
-                Scalar(
-                    f"{name}.link.{key}", unit, meaning,
-                    steps.assign(sm.Symbol(f"{name}_link_{key}"), specific_force.get(key, sm.S.Zero)),
-                )
-                for key, unit, meaning in LINK_SCALARS
-            )  # fmt: skip
+            links[name] = frame_scalars(name, {"a_x": -c * g_x - s * g_y, "a_y": s * g_x - c * g_y}, steps)
     scalars += spring_scalars(mechanism, {}, poses, dict.fromkeys(mechanism.bodies, rest), steps)
     return Motion(tuple(steps.assignments), links, tuple(scalars))
 

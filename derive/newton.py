@@ -86,37 +86,33 @@ def close_group(
     unknowns = [*loop.turning, *loop.sliding]
     jacobian = [[tree.derivative(residual, unknown) for unknown in unknowns] for residual in residuals]
     values = _seeds(mechanism, tree, loop, against, steps)
+
+    def now(name: str, expression: sm.Expr) -> sm.Expr:
+        """What it is at the unknowns' values."""
+        return steps.assign(sm.Symbol(name), expression.xreplace(values))
+
     for turn in range(_ITERATIONS):
         changes = [sm.Symbol(f"change_{name}_{turn}") for name in unknowns]
         rows = []
         for k, residual in enumerate(residuals):
-            row = steps.assign(sm.Symbol(f"gap_{loop.closing}_{k}_{turn}"), residual.xreplace(values))
+            row = now(f"gap_{loop.closing}_{k}_{turn}", residual)
             for j, change in enumerate(changes):
-                name = sm.Symbol(f"slope_{loop.closing}_{k}_{j}_{turn}")
-                row += steps.assign(name, jacobian[k][j].xreplace(values)) * change
+                row += now(f"slope_{loop.closing}_{k}_{j}_{turn}", jacobian[k][j]) * change
             rows.append((f"{loop.closing}.{k}", row))
         solved = solve_blocks(rows, changes, steps)
         values = _moved(tree, loop, values, [solved[change] for change in changes], turn, steps)
-    matrix = sm.Matrix(len(residuals), len(unknowns), lambda k, j: _last(loop, jacobian[k][j], values, k, j, steps))
+    size = len(residuals), len(unknowns)
+    matrix = sm.Matrix(*size, lambda k, j: now(f"slope_{loop.closing}_{k}_{j}_", jacobian[k][j]))
     side = mechanism.parameter(f"joints.{loop.closing}.side", "1")
     margin = steps.assign(sm.Symbol(f"closure_{loop.closing}"), side * determinant(matrix))
-    left = [
-        steps.assign(sm.Symbol(f"left_{loop.closing}_{k}"), residual.xreplace(values))
-        for k, residual in enumerate(residuals)
-    ]
-    square = sum((residual**2 for residual in left), sm.S.Zero)
-    gap = steps.assign(sm.Symbol(f"gap_{loop.closing}"), sm.sqrt(square))
-    return Closed(loop, {name: _assigned(name, tree.frames[name], values, steps) for name in group}, margin, gap)
-
-
-def _last(loop: Loop, entry: sm.Expr, values, k: int, j: int, steps: Steps) -> sm.Expr:
-    return steps.assign(sm.Symbol(f"slope_{loop.closing}_{k}_{j}_"), entry.xreplace(values))
-
-
-def _assigned(name: str, pose: Pose, values, steps: Steps) -> Pose:
-    entries = {f"c_{name}": pose.c, f"s_{name}": pose.s, f"x_{name}": pose.x, f"y_{name}": pose.y}
-    c, s, x, y = (steps.assign(sm.Symbol(key), value.xreplace(values)) for key, value in entries.items())
-    return Pose(x, y, c, s)
+    left = [now(f"left_{loop.closing}_{k}", residual) for k, residual in enumerate(residuals)]
+    gap = steps.assign(sm.Symbol(f"gap_{loop.closing}"), sm.sqrt(sum(residual**2 for residual in left)))
+    found = {}
+    for name in group:
+        pose = tree.frames[name]
+        c, s = now(f"c_{name}", pose.c), now(f"s_{name}", pose.s)
+        found[name] = Pose(now(f"x_{name}", pose.x), now(f"y_{name}", pose.y), c, s)
+    return Closed(loop, found, margin, gap)
 
 
 def _group(mechanism: Mechanism, poses: Mapping[str, Pose]) -> tuple[tuple[str, ...], list[str]] | None:

@@ -26,7 +26,7 @@ from sympy.physics.mechanics import (
 
 from kaneflex.derive.constraints import Constraint, drive_constraint, joint_constraints
 from kaneflex.mechanism.parts import Joint, Mechanism, Spring
-from kaneflex.mechanism.planar import GROUND, Pose, pose_at
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, pose_at
 
 TIME = dynamicsymbols._t
 
@@ -73,9 +73,7 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         system.add_joints(joint)
         points[name] = (frame, start)
     for mass in mechanism.masses.values():
-        frame, start = points[mass.point.body]
-        point = start.locatenew(f"{mass.name}_point", mass.point.at[0] * frame.x + mass.point.at[1] * frame.y)
-        point.v2pt_theory(start, system.frame, frame)
+        frame, point = _fixed(mass.point, f"{mass.name}_point", system, points)
         system.add_bodies(RigidBody(mass.name, point, frame, mass.mass, (inertia(frame, 0, 0, mass.inertia), point)))
     constraints, drive_coordinate = _constraints(mechanism, coordinates)
     system.add_holonomic_constraints(*(constraint.residual for constraint in constraints))
@@ -87,9 +85,7 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
             _add_torque(system, mechanism.joints[load.joint], magnitude[name], points)
             continue
         for at, share in load.pushes():
-            frame, start = points[at.body]
-            point = start.locatenew(f"{name}_{at.name}", at.at[0] * frame.x + at.at[1] * frame.y)
-            point.v2pt_theory(start, system.frame, frame)
+            frame, point = _fixed(at, f"{name}_{at.name}", system, points)
             axes = system.frame if load.axes == "global" else frame
             along = load.direction[0] * axes.x + load.direction[1] * axes.y
             system.add_loads(Force(point, magnitude[name] * share * along))
@@ -105,6 +101,14 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         for row, speed in zip(("force_x", "force_y", "moment"), triple, strict=True)
     )
     return RigidEquations(coordinates, speeds, balance, constraints, drive_coordinate, magnitude)
+
+
+def _fixed(at: BodyPoint, name: str, system: System, points) -> tuple[ReferenceFrame, Point]:
+    """A point of a body with its velocity, and the body's axes."""
+    frame, start = points[at.body]
+    point = start.locatenew(name, at.at[0] * frame.x + at.at[1] * frame.y)
+    point.v2pt_theory(start, system.frame, frame)
+    return frame, point
 
 
 def _add_torque(system: System, joint: Joint, torque: sm.Expr, points) -> None:
@@ -123,9 +127,7 @@ def _add_spring(system: System, mechanism: Mechanism, spring: Spring, points) ->
     force = [sm.Symbol(f"{spring.name}.force_{axis}") for axis in "xy"]
     for side, sign in zip(spring.sides, (-1, 1), strict=True):
         if side.body != GROUND:
-            frame, start = points[side.body]
-            point = start.locatenew(f"{spring.name}_{side.body}", side.at[0] * frame.x + side.at[1] * frame.y)
-            point.v2pt_theory(start, system.frame, frame)
+            _, point = _fixed(side, f"{spring.name}_{side.body}", system, points)
             system.add_loads(Force(point, sign * (force[0] * system.x + force[1] * system.y)))
     return {symbol.name: symbol for symbol in force}
 

@@ -291,14 +291,13 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
         used = [statement for statement in made if f"{statement.partition(' ')[0]}," in text]
         pairs += used
         outputs += [(called, number) for called, number in of_plane if called in " ".join(used)]
-    inputs = [(PARAMETERS[key], f"p[{k}]") for k, (key, *_) in enumerate(_parameters(section))]
-    inputs += [(symbol, f"s[{k}]") for k, symbol in enumerate(SCALARS)]
+    inputs = emit.places((PARAMETERS[key] for key, *_ in _parameters(section)), "p") + emit.places(SCALARS, "s")
     raw = Program(name, tuple(symbol for symbol, _ in inputs), (), (*outputs, *numbers))
     motion = set(SCALARS) & set().union(*(number.free_symbols for _, number in numbers))
     doc = _DOCS[name] + _CORRECTED * (name == "M" and section.shear)
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + " s: LINK_SCALARS." * bool(motion) + " out: zeros."
     kernel = emit.Kernel(
-        share(raw), ("p", "s", "out") if motion else ("p", "out"), tuple(inputs), doc,
+        share(raw), ("p", "s", "out") if motion else ("p", "out"), inputs, doc,
         calls=(*pairs, *total.calls), inline=True,
     )  # fmt: skip
     return kernel, raw, total.operations

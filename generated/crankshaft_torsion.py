@@ -8,7 +8,7 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 from numba import njit
 
 from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
-from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
+from kaneflex.generated.tables import table  # digest fef2e113e8a2f3b4
 
 FORMAT = 3
 STRUCTURE = "6d7423f9db6d797c"
@@ -39,7 +39,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (6, 6)}
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
     main_speed, main_angle = unpacked(p, 2)
-    main_coordinate = out[k + 0] = main_angle + main_speed*t
+    main_coordinate = out[k] = main_angle + main_speed*t
     out[k + 1] = main_speed
     out[k + 2] = 0.0
 
@@ -49,6 +49,6 @@ def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
     main_coordinate = x[i]
     _, _, gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table = unpacked(p, 8)
-    out[k + 0] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
+    out[k] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
     out[k + 1] = table(main_coordinate - gas_2_offset, p, int(gas_2_table))
     out[k + 2] = table(main_coordinate - gas_3_offset, p, int(gas_3_table))

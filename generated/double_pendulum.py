@@ -11,7 +11,7 @@ from numba import njit
 
 from kaneflex.generated import rows
 from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
-from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
+from kaneflex.generated.tables import table  # digest fef2e113e8a2f3b4
 
 FORMAT = 3
 STRUCTURE = "d18cff34b9ece37a"

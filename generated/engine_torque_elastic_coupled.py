@@ -15,7 +15,7 @@ from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, TERMS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
 from kaneflex.generated.laws import no_courses as courses
-from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
+from kaneflex.generated.tables import table  # digest fef2e113e8a2f3b4
 
 FORMAT = 3
 STRUCTURE = "9a51e5f91871db64"
@@ -72,7 +72,7 @@ def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
     main_coordinate, main_rate = unpacked(x, 2, i)
     gas_1_offset, gas_1_table, gas_2_offset, gas_2_table, gas_3_offset, gas_3_table = unpacked(p, 6)
-    out[k + 0] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
+    out[k] = table(main_coordinate - gas_1_offset, p, int(gas_1_table))
     out[k + 1] = table(main_coordinate - gas_2_offset, p, int(gas_2_table))
     out[k + 2] = table(main_coordinate - gas_3_offset, p, int(gas_3_table))
     out[k + 3] = 170.0 - 0.27057138309724654*main_rate

@@ -28,6 +28,6 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
     main_speed, main_angle = unpacked(p, 2)
-    main_coordinate = out[k + 0] = main_angle + main_speed*t
+    main_coordinate = out[k] = main_angle + main_speed*t
     out[k + 1] = main_speed
     out[k + 2] = 0.0

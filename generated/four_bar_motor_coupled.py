@@ -49,4 +49,4 @@ OPERATIONS = {'courses': (0, 0), 'magnitudes': (2, 2)} | beam.OPERATIONS
 def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
     main_rate = x[i + 1]
-    out[k + 0] = 0.6 - 0.01909859317102744*main_rate
+    out[k] = 0.6 - 0.01909859317102744*main_rate

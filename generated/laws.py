@@ -13,8 +13,6 @@ FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 
-
-
 @njit(**OPTIONS)
 def sign(x):
     """-1 below zero, 1 above, 0 at it."""

@@ -42,7 +42,7 @@ def courses(t, p, out, k):
     w1 = math.sin(w0)
     w2 = 0.4*t - 0.5*w1/math.pi
     w3 = math.pi*w2
-    joint_1_coordinate = out[k + 0] = out[k + 9] = 0.5*w3
+    joint_1_coordinate = out[k] = out[k + 9] = 0.5*w3
     w4 = 0.4 - 0.4*math.cos(w0)
     w5 = math.pi*w4
     joint_1_rate = out[k + 1] = out[k + 10] = 0.5*w5

@@ -33,7 +33,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
     shaft_speed, shaft_angle = unpacked(p, 2)
-    shaft_coordinate = out[k + 0] = shaft_angle + shaft_speed*t
+    shaft_coordinate = out[k] = shaft_angle + shaft_speed*t
     out[k + 1] = shaft_speed
     out[k + 2] = 0.0
 
@@ -42,4 +42,4 @@ def courses(t, p, out, k):
 def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
     push_value = p[2]
-    out[k + 0] = push_value
+    out[k] = push_value

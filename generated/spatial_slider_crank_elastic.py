@@ -28,6 +28,6 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
     shaft_speed, shaft_angle = unpacked(p, 2)
-    shaft_coordinate = out[k + 0] = shaft_angle + shaft_speed*t
+    shaft_coordinate = out[k] = shaft_angle + shaft_speed*t
     out[k + 1] = shaft_speed
     out[k + 2] = 0.0

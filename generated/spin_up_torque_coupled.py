@@ -41,4 +41,4 @@ OPERATIONS = {'courses': (0, 0), 'magnitudes': (5, 5)} | beam.OPERATIONS
 @njit(**OPTIONS)
 def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
-    out[k + 0] = 14.52488 - 14.52488*math.cos(0.13333333333333333*math.pi*t)
+    out[k] = 14.52488 - 14.52488*math.cos(0.13333333333333333*math.pi*t)

@@ -47,6 +47,6 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
     way_speed, way_position = unpacked(p, 2)
-    way_coordinate = out[k + 0] = way_position + way_speed*t
+    way_coordinate = out[k] = way_position + way_speed*t
     out[k + 1] = way_speed
     out[k + 2] = 0.0

@@ -11,11 +11,11 @@ FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
 
+@njit(forceinline=True, **OPTIONS)
+def place_in_table(x, p, start):
+    """Distance from the breakpoint before x, and where the cubic there begins.
 
-
-@njit(**OPTIONS)
-def table(x, p, start):
-    """Piecewise cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
+    p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
     n = int(p[start])
     period = p[start + 1]
     knots = start + 2
@@ -29,69 +29,32 @@ def table(x, p, start):
             low = middle
         else:
             high = middle
-    d = x - p[knots + low]
-    k = knots + n + 1 + 4 * low
+    return x - p[knots + low], knots + n + 1 + 4 * low
+
+
+@njit(**OPTIONS)
+def table(x, p, start):
+    """Piecewise cubic table, whose block begins at p[start]."""
+    d, k = place_in_table(x, p, start)
     return p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))
 
 
 @njit(**OPTIONS)
 def table_rate(x, p, start):
-    """First derivative of a cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
-    n = int(p[start])
-    period = p[start + 1]
-    knots = start + 2
-    if period > 0.0:
-        x = p[knots] + (x - p[knots]) % period
-    low = 0
-    high = n
-    while high - low > 1:
-        middle = (low + high) // 2
-        if p[knots + middle] <= x:
-            low = middle
-        else:
-            high = middle
-    d = x - p[knots + low]
-    k = knots + n + 1 + 4 * low
+    """First derivative of a cubic table, whose block begins at p[start]."""
+    d, k = place_in_table(x, p, start)
     return p[k + 1] + d * (2.0 * p[k + 2] + d * 3.0 * p[k + 3])
 
 
 @njit(**OPTIONS)
 def table_curvature(x, p, start):
-    """Second derivative of a cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
-    n = int(p[start])
-    period = p[start + 1]
-    knots = start + 2
-    if period > 0.0:
-        x = p[knots] + (x - p[knots]) % period
-    low = 0
-    high = n
-    while high - low > 1:
-        middle = (low + high) // 2
-        if p[knots + middle] <= x:
-            low = middle
-        else:
-            high = middle
-    d = x - p[knots + low]
-    k = knots + n + 1 + 4 * low
+    """Second derivative of a cubic table, whose block begins at p[start]."""
+    d, k = place_in_table(x, p, start)
     return 2.0 * p[k + 2] + d * 6.0 * p[k + 3]
 
 
 @njit(**OPTIONS)
 def table_jerk(x, p, start):
-    """Third derivative of a cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
-    n = int(p[start])
-    period = p[start + 1]
-    knots = start + 2
-    if period > 0.0:
-        x = p[knots] + (x - p[knots]) % period
-    low = 0
-    high = n
-    while high - low > 1:
-        middle = (low + high) // 2
-        if p[knots + middle] <= x:
-            low = middle
-        else:
-            high = middle
-    d = x - p[knots + low]
-    k = knots + n + 1 + 4 * low
+    """Third derivative of a cubic table, whose block begins at p[start]."""
+    _, k = place_in_table(x, p, start)
     return 6.0 * p[k + 3]

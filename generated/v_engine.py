@@ -16,7 +16,7 @@ from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
-from kaneflex.generated.tables import table  # digest 3b94813b690b2cd9
+from kaneflex.generated.tables import table  # digest fef2e113e8a2f3b4
 
 FORMAT = 3
 STRUCTURE = "9f04e115b2f57fc0"
