@@ -95,5 +95,6 @@ def test_a_first_run_compiles_the_motion_and_the_steps_once_and_nothing_else(tmp
     element = [f"beam_euler_bernoulli.{name}" for name in ("C", "F", "K_d", "K_g", "K_s", "M", "element_matrices")]
     assert compiled == [
         *element, "corrections.corrected", "disturbances.eighths", "engine.motion", "engine.tabulate",
-        "instants.equations", "instants.mean_products", "kernels._multiply_rows", "tables.table",
+        "instants.equations", "instants.mean_products", "kernels._multiply_rows", "tables.place_in_table",
+        "tables.table",
     ]  # fmt: skip
