@@ -11,12 +11,13 @@ from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody import holds
+from kaneflex.multibody.stand_ins import of_contacts
 from kaneflex.multibody.tables import (
     ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FOLLOWER,
     FORCE, FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X,
     NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSHED, PUSH_NOW, RATE, ROOM, ROW, ROW_AT,
     ROW_SIZE, SEC, SECTION, SIZE, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WHAT, X,
-    Y, apart, kernel, of_body, of_contacts, shifted, turned,
+    Y, apart, kernel, of_body, shifted, turned,
 )  # fmt: skip
 
 

@@ -9,9 +9,10 @@ from numba import njit
 
 from kaneflex.multibody import bristles
 from kaneflex.multibody.holds import BENDS, count, number_at, pressed_by, presses, row_at, row_place
+from kaneflex.multibody.stand_ins import of_holds
 from kaneflex.multibody.tables import (
     ALONG, BY_PRESS, BY_SPEED, DRIVES, FIRMEST, KEPT, MODE, NODES, NUMBERS_AT, OPTIONS, PRECISION, REACTIONS, SCHUR,
-    SLOPE, STAGE_H, STAGE_R, STUCK_AT, TOUCH, TOUCHING, WANTED, WHAT, apart, larger, of_holds,
+    SLOPE, STAGE_H, STAGE_R, STUCK_AT, TOUCH, TOUCHING, WANTED, WHAT, apart, larger,
 )  # fmt: skip
 
 

@@ -19,11 +19,12 @@ from kaneflex.multibody.contact_numbers import EPS, at, extent, near, no_force, 
 from kaneflex.multibody.contacts import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
 from kaneflex.multibody.loops import follow, mend
 from kaneflex.multibody.rows import take
+from kaneflex.multibody.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares
 from kaneflex.multibody.tables import (
     ACTS, AIM, ALLOWED, AT, BEGUN_AT, CONTACTS, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, HOLDS, LARGEST, LAW,
     LOW, MODE, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, REACTIONS, RESISTING_MASS, RESTED, RIGID, ROW_AT,
-    SEC, SECTION, SHIFT, STAGE_R, TARGET, TOUCH, TRIAL, TRIES, WHAT, apart, larger, of_contacts, of_holds, smaller,
+    SEC, SECTION, SHIFT, STAGE_R, TARGET, TOUCH, TRIAL, TRIES, WHAT, apart, larger, smaller,
 )  # fmt: skip
 from kaneflex.multibody.rigid_contacts import LEAST_HEIGHT, NOISE, acceleration, collide, size_of
 

@@ -27,12 +27,13 @@ from kaneflex.multibody.contact_numbers import (
 )  # fmt: skip
 from kaneflex.multibody.loops import bent, mend, middle
 from kaneflex.multibody.rows import give, works_at
+from kaneflex.multibody.stand_ins import of_contacts
 from kaneflex.multibody.switching import pass_zero, take_place
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGUN_AT, BODIES, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT,
     GAP, GAP_RATE, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LAST_CHANGE, LOST_BEFORE, MOST_IMPACTS, NODES,
     NUMBERS_AT, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y, PRECISION, RESISTING_MASS, RESTED, SINCE, SPEEDS, TOUCH, WORKS,
-    YIELDING, apart, larger, of_contacts, shifted, smaller,
+    YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.yielding import along
 

@@ -24,11 +24,12 @@ from kaneflex.generated import contact as touching
 from kaneflex.generated import friction as laws
 from kaneflex.generated import joints
 from kaneflex.multibody import bristles
+from kaneflex.multibody.stand_ins import of_holds
 from kaneflex.multibody.tables import (
     ACTS, ALONG, AT, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUT_OF, CUT_ROWS, DRIVES, HOLDING, HOLDS, KEPT,
     LIMIT, MODE, NORMAL, NOW, NUMBERS_AT, ON, OPTIONS, PLACE, PUSH_NOW, REACTION, REACTIONS, ROW_AT, ROW_OF, ROW_SIZE,
     SCHUR, SEC, SECTION, SLIP, SLIP_RATE, SLOPE, SPEED_SIZE, STAGE_H, STAGE_R, STUCK_AT, TOUCHING, TURN, WANTED, WHAT,
-    YIELDING, apart, larger, of_holds, shifted, smaller,
+    YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
 
 _SOFT = 1e-9

@@ -17,12 +17,13 @@ from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.rows import copy
+from kaneflex.multibody.stand_ins import of_holds
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, AT, BENDS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_OF, CUT, CUTS, CUT_OF, CUT_ROWS, DEMAND,
     DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, HOLDS, INBOARD, JACOBIAN, JACOBIANS, JOINT, JOINT_ROWS,
     KEPT, LAST, LED, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT,
     PIVOTS, POINT, PRISMATIC, RATE, REACTION, REACTIONS, REVOLUTE, ROW_AT, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS,
-    SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y, YIELDING, apart, kernel, larger, of_body, of_holds, turned,
+    SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y, YIELDING, apart, kernel, larger, of_body, turned,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe
 

@@ -28,11 +28,12 @@ from kaneflex.multibody.contacts import LETS_GO, part
 from kaneflex.multibody.impulses import answer, share, weigh
 from kaneflex.multibody.loops import follow, mend, middle
 from kaneflex.multibody.rows import copy, give, works_at
+from kaneflex.multibody.stand_ins import of_contacts
 from kaneflex.multibody.tables import (
     ACTS, ALLOWED, APPROACH, AT, BEGAN_X, BEGAN_Y, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DRIVES, DUE,
     FLANK, GAP, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOST_BEFORE, NOW, NUMBERS_AT, ON, OPTIONS, PEAK, PLACE_X,
     PLACE_Y, POWER, PUSH_NOW, RATE, REACTIONS, RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SEC, SECTION, SHUT, SINCE, TOUCH,
-    WHAT, WORKS, apart, larger, of_contacts,
+    WHAT, WORKS, apart, larger,
 )  # fmt: skip
 
 _TOGETHER = 100.0

@@ -24,11 +24,12 @@ from kaneflex.multibody.holds import (
 )  # fmt: skip
 from kaneflex.multibody.impulses import answer
 from kaneflex.multibody.rows import works_at
+from kaneflex.multibody.stand_ins import of_holds
 from kaneflex.multibody.sticking import LET_GO, lets_go, no_rate, no_speed
 from kaneflex.multibody.tables import (
     ACTS, ALONG, BEFORE, BEGUN_AT, BORE, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LAST_R, LIMIT, MODE, NOW,
     NUMBERS_AT, OPTIONS, PLACE, REACTION, REACTIONS, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart,
-    larger, of_holds, smaller,
+    larger, smaller,
 )  # fmt: skip
 
 VISCOUS = LAWS.index("viscous")

@@ -9,7 +9,7 @@ from numba import njit
 
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.inner import once
-from kaneflex.multibody.spatial_kinematics import add_cross, less
+from kaneflex.multibody.spatial_vectors import add_cross, less
 from kaneflex.multibody.tables import OPTIONS, apart
 
 FORCE, MOMENT, ENERGY, POWER, ANGLE = 0, 3, 6, 7, 8

@@ -17,7 +17,7 @@ from numba import njit
 from kaneflex.multibody import dense_lu
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_forces import demand, push
-from kaneflex.multibody.spatial_kinematics import accelerate, add_cross, move, partials, place
+from kaneflex.multibody.spatial_kinematics import accelerate, move, partials, place
 from kaneflex.multibody.spatial_tables import (
     BALL,
     COINCIDE,
@@ -34,6 +34,7 @@ from kaneflex.multibody.spatial_tables import (
     TURN,
     WHAT,
 )  # fmt: skip
+from kaneflex.multibody.spatial_vectors import add_cross
 from kaneflex.multibody.tables import OPTIONS, apart, larger, together
 
 _MOST = 30

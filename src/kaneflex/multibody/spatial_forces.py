@@ -15,8 +15,8 @@ from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_bushings import FORCE, MOMENT, cushion
-from kaneflex.multibody.spatial_kinematics import add_cross, less, times
 from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED, Tables
+from kaneflex.multibody.spatial_vectors import add_cross, less, times
 from kaneflex.multibody.tables import OPTIONS, address, apart, together
 
 _OWN, _PAIR = len(laws.BODY), len(shape_laws.PAIR)

@@ -25,6 +25,7 @@ from kaneflex.multibody import (
     spatial_steps,
     spatial_stiffness,
     spatial_tables,
+    spatial_vectors,
     spatial_work,
     tables,
 )
@@ -49,7 +50,7 @@ _made_of_parts = made_of(
     laws.__file__, shape_laws.__file__, coefficients.__file__, dense_lu.__file__, inner.__file__,
     spatial_bushings.__file__, spatial_collocation.__file__, spatial_dynamics.__file__, spatial_forces.__file__,
     spatial_instant.__file__, spatial_kinematics.__file__, spatial_steps.__file__, spatial_stiffness.__file__,
-    spatial_tables.__file__, spatial_work.__file__, tables.__file__,
+    spatial_tables.__file__, spatial_vectors.__file__, spatial_work.__file__, tables.__file__,
 )  # fmt: skip
 
 

@@ -8,7 +8,8 @@ from numba import njit
 
 from kaneflex.multibody.spatial_bushings import POWER
 from kaneflex.multibody.spatial_dynamics import weigh
-from kaneflex.multibody.spatial_kinematics import along, less
+from kaneflex.multibody.spatial_kinematics import along
+from kaneflex.multibody.spatial_vectors import less
 from kaneflex.multibody.tables import OPTIONS, apart
 
 

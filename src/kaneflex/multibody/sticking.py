@@ -16,11 +16,12 @@ from kaneflex.multibody.holds import (
     BENDS, FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, stuck_rows,
 )  # fmt: skip
 from kaneflex.multibody.loops import follow, hold_now, mend, middle
+from kaneflex.multibody.stand_ins import of_holds
 from kaneflex.multibody.tables import (
     ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, BORE, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT,
     DRIVES, DUE, EXTENT, FIRMEST, FRAME, FRAME_SIZE, GRAVITY, HOLDING, IN_A_ROW, KEPT, LIMIT, MODE, NODES, NORMAL, NOW,
     NUMBERS_AT, OPTIONS, PIVOTS, PLACE, RATE, ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH,
-    TURN, WANTED, WHAT, Y, YIELDING, apart, larger, of_holds,
+    TURN, WANTED, WHAT, Y, YIELDING, apart, larger,
 )  # fmt: skip
 
 _EPS = 2.3e-16

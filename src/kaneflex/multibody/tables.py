@@ -8,14 +8,13 @@ addresses: no index is looked at twice, and whole numbers, which it never writes
 
 from __future__ import annotations
 
-import inspect
 import math
 import operator
 from typing import NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, typeof, types
+from numba import njit, types
 from numba.core import cgutils
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
@@ -315,48 +314,6 @@ MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
 """All that compiled code knows of a mechanism. ``pivots``: the plan once more, to be written; ``kernels``: addresses of
 those of the structure and of its kinds of bodies, see :func:`kernel`; ``p``: the parameters of the structure's module;
 ``real``, ``pair``: room for factors."""
-
-
-def of_contacts(otherwise):
-    """A decorator, above numba's: the function is compiled where a mechanism has contacts, and is this number else.
-
-    So whoever has none, as most have, needn't wait for a third more to be compiled.
-    """
-    return _where(otherwise, (CONTACT_MECHANISM, HOLD_MECHANISM))
-
-
-def of_holds(otherwise):
-    """The same where a mechanism has holds."""
-    return _where(otherwise, (HOLD_MECHANISM,))
-
-
-def _where(otherwise, mechanisms):
-
-    def of(function):
-        def called(typing, m, *rest):
-            if m in mechanisms:
-                function.compile((m, *rest))
-                found = function.overloads[m, *rest]
-
-                def enter(context, builder, sig, args):
-                    context.active_code_library.add_linking_library(found.library)
-                    return context.call_internal(builder, found.fndesc, sig, args)
-
-                return found.signature, enter
-            kind = typeof(otherwise)
-
-            def stand_in(context, builder, sig, args):
-                return context.get_constant_generic(builder, kind, otherwise)
-
-            return kind(m, *rest), stand_in
-
-        first = inspect.Parameter("typing", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-        called.__signature__ = inspect.Signature([first, *inspect.signature(function.py_func).parameters.values()])
-        made = intrinsic(called)
-        made.where = function, mechanisms, otherwise  # for whoever prints it in C
-        return made
-
-    return of
 
 
 class Handle:

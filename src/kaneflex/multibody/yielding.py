@@ -12,10 +12,11 @@ from kaneflex.multibody import bending, dense_lu, holds
 from kaneflex.multibody.acting import lean, meet
 from kaneflex.multibody.contact_numbers import EPS, at, extent, gradient_at, product, rigid
 from kaneflex.multibody.loops import bent, gradient
+from kaneflex.multibody.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, COURSE_OF, DRIVES, FIRST, GAP, GAP_RATE, HOLDS, JAMS,
     KEPT, LAW, NUMBERS_AT, OPTIONS, PIVOTS, RATE, REACTION, ROW_AT, SCHUR, SPEEDS, SPEED_SIZE, STIFF, TOUCHING, VISCOUS,
-    YIELDING, apart, larger, of_contacts, of_holds, shifted,
+    YIELDING, apart, larger, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import deform, move
 
