@@ -352,45 +352,6 @@ def given(m, row, first):
         row[first + n] = m.w[number_at(m, n - count(m)) + STUCK_AT]
 
 
-@of_holds(0.0)
-@njit(**OPTIONS)
-def not_moved(m):
-    """Kinetic energy [J] of what bodies were lent."""
-    total = 0.0
-    for n in range(-count(m), 0):
-        total += 0.5 * lent(m, n) * m.w[number_at(m, n) + SLIP] * m.w[number_at(m, n) + SLIP]
-    return total
-
-
-@njit(**OPTIONS)
-def _taken_by(m, n):
-    """Power that a hold takes up [W]: none where it is stuck, whatever it slips by rounding."""
-    w, k = m.w, number_at(m, n)
-    return -w[k + HOLDING] * w[k + SLIP] if w[k + MODE] != STUCK else 0.0
-
-
-@of_holds(0.0)
-@njit(**OPTIONS)
-def lost(m):
-    """Power that holds dissipate [W]."""
-    total = 0.0
-    for n in range(-count(m), 0):
-        k, j = number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
-        total += _taken_by(m, n)
-        if m.w[k + MODE] == BENDS:
-            _, rate = bristles.by_now(m.w, k, j)
-            total -= m.w[j + bristles.STIFFNESS_AT] * m.w[k + STUCK_AT] * rate
-    return total
-
-
-@of_holds(None)
-@njit(**OPTIONS)
-def losses(m, end):
-    """What each hold takes up, of bristles what they store besides, at the places before ``end``."""
-    for n in range(-count(m), 0):
-        m.w[end + n] = _taken_by(m, n)
-
-
 @of_holds(None)
 @njit(**OPTIONS)
 def told(m, out):

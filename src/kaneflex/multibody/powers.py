@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody import bending, holds
+from kaneflex.multibody import bending, hold_powers
 from kaneflex.multibody.acting import load_direction
 from kaneflex.multibody.tables import (
     ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
@@ -38,9 +38,9 @@ def energies(m):
         k = plan[CONTACT] + CONTACT_SIZE * n
         w[at + 1] += w[k + ELASTIC]
         w[at + 2] += w[k + LOSING]
-    w[at] -= holds.not_moved(m)
+    w[at] -= hold_powers.not_moved(m)
     w[at + 1] += bending.stored(m)
-    w[at + 2] += holds.lost(m)
+    w[at + 2] += hold_powers.lost(m)
 
 
 @njit(**OPTIONS)
@@ -66,7 +66,7 @@ def losses(m, out):
     for n in range(contacts):
         k = plan[CONTACT] + CONTACT_SIZE * n
         w[out + plan[WORKS] - contacts + n] = -w[k + PUSH_NOW] * w[k + GAP_RATE]
-    holds.losses(m, out + plan[WORKS] - contacts)
+    hold_powers.losses(m, out + plan[WORKS] - contacts)
     w[out] = lost
     for n in range(plan[LOADS], plan[SPRINGS]):
         size = w[plan[SIZE] + n - plan[LOADS]]
