@@ -27,7 +27,8 @@ def _step(x: sm.Expr, *course: sm.Expr, side: Callable[[sm.Expr], sm.Expr] = sig
 
 FUNCTIONS = {
     "sin": sm.sin, "cos": sm.cos, "tan": sm.tan, "exp": sm.exp, "log": sm.log, "sqrt": sm.sqrt,
-    "tanh": sm.tanh, "abs": sm.Abs, "atan2": sm.atan2, "max": larger, "min": smaller, "sign": sign,
+    "tanh": sm.tanh, "abs": sm.Abs, "acos": sm.acos, "asin": sm.asin, "atan": sm.atan,
+    "atan2": sm.atan2, "max": larger, "min": smaller, "sign": sign,
     "step": _step,
 }  # fmt: skip
 

@@ -259,7 +259,7 @@ BAD = {
         "[loads.gas]", "[loads.push]\nforce_on = \"rod.mid\"\ndirection = [0, 1]\nlaw = "
         "\"open('x')\"\n[loads.gas]",
         "loads.push.law = \"open('x')\": a law cannot call 'open'. "
-        "It can call abs, atan2, cos, exp, log, max, min, sign, sin, sqrt, step, tan, tanh."),
+        "It can call abs, acos, asin, atan, atan2, cos, exp, log, max, min, sign, sin, sqrt, step, tan, tanh."),
     "two dampings": (
         "[damping]", "[damping]\nviscous = {mu = 1}",
         "damping: rayleigh and viscous exclude each other. Give exactly one of rayleigh, modal, viscous."),

@@ -2,6 +2,7 @@
 
 import ctypes
 import itertools
+import math
 import re
 import subprocess
 import types
@@ -10,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sm
 import tomlkit
 from command_line import cli, refused
 from lifting import lifted
 from runs import model
 
-from kaneflex.derive.c_module import prefix_of
+from kaneflex.derive.c_module import CPrinter, prefix_of
+from kaneflex.derive.laws import law_expression
 from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
 from kaneflex.generated import laws, tables
 from kaneflex.integrate.run import integrate
@@ -255,6 +258,22 @@ def test_lookups_and_laws_are_those_of_numba(compiler, tmp_path):
             for x in (-7.3, 0.4, 0.5, 0.999, 1.0, 2.4, 2.5, 11.2):
                 found = in_c(ctypes.c_double(x), block.ctypes.data_as(ctypes.c_void_p))
                 assert found == getattr(tables, name).py_func(x, block, 1)
+
+
+def test_inverse_functions_of_laws_are_those_of_c(compiler, tmp_path):
+    """A law and its rate, printed in C."""
+    t = sm.Symbol("t")
+    law = law_expression("asin(t) - 2*acos(t) + atan(3*t) + atan2(t, 2 - t)", {"t": t})
+    head = "#include <math.h>\ndouble value(double t);\ndouble rate(double t);\n"
+    texts = [f"double {name}(double t) {{ return {CPrinter().doprint(e)}; }}\n"
+             for name, e in (("value", law), ("rate", law.diff(t)))]  # fmt: skip
+    library = ctypes.CDLL(str(built({"inverse.c": head + "".join(texts)}, tmp_path, compiler, *SHARED)))
+    for function in (library.value, library.rate):
+        function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double]
+    x = 0.37
+    value = math.asin(x) - 2 * math.acos(x) + math.atan(3 * x) + math.atan2(x, 2 - x)
+    rate = 3 / math.sqrt(1 - x * x) + 3 / (1 + 9 * x * x) + 2 / (x * x + (2 - x) ** 2)
+    assert (library.value(x), library.rate(x)) == pytest.approx((value, rate), rel=1e-14)
 
 
 def test_what_a_scene_is_called_can_be_a_name_in_c():

@@ -11,6 +11,7 @@ from kaneflex.derive.laws import law_expression
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.laws import ON_ARRAYS, parse_law
 from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import Fault, SceneError
 
 NAMES = ("t", "main", "main_speed")
@@ -39,6 +40,8 @@ BEYOND = "beyond 1e+60, where products of a few numbers are not finite"
     ("sign(t - 0.4) + sign(-2) + sign(0*t)", lambda t: np.sign(t - 0.4) - 1),
     ("min(t, 0.5) + max(2, 1)*max(main, 1)", lambda t: np.where(t < 0.5, t, 0.5) + 2 * np.where(3 * t > 1, 3 * t, 1)),
     ("atan2(t - 0.5, -1) + 0*atan2(0*t, 0*t)", lambda t: np.arctan2(t - 0.5, -1)),
+    ("asin(t - 1) + acos(t/2) - atan(3*t)", lambda t: np.arcsin(t - 1) + np.arccos(t / 2) - np.arctan(3 * t)),
+    ("asin(1)*t + acos(-1)", lambda t: math.pi * (t / 2 + 1)),
     ("step(t - 0.55) + step(0*t)", lambda t: np.where(t > 0.55, 1.5, 0.5)),
     ("step(t, 0.2, 3, 0.6, 7)", lambda t: 3 + 4 * smoothstep(np.clip((t - 0.2) / 0.4, 0, 1))),
     ("t/(0.3 - 0.2999)", lambda t: 1e4 * t),
@@ -103,6 +106,11 @@ def test_equal_laws_have_one_text():
     ("log(-1)", "log(-1) is not real"),
     ("t + sqrt(-1)", "sqrt(-1) is not real"),
     ("(-8)**(1/3)", "(-8) ** (1 / 3) is not real"),
+    ("asin(1.001)", "asin(1.001) is not real"),
+    ("t*acos(-2)", "acos(-2) is not real"),
+    ("1/acos(1)", "1 / acos(1) divides by zero"),
+    ("1/(asin(0.1 + 0.2) - asin(0.3))", "1 / (asin(0.1 + 0.2) - asin(0.3)) divides by zero"),
+    ("1/(atan(0.1 + 0.2) - atan(0.3))", "1 / (atan(0.1 + 0.2) - atan(0.3)) divides by zero"),
     ("1e400", f"a number is {BEYOND}"),
     ("9" * 4000, f"a number is {BEYOND}"),
     ("2**5000", f"2 ** 5000 is {BEYOND}"),
@@ -141,6 +149,7 @@ SCENES = {
     ("two-link-arm", "1/(t - t)", "it has no finite value at t = 0 s"),
     ("two-link-arm", "sqrt(0.25 - t)", "it has no finite value at t = 0.251389 s"),
     ("two-link-arm", "log(0.6 - shoulder)", "it has no finite value at t = 0.197222 s"),  # acos(1/3) / (2 pi)
+    ("two-link-arm", "asin(4*t)", "it has no finite value at t = 0.251389 s"),
     ("two-link-arm", "(1e50*t)**10", "it has no finite value at t = 0.00138889 s"),
     ("four-bar-motor", "1/(main_speed - main_speed)", "it has no finite value at t = 0 s"),
     ("four-bar-motor", "1/0", "1 / 0 divides by zero"),
@@ -178,13 +187,49 @@ def test_a_law_may_pass_beyond_what_its_parts_can_hold():
 
 
 @pytest.mark.parametrize("law", [
-    "abs(t)", "t + abs(sin(2*pi*t) + pi)/2", "sign(t)", "step(t - 0.1)", "max(t, 0.1)", "min(t, 0.1)", "atan2(t, -1)",
+    "abs(t)", "t + abs(sin(2*pi*t) + pi)/2", "sign(t)", "step(t - 0.1)", "max(t, 0.1)", "min(t, 0.1)",
+    "atan2(t - 0.3, -1)", "atan2(sin(2*pi*t), 0.99 - cos(2*pi*t - pi))", "atan2(t - 0.3, t - 0.3)",
 ])  # fmt: skip
 def test_a_drive_whose_speed_would_jump_is_refused(law):
     with pytest.raises(SceneError, match=r"^drives\.elbow\.law = .*has kinks, where the speed would jump"):
         with_settings(read_scene("two-link-arm"), [f"drives.elbow.law={law}"])
     good = "abs(-3)*cos(2*pi*t) + step(t, 0, 0, 0.5, 1) + max(1, 2)*t"
     assert with_settings(read_scene("two-link-arm"), [f"drives.elbow.law={good}"]).drives["elbow"].law
+
+
+@pytest.mark.parametrize(("law", "t"), [
+    ("asin(sin(2*pi*t))", 0.25), ("acos(1 - t)", 0), ("0.1*acos(t**2)", 1),
+    ("asin((1 - 1e-13)*cos(2*pi*t - 1.3))", 0.2069),
+])  # fmt: skip
+def test_a_drive_whose_speed_would_have_no_bound_is_refused(law, t):
+    """Where the argument of asin or acos comes to an end of its range: pi t + 1.3 is passed between two samples."""
+    with pytest.raises(SceneError, match=r"^drives\.elbow\.law = .*has no finite slope at t = ") as caught:
+        with_settings(read_scene("two-link-arm"), [f"drives.elbow.law={law}"])
+    assert float(caught.value.reason.split("t = ")[1].split(" s")[0]) == pytest.approx(t, abs=1e-4)
+
+
+def test_an_angle_of_a_point_that_stays_off_the_cut_drives_a_wheel(tmp_path):
+    """The angle of the point 1 - exp(-2 i t)/2, and inverse functions in a row: accelerations by hand."""
+    scene = tmp_path / "wheel.toml"
+    scene.write_text("""
+schema = 1
+bodies = {wheel = {mass = "1 kg", inertia = "0.01 kg m^2"}}
+joints = {j = {revolute = ["ground", "wheel"]}}
+drives = {j = {law = "atan2(0.5*sin(2*t), 1 - 0.5*cos(2*t))"}}
+sensors = {a = {acceleration = "wheel", component = "angle"}}
+solve = {preset = "rigid", duration = "2 s"}
+""")
+    solution = simulate(load(read_scene(scene)))
+    s, c = np.sin(2 * solution.times), np.cos(2 * solution.times)
+    # theta' = (2 cos - 1) / (2.5 - 2 cos), from the quotient rule, and once more
+    rate = -4 * s / (2.5 - 2 * c) - (2 * c - 1) * 4 * s / (2.5 - 2 * c) ** 2
+    assert solution.series["a"].values == pytest.approx(rate, abs=1e-12)
+    both = with_settings(read_scene(scene), ["j.law=asin(0.9*sin(t)) - acos(0.9*cos(t)) + atan(t)"])
+    x = np.sin(solution.times), np.cos(solution.times)
+    first = -0.9 * x[0] * (1 - 0.81) / (1 - 0.81 * x[0] ** 2) ** 1.5
+    second = 0.9 * x[1] * (1 - 0.81) / (1 - 0.81 * x[1] ** 2) ** 1.5
+    third = -2 * solution.times / (1 + solution.times**2) ** 2
+    assert simulate(load(both)).series["a"].values == pytest.approx(first - second + third, abs=1e-11)
 
 
 @pytest.mark.parametrize("law", ["1/(t - t)", "(1e50*t)**9"])

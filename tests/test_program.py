@@ -335,7 +335,7 @@ def test_a_name_that_is_taken_is_changed():
 def test_every_function_of_a_law_comes_through(function):
     """The printed SymPy expression against the same law on plain floats."""
     more = {2: ", 2 - main", 5: ", -1, main, 2, 4"}.get(max(FUNCTIONS[function]), "")
-    law = f"3.7 * {function}(0.3 + main ** 2 / 7{more}) - main_speed / 11 + pi"
+    law = f"3.7 * {function}(0.3 + main ** 2 / 14{more}) - main_speed / 11 + pi"
     names = {"main": sm.Symbol("main"), "main_speed": sm.Symbol("speed")}
     text = printed(law_expression(law, names))
     called = {name: getattr(laws, name).py_func for name in lookups_numba.LAW_FUNCTIONS}

@@ -5,22 +5,87 @@ from __future__ import annotations
 import numpy as np
 
 from kaneflex.scene.drives import Drive
-from kaneflex.scene.laws import parse_law, sample_times
+from kaneflex.scene.laws import Law, parse_law, sample_times
 from kaneflex.scene.parts import Load
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.errors import Fault
 
+_FINE = 20_000
+"""Intervals of a run in which jumps of atan2 and ends of asin are looked for, as many as laws are tried at in a run."""
+_HALVINGS = 60
+"""Halvings of an interval, more than double precision has binary digits."""
+_ROUNDING = 1e-12
+"""How far below 1 the argument of asin counts as 1: the slope is then above 7e5."""
+
 
 def check_drive_law(scene: Scene, drive: Drive) -> None:
     """Raise Fault unless a drive's law is one, without kinks, and has values over the run."""
     law = parse_law(drive.law, ("t",))
-    kink = law.kinks()
+    kink = law.kinks(smooth=("atan2",))
     if kink is not None:
         reason = f"{kink} has kinks, where the speed would jump within no time"
         raise Fault(reason, "Write a law whose speed is continuous, like sqrt(x**2 + small**2) for abs(x)")
     if scene.horizon is not None:
         law.check_values({"t": sample_times(scene.horizon)})
+        _check_inverse_functions(law, np.linspace(0.0, scene.horizon, _FINE + 1))
+
+
+def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
+    """Raise Fault for a law in t whose atan2 jumps, or whose asin or acos has no finite slope, at some time."""
+    for _, call, _ in law.calls("atan2"):
+        t = _first_jump(call, times)
+        if t is not None:
+            reason = f"{call.text} has kinks, where the speed would jump: its point (x, y) crosses y = 0 at x <= 0, "
+            cure = "Write a law whose point stays off the negative x axis, or leave the angle's jump out"
+            raise Fault(f"{reason}at t = {t:.6g} s", cure)
+    for _, call, (argument,) in law.calls("asin", "acos"):
+        t = _first_end(argument, times)
+        if t is not None:
+            reason = f"{call.text} has no finite slope at t = {t:.6g} s, where its argument is 1 or -1"
+            raise Fault(reason, "Write a law whose argument stays between -1 and 1, both excluded")
+
+
+def _first_jump(angle: Law, times: np.ndarray) -> float | None:
+    """First time between `times` at which an angle [rad] in t jumps; None where it does nowhere.
+
+    Where neighbours part by more than 1 rad, the half that parts more is halved again, down to rounding: over a jump,
+    of pi or more, the values stay apart.
+    """
+
+    def values(at: np.ndarray) -> np.ndarray:
+        return angle.on_arrays({"t": at})
+
+    found = values(times)
+    k = np.flatnonzero(abs(np.diff(found)) > 1.0)
+    low, high = times[k], times[k + 1]
+    for _ in range(_HALVINGS if len(k) else 0):
+        middle = (low + high) / 2
+        first = abs(values(middle) - values(low)) >= abs(values(high) - values(middle))
+        low, high = np.where(first, low, middle), np.where(first, middle, high)
+    jumps = abs(values(high) - values(low)) > 1.0
+    return float(high[jumps][0]) if jumps.any() else None
+
+
+def _first_end(argument: Law, times: np.ndarray) -> float | None:
+    """First time at which the size of an argument in t comes to 1, also at a maximum between `times`; None if never."""
+
+    def sizes(at: np.ndarray) -> np.ndarray:
+        return abs(argument.on_arrays({"t": at}))
+
+    found = sizes(times)
+    k = np.arange(len(times))
+    largest = (found >= np.roll(found, 1)) | (k == 0)
+    largest &= (found >= np.roll(found, -1)) | (k == k[-1])
+    k = np.flatnonzero(largest)
+    low, high = times[np.maximum(k - 1, 0)], times[np.minimum(k + 1, len(times) - 1)]
+    for _ in range(2 * _HALVINGS):  # each leaves two thirds
+        left, right = (2 * low + high) / 3, (low + 2 * high) / 3
+        rises = sizes(left) < sizes(right)
+        low, high = np.where(rises, left, low), np.where(rises, high, right)
+    at = np.where(sizes(times[k]) >= sizes(low), times[k], low)
+    ends = sizes(at) >= 1.0 - _ROUNDING
+    return float(at[ends][0]) if ends.any() else None
 
 
 def check_load_law(scene: Scene, load: Load) -> None:

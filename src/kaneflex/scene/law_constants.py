@@ -124,7 +124,8 @@ def _call(node: ast.Call, name: str, x: _Number, *more: _Number) -> _Number:
     v, e = x
     if name in ("sign", "step", "min", "max", "atan2"):
         return _switched(name, x, *more)
-    if name in ("log", "sqrt") and v < 0 and not x.is_zero:
+    outside = (name in ("log", "sqrt") and v < 0 and not x.is_zero) or (name in ("asin", "acos") and abs(v) > 1.0 + e)
+    if outside:
         raise Fault(f"{ast.unparse(node)} is not real", _CURE)
     if (name == "log" and x.is_zero) or (name == "tan" and abs(math.cos(v)) <= e):
         raise Fault(f"{ast.unparse(node)} is not finite", _CURE)
@@ -143,7 +144,11 @@ def _call(node: ast.Call, name: str, x: _Number, *more: _Number) -> _Number:
         case "tan":
             value = math.tan(v)
             error = e * (1.0 + value * value)
-        case _:  # sin, cos, tanh: slopes up to one
+        case "asin" | "acos":
+            value = getattr(math, name)(min(max(v, -1.0), 1.0))
+            room = (1.0 - abs(v)) * (1.0 + abs(v))
+            error = math.sqrt(2.0 * e) + e if room <= e else e / math.sqrt(room)
+        case _:  # sin, cos, tanh, atan: slopes up to one
             value, error = getattr(math, name)(v), e
     return _Number(value, error + _UNIT * abs(value))
 

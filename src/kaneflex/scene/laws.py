@@ -20,8 +20,8 @@ from kaneflex.scene.law_constants import check_constants
 from kaneflex.support.errors import Fault, nearest
 
 FUNCTIONS: dict[str, tuple[int, ...]] = {
-    "abs": (1,), "atan2": (2,), "cos": (1,), "exp": (1,), "log": (1,), "max": (2,), "min": (2,), "sign": (1,),
-    "sin": (1,), "sqrt": (1,), "step": (1, 5), "tan": (1,), "tanh": (1,),
+    "abs": (1,), "acos": (1,), "asin": (1,), "atan": (1,), "atan2": (2,), "cos": (1,), "exp": (1,), "log": (1,),
+    "max": (2,), "min": (2,), "sign": (1,), "sin": (1,), "sqrt": (1,), "step": (1, 5), "tan": (1,), "tanh": (1,),
 }  # fmt: skip
 """What a law can call -> how many arguments that takes."""
 _KINKED = {"abs": 1, "max": 2, "min": 2}
@@ -107,20 +107,30 @@ class Law:
         """Whether a joint's coordinate or speed stands in the law."""
         return any(self.uses(name) or self.uses(f"{name}_speed") for name in joints)
 
-    def kinks(self) -> str | None:
-        """Text of the first part whose value or slope jumps as its arguments vary, like `abs(t)`, if there is one."""
-        return self._first(_KINKED | _JUMPING)
+    def kinks(self, smooth: Collection[str] = ()) -> str | None:
+        """Text of the first part whose value or slope jumps as its arguments vary, like `abs(t)`, if there is one.
+
+        smooth: functions that are known not to jump.
+        """
+        return self._first({name: count for name, count in (_KINKED | _JUMPING).items() if name not in smooth})
 
     def jumps(self) -> str | None:
         """The same of parts whose value jumps, like `sign(t)`."""
         return self._first(_JUMPING)
 
-    def _first(self, functions: Mapping[str, int]) -> str | None:
+    def calls(self, *functions: str) -> list[tuple[str, Law, list[Law]]]:
+        """Name, whole call and arguments of every call of one of these functions that varies."""
+        found = []
         for node in ast.walk(self.tree):
-            if isinstance(node, ast.Call) and functions.get(node.func.id) == len(node.args):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in functions:
                 if any(map(_varies, node.args)):
-                    return ast.unparse(node)
-        return None
+                    arguments = [Law(ast.unparse(argument), argument) for argument in node.args]
+                    found.append((node.func.id, Law(ast.unparse(node), node), arguments))
+        return found
+
+    def _first(self, functions: Mapping[str, int]) -> str | None:
+        found = self.calls(*functions)
+        return next((call.text for name, call, arguments in found if functions[name] == len(arguments)), None)
 
 
 def _varies(node: ast.expr) -> bool:
@@ -141,7 +151,8 @@ def smooth(s: Any) -> Any:
 
 
 ON_ARRAYS = {name: getattr(np, name) for name in FUNCTIONS if hasattr(np, name)}
-ON_ARRAYS |= {"atan2": np.arctan2, "max": np.maximum, "min": np.minimum, "step": step}
+ON_ARRAYS |= {"acos": np.arccos, "asin": np.arcsin, "atan": np.arctan, "atan2": np.arctan2}
+ON_ARRAYS |= {"max": np.maximum, "min": np.minimum, "step": step}
 """The functions of floats and ndarrays."""
 
 
