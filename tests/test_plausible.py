@@ -23,6 +23,12 @@ STUBBY = {"engine-elastic-crank", "engine-paper"}
     ("four-bar", ["coupler.rho=0.05"], "bodies.coupler.beam.rho = 0.05 kg/m^3 is that of no material"),
     ("four-bar", ["coupler.rho=2.7"], "bodies.coupler.beam: sound would travel at 1.62e+05 m/s in it"),
     ("engine", ["rod.I=7008"], "bodies.rod.beam.I = 7008 m^4 is a section some 9.15 m wide, of a link 0.137 m long"),
+    ("engine", ["rod.I=1", "rod.mass=none", "rod.A=1.4e-4"], "bodies.rod.beam.I = 1 m^4 with A = 0.00014 m^2 is a "
+     "radius of gyration of 84.5 m, of a link 0.137 m long: a plain number is in m^4"),
+    ("engine", ["rod.I=7e-4"],
+     "bodies.rod.beam.I = 0.0007 m^4 with A = 0.0001423 m^2 is a radius of gyration of 2.22 m"),
+    ("spatial-slider-crank-elastic", ["rod.beam.section=none", "rod.beam.A=28 mm^2", "rod.beam.I_y=64 mm^4",
+     "rod.beam.I_z=64e-6", "rod.beam.J=100 mm^4"], "bodies.rod.beam.I_z = 6.4e-05 m^4 with A = 2.8e-05 m^2"),
     ("engine", ["rod.beam.I=none", "rod.mass=none", 'rod.beam.section={rectangle = ["20 mm", "8 mm"]}',
      "rod_mid_strain.fibre=11 mm"], "sensors.rod_mid_strain.fibre: 0.011 m from the axis is outside of the section at"),
     ("engine", ["gravity=[0, -9810]"], "gravity is 9810 m/s^2, where the earth's is 9.81"),
@@ -46,6 +52,7 @@ def test_what_may_be_meant_is_not():
         ("four-bar", ["coupler.E=16 GPa", "coupler.rho=11340 kg/m^3"]),
         ("engine", ["gravity=[0, -1.62]"]),
         ("engine", ["main.speed=1.4e5 rpm"]),
+        ("four-bar", ["coupler.A=35.7 mm^2", "coupler.I=36000 mm^4"]),  # a tube of 100 mm, its wall 0.114 mm thick
         ("engine", ["crank.length=0.4 mm", "rod.length=1.37 mm"]),
     ):
         assert not implausible(with_settings(read_scene(name), settings)), settings

@@ -33,6 +33,8 @@ _STUBBY, _STUBBIEST = 10.0, 3.0
 and below which a beam by any theory is none."""
 _STOUT = 10.0
 """Times its link's length that a section may be wide, by the roots of its area and second moments, without a word."""
+_HOLLOW = 1e4
+"""Second moment over the area squared without a warning: r / (4 pi t) of a tube, so walls of 8e-6 of the radius."""
 _ROUNDED = 1e-3
 """Share by which sums of rounded numbers may be off without a word."""
 _BEYOND_ROWS = 0.02
@@ -167,17 +169,25 @@ def _materials(scene: Scene) -> Iterator[str]:
 
 
 def _sections(scene: Scene) -> Iterator[str]:
-    """Warnings of sections that are far wider than their link is long, as one whose I in mm^4 has no unit."""
+    """Warnings of sections that are far wider than their link is long, or whose area is far too small for their second
+    moment, as one whose I in mm^4 has no unit."""
     for name, body in scene.bodies.items():
         if body.beam is None or body.length is None:
             continue
         for key, part in body.beam.sections.items():
+            area = part.A or body.mass / ((body.beam.made_of(part).rho or math.inf) * body.length)
             for field, root, unit in (("A", 2, "m^2"), ("I", 4, "m^4"), ("I_y", 4, "m^4"), ("I_z", 4, "m^4")):
                 given = getattr(part, field) or 0.0
                 if (wide := given ** (1.0 / root)) > _STOUT * body.length:
                     yield (
                         f"bodies.{name}.{key}.{field} = {given:.4g} {unit} is a section some {wide:.3g} m wide, of a "
                         f"link {body.length:.4g} m long: a plain number is in {unit}"
+                    )
+                elif root == 4 and given > min(_HOLLOW * (part.A or math.inf) ** 2, area * body.length**2):
+                    yield (
+                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} with A = {area:.4g} m^2 is a radius of "
+                        f"gyration of {math.sqrt(given / area):.3g} m, of a link {body.length:.4g} m long: a plain "
+                        f"number is in {unit}, and '1 mm^4' is 1e-12 m^4"
                     )
 
 
