@@ -1,6 +1,8 @@
 """Links from finite elements of another program: against that program's own modes, closed forms and a beam."""
 
 import re
+import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ import kaneflex
 from kaneflex.fem.craig_bampton import reduced
 from kaneflex.fem.foreign_files import read_foreign
 from kaneflex.scene.modal_data import read_modal_data
+from kaneflex.support.errors import Fault
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -153,6 +156,9 @@ def odd_files():
     np.savetxt("corner.txt", numbers[[0], 0])
     mmwrite("short.mtx", np.eye(6))
     Path("empty.txt").write_text("")
+    doubled = numbers.copy()
+    doubled[1, 0] = 3.0
+    np.savetxt("twice-numbered.txt", doubled, fmt="%.9g")
     Path("torn.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n3 3 9\n1 1 1.0\n")
     K = mmread("rod-stiffness.mtx").tolil()
     K[0, 7] += 1e9
@@ -246,6 +252,7 @@ def test_what_is_refused_of_sections_and_stresses(odd_files, changed, message):
         ({"rod-mass.mtx": "rod-stiffness.mtx"}, "kg. Give the mass first, then the stiffness"),
         ({"end=small-eye.txt": "end=big-eye.txt"}, "start and end have node 1 in common"),
         ({"rod-stiffness.mtx": "turned-round.mtx"}, "turned-round.mtx does not resist a stretch of the link"),
+        ({"rod-nodes.txt": "twice-numbered.txt"}, "twice-numbered.txt: node 3 is there twice"),
         ({"rod-nodes.txt": "empty.txt"}, "empty.txt holds no finite numbers"),
         ({"rod-nodes.txt": "."}, ". cannot be read: it is a folder"),
         ({"end=small-eye.txt": "end=upper.txt"}, "not its own mirror image in its axis"),
@@ -298,6 +305,72 @@ def test_stresses_are_told_in_megapascal(recovered):
     result = cli("run", "imported.toml", "--no-plots", "-o", "imported", "--force")
     (row,) = re.findall(r"^top +MPa +(\S+)", result.stdout, re.MULTILINE)
     assert -100.0 < float(row) < -10.0
+
+
+INPUT = """*HEADING
+ A bar. *NODE is what comes next.
+** *NODE
+*Part, name=bar
+*NODE, NSET=ALL
+{}
+*NSET, NSET=EYE
+ 1, 2, 3
+*ELEMENT, TYPE=C3D20
+ 1, 1, 2, 3
+*NODE PRINT, NSET=ALL
+U
+"""
+
+
+def written_input(name="job.inp", more="", keep=slice(None)):
+    """The nodes in an input of Abaqus."""
+    rows = [", ".join(f"{x:.9g}" for x in row).rstrip("0, ") if row[3] == 0 else ", ".join(f"{x:.9g}" for x in row)
+            for row in np.loadtxt("rod-nodes.txt")[keep]]  # fmt: skip
+    Path(name).write_text(more + INPUT.format("\n".join(rows)))
+
+
+def test_nodes_of_an_input_of_abaqus_or_calculix():
+    written_input()
+    result = cli(*command(**{"rod-nodes.txt": "job.inp", "rod.npz": "input.npz"}))
+    assert result.exit_code == 0, result.output
+    here, there = (read_modal_data(name) for name in ("rod.npz", "input.npz"))
+    for name, array in here.arrays.items():
+        np.testing.assert_array_equal(there.arrays[name], array)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("*NODE\n7, 0.1, 0.2\n", "job.inp: node 7 is there twice. Give each node a number of its own"),
+        ("*NODE, SYSTEM=C\n7, 0.1, 0.2\n", "job.inp: nodes given by *NODE, SYSTEM=C are not read"),
+        ("*Ngen, nset=all\n1, 9\n", "job.inp: nodes given by *Ngen, nset=all are not read"),
+        ("*INSTANCE, PART=bar\n 0.1, 0., 0.\n", "job.inp moves an instance by 0.1, 0., 0."),
+        ("*NODE\nseven, 0.1\n", "job.inp: seven, 0.1 is no node"),
+    ],
+)
+def test_what_is_refused_of_an_input(more, message):
+    written_input(more=more)
+    refused(cli(*command(**{"rod-nodes.txt": "job.inp", "rod.npz": "other.npz"})), message)
+    Path("job.inp").write_text("*ELEMENT\n1, 2, 3\n")
+    refused(cli(*command(**{"rod-nodes.txt": "job.inp", "rod.npz": "other.npz"})), "job.inp has no nodes below *NODE")
+
+
+def test_nodes_in_one_place_have_no_mirror_image():
+    link = read_foreign(*FILES, ENDS)
+    flat = replace(link, nodes=np.column_stack([link.nodes[:, :2], np.zeros(len(link.nodes))]))
+    with pytest.raises(Fault, match=r"several nodes are at \(0, -10, 0\) mm: their mirror images can't be told apart"):
+        flat.basis("axial", rigid=False)
+
+
+def test_no_full_matrix_is_made_of_a_sparse_one():
+    """A square array of the bar's 3675 unknowns alone is 108 MB; of 100,000 unknowns it would be 80 GB."""
+    link = read_foreign(*FILES, ENDS)
+    tracemalloc.start()
+    try:
+        reduced(link, "transverse", 3, rigid=True)
+        assert tracemalloc.get_traced_memory()[1] < 3e7
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_point_that_is_called_mid_is_no_section():

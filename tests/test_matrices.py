@@ -4,6 +4,7 @@ Nastran's files are written by pyYeti, and read by it. Those of Abaqus and Calcu
 Abaqus (*MATRIX INPUT) and CalculiX's source (matrixstorage.c) lay them down: every term once, on or above the diagonal.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,16 @@ def abaqus(K, both=False):
     lines = zip(node[part.row], axis[part.row], node[part.col], axis[part.col], part.data, strict=True)
     Path("job_STIF1.mtx").write_text("".join(f"{n},{i}, {m},{j}, {value:.17e}\n" for n, i, m, j, value in lines))
     return "job_STIF1.mtx"
+
+
+def coordinate(K, both=True):
+    """FORMAT=COORDINATE: rows count the motions of one node after the other, these in the order of their numbers."""
+    order = (AXES * np.argsort(NUMBERS)[:, None] + np.arange(AXES)).ravel()
+    part = coo_array(csc_array(K)[order][:, order])
+    part = part if both else coo_array(triu(part))
+    lines = zip(part.row + 1, part.col + 1, part.data, strict=True)
+    Path("job_STIF2.mtx").write_text("".join(f"{row:8d} {column:8d} {value: .15E}\n" for row, column, value in lines))
+    return "job_STIF2.mtx"
 
 
 def calculix(K):
@@ -88,9 +99,11 @@ def folder(tmp_path, monkeypatch):
     "write, exact",
     [
         (market, 1e-15), (abaqus, 1e-15), (lambda K: abaqus(K, both=True), 1e-15), (calculix, 1e-15),
+        (coordinate, 1e-15), (lambda K: coordinate(K, both=False), 1e-15),
         (output4, 1e-15), (lambda K: output4(K, sparse="dense"), 1e-15), (punched, 1e-8),
     ],
-    ids=["Matrix Market", "Abaqus", "Abaqus, both triangles", "CalculiX", "OUTPUT4", "OUTPUT4, dense", "punch"],
+    ids=["Matrix Market", "Abaqus", "Abaqus, both triangles", "CalculiX", "Abaqus, COORDINATE",
+         "Abaqus, COORDINATE, one triangle", "OUTPUT4", "OUTPUT4, dense", "punch"],
 )  # fmt: skip
 def test_the_same_matrix_in_each_format(write, exact, stiffness, peer):
     peer("pyyeti")
@@ -136,9 +149,30 @@ def junk(K):
     return "job.op4"
 
 
+def constrained(K):
+    """A COORDINATE file without the last row, which a support takes out."""
+    coordinate(K)
+    lines = [line for line in Path("job_STIF2.mtx").read_text().splitlines() if "15" not in line.split()[:2]]
+    Path("job_STIF2.mtx").write_text("\n".join(lines))
+    return "job_STIF2.mtx"
+
+
+def halves(K):
+    Path("job_STIF2.mtx").write_text("1 1 2.0\n1.5 2 3.0\n15 15 1.0\n")
+    return "job_STIF2.mtx"
+
+
+def grid_points(K):
+    Path("job.pch").write_text("$TITLE   = A MESH\nGRID           1               0.0     0.0     0.0\n")
+    return "job.pch"
+
+
 @pytest.mark.parametrize(
     "write, message",
     [
+        (constrained, "job_STIF2.mtx has rows from 1 to 14, with 5 nodes"),
+        (halves, "job_STIF2.mtx holds a row that is no whole number"),
+        (grid_points, "job.pch has no DMIG card. Have the matrices written by"),
         (held, "job_STIF1.mtx holds no direction 2 of node 112"),
         (turning, "job_STIF1.mtx holds the rotation of node 25"),
         (orphan, "there is no job.dof"),
@@ -149,8 +183,34 @@ def junk(K):
 )
 def test_what_is_refused(write, message, stiffness, peer):
     peer("pyyeti")
-    with pytest.raises(Fault, match=message.replace(".", r"\.")):
+    with pytest.raises(Fault, match=re.escape(message)):
         read_matrix(write(stiffness), NUMBERS, "k")
+
+
+@pytest.mark.parametrize(
+    "header, nodes, message",
+    [
+        ("array real general\n100000 100000", 50_000, "is read as a full matrix, which takes 224 GiB of 16 GiB"),
+        ("coordinate real symmetric\n100000 100000 1", 5, "has the shape (100000, 100000), with 5 nodes"),
+        ("coordinate real symmetric\n1000000000000 1000000000000 1", 5, "(1000000000000, 1000000000000), with 5"),
+    ],
+)
+def test_large_matrices_are_refused_by_their_first_line(monkeypatch, header, nodes, message):
+    """Nothing of their size is stored."""
+    monkeypatch.setattr("kaneflex.support.machine.installed", lambda: 16 * 2**30)
+    monkeypatch.setattr("kaneflex.fem.matrices.mmread", None)
+    Path("k.mtx").write_text(f"%%MatrixMarket matrix {header}\n1 1 1.0\n")
+    with pytest.raises(Fault, match=re.escape(message)):
+        read_matrix("k.mtx", np.arange(1, nodes + 1), "k")
+
+
+def test_large_punched_matrices_are_refused(monkeypatch):
+    """pyYeti makes them full: 100,000 columns."""
+    monkeypatch.setattr("kaneflex.support.machine.installed", lambda: 16 * 2**30)
+    cards = (f"DMIG*   KAAX    {node:16d}{axis:16d}\n" for node in range(1, 33335) for axis in (1, 2, 3))
+    Path("job.pch").write_text("".join(cards))
+    with pytest.raises(Fault, match=r"job\.pch is read as a full matrix, which takes 224 GiB of 16 GiB"):
+        read_matrix("job.pch", NUMBERS, "k")
 
 
 def test_a_node_that_is_not_listed(stiffness):

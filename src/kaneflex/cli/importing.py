@@ -105,8 +105,9 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
 
     MASS and STIFFNESS are files of the free body, two or three translations of each node: Matrix Market, Abaqus .mtx,
     CalculiX .mas and .sti, Nastran .op4 and .pch (pip install "kaneflex[nastran]"). NODES is a text file with the
-    number and the coordinates of each node. STIFFNESS and NODES may be one file of modes, MBDyn's .fem or a universal
-    one (.unv, .uff; pip install "kaneflex[uff]"), with --coupling averaged; a .fem with lumped masses is MASS, too.
+    number and the coordinates of each node, or an input of Abaqus or CalculiX (.inp). STIFFNESS and NODES may be one
+    file of modes, MBDyn's .fem or a universal one (.unv, .uff; pip install "kaneflex[uff]"), with --coupling averaged;
+    a .fem with lumped masses is MASS, too.
     Bodies take the written file as modal_data under preset coupled.
     """
     from kaneflex.fem.craig_bampton import foreign_data

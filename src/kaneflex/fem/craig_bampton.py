@@ -72,7 +72,7 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
 
     # Across, what the ends do by themselves is a motion of the whole link.
     moved = [k for k, name in enumerate(link.points) if name not in ("start", "end")]
-    sides = scale * np.eye(count + held)[:, count:][:, moved if motion == "transverse" else slice(None)]
+    sides = scale * np.eye(count + held, held, -count)[:, moved if motion == "transverse" else slice(None)]
     inertia = np.column_stack([solved(load) for load in (T.T @ link.M @ np.column_stack(link.accelerations(motion))).T])
     size = abs(inertia).max(axis=0)
     static = np.hstack([factors.solve(sides)[:count], inertia[:, size > 0.0] / size[size > 0.0]])

@@ -284,12 +284,18 @@ class Foreign:
         worst = int(away.argmax())
         if away[worst] > OPPOSITE * self.length:
             plane = "axis" if axis == 1 else "plane of motion"
-            place = ", ".join(f"{1e3 * x:.6g}" for x in self.nodes[worst])
             raise Fault(
-                f"the link is not its own mirror image in its {plane}: no node lies opposite the one at ({place}) mm",
+                f"the link is not its own mirror image in its {plane}: no node lies opposite the one at "
+                f"{self._told(worst)}",
                 "Give points and a normal that are in its symmetry, and a mesh that has it",
             )
+        if (twice := np.bincount(image) > 1).any():
+            reason = f"several nodes are at {self._told(int(twice.argmax()))}: their mirror images can't be told apart"
+            raise Fault(reason, "Merge them, or take --space")
         return np.asarray(image)
+
+    def _told(self, node: int) -> str:
+        return f"({', '.join(f'{1e3 * x:.6g}' for x in self.nodes[node])}) mm"
 
 
 def _together(place: np.ndarray, motion: Motion, motions: int) -> list[np.ndarray]:

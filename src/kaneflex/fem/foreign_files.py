@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csc_array, eye_array, kron
 
 from kaneflex.fem.foreign import ALIKE, OPPOSITE, TURNS, Foreign, Projected
-from kaneflex.fem.matrices import read_matrix, read_table
+from kaneflex.fem.matrices import read_lines, read_matrix, read_table
 from kaneflex.fem.modal_files import Modes, has_modes, read_modes
 from kaneflex.support.errors import Fault
 
@@ -34,7 +35,8 @@ def read_foreign(
         Files that :mod:`kaneflex.fem.matrices` reads; both matrices may be in one. The latter may be one of modes, see
         :mod:`kaneflex.fem.modal_files`.
     nodes : str
-        A text file with a line for each node: its number, then its coordinates; or one of modes.
+        A text file with a line for each node: its number, then its coordinates; an input of Abaqus or CalculiX
+        (``.inp``); or a file of modes.
     points : mapping of str
         Name of a point -> a text file of the numbers of its nodes; ``start`` and ``end`` are needed.
     units : pair of float
@@ -142,13 +144,47 @@ def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
     if has_modes(path):
         modes = read_modes(path)
         return modes.numbers, modes.nodes
-    table = read_table(path)
+    table = _input_nodes(path) if Path(path).suffix.lower() == ".inp" else read_table(path)
     if table.shape[1] not in (3, 4):
         raise Fault(f"{path} has {table.shape[1]} columns", "Give a node's number, then its two or three coordinates")
     numbers = table[:, 0].astype(np.int64)
-    if len(np.unique(numbers)) < len(numbers) or (numbers != table[:, 0]).any():
-        raise Fault(f"{path}: nodes without a whole number of their own", "Number each node once, in the first column")
+    if (wrong := numbers != table[:, 0]).any():
+        number = f"{table[wrong][0, 0]:g}"
+        raise Fault(f"{path}: {number} is no number of a node", "Give whole numbers in the first column")
+    each, count = np.unique(numbers, return_counts=True)
+    if len(each) < len(numbers):
+        cure = "Give each node a number of its own; of an Abaqus input, write it without parts and assemblies"
+        raise Fault(f"{path}: node {each[count > 1][0]} is there twice", cure)
     return numbers, np.pad(table[:, 1:], ((0, 0), (0, 4 - table.shape[1])))
+
+
+_ELSEWHERE = ("NGEN", "NCOPY", "NFILL", "NMAP", "INCLUDE")
+"""Keywords of Abaqus and CalculiX that make nodes, or read them of another file."""
+
+
+def _input_nodes(path: str) -> np.ndarray:
+    """Numbers and coordinates (n_nodes, 4) below the `*NODE` lines of an input of Abaqus or CalculiX."""
+    rows, keyword = list[list[float]](), ""
+    for line in read_lines(path):
+        if line.startswith("*"):
+            if line.startswith("**"):
+                continue
+            keyword, *options = ("".join(word.split()).upper() for word in line[1:].split(","))
+            other = keyword == "NODE" and [one for one in options if one.startswith(("INPUT=", "SYSTEM=C", "SYSTEM=S"))]
+            if keyword in _ELSEWHERE or other:
+                cure = "Give a text file with the number and the x, y and z of each node"
+                raise Fault(f"{path}: nodes given by {line.strip()} are not read", cure)
+        elif line.strip() and keyword == "INSTANCE":
+            raise Fault(f"{path} moves an instance by {line.strip()}", "Write it without parts and assemblies")
+        elif line.strip() and keyword == "NODE":
+            words = [word.strip() or "0" for word in line.split(",")]
+            try:
+                rows.append([float(word) for word in [*words, "0", "0", "0"][:4]])
+            except ValueError:
+                raise Fault(f"{path}: {line.strip()} is no node", "Give its number, then its coordinates") from None
+    if not rows:
+        raise Fault(f"{path} has no nodes below *NODE", "Give an input of Abaqus or CalculiX, or a text file of nodes")
+    return np.array(rows)
 
 
 def _chosen(path: str, numbers: np.ndarray) -> np.ndarray:

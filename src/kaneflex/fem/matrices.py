@@ -3,7 +3,8 @@
 A file says by its first lines or its ending what it is:
 
 - Matrix Market, the translations of the nodes one after the other in the order of the nodes;
-- Abaqus ``*MATRIX OUTPUT, FORMAT=MATRIX INPUT``: lines of node, direction, node, direction, value;
+- Abaqus ``*MATRIX OUTPUT``: with ``FORMAT=MATRIX INPUT`` lines of node, direction, node, direction, value; with
+  ``FORMAT=COORDINATE`` lines of row, column, value, the motions of one node after the other by their numbers;
 - CalculiX ``*FREQUENCY, SOLVER=MATRIXSTORAGE``: lines of row, column, value in job.sti and job.mas, and in job.dof the
   node and the direction of each row;
 - MBDyn's ``.fem``: the diagonal of its lumped mass;
@@ -13,16 +14,16 @@ A file says by its first lines or its ending what it is:
 
 from __future__ import annotations
 
-import io
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
-from scipy.io import mmread
+from scipy.io import mminfo, mmread
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from kaneflex.fem.modal_files import has_modes, read_modes
+from kaneflex.support import machine
 from kaneflex.support.errors import Fault, installed
 from kaneflex.support.reading import check_file
 
@@ -32,9 +33,16 @@ SAME = 1e-6
 """Share of the largest entry by which a matrix may miss its symmetry."""
 _DIRECTIONS = 6
 """Motions of a node that programs number: translations, then rotations."""
+_EACH = (2, 3, _DIRECTIONS)
+"""Motions of a node that a matrix may have."""
+_COPIES = 3
+"""Arrays of a full matrix that reading it takes at once: what its reader makes, what is kept, and the comparison of
+both triangles."""
 
 Labels = tuple[np.ndarray, np.ndarray]
 """Number of the node and direction, from 1, of each row."""
+
+_FREE = "Give two or three translations for each node, or six motions, and no constrained ones left out"
 
 
 def read_matrix(path: str, numbers: np.ndarray, first: str, turning: bool = False) -> csc_array:
@@ -74,18 +82,24 @@ def read_matrix(path: str, numbers: np.ndarray, first: str, turning: bool = Fals
     return found.astype(float)
 
 
-def read_table(path: str) -> np.ndarray:
-    """Numbers of a text file, lines side by side; commas and spaces part them. Raises Fault."""
+def read_lines(path: str) -> list[str]:
+    """The lines of a text file. Raises Fault."""
     try:
         check_file(Path(path), LARGEST)
-        text = Path(path).read_text(encoding="utf-8-sig").replace(",", " ")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a file without numbers, which is an error below
-            found = np.loadtxt(io.StringIO(text), ndmin=2)
+        return Path(path).read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except Fault as fault:
         raise Fault(f"{path} {fault.reason}", fault.cure) from None
     except OSError as error:
         raise Fault(f"{path} cannot be read: {error.strerror}", "Give a text file of numbers") from None
+
+
+def read_table(path: str) -> np.ndarray:
+    """Numbers of a text file, lines side by side; commas and spaces part them. Raises Fault."""
+    lines = read_lines(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a file without numbers, which is an error below
+            found = np.loadtxt((line.replace(",", " ") for line in lines), ndmin=2)
     except ValueError as error:
         reason = str(error).partition(";")[0].rstrip(".")  # what else numpy says is for who calls it
         raise Fault(f"{path} is no table of numbers: {reason}", "Give lines of numbers, and # before words") from None
@@ -104,34 +118,50 @@ def _reader(path: str) -> Callable[[str, np.ndarray, str], tuple[csc_array, Labe
         return _matrix_market if file.read(2) == b"%%" else _abaqus
 
 
-def read_market(path: str) -> csc_array:
-    """The matrix of a Matrix Market file. Raises Fault, or OSError."""
+def read_market(path: str, shapes: Collection[tuple[int, int]] = (), wanted: str = "") -> csc_array:
+    """The matrix of a Matrix Market file, by its first line of one of these shapes. Raises Fault, or OSError."""
     check_file(Path(path), LARGEST)
     try:
+        rows, columns, _, layout, *_ = mminfo(path)
+        if shapes and (rows, columns) not in shapes:
+            raise Fault(f"{path} has the shape {(rows, columns)}, {wanted}", _FREE)
+        if layout == "array":
+            _check_full(path, rows * columns)
         return csc_array(mmread(path))
     except (ValueError, TypeError, OverflowError) as error:
         raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
 
 
+def _check_full(path: str, count: int) -> None:
+    """Raise Fault if reading a full matrix of so many entries takes more than the machine's memory."""
+    needed, there = _COPIES * 8 * count, machine.installed()
+    if there is not None and needed > there:
+        reason = f"{path} is read as a full matrix, which takes {machine.gib(needed)} of {machine.gib(there)}"
+        raise Fault(reason, "Export it as a sparse one: Matrix Market 'coordinate', OUTPUT4 or lines of entries")
+
+
 def _matrix_market(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
-    found = read_market(path)
     count = len(numbers)
-    if found.shape not in ((each * count, each * count) for each in (2, 3, _DIRECTIONS)):
-        raise Fault(
-            f"{path} has the shape {found.shape}, with {count} nodes",
-            "Give two or three translations for each node, or six motions, and no constrained ones left out",
-        )
+    found = read_market(path, [(each * count,) * 2 for each in _EACH], f"with {count} nodes")
     return found, _one_after_the_other(numbers, found.shape[0] // count)
 
 
 def _abaqus(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
     table = read_table(path)
-    if table.shape[1] != 5:
+    if table.shape[1] not in (3, 5):
         raise Fault(
             f"{path} has {table.shape[1]} columns",
-            "Give a Matrix Market file, or lines of node, direction, node, direction, value as Abaqus writes them",
+            "Give a Matrix Market file, or what Abaqus writes: lines of node, direction, node, direction, value, or of "
+            "row, column, value",
         )
-    ends = table[:, :4].astype(np.int64)
+    ends = table[:, :-1].astype(np.int64)
+    if (ends != table[:, :-1]).any():
+        raise Fault(f"{path} holds a row that is no whole number", "Give what *MATRIX OUTPUT of Abaqus writes")
+    if table.shape[1] == 3:
+        count, largest = len(numbers), int(ends.max())
+        if ends.min() < 1 or largest not in [each * count for each in _EACH]:
+            raise Fault(f"{path} has rows from {ends.min()} to {largest}, with {count} nodes", _FREE)
+        return _halved(*(ends - 1).T, table[:, 2], largest), _one_after_the_other(np.sort(numbers), largest // count)
     each, place = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
     at = place.reshape(-1, 2)
     return _halved(at[:, 0], at[:, 1], table[:, 4], len(each)), (each[:, 0], each[:, 1])
@@ -171,6 +201,11 @@ def _output4(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Lab
 
 
 def _punched(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+    with Path(path).open(encoding="utf-8", errors="replace") as file:
+        columns = sum(line.upper().startswith("DMIG") for line in file)  # a card of each, after one for the matrix
+    if not columns:
+        raise Fault(f"{path} has no DMIG card", "Have the matrices written by PARAM,EXTOUT,DMIGPCH")
+    _check_full(path, columns**2)
     frame = _nastran(path, first, lambda nastran: nastran.rddmig(path, square=True, follow_includes=False))
     if frame.shape[0] != frame.shape[1]:
         raise Fault(f"{path} holds a matrix of the shape {frame.shape}", "Give a square one, of all grid points")
@@ -202,8 +237,8 @@ def _halved(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, count: in
     """A matrix of its entries, those of one triangle reflected in the diagonal unless both are there."""
     found = csc_array(coo_array((values, (rows, columns)), shape=(count, count)))
     off = rows != columns
-    there = set(zip(rows[off].tolist(), columns[off].tolist(), strict=True))
-    if any((column, row) in there for row, column in there):
+    there = csc_array(coo_array((np.ones(off.sum()), (rows[off], columns[off])), shape=(count, count)))
+    if there.multiply(there.T).nnz:
         return found
     return csc_array(found + found.T - diags_array(found.diagonal()))
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-
 from kaneflex.integrate.methods import method_named
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
+from kaneflex.support.machine import gib, installed
 
 MAX_STORED = 40_000
 """Steps stored at most of equations that are integrated one way; longer runs keep every second, third, ... step."""
@@ -58,17 +57,5 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     raise SceneError("solve.steps", options.steps, needs, f"Ask for {there // (2 * row):,} at most")
 
 
-def installed() -> int | None:
-    """The machine's memory [bytes], where the system tells it."""
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return None
-
-
 def _count(modes: int | str, size: int) -> int:
     return modes if isinstance(modes, int) else size
-
-
-def gib(size: float) -> str:
-    return f"{size / 2**30:.3g} GiB"
