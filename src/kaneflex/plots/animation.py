@@ -108,7 +108,7 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     still = rigid_outline(model.scene, shown.rigid, fixed)
     factor = enlargement(shown)
     moved = outline(shown.motion, fixed, factor)
-    figure = new_figure(6.0, 4.0, title(factor if model.links else None))
+    figure = new_figure(6.0, 4.0, title(factor if model.links else None) + shown.note)
     axes = figure.subplots()
     width, height = frame_axes(axes, [still, moved], fixed)
     figure.set_size_inches(6.0, min(6.0, 5.2 * height / width + 1.1))

@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from kaneflex.plots.style import cells, new_figure, plot_curves, readable
 from kaneflex.plots.view import View, view
+from kaneflex.response.thinning import envelope, thinned
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
@@ -39,9 +40,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     for name, length in shown.lengths.items():
         title = f"Displacements at half the length of {name}{shown.note}"
         pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, length), 1, title)
-    count = len(shown.instants)
-    thinned = shown.taken(np.linspace(0, count - 1, min(_INSTANTS, count)).round().astype(int))
-    return pictures | {f"surfaces_{name}": _surfaces(thinned, name, length) for name, length in shown.lengths.items()}
+    return pictures | {f"surfaces_{name}": _surfaces(shown, name, length) for name, length in shown.lengths.items()}
 
 
 def _figure(shown: View, panels: list[Panel], columns: int, title: str) -> Figure:
@@ -131,6 +130,8 @@ def _middle(shown: View, name: str, length: float) -> list[Panel]:
 
 
 _ALONG, _INSTANTS = 33, 181
+_PALE = 0.35
+"""Opacity of an upper envelope."""
 
 
 def _surfaces(shown: View, name: str, length: float) -> Figure:
@@ -143,18 +144,27 @@ def _surfaces(shown: View, name: str, length: float) -> Figure:
     fields = (*local, *shown.rigid.frame(name).to_global(local))
     for k, (title, field) in enumerate(zip(titles, fields, strict=True)):
         axes = figure.add_subplot(2, 2, k + 1, projection="3d")
-        _surface(axes, shown, x, field)
-        axes.set_title(title, loc="center", y=0.97)
+        note = _surface(axes, shown, x, field)
+        axes.set_title(title + note, loc="center", y=0.97)
     return figure
 
 
-def _surface(axes: Axes, shown: View, x: np.ndarray, field: np.ndarray) -> None:
-    """One displacement (n_points, n_times) [m]."""
+def _surface(axes: Axes, shown: View, x: np.ndarray, field: np.ndarray) -> str:
+    """Draw one displacement (n_points, n_times) [m]; where it is too fast for a surface, its envelopes.
+
+    Returns what the title has to add.
+    """
     factor, label = readable("m", field)
-    along, instants = np.meshgrid(1e3 * x, shown.x, indexing="ij")
-    style = {"cmap": "viridis", "rcount": _ALONG, "ccount": _INSTANTS, "linewidth": 0.0, "antialiased": False}
-    surface = axes.plot_surface(instants, along, factor * field, **style)
-    surface.set_rasterized(True)  # thousands of facets: pixels inside the SVG
+    at, parts = thinned(np.array([field.min(axis=0), field.max(axis=0)]), _INSTANTS)
+    surfaces = [field[:, at]]
+    if parts:
+        at, *surfaces = envelope(field, _INSTANTS // 2)
+    along, instants = np.meshgrid(1e3 * x, shown.x[at], indexing="ij")
+    style = {"cmap": "viridis", "rcount": _ALONG, "ccount": len(at), "linewidth": 0.0, "antialiased": False,
+             "vmin": factor * field.min(), "vmax": factor * field.max()}  # fmt: skip
+    for values, alpha in zip(surfaces, (1.0, _PALE), strict=False):
+        surface = axes.plot_surface(instants, along, factor * values, alpha=alpha, **style)
+        surface.set_rasterized(True)  # thousands of facets: pixels inside the SVG
     axes.set_xlabel(shown.x_label, labelpad=4)
     axes.set_ylabel("x [mm]", labelpad=2)
     axes.set_zlabel(f"displacement [{label}]", labelpad=2)
@@ -165,3 +175,4 @@ def _surface(axes: Axes, shown: View, x: np.ndarray, field: np.ndarray) -> None:
         axes.set_xticks(np.arange(np.ceil(shown.x[0] / 180) * 180, shown.x[-1] + 1, 180))
     axes.view_init(elev=28, azim=-58)
     axes.set_box_aspect((1.5, 0.9, 0.75), zoom=1.12)
+    return f"\nlower and upper envelope, {len(at)} intervals" if parts else ""

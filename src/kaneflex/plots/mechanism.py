@@ -15,8 +15,8 @@ from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
-_SWEEP = 180
-"""Instants of the run from which the travel along guides and the frame of the picture are found."""
+_SWEEP, _MOST = 180, 20_000
+"""Least and largest number of instants from which the travel along guides and the frame of the picture are found."""
 ALONG_LINK = 33
 _BOX = (0.10, 0.07)
 """Half length and half width of a guided body, in sizes of the mechanism."""
@@ -78,7 +78,8 @@ class Outline:
 
 def scenery(model: Model) -> Scenery:
     """Pivots, guides and extent of a scene, instants left out at which the rigid mechanism has no place."""
-    rigid = model.motion.at(np.linspace(0.0, model.options.duration, _SWEEP, endpoint=False))
+    count = min(max(_SWEEP, model.options.steps), _MOST)
+    rigid = model.motion.at(np.linspace(0.0, model.options.duration, count, endpoint=False))
     placed = np.all([np.isfinite(rigid[f"{name}.x"] + rigid[f"{name}.c"]) for name in model.scene.bodies], axis=0)
     if not placed.all():
         rigid = model.motion.at(rigid.times[placed])

@@ -28,6 +28,7 @@ def figure(found: xarray.Dataset) -> Figure:
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
     title = f"{found.attrs['scene']}: Poincare sections, {names[1]} over {names[0]} once a period"
+    title += f" ({len(shown)} of {len(done)} points)" if len(shown) < len(done) else ""
     page = new_figure(max(6.4, 3.4 * columns), 0.8 + 2.7 * rows, title)
     panels = cells(page, rows, columns, len(shown), sharex=True, sharey=True)
     values = [found[f"{name}_series"].values for name in names]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.style import mark_angles, readable
 from kaneflex.response.motion import Motion
+from kaneflex.response.thinning import MISSED, frames, missed
 
 if TYPE_CHECKING:
     from kaneflex.multibody.impacts import Impact
@@ -23,9 +24,6 @@ FRAMES = 60
 _MOST_TURNS = 8
 """Longer runs are drawn by their last ``_TURNS_SHOWN`` turns."""
 _TURNS_SHOWN = 3
-_MOST_POINTS = 3000
-_IMPACT = 0.02
-"""Share of what is drawn that an impact lasts at most; longer ones are seen anyhow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +37,14 @@ class View:
         Indices into ``solution.times``.
     turns : float or None
         Turns of the drive that are shown, where that is not the whole run.
+    thinned : str
+        What the chosen instants leave out.
     """
 
     solution: Solution
     instants: np.ndarray
     turns: float | None = None
+    thinned: str = ""
 
     @cached_property
     def times(self) -> np.ndarray:
@@ -94,16 +95,14 @@ class View:
     @property
     def note(self) -> str:
         """What the title has to add where the picture does not show the whole run."""
-        return "" if self.turns is None else f" (last {self.turns:g} turns)"
+        last = "" if self.turns is None else f"last {self.turns:g} turns"
+        parts = [part for part in (last, self.thinned) if part]
+        return f" ({'; '.join(parts)})" if parts else ""
 
     def impacts(self, contact: str) -> list[Impact]:
         """Those of a contact that begin in the time that is shown."""
         first, last = self.times[0], self.times[-1]
         return [each for each in self.solution.impacts if each.contact == contact and first <= each.begin <= last]
-
-    def taken(self, picked: np.ndarray) -> View:
-        """Some of the instants, by their numbers here."""
-        return View(self.solution, self.instants[picked], self.turns)
 
     def label_x(self, axes: Axes) -> None:
         """Name the abscissa and put its ticks at round angles."""
@@ -113,7 +112,10 @@ class View:
 
 
 def view(solution: Solution) -> View:
-    """The instants to draw: of a long run those of the last turns, thinned where there are very many."""
+    """The instants to draw: all, of a long run those of the last turns.
+
+    Writing a picture merges points of a line that are closer than a ninth of a pixel (matplotlib's ``path.simplify``).
+    """
     instants = np.arange(len(solution.times))
     speed = max((abs(drive.speed or 0.0) for drive in solution.model.scene.drives.values()), default=0.0)
     turns = speed * float(np.ptp(solution.times)) / (2 * math.pi)
@@ -122,29 +124,29 @@ def view(solution: Solution) -> View:
         shown = float(_TURNS_SHOWN)
         first = solution.times[instants[-1]] - _TURNS_SHOWN * 2 * math.pi / speed
         instants = instants[solution.times[instants] >= first]
-    # more points than pixels would only make vector pictures large
-    stride = max(1, -(-len(instants) // _MOST_POINTS))
-    return View(solution, _with_impacts(solution, instants, instants[::stride]), shown)
+    return View(solution, instants, shown)
 
 
 def frames_of(shown: View, count: int) -> View:
-    """As many instants at equal distances, or all; the last one of a cycle is left out, as it is the first again."""
-    periodic = shown.solution.model.options.cycles
-    picked = np.linspace(0, len(shown.instants) - 1, count, endpoint=not periodic).round().astype(int)
-    return shown.taken(np.unique(picked))
+    """Evenly spaced instants of a film, as many or all; ``note`` says where something moves too fast for these."""
+    scene, cycles = shown.solution.model.scene, shown.solution.model.options.cycles
+    still = scene.vector((0.0, 0.0))
+    points = {name: {still, *map(scene.vector, body.points_all.values())} for name, body in scene.bodies.items()}
+    places = [_widest([shown.rigid.frame(name).place(at) for at in own]) for name, own in points.items()]
+    moved = [
+        _widest([shown.motion.displacement(name, scene.vector((float(x), 0.0)))[0][: len(still)] for x in link.nodes])
+        for name, link in shown.solution.model.links.items()
+    ]
+    picked = frames(np.array(moved or places), count, cycles)
+    hasty = missed(np.array(moved + places), picked).max() > MISSED
+    note = f"{len(picked)} of {len(shown.instants)} instants, some motion is faster" if hasty else ""
+    return replace(shown, instants=shown.instants[picked], thinned=note)
 
 
-def _with_impacts(solution: Solution, instants: np.ndarray, thinned: np.ndarray) -> np.ndarray:
-    """The thinned instants and all those of impacts, whose peaks would be lost, as far as they aren't too many."""
-    times = solution.times[instants]
-    longest = _IMPACT * float(np.ptp(times))
-    spans = [(each.begin, each.end) for each in solution.impacts if each.end - each.begin < longest]
-    if not spans:
-        return thinned
-    first, last = np.searchsorted(times, np.transpose(spans))
-    inside = np.concatenate([instants[a:b] for a, b in zip(first, last, strict=True)])
-    kept = np.union1d(thinned, inside)
-    return kept if len(kept) <= 2 * _MOST_POINTS else thinned
+def _widest(vectors: list[np.ndarray]) -> np.ndarray:
+    """The component that varies most of some vectors over time, each (components, n_times)."""
+    components = np.vstack(vectors)
+    return components[np.ptp(components, axis=1).argmax()]
 
 
 def angle_name(solution: Solution, drive: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.plots.mechanism import ALONG_LINK, used_points
 from kaneflex.plots.spatial import outline_points
-from kaneflex.plots.view import FRAMES, frames_of, view
+from kaneflex.plots.view import FRAMES, View, frames_of, view
 from kaneflex.support.errors import installed, told
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def write_vtk(solution: Solution, folder: Path, frames: int | None = None) -> Pa
         data = {"displacement": displacement, "velocity": velocity, "acceleration": acceleration}
         meshio.Mesh(place, blocks, point_data=data, cell_data={"body": numbers}).write(folder / name)
     index = folder / INDEX
-    text = "\n".join(_index(scene, shown.times, names)) + "\n"
+    text = "\n".join(_index(scene, shown, names)) + "\n"
     index.write_text(text, encoding="utf-8", newline="\n")
     return index
 
@@ -113,12 +113,14 @@ def _blocks(cells: list[tuple[int, ...]], of_body: list[int]) -> tuple[list[tupl
     return blocks, numbers
 
 
-def _index(scene: Scene, times: np.ndarray, files: list[str]) -> Iterator[str]:
+def _index(scene: Scene, shown: View, files: list[str]) -> Iterator[str]:
     yield '<?xml version="1.0"?>'
+    if shown.note:
+        yield f"<!-- frames:{shown.note} -->"
     yield f"<!-- body: {', '.join(f'{number} {name}' for number, name in enumerate(scene.bodies))} -->"
     yield '<VTKFile type="Collection" version="0.1">'
     yield "  <Collection>"
-    for t, file in zip(times.tolist(), files, strict=True):
+    for t, file in zip(shown.times.tolist(), files, strict=True):
         yield f'    <DataSet timestep="{t!r}" part="0" file="{file}"/>'
     yield "  </Collection>"
     yield "</VTKFile>"

@@ -22,6 +22,7 @@ from kaneflex.report.tables import (
     sensor_cells,
     unit_and_factor,
 )
+from kaneflex.response.thinning import thinned
 
 if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
@@ -128,14 +129,10 @@ def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
 
 
 def _instants(solution: Solution, curves: int) -> np.ndarray:
-    """Places of the instants that are drawn: evenly spread, with every sensor's extremes among them."""
-    count = len(solution.times)
-    most = min(_MOST, _NUMBERS // max(1, curves))
-    if count <= most:
-        return np.arange(count)
-    extremes = [at for name in solution.series for at in solution.statistics(name)[4:]]
-    even = np.linspace(0, count - 1, most).round()
-    return np.unique(np.concatenate([even, extremes])).astype(int)
+    """Indices of the instants that are drawn, with every sensor's extremes among them."""
+    series = np.array([each.values for each in solution.series.values()])
+    series = series.reshape(len(solution.series), len(solution.times))
+    return thinned(series, min(_MOST, _NUMBERS // max(1, curves)))[0]
 
 
 def _numbers(values: np.ndarray) -> list[float | None]:
