@@ -22,8 +22,10 @@ from kaneflex.derive.generate import Equations, Progress, derive_equations, kern
 from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
 from kaneflex.derive.names import ascii_identifier
 from kaneflex.derive.program import Program, named
-from kaneflex.support.c_language import RESERVED, comment, plain
+from kaneflex.support.c_language import RESERVED
 from kaneflex.support.contract import BEAMS, FORMAT, LINK_SCALARS, element_parameters
+from kaneflex.support.escaping import c_comment, c_inline
+from kaneflex.support.output_folders import LONGEST_STEM
 
 
 class CPrinter(emit.ScalarPrinter, C11CodePrinter):
@@ -62,12 +64,12 @@ def generate_c(scene: Any, name: str, progress: Progress = lambda stage: None) -
     about = _about(scene, equations, emit.operations(kernels))
     raw = [raw for _, raw in kernels]
     text = _SOURCE.format(
-        about=comment(about), name=name, lookups="".join(f"{text}\n" for text in _called(raw)),
+        about=c_comment(about), name=name, lookups="".join(f"{text}\n" for text in _called(raw)),
         kernels="\n".join(_function(kernel, name, identifiers) for kernel, _ in kernels),
     )  # fmt: skip
     head = _HEADER.format(
-        about=comment(about), guard=f"{name.upper()}_H", tables="\n".join(_tables(equations, name.upper())),
-        kernels="\n".join(f"{comment(kernel.doc)}\n{_signature(kernel, name)};\n" for kernel, _ in kernels),
+        about=c_comment(about), guard=f"{name.upper()}_H", tables="\n".join(_tables(equations, name.upper())),
+        kernels="\n".join(f"{c_comment(kernel.doc)}\n{_signature(kernel, name)};\n" for kernel, _ in kernels),
     )  # fmt: skip
     return {f"{name}.h": head, f"{name}.c": text}
 
@@ -133,7 +135,7 @@ def places(prefix: str, rows: Iterable[tuple[str, str]], count: str) -> str:
         while symbol in found or symbol == count:
             number += 1
             symbol = f"{stem}_{number}"
-        found[symbol] = f"/* {plain(meaning)} */"
+        found[symbol] = f"/* {c_inline(meaning)} */"
     lines = [f"    {symbol}, {meaning}" for symbol, meaning in found.items()]
     return "\n".join(["enum {", *lines, f"    {count}", "};"])
 
@@ -145,7 +147,7 @@ def identifier(name: str) -> str:
 
 def prefix_of(scene: str) -> str:
     """What the names of a scene's C begin with: none of C's own, none of the files that all scenes share."""
-    name = identifier(scene)
+    name = identifier(scene)[:LONGEST_STEM]
     return name if name[:1].isalpha() and name not in RESERVED and not name.startswith("kaneflex") else f"scene_{name}"
 
 
@@ -162,12 +164,12 @@ def _tables(equations: Equations, prefix: str) -> list[str]:
     fixed = {s.name: float(s.value) for s in (*in_links, *motion.scalars) if s.value.is_number}
     tables = names.told(table_paths(mechanism))
     found = [
-        comment("p: numbers of the scene. Blocks of tables stand behind them, where PATH.table says."
-                + (f" Tables: {', '.join(tables)}." if tables else "")),
+        c_comment("p: numbers of the scene. Blocks of tables stand behind them, where PATH.table says."
+                  + (f" Tables: {', '.join(tables)}." if tables else "")),
         places(f"{prefix}_P", names.told(parameters), f"{prefix}_PARAMETERS"),
         "",
-        comment("s: scalars of the rigid motion."
-                + (f" Always: {', '.join(f'{names.text(k)} = {v:g}' for k, v in fixed.items())}." if fixed else "")),
+        c_comment("s: scalars of the rigid motion."
+                  + (f" Always: {', '.join(f'{names.text(k)} = {v:g}' for k, v in fixed.items())}." if fixed else "")),
         places(f"{prefix}_S", names.told(scalars), f"{prefix}_SCALARS"),
     ]  # fmt: skip
     if equations.beam:
@@ -175,8 +177,8 @@ def _tables(equations: Equations, prefix: str) -> list[str]:
         link = [(name, f"{unit}: {meaning}") for name, unit, meaning in LINK_SCALARS]
         begins = ", ".join(f"{names.text(each)} at {k * len(LINK_SCALARS)}" for k, each in enumerate(motion.links))
         found += [
-            "", comment("p of the kernels of one element."), places(f"{prefix}_E", element, f"{prefix}_ELEMENT"), "",
-            comment(f"s of the kernels of one element; those of a link stand in s of the motion: {begins}."),
+            "", c_comment("p of the kernels of one element."), places(f"{prefix}_E", element, f"{prefix}_ELEMENT"), "",
+            c_comment(f"s of the kernels of one element; those of a link stand in s of the motion: {begins}."),
             places(f"{prefix}_L", link, f"{prefix}_LINK"),
         ]  # fmt: skip
     return found

@@ -11,6 +11,7 @@ from sympy.printing.latex import LatexPrinter
 
 from kaneflex.derive.mechanism import SymbolicMechanism
 from kaneflex.derive.program import Program
+from kaneflex.support.escaping import latex as escaped
 
 _WIDTH = 78
 """Characters of a line of an equation, roughly as wide as the text."""
@@ -22,7 +23,6 @@ _WORDS = {
 }  # fmt: skip
 """Words of names that have a letter of their own; the others are written out."""
 _SILENT = r"\\(mathrm|mathtt|mathbf|left|right|bigl|bigr|frac|dot|ddot|quad|operatorname)"
-_SPECIAL = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 
 
 def broken(text: str) -> str:
@@ -122,8 +122,3 @@ def subscripted(words: list[str], owner: str | None, primes: str) -> str:
         below.append(rf"\mathrm{{{escaped(owner)}}}")
     base = f"{{{letter}{raised}}}" if raised else letter  # in braces, for powers of it
     return base + (f"_{{{', '.join(below)}}}" if below else "")
-
-
-def escaped(text: str) -> str:
-    """Text as LaTeX prints it as it stands."""
-    return re.sub(r"[\\~^#$%&_{}]", lambda match: _SPECIAL.get(match[0], f"\\{match[0]}"), text)

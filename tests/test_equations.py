@@ -16,10 +16,11 @@ from kaneflex.derive.beam import Term
 from kaneflex.derive.elements import monomial
 from kaneflex.derive.generate import derive_equations, lower
 from kaneflex.derive.latex import latex_document, printed_matrix
-from kaneflex.derive.latex_printer import EquationPrinter, SymbolNames, broken, escaped, seen_length
+from kaneflex.derive.latex_printer import EquationPrinter, SymbolNames, broken, seen_length
 from kaneflex.scene import read_scene
 from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.contract import ELEMENT_KERNELS, LINK_SCALARS
+from kaneflex.support.escaping import latex as escaped
 
 SCENES = ("engine", "four-bar", "double-pendulum")
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli, refused
+from hostile_names import NAME
 from runs import solved
 
 from kaneflex.scene import read_scene, scene_of, with_settings
@@ -34,7 +35,7 @@ def engine(tmp_path_factory, compiler):
     scene, shown = with_settings(read_scene("engine"), ["solve.integrator=radau"]), {}
     shown["2"] = cli("export", "engine", "--set", "solve.integrator=radau", "-o", folder / "2.fmu")
     assert shown["2"].exit_code == 0, shown["2"].output
-    (folder / "3.fmu").write_bytes(fmu(scene, "3").content)
+    (folder / "3.fmu").write_bytes(fmu(scene.model_copy(update={"name": NAME, "description": NAME}), "3").content)
     return scene, folder, shown["2"].stdout
 
 

@@ -7,6 +7,8 @@ import shutil
 import pytest
 from click.testing import CliRunner
 from conftest import absent
+from hostile_names import NAME
+from scene_fuzz import written_toml
 
 from kaneflex.cli import main
 
@@ -42,8 +44,11 @@ def test_a_page_holds_the_run_and_asks_no_network(engine):
 
 
 def test_texts_of_a_scene_stay_texts(tmp_path):
-    text = run(tmp_path / "odd", "engine", "--no-plots", "--set", 'description="</script><script>alert(1)</script>"')
-    assert "<script>alert" not in text and "&lt;/script&gt;" in text
+    (tmp_path / "odd.toml").write_text(written_toml({"like": "engine", "name": NAME, "description": NAME}), "utf-8")
+    text = run(tmp_path / "odd", str(tmp_path / "odd.toml"), "--no-plots")
+    assert "<script>alert" not in text and "&lt;/script&gt;" in text and "\x1b" not in text
+    assert data_of(text)["axes"] and text.count("<script") == 2
+    assert json.loads((tmp_path / "odd" / "summary.json").read_text("utf-8"))["scene"] == NAME
 
 
 def test_warnings_stand_first_and_a_run_that_stopped_says_so(tmp_path):

@@ -35,7 +35,7 @@ from kaneflex.cli.stability import stability
 from kaneflex.cli.sweep import sweep
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, terms, tolerance_of, trade
 from kaneflex.support.errors import SceneError, UserError
-from kaneflex.support.terminal import LOG, Waiting
+from kaneflex.support.terminal import LOG, Waiting, echo
 
 if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
@@ -49,7 +49,7 @@ class _Refusal(click.ClickException):
 
     def show(self, file: object = None) -> None:
         for line in self.message.splitlines():
-            click.echo(f"Error: {line}", file=file, err=True)
+            echo(f"Error: {line}", err=True)
 
 
 @contextmanager
@@ -83,7 +83,7 @@ class _Commands(click.Group):
                 raise
             raise _Refusal(_disk_full(error)) from error
         except KeyboardInterrupt:
-            click.echo("Interrupted; nothing was left behind.", err=True)
+            echo("Interrupted; nothing was left behind.", err=True)
             ctx.exit(INTERRUPTED)
 
 
@@ -117,16 +117,16 @@ def list_() -> None:
     from kaneflex.report.presentation import PRESETS_IN_WORDS, block
     from kaneflex.scene import read_scene, shipped_scenes
 
-    click.echo(block("scenes", {name: read_scene(name).description for name in shipped_scenes()}))
-    click.echo(block("presets (--preset)", PRESETS_IN_WORDS))
-    click.echo(block("integrators (--integrator)", {name: method.description for name, method in METHODS.items()}))
+    echo(block("scenes", {name: read_scene(name).description for name in shipped_scenes()}))
+    echo(block("presets (--preset)", PRESETS_IN_WORDS))
+    echo(block("integrators (--integrator)", {name: method.description for name, method in METHODS.items()}))
 
 
 def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if wanted:
         from kaneflex.scene import json_schema
 
-        click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+        echo(json.dumps(json_schema(), indent=2))
         ctx.exit()
 
 
@@ -150,11 +150,11 @@ def check(asked: SceneArguments) -> None:
     scene = asked.read()
     with Waiting() as waiting:
         model = load(scene, waiting)
-    click.echo(description(model))
+    echo(description(model))
     for warning in warnings(model):
-        click.echo(f"Warning: {warning}", err=True)
+        echo(f"Warning: {warning}", err=True)
     for note in notes(model):
-        click.echo(f"Note: {note}", err=True)
+        echo(f"Note: {note}", err=True)
 
 
 @main.command()
@@ -222,7 +222,7 @@ def run(
     _report(summary, target.folder)
     if file is not None:
         write_settings(file, summary.choice.settings)
-        click.echo(f"The model is written into {file}")
+        echo(f"The model is written into {file}")
     if summary.outcome != "completed":
         click.get_current_context().exit(STOPPED_EARLY)
 
@@ -231,17 +231,17 @@ def _report(summary: Summary, folder: Path) -> None:
     from kaneflex.report.tables import ending, more_tables, run_lines, summary_table
 
     if summary.sensors:
-        click.echo(summary_table(summary))
+        echo(summary_table(summary))
     for _, table in more_tables(summary):
-        click.echo(table)
-    click.echo(run_lines(summary))
+        echo(table)
+    echo(run_lines(summary))
     if summary.choice is not None:
-        click.echo(chosen_lines(summary.choice))
-    click.echo(f"Written to {folder}")
+        echo(chosen_lines(summary.choice))
+    echo(f"Written to {folder}")
     for warning in summary.warnings:
-        click.echo(f"Warning: {warning}", err=True)
+        echo(f"Warning: {warning}", err=True)
     if summary.outcome != "completed":
-        click.echo(ending(summary), err=True)
+        echo(ending(summary), err=True)
 
 
 @main.command()
@@ -273,13 +273,13 @@ def modes(
         found = found_modes(scene, count, waiting)
         too_few = mesh_hint(found)
     if too_few:
-        click.echo(f"Warning: {too_few}", err=True)
+        echo(f"Warning: {too_few}", err=True)
     if as_json:
-        click.echo(json.dumps(found.as_data(), indent=2, ensure_ascii=False))
+        echo(json.dumps(found.as_data(), indent=2))
         return
     from kaneflex.report.tables import modes_table
 
-    click.echo(modes_table(found))
+    echo(modes_table(found))
 
 
 def _export(scene: Scene, folder: Path, force: bool) -> None:
@@ -290,7 +290,7 @@ def _export(scene: Scene, folder: Path, force: bool) -> None:
     with Waiting() as waiting:
         written = export(links_data(scene, waiting), folder, force)
     for path in written:
-        click.echo(f"Written to {path}")
+        echo(f"Written to {path}")
 
 
 def _tell(ctx: click.Context, level: int) -> None:

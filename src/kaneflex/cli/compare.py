@@ -11,6 +11,7 @@ import click
 
 from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
+from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.study.comparison import Comparison
@@ -56,15 +57,15 @@ def compare(
         target, COMPARISON_FILE, lambda stage: side_by_side(scene, names, against, stage, peer, resolution),
         lambda found, folder: _write(found, asked.changes, folder), "overlay",
     )  # fmt: skip
-    click.echo(difference_table(comparison))
-    click.echo(f"Written to {target.folder}")
+    echo(difference_table(comparison))
+    echo(f"Written to {target.folder}")
     for model, curves in comparison.curves.items():
         for note in curves.notes:
-            click.echo(f"{model}: {note}", err=True)
+            echo(f"{model}: {note}", err=True)
         for sensor, reason in curves.missing.items():
-            click.echo(f"{model}: {sensor} is not compared: {reason}", err=True)
+            echo(f"{model}: {sensor} is not compared: {reason}", err=True)
     for model, reason in comparison.left_out.items():
-        click.echo(f"Left out: {model}: {reason}", err=True)
+        echo(f"Left out: {model}: {reason}", err=True)
 
 
 def _write(comparison: Comparison, settings: Sequence[str], folder: Path) -> None:

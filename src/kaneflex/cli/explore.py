@@ -10,6 +10,7 @@ import click
 from kaneflex.cli.folders import check_picture, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.atomic_output import write_bytes
+from kaneflex.support.terminal import echo
 
 
 @click.command()
@@ -44,10 +45,10 @@ def explore(
         from kaneflex.plots.style import picture
 
         write_bytes(output, picture(lambda: figure(exploration), output.suffix[1:]))
-        click.echo(f"Written to {output}")
+        echo(f"Written to {output}")
         return
     from kaneflex.plots.explorer import open_window
 
     changes = [*asked.changes, *open_window(exploration)]
     words = ["kaneflex", "run", asked.name, *(word for change in changes for word in ("--set", change))]
-    click.echo(f"The sliders stood at: {shlex.join(words)}")
+    echo(f"The sliders stood at: {shlex.join(words)}")

@@ -9,7 +9,7 @@ import click
 from kaneflex.cli.folders import check_file, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.atomic_output import write_bytes
-from kaneflex.support.terminal import Waiting
+from kaneflex.support.terminal import Waiting, echo
 
 
 @click.command()
@@ -32,10 +32,10 @@ def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
     with Waiting() as waiting:
         made = fmu(scene, fmi, waiting)
     write_bytes(output, made.content)
-    click.echo(f"FMI {fmi}.0, {len(made.outputs)} outputs; can be set: {', '.join(made.inputs) or 'nothing'}")
+    echo(f"FMI {fmi}.0, {len(made.outputs)} outputs; can be set: {', '.join(made.inputs) or 'nothing'}")
     if made.unread:
         left = ", ".join(made.unread)
-        click.echo(f"Warning: left out, as angles of bodies that turn all round are: {left}", err=True)
+        echo(f"Warning: left out, as angles of bodies that turn all round are: {left}", err=True)
     if made.compiled_for is None:
-        click.echo("Warning: not compiled, as there is no C compiler here: the sources are inside", err=True)
-    click.echo(f"Written to {output}")
+        echo("Warning: not compiled, as there is no C compiler here: the sources are inside", err=True)
+    echo(f"Written to {output}")

@@ -11,6 +11,7 @@ import click
 from kaneflex.cli.folders import check_file, force_option, output_option
 from kaneflex.cli.scene import gathered
 from kaneflex.support.errors import Fault, told
+from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.fem.foreign import Foreign
@@ -121,6 +122,6 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
         data = made(link, modes, coupling == "rigid", damping)
     data.save(output)
     for doubt in link.doubts:
-        click.echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)
-    click.echo(imported_table(data))
-    click.echo(f"Written to {output}")
+        echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)
+    echo(imported_table(data))
+    echo(f"Written to {output}")

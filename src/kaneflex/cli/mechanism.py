@@ -15,7 +15,7 @@ from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_toler
 from kaneflex.support.atomic_output import refuse_existing, write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError
 from kaneflex.support.output_folders import file_stem, whole_folder
-from kaneflex.support.terminal import Waiting
+from kaneflex.support.terminal import Waiting, echo
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -47,10 +47,10 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     path = output or Path(f"{file_stem(scene.name)}.png")
     check_picture(path, force, "mechanism.png")
     at = dict(configuration(scene, text) for text in places)
-    click.echo(parts(scene))
+    echo(parts(scene))
     if scene.is_spatial:
         write_bytes(path, _spatial_picture(scene, at, path.suffix[1:]))
-        click.echo(f"Written to {path}")
+        echo(f"Written to {path}")
         return
     elastic = _elastic_count(scene)
     count = count_freedom(mechanism_of(scene))
@@ -58,25 +58,25 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
         scene = with_branches(scene)
         placement = place(scene, at)
     except SceneError:
-        click.echo(mobility_lines(count, elastic))  # what says why it can't be placed
+        echo(mobility_lines(count, elastic))  # what says why it can't be placed
         raise
     here = {name: pose[:, None] for name, pose in placement.poses.items()}
     courses = here if at else followed(scene, placement)
     by_rank = None if scene.is_frame else mobility_by_rank(mechanism_of(scene), courses)
-    click.echo(mobility_lines(count, elastic, by_rank))
+    echo(mobility_lines(count, elastic, by_rank))
     if not scene.is_frame:
         several = len(next(iter(courses.values()))[0]) > 1
         found = closings(scene, courses)
         lines = reach_lines(scene, courses) | closing_lines(found)
-        click.echo(block("over the run" if several else "where it is shown", lines))
+        echo(block("over the run" if several else "where it is shown", lines))
         for each in found:
             if each.note:
-                click.echo(f"Note: {each.note}", err=True)
+                echo(f"Note: {each.note}", err=True)
     from kaneflex.plots.scheme import scheme
     from kaneflex.plots.style import picture
 
     write_bytes(path, picture(lambda: scheme(scene, placement), path.suffix[1:]))
-    click.echo(f"Written to {path}")
+    echo(f"Written to {path}")
 
 
 def _elastic_count(scene: Scene) -> int | None:
@@ -92,7 +92,7 @@ def _elastic_count(scene: Scene) -> int | None:
             return None
         return len(elastic_coordinates(scene))
     except SceneError as error:
-        click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
+        echo(f"Warning: the elastic part can't be set up: {error}", err=True)
         return None
 
 
@@ -105,7 +105,7 @@ def _spatial_picture(scene: Scene, at: Mapping[str, float], kind: str) -> bytes:
 
     refuse_places(at)
     system, start, motion = spatial_start(scene)
-    click.echo(spatial_mobility_lines(system, start.choice))
+    echo(spatial_mobility_lines(system, start.choice))
     return picture(lambda: scheme(scene, motion), kind)
 
 
@@ -122,7 +122,7 @@ def new(name: str, like: str, output: Path | None, force: bool) -> None:
     if path.suffix != ".toml":
         raise OutputError(str(path), None, "not the name of a scene file", "End it in .toml")
     for written in new_scene(name, like, path, force):
-        click.echo(f"Written to {written}")
+        echo(f"Written to {written}")
 
 
 @click.command()
@@ -158,12 +158,12 @@ def linearise(
     system.save(output)
     if bode is not None and drawn is not None:
         write_bytes(bode, drawn)
-    click.echo(poles_table(system))
-    click.echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
+    echo(poles_table(system))
+    echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
     left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
     if left_out and not sensors:
-        click.echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
-    click.echo(f"Written to {output}" + (f" and {bode}" if bode is not None else ""))
+        echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
+    echo(f"Written to {output}" + (f" and {bode}" if bode is not None else ""))
 
 
 def _bode(system: StateSpace, kind: str) -> bytes:
@@ -196,10 +196,10 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
         with derivable(scene):
             text = latex(scene, waiting)
     if output is None:
-        click.echo(text, nl=False)
+        echo(text, nl=False)
     else:
         write_text(output, text)
-        click.echo(f"Written to {output}")
+        echo(f"Written to {output}")
 
 
 @click.command()
@@ -254,9 +254,9 @@ def derive(
             text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting)
     write_text(output, text)
     if choice is not None:
-        click.echo(chosen_lines(choice))
-        click.echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
-    click.echo(f"Written to {output}")
+        echo(chosen_lines(choice))
+        echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
+    echo(f"Written to {output}")
 
 
 def _derive_c(
@@ -276,4 +276,4 @@ def _derive_c(
         texts = coupled_in_c(scene, waiting) if coupled else c_model(scene, waiting).texts
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8", newline="\n")
-    click.echo(f"Written to {output}")
+    echo(f"Written to {output}")

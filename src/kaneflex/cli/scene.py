@@ -11,6 +11,7 @@ import click
 
 from kaneflex.cli.folders import Decorator, together
 from kaneflex.support.errors import SceneError, nearest, told
+from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -122,7 +123,7 @@ def configuration(scene: Scene, at: str) -> tuple[str, float]:
     coordinate = quantity("--at", angle, dimension, at)
     if coordinate and isinstance(_plain(angle), float):
         read = scene.written_coordinate(drive, coordinate)
-        click.echo(f"--at {at}: a plain number is in {dimension.unit}, so {read}", err=True)
+        echo(f"--at {at}: a plain number is in {dimension.unit}, so {read}", err=True)
     return drive, coordinate
 
 

@@ -12,6 +12,7 @@ import click
 from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
 from kaneflex.support.errors import SceneError
+from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,8 +53,8 @@ def stability(asked: SceneArguments, target: Target, speed: str | None, points: 
         speeds = speeds_between(*speed_range(scene, check_sweep(scene), speed), points)
     target = target.named(scene, "stability")
     found = into(target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage, multiples), _write, "stability")
-    click.echo(block("stability", found.findings))
-    click.echo(f"Written to {target.folder}")
+    echo(block("stability", found.findings))
+    echo(f"Written to {target.folder}")
 
 
 def orders_of(text: str) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ import click
 from kaneflex.cli.folders import output_option
 from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
 from kaneflex.support.errors import SceneError
+from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.study.plan import Plan
@@ -56,16 +57,16 @@ def sweep(
     try:
         finished = go_through(plan, folder, solver, _reporter(), force, form)
     except KeyboardInterrupt:
-        click.echo(f"Interrupted; finished points are kept in {folder}, the same command goes on from there.", err=True)
+        echo(f"Interrupted; finished points are kept in {folder}, the same command goes on from there.", err=True)
         ctx.exit(INTERRUPTED)
     for point, reason in list(finished.failures.items())[:_FAILURES_SHOWN]:
-        click.echo(f"Point {point}: {reason}", err=True)
+        echo(f"Point {point}: {reason}", err=True)
     if len(finished.failures) > _FAILURES_SHOWN:
-        click.echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` says why", err=True)
-    click.echo(f"{finished.total - len(finished.failures)} of {finished.total} points completed")
-    click.echo(f"Written to {finished.path}")
+        echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` says why", err=True)
+    echo(f"{finished.total - len(finished.failures)} of {finished.total} points completed")
+    echo(f"Written to {finished.path}")
     for path in _drawn(finished, plan) if plots else ():
-        click.echo(f"Drawn: {path}")
+        echo(f"Drawn: {path}")
     if len(finished.failures) == finished.total:
         ctx.exit(STOPPED_EARLY)
 
@@ -79,7 +80,7 @@ def _drawn(finished: Finished, plan: Plan) -> list[Path]:
         try:
             drawn += draw(kind, dataset, finished.path.parent)
         except ValueError as reason:
-            click.echo(f"No picture {kind}: {reason}", err=True)
+            echo(f"No picture {kind}: {reason}", err=True)
     return drawn
 
 
@@ -108,6 +109,6 @@ def _reporter() -> Callable[[Progress], None]:
         nonlocal last
         if time.perf_counter() - last >= _QUIET:
             last = time.perf_counter()
-            click.echo(str(progress), err=True)
+            echo(str(progress), err=True)
 
     return report

@@ -13,6 +13,7 @@ import click
 from kaneflex.cli.folders import Decorator, Target, folder_options, into, together, write_csv, write_json
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
 from kaneflex.support.errors import SceneError
+from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.study.differences import Difference
@@ -52,13 +53,13 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
 
     if has_price(asked.read()):
         priced, folder = _weighed("trade", price, price_data, asked, target, limits, "price")
-        click.echo(price_table(priced))
+        echo(price_table(priced))
         _close(folder, priced.left_out)
         return
     found, folder = _weighed("trade", ranked, trade_data, asked, target, limits)
-    click.echo(trade_table(found))
-    click.echo(reference_lines(found))
-    click.echo(choice_line(found))
+    echo(trade_table(found))
+    echo(reference_lines(found))
+    echo(choice_line(found))
     _close(folder, found.left_out)
 
 
@@ -75,10 +76,10 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     from kaneflex.study.trade.terms import terms as left_out
 
     found, folder = _weighed("terms", left_out, terms_data, asked, target, limits)
-    click.echo(terms_table(found))
+    echo(terms_table(found))
     full = found.full
     step = f"{full.ns_per_step:.0f} ns a step, rigid motion and start included"
-    click.echo(f"Stiffened with all of them: {full.operations} operations, {step}")
+    echo(f"Stiffened with all of them: {full.operations} operations, {step}")
     _close(folder, found.left_out)
 
 
@@ -109,9 +110,9 @@ def _weighed(
 
 
 def _close(folder: Path, left_out: Mapping[str, str]) -> None:
-    click.echo(f"Written to {folder}")
+    echo(f"Written to {folder}")
     for thing, reason in left_out.items():
-        click.echo(f"Left out: {thing}: {reason}", err=True)
+        echo(f"Left out: {thing}: {reason}", err=True)
 
 
 def tolerance_of(text: str) -> float:

@@ -28,6 +28,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.support.errors import SceneError
+from kaneflex.support.escaping import visible
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
@@ -115,7 +116,7 @@ class Model:
     @property
     def in_short(self) -> str:
         """Name, preset and degrees of freedom."""
-        return f"{self.scene.name}, {self.options.preset}, {self.degrees_of_freedom} degrees of freedom"
+        return f"{visible(self.scene.name)}, {self.options.preset}, {self.degrees_of_freedom} degrees of freedom"
 
     @property
     def degrees_of_freedom(self) -> int:

@@ -23,7 +23,8 @@ from kaneflex.generated.packs import unpacked
 from kaneflex.multibody import tables
 from kaneflex.multibody.c_text import NAMES, WIDTH, declared, safe, type_name, wider
 from kaneflex.multibody.printed_expressions import OPERATORS, Expressions
-from kaneflex.support.c_language import RESERVED, comment
+from kaneflex.support.c_language import RESERVED
+from kaneflex.support.escaping import c_comment
 
 REMAINDER = """/* What is left of a division, with the sign of what it is divided by. */
 static inline double remainder_of(double x, double y)
@@ -139,7 +140,7 @@ class _Written(Expressions):
         unread = [name for name in (*self.arguments, *self.variables) if name not in self.read]
         lines += [f"    (void){safe(name)};" for name in unread]
         said = ast.get_docstring(self.tree)
-        about = f"{comment(said)}\n" if said else ""
+        about = f"{c_comment(said)}\n" if said else ""
         kind = self.printer.declared_type(self.returned)
         return f"{about}{scope}{kind} {self.name}({arguments})\n{{\n" + "\n".join([*lines, *self.lines]) + "\n}\n"
 

@@ -17,6 +17,7 @@ from kaneflex.plots.sensors import QUANTITY, grouped
 from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable, styled
 from kaneflex.plots.view import view
 from kaneflex.support.errors import UserError
+from kaneflex.support.escaping import picture_text, visible
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
@@ -86,7 +87,7 @@ class Explorer:
             groups = dict(list(groups.items())[:_PANELS])
         height = _HEAD + _PANEL * len(groups) + _FOOT + _SLIDER * len(exploration.open)
         figure.set_size_inches(_WIDTH, height)
-        figure.suptitle(f"{scene.name}, preset {scene.solve.preset}", y=1.0 - 0.12 / height)
+        figure.suptitle(picture_text(f"{scene.name}, preset {scene.solve.preset}"), y=1.0 - 0.12 / height)
         self._text = figure.text(0.09, 1.0 - 0.36 / height, "", va="top", color=PALETTE[1])
         bottom = (_SLIDER * len(exploration.open) + _FOOT) / height
         grid = {"left": 0.09, "right": 0.77, "top": 1.0 - _HEAD / height, "bottom": bottom, "hspace": 0.42}
@@ -158,7 +159,7 @@ class Explorer:
             self.message = "\n".join(self.solution.warnings)
         except UserError as error:
             self.solution, self.message = None, str(error)
-        self._text.set(text=_short(self.message), color=PALETTE[1] if self.solution is None else GREY)
+        self._text.set(text=picture_text(_short(self.message)), color=PALETTE[1] if self.solution is None else GREY)
         for panel in self._panels:
             for line in panel.lines.values():
                 line.set_visible(self.solution is not None)
@@ -195,7 +196,7 @@ def open_window(exploration: Exploration) -> list[str]:
     import matplotlib.pyplot as plt
 
     with styled():
-        figure = plt.figure(f"kaneflex explore {exploration.scene.name}")
+        figure = plt.figure(visible(f"kaneflex explore {exploration.scene.name}"))
         if figure.canvas.required_interactive_framework is None:
             backend = plt.get_backend()
             plt.close(figure)

@@ -24,6 +24,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS
+from kaneflex.support.escaping import picture_text
 
 ELASTIC, DRIVE, SENSOR, LOAD = PALETTE[0], PALETTE[4], PALETTE[2], PALETTE[1]
 _ROOM = 0.18
@@ -47,7 +48,7 @@ def scheme(scene: Scene, placement: Placement) -> Figure:
     figure = new_figure(_LARGEST[0], _LARGEST[1], "", layout="none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
-    title = f"{scene.name}: {scene.description}" if scene.description else scene.name
+    title = picture_text(f"{scene.name}: {scene.description}" if scene.description else scene.name)
     sensors = _sensors_by_place(scene, placement)
     _arrange(figure, axes, shape, title, _listed(sensors))
     axes.set_title(_configuration(scene, placement))

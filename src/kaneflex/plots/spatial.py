@@ -141,7 +141,8 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     shown = frames_of(view(solution), frames)
     factor = enlargement(shown) if solution.model.links else None
     lines = _deformed(shown.motion, factor or 1.0)
-    figure = new_figure(5.0, 4.6, title(factor) + shown.note)
+    figure = new_figure(5.0, 4.6, "")
+    figure.suptitle(title(factor) + shown.note)
     axes = figure.add_subplot(projection="3d")
     _frame(axes, [MM * points for points in lines.values()])
     found = {name: axes.plot([], [], [], marker="" if name in solution.model.links else "o", markersize=3,

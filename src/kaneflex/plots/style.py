@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib
@@ -16,6 +17,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
+
+from kaneflex.support.escaping import picture_text
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Colours that the colour-blind tell apart (Okabe & Ito 2008), yellow left out: too pale for a line on white."""
@@ -69,9 +72,15 @@ _READ_AS = {
 }
 
 
-def styled() -> AbstractContextManager[None]:
-    """The context in which pictures are made and written; the caller's own settings come back after it."""
-    return matplotlib.rc_context(_STYLE)
+@contextmanager
+def styled() -> Iterator[None]:
+    """The context in which pictures are made and written; the caller's own settings come back after it.
+
+    Letters that the font lacks, as those of a Chinese name, are boxes; matplotlib would warn of each, with its line.
+    """
+    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from")
+        yield
 
 
 class Picture(Figure):
@@ -85,7 +94,7 @@ def new_figure(width: float, height: float, title: str, layout: str = "constrain
     """An empty figure [inches] with a canvas of its own, outside pyplot's global state."""
     figure = Picture(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
-    figure.suptitle(title)
+    figure.suptitle(picture_text(title))
     return figure
 
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.plots.style import PALETTE, finish, legend_beside, pages, readable
+from kaneflex.support.escaping import picture_text
 
 if TYPE_CHECKING:
     import xarray
@@ -59,7 +60,7 @@ def groups(found: xarray.Dataset, across: str) -> dict[str, np.ndarray]:
 def written(parameter: xarray.DataArray, value: object) -> str:
     """A value of a parameter with its unit."""
     number = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return f"{number} {parameter.attrs.get('units', '')}".strip()
+    return picture_text(f"{number} {parameter.attrs.get('units', '')}".strip())
 
 
 def _panel(axes: Axes, found: xarray.Dataset, name: str, across: str) -> None:

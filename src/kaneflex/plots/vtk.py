@@ -12,6 +12,7 @@ from kaneflex.plots.mechanism import ALONG_LINK, used_points
 from kaneflex.plots.spatial import outline_points
 from kaneflex.plots.view import FRAMES, View, frames_of, view
 from kaneflex.support.errors import installed, told
+from kaneflex.support.escaping import xml_comment
 
 if TYPE_CHECKING:
     from kaneflex.response.motion import Motion
@@ -116,8 +117,8 @@ def _blocks(cells: list[tuple[int, ...]], of_body: list[int]) -> tuple[list[tupl
 def _index(scene: Scene, shown: View, files: list[str]) -> Iterator[str]:
     yield '<?xml version="1.0"?>'
     if shown.note:
-        yield f"<!-- frames:{shown.note} -->"
-    yield f"<!-- body: {', '.join(f'{number} {name}' for number, name in enumerate(scene.bodies))} -->"
+        yield xml_comment(f"frames:{shown.note}")
+    yield xml_comment(f"body: {', '.join(f'{number} {name}' for number, name in enumerate(scene.bodies))}")
     yield '<VTKFile type="Collection" version="0.1">'
     yield "  <Collection>"
     for t, file in zip(shown.times.tolist(), files, strict=True):

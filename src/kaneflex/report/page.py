@@ -7,7 +7,6 @@ import json
 import math
 import re
 from collections.abc import Iterator, Sequence
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from kaneflex.report.tables import (
     unit_and_factor,
 )
 from kaneflex.response.thinning import thinned
+from kaneflex.support.escaping import html, script_data
 
 if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
@@ -48,40 +48,40 @@ def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) ->
     scene = solution.model.scene
     head, rows = sensor_cells(summary) if summary.sensors else ((), [])
     filled = {
-        "title": escape(scene.name),
-        "about": escape(scene.description),
+        "title": html(scene.name),
+        "about": html(scene.description),
         "warnings": _warnings(summary),
-        "head": "".join(f"<th>{escape(text)}</th>" for text in head),
+        "head": "".join(f"<th>{html(text)}</th>" for text in head),
         "rows": "".join(map(_row, rows)),
         "more": "".join(_more(summary)),
         "modelled": _text(modelled(solution.model)),
         "cost": _text(run_lines(summary)),
         "choice": _choice(summary),
         "pictures": "".join(_pictures(pictures)),
-        "data": json.dumps(_data(solution, summary), separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
+        "data": script_data(json.dumps(_data(solution, summary), separators=(",", ":"), allow_nan=False)),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], _TEMPLATE.read_text(encoding="utf-8"))
 
 
 def _text(styled: str) -> str:
     """What the terminal shows, without its bold."""
-    return escape(click.unstyle(styled))
+    return html(click.unstyle(styled))
 
 
 def _row(cells: Sequence[str]) -> str:
-    return f'<tr data-name="{escape(cells[0])}">{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'
+    return f'<tr data-name="{html(cells[0])}">{"".join(f"<td>{html(cell)}</td>" for cell in cells)}</tr>'
 
 
 def _warnings(summary: Summary) -> str:
     stopped = ending(summary)
     kinds = [("warning stopped", stopped)] * bool(stopped) + [("warning", text) for text in summary.warnings]
-    return "".join(f'<div class="{kind}">{escape(text)}</div>' for kind, text in kinds)
+    return "".join(f'<div class="{kind}">{html(text)}</div>' for kind, text in kinds)
 
 
 def _more(summary: Summary) -> Iterator[str]:
     """What not every run has, and why no error is known."""
     if summary.errors:
-        yield f"<p>Errors of the sensors: {escape(summary.errors)}.</p>"
+        yield f"<p>Errors of the sensors: {html(summary.errors)}.</p>"
     for title, text in more_tables(summary):
         yield f"<h2>{title}</h2><pre>{_text(text)}</pre>"
 
@@ -96,14 +96,14 @@ def _choice(summary: Summary) -> str:
         by = "" if each.error is None else "price" if each.priced else "run"
         tried += _row((each.model, each.worst_sensor or "", error, by, "yes" if each.within else "no"))
     head = "".join(f"<th>{text}</th>" for text in ("model", "worst sensor", "error", "by", "within"))
-    settings = escape(" ".join(summary.choice.settings))
+    settings = html(" ".join(summary.choice.settings))
     return f"<h2>Why this model</h2><p>Chosen: {settings}</p><table><thead><tr>{head}</tr></thead>{tried}</table>"
 
 
 def _pictures(files: Sequence[Path]) -> Iterator[str]:
     for file in files:
         data = base64.b64encode(file.read_bytes()).decode()
-        name = escape(file.stem.replace("_", " "))
+        name = html(file.stem.replace("_", " "))
         source = f"data:{_KINDS[file.suffix]};base64,{data}"
         yield f'<figure><img alt="{name}" src="{source}"><figcaption>{name}</figcaption></figure>'
 

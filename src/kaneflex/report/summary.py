@@ -20,6 +20,7 @@ from kaneflex.solve.touching import ContactSummary, FrictionSummary, contact_sum
 from kaneflex.solve.unresolved import UnresolvedMode, unresolved
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.study.trade.record import Attempt, Choice
+from kaneflex.support.escaping import visible
 from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         schema_version=SCHEMA_VERSION,
         kaneflex=kaneflex.__version__,
         scene=model.scene.name,
-        settings=list(settings),
+        settings=list(map(visible, settings)),
         structure=model.motion.module.STRUCTURE,
         preset=model.options.preset,
         options=model.options.as_dict(),

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
-from pydantic import BeforeValidator, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 
 from kaneflex.scene.laws import FUNCTIONS
 from kaneflex.support import units
@@ -52,6 +52,17 @@ MOST = 1_000_000_000
 
 Vector: TypeAlias = Any
 """Two numbers in the plane, three in space: which of them, a scene says and no type."""
+
+
+def _encodable(text: str) -> str:
+    """Half of a character comes from a command line that is not UTF-8; no file of text could hold it."""
+    if any("\ud800" <= letter <= "\udfff" for letter in text):
+        raise Fault("not a text of whole characters", "Write it in UTF-8")
+    return text
+
+
+Words = Annotated[str, AfterValidator(_encodable)]
+"""A text for people."""
 
 
 class Address(NamedTuple):

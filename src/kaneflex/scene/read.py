@@ -17,6 +17,7 @@ from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.settings import nested
 from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
+from kaneflex.support.escaping import visible
 from kaneflex.support.reading import beside, is_file, read_text
 
 _DEEPEST = 20
@@ -135,7 +136,7 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
 
 def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
     """Tables as :func:`_read_raw` gives them, of what a file in that folder holds."""
-    raw.setdefault("name", name)
+    raw.setdefault("name", visible(name))  # bytes of a file's name need not be text
     for entry, key in file_entries(raw).values():
         if entry[key] != REMOVED:
             entry[key] = str(beside(folder, entry[key]))

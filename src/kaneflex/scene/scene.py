@@ -17,10 +17,11 @@ from kaneflex.scene.events import Event
 from kaneflex.scene.friction import Friction
 from kaneflex.scene.laws import Law, parse_law
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
-from kaneflex.scene.quantities import Acceleration, Address, Point, Vector
+from kaneflex.scene.quantities import Acceleration, Address, Point, Vector, Words
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
+from kaneflex.support.escaping import visible
 from kaneflex.support.kept import Kept
 from kaneflex.support.units import SENSED, to_si
 
@@ -93,9 +94,9 @@ class Scene(SceneTable):
     like: str | None = Field(
         default=None, description="a shipped scene, or a file beside this one, to start from"
     )
-    name: str = ""
-    description: str = ""
-    assumptions: dict[str, str] = Field(default={}, description="what is assumed, by topic")
+    name: Words = ""
+    description: Words = ""
+    assumptions: dict[Words, Words] = Field(default={}, description="what is assumed, by topic")
     gravity: Acceleration = (0.0, 0.0)
     ground: dict[str, Point] = Field(default={})
     bodies: dict[str, Body] = Field(min_length=1)
@@ -116,7 +117,7 @@ class Scene(SceneTable):
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{table} {len(entries)}" for table, entries in self._tables().items())
-        return f"Scene({self.name}, {self.solve.preset}: {counts})"
+        return f"Scene({visible(self.name)}, {self.solve.preset}: {counts})"
 
     __str__ = __repr__
 

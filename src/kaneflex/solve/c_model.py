@@ -20,6 +20,7 @@ from kaneflex.solve.one_way import one_way_cure
 from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
+from kaneflex.support.escaping import c_inline, c_literal
 
 _SHARED = "kaneflex_linear.h", "kaneflex_linear.c"
 _IN_SPACE = "kaneflex_series.h", "kaneflex_series.c"
@@ -175,7 +176,7 @@ def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
         "weights": ("double", map(_number, weights)),
         "z_0": ("double", map(_number, begun.z[0])),
         "v_0": ("double", map(_number, begun.v[0])),
-        "coordinates": ("char *const", map(_text, model.reduced.coordinates)),
+        "coordinates": ("char *const", map(c_literal, model.reduced.coordinates)),
     }
     texts = [array_in_c(kind, f"{name}_{key}", values, "static ") for key, (kind, values) in arrays.items()]
     sizes = (system.n, system.half_bandwidth, len(model.motion.column), len(places), max(method.stages, 1))
@@ -199,7 +200,7 @@ def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], d
         "ends": ("size_t", readings.ends),
         "pairs": ("size_t", readings.pairs.ravel()),
         "constants": ("double", map(_number, readings.constants)),
-        "sensors": ("char *const", map(_text, readings.sensors)),
+        "sensors": ("char *const", map(c_literal, readings.sensors)),
     }
     texts = [array_in_c(kind, f"{name}_read_{key}", values, "static ") for key, (kind, values) in arrays.items()]
     memory = max(rows * (n + 1) + n * n for _, rows, n in readings.stages.tolist())  # x and y fit in n * n
@@ -207,7 +208,7 @@ def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], d
     numbers = f"    {count}, {readings.given}, {readings.count}, {memory}, {len(readings.stages) - 1},\n    {held}\n"
     missing = ", ".join(unread(readings, model))
     sizes = {"sensors": count, "values": readings.count, "memory": max(memory, 1)}
-    said = {"left": missing and f" Not {missing}.", **sizes}
+    said = {"left": missing and c_inline(f" Not {missing}."), **sizes}
     return [*texts, f"const kaneflex_readings {name}_readings = {{\n{numbers}}};\n"], said
 
 
@@ -219,13 +220,6 @@ def array_in_c(kind: str, name: str, values: Iterable[object], scope: str = "") 
 
 def _number(value: float) -> str:
     return repr(float(value))
-
-
-def _text(text: str) -> str:
-    """A text in C's quotes; a question mark could begin a trigraph."""
-    for letter in '\\"?':
-        text = text.replace(letter, f"\\{letter}")
-    return f'"{text}"'
 
 
 _MOTION_H = """/* The rigid motion of a mechanism in space, by kaneflex. Do not edit.

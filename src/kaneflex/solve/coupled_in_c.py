@@ -25,6 +25,7 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.one_way import one_way_cure
 from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import SceneError
+from kaneflex.support.escaping import c_comment, c_literal
 
 _STEPS = 1000
 """Steps between two looks at whether the run is over."""
@@ -60,8 +61,9 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     progress("printing the engine")
     sizes = _sizes(run)
     data = "\n".join(_data(run, name))
+    about = {key: c_comment(f"{scene.name} under preset coupled: {text}") for key, text in _ABOUT.items()}
     given = {
-        "name": name, "NAME": name.upper(), "scene": scene.name, "data": data, **_engine(run, name),
+        "name": name, "NAME": name.upper(), **about, "data": data, **_engine(run, name),
         "enumerated": _enumerated(sizes, name.upper()), "steps": model.options.steps, "step": repr(model.step),
         "most": _STEPS, "longest": repr(run.longest), "free": sizes["FREE"], "Y": at.Y, "RATE": at.RATE,
         "ACCEL": at.ACCEL, "DONE": collocation.DONE, "PAUSED": collocation.PAUSED, "TURNED": collocation.TURNED,
@@ -168,7 +170,7 @@ def _data(run: Run, name: str) -> Iterator[str]:
     yield _whole(f"{name}_free", engine.independent)
     names = {"coordinate": [key for key, _ in system.coordinates], "force": system.constraints, "free": engine.names}
     for key, found in names.items():
-        yield array_in_c("char *const", f"{name}_{key}_names", (f'"{each}"' for each in found))
+        yield array_in_c("char *const", f"{name}_{key}_names", map(c_literal, found))
     yield f"static const double {name}_first_step = {run.step!r};\n"
     yield from _method(GAUSS if run.method.integrator == "gauss" else RADAU, name)
 
@@ -198,10 +200,12 @@ def _wrapped(head: str, values: list[str]) -> str:
     return f"{head} = {{\n{lines}\n}};\n"
 
 
-_HEADER = """/* {scene} under preset coupled: large motions of elastic bodies. All numbers are SI.
- *
- * A state is a mechanism's tables with its motion: as many as there is memory for run beside each other. Nothing is
- * allocated. */
+_ABOUT = {
+    "about_header": "large motions of elastic bodies. All numbers are SI.\n\nA state is a mechanism's tables with its "
+    "motion: as many as there is memory for run beside each other. Nothing is allocated.",
+    "about_source": "the engine's functions as numba compiles them, and the numbers.",
+}
+_HEADER = """{about_header}
 #ifndef {NAME}_H
 #define {NAME}_H
 
@@ -254,7 +258,7 @@ void {name}_motion({name}_state *state, double q[], double v[], double a[], doub
 
 #endif
 """
-_SOURCE = """/* {scene} under preset coupled: the engine's functions as numba compiles them, and the numbers. */
+_SOURCE = """{about_source}
 #include "{name}.h"
 
 #include <complex.h>

@@ -26,6 +26,7 @@ from kaneflex.scene.options import resolve_options
 from kaneflex.solve.c_model import CModel, array_in_c, c_model, shared_texts, unread
 from kaneflex.solve.one_way import one_way_cure
 from kaneflex.support.errors import SceneError
+from kaneflex.support.escaping import xml
 
 _FLAGS = ("-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
 _SYSTEMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
@@ -283,6 +284,8 @@ def _build_description(name: str, sources: list[str]) -> ElementTree.Element:
 
 
 def _xml(root: ElementTree.Element) -> bytes:
+    for element in root.iter():
+        element.attrib.update({key: xml(value) for key, value in element.attrib.items()})
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 

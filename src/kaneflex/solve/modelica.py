@@ -5,8 +5,18 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from kaneflex.support.escaping import modelica_name, modelica_string
+
 if TYPE_CHECKING:
     from kaneflex.solve.statespace import StateSpace
+
+_KEYWORDS = """
+    algorithm and annotation assert block break class connect connector constant constrainedby der discrete each else
+    elseif elsewhen encapsulated end enumeration equation expandable extends external false final flow for function if
+    import impure in initial inner input loop model not operator or outer output package parameter partial protected
+    public pure record redeclare replaceable return stream then true type when while within
+""".split()
+"""Words that no model can have (Modelica Language Specification 3.6, section 2.3.3)."""
 
 
 def modelica(system: StateSpace, name: str) -> str:
@@ -21,16 +31,19 @@ def modelica(system: StateSpace, name: str) -> str:
     name : str
         Of the model; what no identifier has becomes an underscore.
     """
-    inputs, outputs = list(map(_quoted, system.inputs)), []
+    inputs, outputs = list(map(modelica_name, system.inputs)), []
     for each in system.outputs:
-        outputs.append(_quoted(f"{each} sensor" if each in system.inputs else each))
+        outputs.append(modelica_name(f"{each} sensor" if each in system.inputs else each))
     model = re.sub(r"\W", "_", name, flags=re.ASCII)
-    model = model if model[:1].isalpha() else f"model_{model}"
+    model = model if model[:1].isalpha() and model not in _KEYWORDS else f"model_{model}"
     drives = "".join(f", {drive} at {value!r}" for drive, value in system.drives.items())
-    lines = [f'model {model} "A mechanism linear about t = {system.t!r} s{drives}; SI units; by kaneflex"']
+    about = modelica_string(f"A mechanism linear about t = {system.t!r} s{drives}; SI units; by kaneflex")
+    lines = [f"model {model} {about}"]
     for kind, names, units in (("input", inputs, system.input_units), ("output", outputs, system.output_units)):
-        lines += [f'  {kind} Real {each}(unit = "{_unit(unit)}");' for each, unit in zip(names, units, strict=True)]
-    lines += [f"  Real x[{len(system.A)}](each start = 0.0)", f'    "{", ".join(system.states)}";', "protected"]
+        quoted = (modelica_string(_unit(unit)) for unit in units)
+        lines += [f"  {kind} Real {each}(unit = {unit});" for each, unit in zip(names, quoted, strict=True)]
+    states = modelica_string(", ".join(system.states))
+    lines += [f"  Real x[{len(system.A)}](each start = 0.0)", f"    {states};", "protected"]
     for key in "ABCD":
         matrix = getattr(system, key)
         if matrix.size:
@@ -44,11 +57,6 @@ def modelica(system: StateSpace, name: str) -> str:
     lines += ["equation", f"  der(x) = A * x{by_inputs[0]};"]
     lines += [f"  {each} = y[{k}];" for k, each in enumerate(outputs, start=1)]
     return "\n".join([*lines, f"end {model};", ""])
-
-
-def _quoted(name: str) -> str:
-    backslash = "\\"
-    return "'" + name.replace(backslash, 2 * backslash).replace("'", backslash + "'") + "'"
 
 
 def _unit(unit: str) -> str:

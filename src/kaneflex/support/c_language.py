@@ -1,8 +1,6 @@
-"""What every text in C minds: words that are taken, comments that nothing ends early."""
+"""Words that are taken in every text in C."""
 
 from __future__ import annotations
-
-import textwrap
 
 _MATHEMATICS = """
     acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax
@@ -16,15 +14,3 @@ _KEYWORDS = """
 """
 RESERVED = (*_MATHEMATICS.split(), *_KEYWORDS.split())
 """What nothing of ours may be called in C."""
-
-
-def comment(text: str) -> str:
-    """A comment of C, in lines of at most 118 letters; what would end it is pulled apart."""
-    safe = plain(text)
-    lines = [part for line in safe.splitlines() for part in (textwrap.wrap(line, 116, drop_whitespace=False) or [""])]
-    return "\n".join(f"{' *' if k else '/*'} {line}".rstrip() for k, line in enumerate(lines)) + " */"
-
-
-def plain(text: str) -> str:
-    """Text that can stand in a comment of C: nothing begins or ends one in it."""
-    return text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from html import escape
+
+from kaneflex.support.escaping import html
 
 
 def shown(heading: str, head: Sequence[str], rows: Iterable[Sequence[object]], notes: Iterable[str] = ()) -> str:
@@ -11,13 +12,13 @@ def shown(heading: str, head: Sequence[str], rows: Iterable[Sequence[object]], n
 
     Numbers in the rows are written with five digits, to the right; texts to the left.
     """
-    said = "".join(f"<div><b>Warning:</b> {escape(note)}</div>" for note in notes)
-    above = "".join(f"<th style='text-align:left'>{escape(text)}</th>" for text in head)
+    said = "".join(f"<div><b>Warning:</b> {html(note)}</div>" for note in notes)
+    above = "".join(f"<th style='text-align:left'>{html(text)}</th>" for text in head)
     body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
-    return f"<div><b>{escape(heading)}</b></div>{said}<table><tr>{above}</tr>{body}</table>"
+    return f"<div><b>{html(heading)}</b></div>{said}<table><tr>{above}</tr>{body}</table>"
 
 
 def _cell(value: object) -> str:
     number = isinstance(value, float)
     text = f"{value:.5g}" if number else str(value)
-    return f"<td style='text-align:{'right' if number else 'left'}'>{escape(text)}</td>"
+    return f"<td style='text-align:{'right' if number else 'left'}'>{html(text)}</td>"

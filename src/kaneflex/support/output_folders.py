@@ -16,14 +16,18 @@ from kaneflex.support.errors import OutputError
 
 _JUST_NOW = 2.0
 """Seconds in which a folder that is being made gets its lock."""
-_LONGEST = 50
+LONGEST_STEM = 50
 """Letters of a scene's name in the name of a file: of four bytes each at most, where 255 bytes are a name."""
 
 
 def file_stem(name: str) -> str:
-    """A scene's name as the beginning of a file's: letters, digits and "._- ", of one folder and not hidden."""
-    plain = "".join(letter if letter.isalnum() or letter in "._- " else "_" for letter in name)
-    return plain.strip(". ")[:_LONGEST] or "scene"
+    """A scene's name as the beginning of a file's: letters, digits and "._- ", of one folder and not hidden.
+
+    Letters that the system has no bytes for in names of files are left out, too.
+    """
+    known = name.encode(sys.getfilesystemencoding(), "replace").decode(sys.getfilesystemencoding())
+    plain = "".join(letter if letter.isalnum() or letter in "._- " else "_" for letter in known)
+    return plain.strip(". ")[:LONGEST_STEM] or "scene"
 
 
 @contextmanager

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from kaneflex.support.escaping import terminal
+
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
@@ -17,6 +19,14 @@ LOG = logging.getLogger("kaneflex")
 
 _PATIENCE = 1.0
 """Seconds that a stage may take before anything is shown of it."""
+
+
+def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
+    """Print a text, by which no terminal is told what to do, in letters that it has. No command prints otherwise."""
+    import click
+
+    stream = sys.stderr if err else sys.stdout
+    click.echo(terminal(text, getattr(stream, "encoding", None)), err=err, nl=nl)
 
 
 def log_warning(text: str) -> None:
@@ -103,7 +113,7 @@ class Waiting:
             if self._timer is not threading.current_thread():
                 return  # cancelled while it waited for the lock
             if not sys.stderr.isatty():
-                print(f"{self._name} ...", file=sys.stderr, flush=True)
+                print(terminal(f"{self._name} ...", sys.stderr.encoding), file=sys.stderr, flush=True)
                 return
             if self._bar is None:
                 self._bar = _new_bar()
@@ -115,5 +125,5 @@ def _new_bar() -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     return Progress(*columns, console=Console(stderr=True), transient=True)
