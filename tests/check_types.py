@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 39,
     "report": 6,
     "response": 41,
-    "scene": 70,
+    "scene": 69,
     "solve": 30,
     "study": 83,
     "support": 5,

@@ -47,7 +47,8 @@ def never(*arguments: object, **named: object) -> None:
 
 def test_run_writes_results_and_summary_and_nothing_else(finished):
     _, folder = finished
-    assert {path.name for path in folder.iterdir()} == {"report.html", "results.csv", "results.nc", "summary.json"}
+    assert {path.name for path in folder.iterdir()} == {"report.html", "results.csv", "results.nc", "scene.toml",
+                                                         "summary.json"}  # fmt: skip
     assert [path.name for path in folder.parent.iterdir()] == ["results"]
 
 
@@ -104,7 +105,7 @@ def test_integrator_is_taken():
 def test_pictures_are_drawn_into_the_folder_unless_declined(monkeypatch):
     drawn = []
 
-    def draw_all(solution, folder, progress, frames, seconds, mp4):
+    def draw_all(solution, folder, progress, frames, seconds, mp4, kinds):
         (folder / "picture.png").write_bytes(b"")
         progress(1.0)
         drawn.append(solution.model.scene.name)
@@ -115,6 +116,30 @@ def test_pictures_are_drawn_into_the_folder_unless_declined(monkeypatch):
     assert drawn == ["engine"] and Path("r/picture.png").is_file()
     assert cli("run", "engine", "--preset", "rigid", "--steps", "90", "-o", "s", "--no-plots").exit_code == 0
     assert drawn == ["engine"]
+
+
+def test_pictures_are_drawn_by_name_also_later_from_the_finished_folder(monkeypatch):
+    unrendered(monkeypatch)
+    short = ("--preset", "rigid", "--steps", "90", "-o", "r")
+    refused(cli("run", "engine", *short, "--plots", "motoin"), "plots = 'motoin'", "'motion'")
+    assert cli("run", "engine", *short, "--plots", "motion,svg").exit_code == 0
+    assert {path.name for path in Path("r").glob("*.*g")} == {"motion.png", "motion.svg"}
+    assert cli("plot", "r", "loads", "paths").exit_code == 0
+    assert {path.name for path in Path("r").glob("*.*g")} == {"motion.png", "motion.svg", "loads.png", "paths.png"}
+    refused(cli("plot", "r", "motoin"), "plots = 'motoin'", "'motion'")
+    refused(cli("plot", "."), "no scene.toml in it")
+    scene = Path("r/scene.toml")
+    scene.write_text(scene.read_text().replace('mass = "0.214 kg"', 'mass = "0.215 kg"'))
+    refused(cli("plot", "r", "loads"), "results.nc", "is not what scene.toml gives now")
+
+
+def test_results_are_printed_before_anything_is_drawn(monkeypatch):
+    def draw_all(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("kaneflex.plots.draw_all", draw_all)
+    result = cli("run", "engine", "--preset", "rigid", "--steps", "90", "-o", "r")
+    assert result.exit_code == 130 and "crank_torque" in result.stdout and not Path("r").exists()
 
 
 def test_an_existing_result_folder_is_refused_before_anything_is_computed(monkeypatch):
@@ -130,7 +155,8 @@ def test_force_replaces_a_result_folder():
     for name in ("summary.json", "stale.png"):
         Path("r", name).write_text("old")
     assert cli("run", "engine", "--preset", "rigid", *SMALL[:1], "-o", "r", "--force").exit_code == 0
-    assert {path.name for path in Path("r").iterdir()} == {"report.html", "results.csv", "results.nc", "summary.json"}
+    assert {path.name for path in Path("r").iterdir()} == {"report.html", "results.csv", "results.nc", "scene.toml",
+                                                         "summary.json"}  # fmt: skip
     assert [path.name for path in Path().iterdir()] == ["r"]
 
 
@@ -262,7 +288,7 @@ def test_a_motion_that_repeats_is_drawn_also_if_disturbances_of_it_grow(monkeypa
     result = cli("run", "pulsating-strut", "--set", "clock.speed=2517 rpm", "--set", "solve.modes=1", "--frames", 2,
                  "-o", "out")
     assert result.exit_code == 3 and "what is shown is the periodic motion" in result.stderr, result.output
-    assert Path("out/motion.png").exists() and "motion" in Path("out/report.html").read_text(encoding="utf-8")
+    assert Path("out/mechanism.png").exists() and "mechanism" in Path("out/report.html").read_text(encoding="utf-8")
 
 
 def test_a_run_that_becomes_unstable_keeps_what_came_before_and_exits_with_3():
@@ -283,4 +309,4 @@ def test_a_run_without_a_periodic_state_has_a_summary_without_sensors():
     summary = Summary.model_validate_json(Path("r/summary.json").read_text())
     assert (summary.stored, summary.sensors) == (0, {}) and summary.floquet_multiplier_max > 1
     assert "1440 steps asked for, none of them taken" in result.stdout and "over 0 s" not in result.stdout
-    assert {path.name for path in Path("r").iterdir()} == {"report.html", "summary.json"}
+    assert {path.name for path in Path("r").iterdir()} == {"report.html", "scene.toml", "summary.json"}

@@ -15,6 +15,8 @@ from PIL import Image
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.building import reference_modes
 from kaneflex.plots import animation, draw_all, figures, modes, spatial, style
+from kaneflex.plots.animation import caption_at
+from kaneflex.plots.deformed import figures as figures_of_worst
 from kaneflex.plots.mechanism import outline, rigid_outline, scenery
 from kaneflex.plots.records import reversals, spectrum
 from kaneflex.plots.style import readable, round_down, save, styled
@@ -33,7 +35,7 @@ SETTINGS = {
     "rigid": ("solve.steps=144", "solve.preset=rigid"),
 }
 ALL = tuple(SETTINGS)
-CYCLE = {"loads", "motion", "paths", "modes", "nodal_displacements", "mid_rod", "surfaces_rod", "sensors"}
+CYCLE = {"mechanism", "loads", "motion", "paths", "modes", "nodal_displacements", "mid_rod", "surfaces_rod", "sensors"}
 OF_ROD = {"mid_rod", "surfaces_rod"}
 EXPECTED = {
     "engine": CYCLE | {"orders"},
@@ -41,7 +43,7 @@ EXPECTED = {
     "engine-3": CYCLE - OF_ROD | {"orders"} | {f"{picture}_{k}" for picture in OF_ROD for k in (1, 2, 3)},
     "engine-transient": CYCLE | {"records", "spectra"},
     "engine-rig": CYCLE - {"loads"} | {"records", "spectra"},
-    "rigid": {"loads", "motion", "paths", "sensors", "orders"},
+    "rigid": {"mechanism", "loads", "motion", "paths", "sensors", "orders"},
 }  # fmt: skip
 
 
@@ -90,6 +92,22 @@ def test_panels_with_several_curves_have_a_legend_that_names_each(name):
         if picture not in ("modes", "paths", "spectra") and len(names) > 1:
             assert [text.get_text() for text in axes.get_legend().get_texts()] == names, (picture, axes.get_title())
             assert len(set(names)) == len(names) or picture == "records"
+
+
+@pytest.mark.parametrize("name", ["engine", "spatial-slider-crank-elastic"])
+def test_the_mechanism_is_drawn_at_its_largest_stress_and_coloured_by_it(name):
+    section = ("rod.section={circle='20 mm'}", "rod.I=none", "rod.mass=none") if name == "engine" else ()
+    found = solve(load(with_settings(read_scene(name), ("solve.steps=72", *section))))
+    stresses = found.stresses["rod"]
+    figure = figures_of_worst(found)["mechanism"]
+    axes, bar = figure.axes
+    worst = 1e-6 * stresses.mises.max()
+    assert f"{worst:.3g} MPa in rod" in axes.get_title() and bar.get_ylabel() == "stress [MPa]"
+    instant = int(stresses.mises.max(axis=0).argmax())
+    assert caption_at(view(found), instant) in axes.get_title()
+    (coloured,) = [each for each in axes.collections if each.get_array() is not None]
+    along = np.linspace(0.0, stresses.x[-1], 65)[1::2]
+    np.testing.assert_allclose(coloured.get_array(), 1e-6 * np.interp(along, stresses.x, stresses.mises[:, instant]))
 
 
 def test_modes_have_a_legend_and_their_frequencies_in_the_titles():

@@ -512,9 +512,9 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     assert "of which 1 follow from the others" in done.output and (tmp_path / "bricard.png").stat().st_size > 10_000
     short = ["--set", "solve.duration=0.2 s", "--frames", "2"]
-    done = runner.invoke(main, ["run", "spinning-top", "-o", str(tmp_path / "top"), *short])
+    done = runner.invoke(main, ["run", "spinning-top", "-o", str(tmp_path / "top"), "--plots", "all", *short])
     assert done.exit_code == 0, done.output
-    assert {path.name for path in (tmp_path / "top").iterdir()} >= {"motion.png", "sensors.png", "animation.gif"}
+    assert {path.name for path in (tmp_path / "top").iterdir()} >= {"mechanism.png", "sensors.png", "animation.gif"}
     done = runner.invoke(main, ["show", "bricard", "--at", "first=10deg", "-o", str(tmp_path / "no.png")])
     assert done.exit_code == 2 and "drawn as it starts" in done.output
     done = runner.invoke(main, ["modes", "bricard"])
@@ -681,4 +681,4 @@ steps = 60
     assert solution["y"].values == pytest.approx(whirl * np.cos(turned), abs=1e-5 * whirl)
     assert solution["z"].values == pytest.approx(whirl * np.sin(turned) - sag, abs=1e-5 * whirl)
     drawn = {picture.stem for picture in draw_all(solution, tmp_path, frames=2)}
-    assert drawn >= {"deformed", "modes", "stress", "animation"}
+    assert drawn >= {"mechanism", "modes", "stress", "animation"}

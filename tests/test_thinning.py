@@ -75,7 +75,7 @@ def test_surfaces_show_the_envelopes_of_what_is_too_fast_for_them():
     solution = vibrating(SINE[181])
     rod = np.array([solution.motion.displacement("rod", (x, 0.0))[0][:2] for x in np.linspace(0.0, 0.137, 33)])
     with styled():
-        figure = displacements.figures(solution)["surfaces_rod"]
+        figure = displacements.surfaces(solution)["surfaces_rod"]
     for axes, field in zip(figure.axes[:2], rod.swapaxes(0, 1), strict=True):
         assert "lower and upper envelope, 90 intervals" in axes.get_title("center")
         factor = {"mm": 1e-3, "µm": 1e-6}[axes.get_zlabel().split("[")[1][:-1]]
@@ -83,7 +83,7 @@ def test_surfaces_show_the_envelopes_of_what_is_too_fast_for_them():
         assert lower.min() == pytest.approx(field.min(), rel=1e-12)
         assert upper.max() == pytest.approx(field.max(), rel=1e-12)
         assert (lower[:, :] <= upper[:, :]).all()
-    resolved = displacements.figures(vibrating(8.0))["surfaces_rod"]
+    resolved = displacements.surfaces(vibrating(8.0))["surfaces_rod"]
     assert all(len(axes.collections) == 1 and "envelope" not in axes.get_title("center") for axes in resolved.axes)
 
 

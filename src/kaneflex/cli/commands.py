@@ -12,14 +12,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from kaneflex.cli.compare import compare
 from kaneflex.cli.explore import explore
 from kaneflex.cli.exporting import export
-from kaneflex.cli.folders import Target, folder_options, path_option
+from kaneflex.cli.folders import Target, folder_options, moving_options, path_option, which_pictures
 from kaneflex.cli.importing import import_link
 from kaneflex.cli.mechanism import derive, equations, linearise, new, show
 from kaneflex.cli.scene import (
@@ -176,16 +176,9 @@ def check(asked: SceneArguments) -> None:
 )
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
-@folder_options("results")
+@folder_options("results", which_pictures)
 @click.option("--vtk", is_flag=True, help='Also write the motion for ParaView; pip install "kaneflex[vtk]" brings it.')
-@click.option("--mp4", is_flag=True, help='Also write the animation as MP4; pip install "kaneflex[mp4]" brings it.')
-@click.option(
-    "--frames", type=click.IntRange(min=2), metavar="N", help="Instants of the animation and of --vtk. [default: 60]"
-)
-@click.option(
-    "--seconds", type=click.FloatRange(min=0.1, max=3600.0), metavar="S",
-    help="How long the animation lasts. [default: 12 instants in a second]",
-)
+@moving_options
 @gathered(asked=SceneArguments, target=Target)
 def run(
     asked: SceneArguments, target: Target, after: Path | None, parameters: tuple[str, ...], basis: str,
@@ -197,7 +190,8 @@ def run(
     before, says when and why, and ends with exit code 3. What --tolerance chose is kept in the user's cache; the
     summary says what it was chosen on.
     """
-    from kaneflex.cli.workflow import run_into, uncollected
+    from kaneflex.cli.workflow import Demand, run_into, uncollected
+    from kaneflex.report.tables import ending
     from kaneflex.scene.write_back import file_to_write, write_settings
 
     refuse_with_tolerance(tolerance, {"--preset": asked.preset, "--integrator": asked.integrator, "--after": after})
@@ -212,14 +206,22 @@ def run(
         if not target.plots:
             raise SceneError("--mp4", None, "--no-plots draws no animation", "Leave out one of the two")
         demand_ffmpeg()
+    if target.kinds is not None:
+        from kaneflex.plots import kinds_of
+
+        kinds_of(target.kinds)
     file = file_to_write(asked.name, asked.changes) if write_back else None
-    share = None if tolerance is None else tolerance_of(tolerance)
+    demand = None if tolerance is None else Demand(tolerance_of(tolerance), sensors or None)
     with uncollected():
         scene = asked.read()
     target = target.named(scene, "results")
     names = [name.strip() for text in parameters for name in text.split(",")]
-    summary = run_into(scene, target, asked.changes, after, names, basis == "frozen", share, sensors or None)
-    _report(summary, target.folder)
+    summary = run_into(scene, target, asked.changes, after, names, basis == "frozen", demand, _print_results)
+    echo(f"Written to {target.folder}")
+    for warning in summary.warnings:
+        echo(f"Warning: {warning}", err=True)
+    if summary.outcome != "completed":
+        echo(ending(summary), err=True)
     if file is not None:
         write_settings(file, summary.choice.settings)
         echo(f"The model is written into {file}")
@@ -227,8 +229,9 @@ def run(
         click.get_current_context().exit(STOPPED_EARLY)
 
 
-def _report(summary: Summary, folder: Path) -> None:
-    from kaneflex.report.tables import ending, more_tables, run_lines, summary_table
+def _print_results(summary: Summary) -> None:
+    """The tables of a run, printed before anything is drawn."""
+    from kaneflex.report.tables import more_tables, run_lines, summary_table
 
     if summary.sensors:
         echo(summary_table(summary))
@@ -237,11 +240,26 @@ def _report(summary: Summary, folder: Path) -> None:
     echo(run_lines(summary))
     if summary.choice is not None:
         echo(chosen_lines(summary.choice))
-    echo(f"Written to {folder}")
-    for warning in summary.warnings:
-        echo(f"Warning: {warning}", err=True)
-    if summary.outcome != "completed":
-        echo(ending(summary), err=True)
+
+
+@main.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("kinds", nargs=-1)
+@moving_options
+def plot(folder: Path, kinds: tuple[str, ...], **options: Any) -> None:
+    """Draw more pictures of a finished run into its FOLDER.
+
+    KINDS are mechanism, sensors, loads, motion, paths, modes, displacements, surfaces, stresses, clearances, spectra,
+    energy and animation; svg adds SVG files, and all, the default, is everything. The run is solved again from the
+    folder's scene.toml, which must give the values in its results.nc.
+
+    \b
+      kaneflex plot engine-results spectra surfaces
+    """
+    from kaneflex.cli.workflow import draw_again
+
+    for path in draw_again(folder, Target(folder, kinds=",".join(kinds) or "all", **options)):
+        echo(f"Written to {path}")
 
 
 @main.command()

@@ -49,8 +49,9 @@ def together(*parts: Decorator) -> Decorator:
 
 @dataclass(frozen=True)
 class Target:
-    """The folder to make, if one is named, whether to draw, also for ParaView and as MP4, how many frames a motion then
-    has and how many seconds it lasts (None: as animations do), and whether to replace an earlier folder."""
+    """The folder to make, if one is named, whether to draw and which kinds, also for ParaView and as MP4, how many
+    frames a motion then has and how many seconds it lasts (None: as animations do), and whether to replace an earlier
+    folder."""
 
     output: Path | None
     plots: bool = True
@@ -59,6 +60,7 @@ class Target:
     frames: int | None = None
     seconds: float | None = None
     mp4: bool = False
+    kinds: str | None = None
 
     def named(self, scene: Scene, ending: str) -> Target:
         """With a folder in any case: where the command line gives none, the scene's name with that ending."""
@@ -71,11 +73,29 @@ class Target:
         return self.output
 
 
-def folder_options(ending: str) -> Decorator:
+_one_picture = click.option("--plots/--no-plots", default=True, show_default=True, help="Draw it as PNG and SVG.")
+which_pictures = together(
+    click.option(
+        "--plots", "kinds", metavar="KINDS",
+        help="Pictures to draw, as in `kaneflex plot --help`, with commas. [default: mechanism,sensors,loads]",
+    ),
+    click.option("--no-plots", "plots", is_flag=True, flag_value=False, default=True, help="Draw no pictures."),
+)  # fmt: skip
+moving_options = together(
+    click.option("--mp4", is_flag=True, help='Also write the animation as MP4; pip install "kaneflex[mp4]" brings it.'),
+    click.option("--frames", type=click.IntRange(min=2), metavar="N", help="Instants of a motion. [default: 60]"),
+    click.option(
+        "--seconds", type=click.FloatRange(min=0.1, max=3600.0), metavar="S",
+        help="Length of the animation. [default: 12 instants in a second]",
+    ),
+)  # fmt: skip
+
+
+def folder_options(ending: str, plots: Decorator = _one_picture) -> Decorator:
     """The options that are a :class:`Target`; ``ending`` is that of the folder's name by default."""
     return together(
         output_option("DIR", f"Folder to make. [default: NAME-{ending}]"),
-        click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True),
+        plots,
         click.option("--force", is_flag=True, help="Replace an earlier folder of this command."),
     )
 

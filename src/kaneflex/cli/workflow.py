@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from kaneflex.cli.folders import Target
 from kaneflex.scene import with_settings
+from kaneflex.support.errors import OutputError
 from kaneflex.support.output_folders import whole_folder, writing
 from kaneflex.support.terminal import Waiting
 
@@ -21,19 +24,30 @@ if TYPE_CHECKING:
     from kaneflex.study.trade.record import Choice
 
 SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
+SCENE_FILE = "scene.toml"
 REPORT_FILE, TABLE_FILE, VTK_FOLDER = "report.html", "results.csv", "vtk"
+_SAME = 1e-6
+"""Share of a sensor's largest value by which two runs of one scene may differ: another machine's rounding."""
 _LARGEST = 2 * 2**20
 """Bytes of a picture, or an animation, that is still shown in the report."""
 
 
+class Demand(NamedTuple):
+    """Error allowed of sensors (all, where none is named), as a share of their peaks."""
+
+    tolerance: float
+    sensors: Sequence[str] | None = None
+
+
 def run_into(
     scene: Scene, target: Target, settings: Sequence[str] = (), after: Path | None = None,
-    parameters: Sequence[str] = (), frozen: bool = True, tolerance: float | None = None,
-    sensors: Sequence[str] | None = None,
+    parameters: Sequence[str] = (), frozen: bool = True, demand: Demand | None = None,
+    tell: Callable[[Summary], None] = lambda summary: None,
 ) -> Summary:  # fmt: skip
     """Solve a scene and write ``results.nc`` and ``.csv``, ``summary.json`` and the pictures into a new folder.
 
-    With parameters to differentiate by also ``sensitivities.nc``, for ParaView the folder ``vtk``.
+    Also ``scene.toml``, the scene with all settings, from which :func:`draw_again` draws more; with parameters to
+    differentiate by ``sensitivities.nc``; for ParaView the folder ``vtk``.
 
     Parameters
     ----------
@@ -47,11 +61,10 @@ def run_into(
         Results of a coupled run to continue from its last state.
     parameters, frozen
         Paths and basis as :func:`kaneflex.sensitivities` takes them.
-    tolerance : float, optional
-        Error allowed of each sensor as a share of its peak: the cheapest model that keeps it is chosen, or taken from
-        the user's cache, in place of the scene's own; the summary holds the choice.
-    sensors : sequence of str, optional
-        Sensors that the tolerance is for; all by default.
+    demand : Demand, optional
+        Choose the cheapest model for it, or take it from the user's cache; the summary holds the choice.
+    tell : callable
+        Called with the summary before anything is drawn.
 
     Returns
     -------
@@ -67,23 +80,22 @@ def run_into(
     """
     folder = target.folder
     with whole_folder(folder, mark=SUMMARY_FILE, force=target.force) as partial, Waiting() as waiting:
-        choice = None
-        if tolerance is not None:
-            choice = _choose(scene, tolerance, sensors, waiting)
+        choice = None if demand is None else _choose(scene, demand, waiting)
+        if choice is not None:
             scene, settings = with_settings(scene, choice.settings), [*settings, *choice.settings]
         with uncollected():
             solution, summary = _solve(scene, settings, waiting, after, parameters, choice)
-            found = _differentiated(solution, parameters, frozen, waiting) if parameters else None
+            found = _differentiated(solution, parameters, frozen, waiting)
             if found is not None:
                 summary = summary.model_copy(update={"sensitivities": found.summary()})
             with writing(folder):
                 _write(solution, summary, partial)
                 if found is not None:
                     found.labelled.to_netcdf(partial / SENSITIVITIES_FILE)
-        pictures: list[Path] = []
+        tell(summary)
         with writing(folder):
-            if summary.outcome == "completed" or summary.stored > summary.steps:  # else what stopped it early
-                pictures = _show(solution, found, partial, target, waiting)
+            whole = summary.outcome == "completed" or summary.stored > summary.steps  # else what stopped it early
+            pictures = _show(solution, found, partial, target, waiting) if whole else []
             _report(solution, summary, pictures, partial)
     return summary
 
@@ -103,10 +115,10 @@ def uncollected() -> Iterator[None]:
         gc.enable()
 
 
-def _choose(scene: Scene, tolerance: float, sensors: Sequence[str] | None, waiting: Waiting) -> Choice:
+def _choose(scene: Scene, demand: Demand, waiting: Waiting) -> Choice:
     from kaneflex.study.trade.choice import remembered_choice
 
-    return remembered_choice(scene, tolerance, sensors, waiting)
+    return remembered_choice(scene, *demand, waiting)
 
 
 def _solve(
@@ -141,7 +153,9 @@ def _solve(
 def _differentiated(
     solution: Solution, parameters: Sequence[str], frozen: bool, waiting: Waiting
 ) -> Sensitivities | None:
-    """The derivatives of a run; none of one that stopped early."""
+    """The derivatives of a run by parameters, if there are some; none of one that stopped early."""
+    if not parameters:
+        return None
     from kaneflex.integrate.outcome import Outcome
     from kaneflex.study.sensitivity.report import sensitivities
 
@@ -153,8 +167,11 @@ def _differentiated(
 
 
 def _write(solution: Solution, summary: Summary, folder: Path) -> None:
+    from kaneflex.scene.write_back import whole_text
+
     text = summary.model_dump_json(indent=2) + "\n"
     (folder / SUMMARY_FILE).write_text(text, encoding="utf-8", newline="\n")
+    (folder / SCENE_FILE).write_text(whole_text(solution.model.given or solution.model.scene), "utf-8", newline="\n")
     if summary.sensors:
         found = solution.labelled
         found.to_netcdf(folder / RESULTS_FILE)
@@ -175,11 +192,9 @@ def _show(
     """The pictures, which it returns, and the motion for ParaView."""
     drawn: list[Path] = []
     if target.plots:
-        from kaneflex.plots import draw, draw_all
+        from kaneflex.plots import draw
 
-        stage = "drawing the pictures"
-        waiting.stage(stage)
-        drawn = draw_all(solution, folder, waiting.share_of(stage), target.frames, target.seconds, target.mp4)
+        drawn = _draw_all(solution, folder, target, waiting)
         drawn += [] if found is None else draw("sensitivities", found, folder)
     if target.vtk:
         from kaneflex.plots.vtk import write_vtk
@@ -187,3 +202,58 @@ def _show(
         waiting.stage("writing the motion for ParaView")
         write_vtk(solution, folder / VTK_FOLDER, target.frames)
     return drawn
+
+
+def _draw_all(solution: Solution, folder: Path, target: Target, waiting: Waiting) -> list[Path]:
+    from kaneflex.plots import DEFAULT, draw_all
+
+    stage = "drawing the pictures"
+    waiting.stage(stage)
+    kinds = target.kinds or DEFAULT
+    kinds += ",animation" * target.mp4
+    return draw_all(solution, folder, waiting.share_of(stage), target.frames, target.seconds, target.mp4, kinds)
+
+
+def draw_again(folder: Path, target: Target) -> list[Path]:
+    """Draw pictures of a finished run into its folder: its scene is solved again.
+
+    Raises
+    ------
+    OutputError
+        If the folder holds no run, or what it holds is not what its scene gives now.
+    SceneError
+        If a kind of picture is unknown.
+    """
+    from kaneflex.plots import kinds_of
+    from kaneflex.scene import read_scene
+    from kaneflex.solve.loading import load
+    from kaneflex.solve.simulation import solve
+
+    kinds_of(target.kinds or "")
+    for name in (SCENE_FILE, RESULTS_FILE):
+        if not (folder / name).is_file():
+            raise OutputError(str(folder), None, f"no {name} in it", "Give a folder that `kaneflex run` made")
+    with Waiting() as waiting, writing(folder):
+        with uncollected():
+            model = load(read_scene(folder / SCENE_FILE), waiting)
+            solution = solve(model, waiting.share_of("solving"))
+        _demand_same(solution, folder)
+        return _draw_all(solution, folder, target, waiting)
+
+
+def _demand_same(solution: Solution, folder: Path) -> None:
+    """Raise OutputError unless the sensors of a solution are those in the folder's results, to rounding."""
+    from scipy.io import netcdf_file
+
+    with netcdf_file(folder / RESULTS_FILE, mmap=False) as file:
+        before = {name: variable[:].copy() for name, variable in file.variables.items()}
+    for name, series in solution.series.items():
+        found = before.get(name, np.zeros(0))
+        if found.shape != series.values.shape or not np.allclose(
+            found, series.values, rtol=0.0, atol=_SAME * abs(series.values).max(initial=0.0), equal_nan=True
+        ):
+            raise OutputError(
+                str(folder / RESULTS_FILE), None, f"{name} is not what {SCENE_FILE} gives now: a file that it names or "
+                "kaneflex has changed, or the run continued another one",
+                "Run the scene again with --plots",
+            )  # fmt: skip

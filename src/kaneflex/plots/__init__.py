@@ -1,15 +1,17 @@
 """Pictures of a solution: one module for each kind, written as PNG and SVG, the animation as GIF.
 
-Every module's ``figures(solution)`` returns its pictures by file name, none where the scene has nothing to show.
+Each kind's function returns its pictures by file name, none where the scene has nothing to show.
 matplotlib is imported with the first picture, never with this package.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from kaneflex.support.errors import SceneError, nearest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,11 +22,48 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 
 
+KINDS: dict[str, tuple[str | None, str | None]] = {
+    "mechanism": ("deformed.figures", "deformed.figures"),
+    "sensors": ("sensors.figures", "sensors.figures"),
+    "loads": ("loads.figures", "loads.figures"),
+    "motion": ("motion.figures", "spatial.figures"),
+    "paths": ("paths.figures", "spatial.hodographs"),
+    "modes": ("modes.figures", "spatial.modes"),
+    "displacements": ("displacements.figures", None),
+    "surfaces": ("displacements.surfaces", None),
+    "stresses": ("stress.figures", "stress.figures"),
+    "clearances": ("clearances.figures", None),
+    "spectra": ("orders.figures records.figures", "orders.figures"),
+    "energy": ("energy.figures", "energy.figures"),
+    "animation": ("animation.animate", "spatial.animate"),
+}
+"""Kinds of pictures by the name that a user asks for: the functions that make them in the plane and in space."""
+DEFAULT = "mechanism,sensors,loads"
+"""Kinds that `kaneflex run` draws unasked, as PNG."""
+_SVG, _ALL = "svg", "all"
+"""Names beside those of the kinds: each still picture as SVG, too; everything."""
+_WITHOUT_MOTION = ("modes",)
+"""Kinds that need no instant of a run."""
+
+
+def kinds_of(text: str) -> tuple[str, ...]:
+    """Kinds of pictures that a comma-separated list names, and "svg" for SVG beside PNG; "all" is everything.
+
+    Raises SceneError for a name that is no kind.
+    """
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    known = (*KINDS, _SVG)
+    for name in names:
+        if name not in known and name != _ALL:
+            raise SceneError("plots", name, "no such kind of picture", nearest(name, [_ALL, *known]))
+    return known if _ALL in names else names
+
+
 def draw_all(
     solution: Solution, folder: Path | str, progress: Progress | None = None, frames: int | None = None,
-    seconds: float | None = None, mp4: bool = False,
+    seconds: float | None = None, mp4: bool = False, kinds: str = _ALL,
 ) -> list[Path]:  # fmt: skip
-    """Write every picture that applies to the scene.
+    """Write the pictures that apply to the scene.
 
     Parameters
     ----------
@@ -39,7 +78,9 @@ def draw_all(
     seconds : float, optional
         How long the animation lasts; by default 12 instants are shown in a second.
     mp4 : bool
-        Whether it is written as MP4, too; extra ``mp4`` brings the encoder.
+        Whether the animation is written as MP4, too; extra ``mp4`` brings the encoder.
+    kinds : str
+        Comma-separated names of :data:`kaneflex.plots.KINDS`; "svg" writes SVG beside PNG, "all" is everything.
 
     Returns
     -------
@@ -51,29 +92,27 @@ def draw_all(
     OSError
         If the folder or a file in it can't be written.
     SceneError
-        If an MP4 is wanted and no encoder installed.
+        If a kind is unknown, or an MP4 is wanted and no encoder installed.
     """
-    from kaneflex.plots import animation, spatial
     from kaneflex.plots.style import save, styled
     from kaneflex.plots.view import FRAMES
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
+    wanted = kinds_of(kinds)
+    makers = _makers(solution, wanted)
     with styled():
-        kinds = _kinds(solution)
-        for done, pictures in enumerate(kinds):
-            for name, figure in pictures(solution).items():
-                written += save(figure, folder / name)
+        for done, (kind, make) in enumerate(makers, 1):
+            if kind == "animation":
+                moving = [folder / f"animation.{ending}" for ending in ("gif", *["mp4"] * mp4)]
+                make(solution, moving, frames or FRAMES, seconds)
+                written += moving
+            else:
+                for name, figure in make(solution).items():
+                    written += save(figure, folder / name, _SVG in wanted)
             if progress is not None:
-                progress((done + 1) / (len(kinds) + 1))
-        if _moves(solution):
-            kind = spatial if solution.model.scene.is_spatial else animation
-            moving = [folder / f"animation.{ending}" for ending in ("gif", *["mp4"] * mp4)]
-            kind.animate(solution, moving, frames or FRAMES, seconds)
-            written += moving
-    if progress is not None:
-        progress(1.0)
+                progress(done / len(makers))
     return written
 
 
@@ -94,7 +133,8 @@ def figures(solution: Solution) -> dict[str, Figure]:
     from kaneflex.plots.style import styled
 
     with styled():
-        return {name: figure for pictures in _kinds(solution) for name, figure in pictures(solution).items()}
+        made = [make(solution) for kind, make in _makers(solution, KINDS) if kind != "animation"]
+    return {name: figure for pictures in made for name, figure in pictures.items()}
 
 
 def show(scene: Scene, at: Mapping[str, float] | None = None) -> Figure:
@@ -127,32 +167,13 @@ def show(scene: Scene, at: Mapping[str, float] | None = None) -> Figure:
         return scheme(scene, place(scene, at or {}))
 
 
-def _moves(solution: Solution) -> bool:
-    """Whether there is a motion to draw: a run that found no periodic state holds no instant."""
-    return len(solution.times) > 1
-
-
-def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]], ...]:
-    from kaneflex.plots import (
-        clearances,
-        displacements,
-        energy,
-        loads,
-        modes,
-        motion,
-        orders,
-        paths,
-        records,
-        sensors,
-        spatial,
-        stress,
-    )
-
-    of_any = (loads.figures, sensors.figures, orders.figures, energy.figures)
-    if solution.model.scene.is_spatial:
-        moving = (spatial.figures, spatial.hodographs, spatial.deformed, stress.figures, *of_any)
-        return (*(moving if _moves(solution) else ()), spatial.modes)
-    if not _moves(solution):
-        return (modes.figures,)
-    kinds = (motion, paths, modes, displacements, stress, clearances, records)
-    return (*(kind.figures for kind in kinds), *of_any)
+def _makers(solution: Solution, kinds: Iterable[str]) -> list[tuple[str, Callable[..., Any]]]:
+    """Kind and function of all that is to be drawn; a run that found no periodic state holds no instant to draw."""
+    found = []
+    for kind in (kind for kind in kinds if kind != _SVG):
+        names = KINDS[kind][solution.model.scene.is_spatial]
+        if names is not None and (len(solution.times) > 1 or kind in _WITHOUT_MOTION):
+            for name in names.split():
+                module, function = name.split(".")
+                found.append((kind, getattr(import_module(f"kaneflex.plots.{module}"), function)))
+    return found

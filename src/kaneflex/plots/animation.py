@@ -117,12 +117,12 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     draw_guides(axes, fixed, grounded(model.scene), still)
     ghost = draw_outline(axes, still, 0, ghost=True)
     solid = draw_outline(axes, moved, 0)
-    caption = axes.set_title(_caption(shown, 0))
+    caption = axes.set_title(caption_at(shown, 0))
     with recording(axes, [*ghost, *solid, caption], files, len(shown.instants), seconds) as grab:
         for k in range(len(shown.instants)):
             ghost.move(still, k)
             solid.move(moved, k)
-            caption.set_text(_caption(shown, k))
+            caption.set_text(caption_at(shown, k))
             grab()
 
 
@@ -148,7 +148,8 @@ def title(factor: float | None) -> str:
     return f"Deformation enlarged {number} times"
 
 
-def _caption(shown: View, k: int) -> str:
+def caption_at(shown: View, k: int) -> str:
+    """Where the first drive stands, and the time."""
     drive = next(iter(shown.solution.model.scene.drives), None)
     time = f"t = {1e3 * shown.times[k]:.2f} ms" if shown.times[-1] < 0.5 else f"t = {shown.times[k]:.2f} s"
     if drive is None:

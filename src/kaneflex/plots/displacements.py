@@ -24,10 +24,7 @@ Panel = tuple[str, str, str, Curves]
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``nodal_displacements`` of all joints and free ends of elastic links, ``mid_LINK`` and ``surfaces_LINK`` of each.
-
-    The surfaces are the longitudinal, transverse, global X and global Y displacement over length and time.
-    """
+    """``nodal_displacements`` of all joints and free ends of elastic links, and ``mid_LINK`` of each."""
     if not solution.model.links:
         return {}
     shown = view(solution)
@@ -40,7 +37,15 @@ def figures(solution: Solution) -> dict[str, Figure]:
     for name, length in shown.lengths.items():
         title = f"Displacements at half the length of {name}{shown.note}"
         pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, length), 1, title)
-    return pictures | {f"surfaces_{name}": _surfaces(shown, name, length) for name, length in shown.lengths.items()}
+    return pictures
+
+
+def surfaces(solution: Solution) -> dict[str, Figure]:
+    """``surfaces_LINK``: longitudinal, transverse, global X and Y displacement over the length of a link and time."""
+    if not solution.model.links:
+        return {}
+    shown = view(solution)
+    return {f"surfaces_{name}": _surfaces(shown, name, length) for name, length in shown.lengths.items()}
 
 
 def _figure(shown: View, panels: list[Panel], columns: int, title: str) -> Figure:

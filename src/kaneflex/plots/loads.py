@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import new_figure, plot_curves, readable
+from kaneflex.plots.style import new_figure, place, plot_curves, readable
 from kaneflex.plots.view import View, view
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
@@ -58,12 +58,13 @@ def _over_run(shown: View, sizes: dict[str, np.ndarray]) -> Figure:
         title = f"{quantity} {towards.pop()}" if len(towards) == 1 else quantity
         panels.append(Panel(title, quantity.lower(), unit, group))
     heading = "Gas pressure and loads" if pressures else "Loads"
-    figure = new_figure(6.6, 0.8 + 2.3 * len(panels), f"{heading}{shown.note}")
+    figure = new_figure(6.6, 0.8 + 2.3 * len(panels), f"{heading}{shown.note}", "none")
     places = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (title, quantity, unit, curves) in zip(places, panels, strict=True):
         plot_curves(axes, shown.x, curves.items(), unit, title, quantity)
         _mark_peak(axes, shown, [*curves.values()], unit)
     shown.label_x(places[-1])
+    place(places, len(panels))
     return figure
 
 

@@ -45,6 +45,8 @@ _WIDEST = 85
 _FLAT = (("x", "y"), ("x", "z"), ("y", "z"))
 """Views along an axis: what is drawn to the right, and up."""
 _PLACE = "{} [mm]"
+_FLAT_BOX = 0.25
+"""Least extent of a box along an axis, as a share of its largest: tick labels need that room."""
 _STILL = 1e-8
 """A point that would go so far in all that is shown, in sizes of the mechanism, stands still."""
 
@@ -52,7 +54,7 @@ _STILL = 1e-8
 def figures(solution: Solution) -> dict[str, Figure]:
     """``motion``: the mechanism at first, pale at later instants, and the paths of points whose places sensors read."""
     shown = view(solution)
-    lines = _bodies(solution.model.scene, shown.rigid)
+    lines = body_lines(solution.model.scene, shown.rigid)
     figure = _drawn(solution.model.scene, shown.rigid, lines, f"Rigid motion{shown.note}", _tracks(solution))
     return {"motion": figure}
 
@@ -75,19 +77,9 @@ def hodographs(solution: Solution) -> dict[str, Figure]:
             curve(axes, shown, factor * velocities[columns], colour, name)
         axes.plot(*np.zeros((len(columns), 1)), "+", color="black", markersize=9)
         if len(columns) == 3:
-            _frame(axes, [factor * velocities[None] for velocities in found.values()], label)
+            frame_box(axes, [factor * velocities[None] for velocities in found.values()], label)
     legend_beside(figure.axes[1])
     return {"hodographs": figure}
-
-
-def deformed(solution: Solution) -> dict[str, Figure]:
-    """``deformed``: the same with its deformation enlarged, as the animation shows it."""
-    if not solution.model.links:
-        return {}
-    shown = view(solution)
-    factor = enlargement(shown)
-    lines = _deformed(shown.motion, factor)
-    return {"deformed": _drawn(solution.model.scene, shown.rigid, lines, title(factor) + shown.note, {})}
 
 
 def modes(solution: Solution) -> dict[str, Figure]:
@@ -98,11 +90,13 @@ def modes(solution: Solution) -> dict[str, Figure]:
     count = min(MOST, model.equations.size)
     omega, shapes = reference_modes(model, count)
     rigid = model.motion.at(np.full(count, model.reference_time))
-    still, none = _bodies(model.scene, rigid), np.zeros_like(shapes)
+    still, none = body_lines(model.scene, rigid), np.zeros_like(shapes)
     size = spatial_mechanism_of(model.scene).size
     small = shapes * (SMALL * size / abs(shapes).max(axis=0))
-    loaded, moved = (_deformed(elastic_motion(model, rigid, (each, none, none)), 1.0 / SMALL) for each in (none, small))
-    lines = _bodies(model.scene, rigid, _along(model))
+    loaded, moved = (
+        deformed_lines(elastic_motion(model, rigid, (each, none, none)), 1.0 / SMALL) for each in (none, small)
+    )
+    lines = body_lines(model.scene, rigid, _along(model))
     shifts = {name: moved[name] - loaded[name] for name in moved}  # links of a few modes bend by their loads, too
     largest = np.max([np.linalg.norm(shifts[name], axis=1).max(axis=0) for name in model.links], axis=0)
     figure = new_figure(9.6, 3.5 * -(-count // 3) + 0.7, title_at_reference(solution))
@@ -114,7 +108,7 @@ def modes(solution: Solution) -> dict[str, Figure]:
         for n, name in enumerate(shifts):
             drawn = lines[name][:, :, k] + away * shifts[name][:, :, k]
             axes.plot(*(MM * drawn).T, color=PALETTE[n % len(PALETTE)], linewidth=2.2)
-        _frame(axes, [MM * points[:, :, k : k + 1] for points in still.values()])
+        frame_box(axes, [MM * points[:, :, k : k + 1] for points in still.values()])
         axes.set_title(f"Mode {k + 1}: {hertz(omega[k])}")
     handles = [Line2D([], [], color=PALETTE[n % len(PALETTE)], linewidth=2.2, label=name)
                for n, name in enumerate(shifts)]  # fmt: skip
@@ -126,7 +120,7 @@ def modes(solution: Solution) -> dict[str, Figure]:
 def scheme(scene: Scene, motion: RigidMotion) -> Figure:
     """The drawing of a scene as it starts; ``motion`` is that of this instant."""
     title = fill(f"{scene.name}: {scene.description}" if scene.description else scene.name, _WIDEST)
-    return _drawn(scene, motion, _bodies(scene, motion), title, {})
+    return _drawn(scene, motion, body_lines(scene, motion), title, {})
 
 
 def refuse_places(at: Mapping[str, float]) -> None:
@@ -140,11 +134,11 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     """The moving mechanism, seen at an angle, as a small GIF or an MP4."""
     shown = frames_of(view(solution), frames)
     factor = enlargement(shown) if solution.model.links else None
-    lines = _deformed(shown.motion, factor or 1.0)
+    lines = deformed_lines(shown.motion, factor or 1.0)
     figure = new_figure(5.0, 4.6, "")
     figure.suptitle(title(factor) + shown.note)
     axes = figure.add_subplot(projection="3d")
-    _frame(axes, [MM * points for points in lines.values()])
+    frame_box(axes, [MM * points for points in lines.values()])
     found = {name: axes.plot([], [], [], marker="" if name in solution.model.links else "o", markersize=3,
                              color=PALETTE[k % len(PALETTE)])[0] for k, name in enumerate(lines)}  # fmt: skip
     caption = axes.set_title("")
@@ -180,7 +174,7 @@ def _drawn(
         for name, track in tracks.items():
             draw(track.T, color="0.1", linewidth=0.8, label=f"path of {name}")
         if len(columns) == 3:
-            _frame(axes, [MM * part for part in (*lines.values(), *(track[None] for track in tracks.values()))])
+            frame_box(axes, [MM * part for part in (*lines.values(), *(track[None] for track in tracks.values()))])
     legend_beside(figure.axes[1])
     return figure
 
@@ -199,18 +193,20 @@ def _views(figure: Figure, label: str) -> Iterator[tuple[Axes, list[int]]]:
     yield figure.add_subplot(2, 2, 4, projection="3d"), [0, 1, 2]
 
 
-def _frame(axes, points: list[np.ndarray], label: str = _PLACE) -> None:
-    """Equal scales around all that is drawn; points (n, 3, times) in the unit of the axes."""
+def frame_box(axes, points: list[np.ndarray], label: str = _PLACE) -> None:
+    """Equal scales, and a box around all that is drawn; points (n, 3, times) in the unit of the axes."""
     found = np.concatenate([part.transpose(0, 2, 1).reshape(-1, 3) for part in points])
     low, high = found.min(axis=0), found.max(axis=0)
-    middle, half = (low + high) / 2, max(0.55 * (high - low).max(), 1e-9)
-    for axis, centre in zip("xyz", middle, strict=True):
-        axes.set(**{f"{axis}lim": (centre - half, centre + half), f"{axis}label": label.format(axis)})
-        getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(4))
-    axes.set_box_aspect((1, 1, 1), zoom=0.8)  # labels need their room, which no layout leaves them
+    middle, reach = (low + high) / 2, max((high - low).max(), 1e-9)
+    half = 0.55 * np.maximum(high - low, _FLAT_BOX * reach)
+    for axis, centre, room in zip("xyz", middle, half, strict=True):
+        axes.set(**{f"{axis}lim": (centre - room, centre + room), f"{axis}label": label.format(axis)})
+        getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(4 if room > 0.3 * half.max() else 2))
+    zoom = 0.8 * np.linalg.norm(half) / (np.sqrt(3.0) * half.max())  # labels need their room, which no layout leaves
+    axes.set_box_aspect(half, zoom=zoom)
 
 
-def _bodies(
+def body_lines(
     scene: Scene, motion: RigidMotion, along: Mapping[str, np.ndarray] = MappingProxyType({})
 ) -> dict[str, np.ndarray]:
     """Of every body the line through its ends and the points at which joints hold it, (points, 3, times) [m].
@@ -236,10 +232,10 @@ def outline_points(scene: Scene, name: str) -> list[Vector]:
     return points
 
 
-def _deformed(motion: Motion, factor: float) -> dict[str, np.ndarray]:
+def deformed_lines(motion: Motion, factor: float) -> dict[str, np.ndarray]:
     """The bodies as they deform and follow, all displacements enlarged."""
     model = motion.model
-    lines = _bodies(model.scene, motion.rigid, _along(model))
+    lines = body_lines(model.scene, motion.rigid, _along(model))
     for name in model.links:
         frame = motion.rigid.frame(name)
         for k, x in enumerate(_along(model)[name]):

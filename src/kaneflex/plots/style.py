@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,7 +13,6 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
@@ -25,6 +24,8 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 GREY = "#9A9A9A"
 TOUCHED = "#FBE3D3"
 """Behind curves while something touches."""
+_LETTER, _HANDLE = 0.068, 0.45
+"""Width of a legend's letter (8 points, DejaVu Sans) and of the line before a name [inches]."""
 _ONE_COLUMN = 4
 """Most panels that stand one above the other."""
 
@@ -114,37 +115,62 @@ def pages(
     count: int, title: str, width: float = 7.6, height: float = 2.2, room: float = 0.8
 ) -> tuple[Figure, list[Axes]]:
     """So many panels of that size over one abscissa, in two columns where they are many; ``room`` besides [inches]."""
-    rows, columns = _grid(count)
-    page = new_figure(width * columns, room + height * rows, title)
+    rows, columns = grid_of(count)
+    page = new_figure(width * columns, room + height * rows, title, layout="none")
     return page, cells(page, rows, columns, count, by_column=True, sharex=True)
 
 
 def finish(panels: list[Axes], label: str) -> list[Axes]:
-    """The abscissa named below each column of such panels; the lowest ones."""
-    rows, _ = _grid(len(panels))
+    """Name the abscissa below each column of such panels, and give them their margins; the lowest ones."""
+    rows, columns = grid_of(len(panels))
     lowest = [panels[last - 1] for last in sorted({min(rows, len(panels)), len(panels)})]
     for axes in lowest:
         axes.tick_params(labelbottom=True)
         axes.set_xlabel(label)
+    place(panels, rows, columns)
     return lowest
 
 
-def _grid(count: int) -> tuple[int, int]:
+def place(panels: Sequence[Axes], rows: int, columns: int = 1) -> None:
+    """Give a figure's grid of panels fixed margins, with room for their legends at the right.
+
+    A layout engine would take a third of the time to draw.
+    """
+    figure = panels[0].get_figure(root=True)
+    width, height = figure.get_size_inches()
+    left, bottom, top, between = 0.85, 0.5, 0.62, 0.4  # inches: tick labels and names of axes; titles
+    legends = [text.get_text() for axes in panels if (legend := axes.get_legend()) is not None
+               and legend.get_bbox_to_anchor().x0 >= axes.bbox.x1 for text in legend.get_texts()]  # fmt: skip
+    right = max((_LETTER * len(name) + _HANDLE for name in legends), default=0.2)
+    wide = max(1.5, (width - columns * (left + right)) / columns)
+    figure.set_figwidth(width := columns * (left + wide + right))
+    high = (height - bottom - top - (rows - 1) * between) / rows
+    figure.subplots_adjust(
+        left=left / width, right=1.0 - right / width, bottom=bottom / height, top=1.0 - top / height,
+        wspace=(left + right) / wide, hspace=between / high,
+    )  # fmt: skip
+
+
+def grid_of(count: int) -> tuple[int, int]:
+    """Rows and columns of so many panels over one abscissa."""
     columns = 1 if count <= _ONE_COLUMN else 2
     return -(-count // columns), columns
 
 
-def save(figure: Figure, stem: Path) -> list[Path]:
-    """Write STEM.png and STEM.svg, without a date in them.
+def save(figure: Figure, stem: Path, svg: bool = True) -> list[Path]:
+    """Write STEM.png and, unless it is not wanted, STEM.svg, without a date in them.
 
     By the canvases themselves, since matplotlib's savefig draws everything twice.
     """
-    png, svg = stem.with_name(f"{stem.name}.png"), stem.with_name(f"{stem.name}.svg")
+    files = [stem.with_name(f"{stem.name}.{ending}") for ending in ("png", *["svg"] * svg)]
     figure.set_dpi(matplotlib.rcParams["savefig.dpi"])
-    FigureCanvasAgg(figure).print_png(png)
-    figure.set_layout_engine("none")  # places are found: half of the time to draw
-    FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None})
-    return [png, svg]
+    FigureCanvasAgg(figure).print_png(files[0])
+    if svg:
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+        figure.set_layout_engine("none")  # places are found: half of the time to draw
+        FigureCanvasSVG(figure).print_svg(files[1], metadata={"Date": None})
+    return files
 
 
 def picture(make: Callable[[], Figure], kind: str) -> bytes:

@@ -21,6 +21,11 @@ from kaneflex.support.errors import SceneError
 _MARK = "\N{BYTE ORDER MARK}".encode()
 
 
+def whole_text(scene: Scene) -> str:
+    """The TOML text of a scene with all that it takes over and all settings; the files that it names by full paths."""
+    return tomlkit.dumps({key: value for key, value in scene.raw.items() if key != "like"})
+
+
 def file_to_write(name: str, settings: Sequence[str]) -> Path:
     """The scene's file, where a choice can be written into it.
 
