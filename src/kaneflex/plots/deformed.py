@@ -53,8 +53,8 @@ def _worst(solution: Solution) -> _Worst:
         station, instant = stresses[name].largest
         factor, unit = readable("Pa", stresses[name].mises)
         largest = factor * float(stresses[name].mises[station, instant])
-        at = MM * stresses[name].x[station]
-        return _Worst(instant, f": largest stress of the run, {largest:.3g} {unit} in {picture_text(name)} at {at:.4g} mm")
+        place = f"{picture_text(name)} at {MM * stresses[name].x[station]:.4g} mm"
+        return _Worst(instant, f": largest stress of the run, {largest:.3g} {unit} in {place}")
     links = solution.model.links
     if not links:
         return _Worst(0, "")
