@@ -4,11 +4,14 @@ import _thread
 import signal
 import threading
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
 from runs import model
 
+from kaneflex.fem.spatial_map import map_of
+from kaneflex.mechanism.affine import Affine, from_entries
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve import memory
 from kaneflex.solve.loading import load
@@ -79,3 +82,29 @@ def test_a_coupled_run_is_interrupted_at_once(steps):
     finally:
         signal.signal(signal.SIGINT, before)
     assert time.perf_counter() - began < 0.8 + 2.0  # a second, on a machine that does nothing else
+
+
+def peak(work):
+    """Memory that something takes at most [bytes]."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_products_of_narrow_matrices_are_sparse():
+    """Thirty rigid bodies on a link of a thousand coordinates: 8 MB each as full matrices."""
+    entry = from_entries((6, 1000), [2], [3], [1.0])
+    L = sum((Affine.term((f"l{k}",), entry) for k in range(30)), Affine.zero(6, 1000))
+    assert peak(lambda: L.T @ L) < 2e7
+    assert (L.T @ L).value({f"l{k}": 1.0 for k in range(30)})[3, 3] == 900.0
+
+
+def test_the_map_of_joints_is_not_of_all_nodes():
+    """A rod of 60 elements in space: L and its rates at 33 instants are 105 MB."""
+    fine = model("spatial-slider-crank-elastic", "solve.preset=linear", "rod.elements=60")
+    motion = fine.motion.bare.at(np.linspace(0.0, fine.scene.horizon, 33))
+    assert fine.equations.size > 350
+    assert peak(lambda: map_of(fine.motion.deforming.map.joined, motion)) < 2e7

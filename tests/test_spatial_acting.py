@@ -73,7 +73,8 @@ def test_coordinates_follow_from_enough_rows_as_from_all(tmp_path):
     each, whole = choice.blocks, joined._in_order(np.arange(joined.row_count), choice.dependent)
     assert len(each) > len(whole) == 1 and len(whole[0].rows) > len(choice.dependent)
     assert sum(len(block.rows) for block in each) == sum(len(block.said) for block in each) == len(choice.dependent)
-    by_enough, by_all = (joined.maps(motion, replace(choice, blocks=blocks)) for blocks in (each, whole))
+    every = np.arange(len(choice.independent))
+    by_enough, by_all = (joined.tied_maps(motion, replace(choice, blocks=blocks), every) for blocks in (each, whole))
     for rate in range(3):
         assert abs(by_enough[rate] - by_all[rate]).max() < 1e-9 * abs(by_all[rate]).max()
 

@@ -293,17 +293,9 @@ class Joined:
         """The joints that have some rows."""
         return [name for name, own in self.where.items() if ((rows >= own.start) & (rows < own.stop)).any()]
 
-    def maps(self, motion: RigidMotion, choice: Choice) -> Rates3:
-        """L and its rates at the instants of a motion, springs' ends below, (3, n_times, rows, independent)."""
-        found = self.tied_maps(motion, choice, np.arange(len(choice.independent)))
-        L = np.zeros((3, len(motion.times), len(self.measures), len(choice.independent)))
-        L[0][:, choice.independent, np.arange(len(choice.independent))] = 1.0
-        L[:, :, self.tied] = found[:, :, : len(self.tied)]
-        L[:, :, self.size :] = found[:, :, len(self.tied) :]
-        return L
-
     def tied_maps(self, motion: RigidMotion, choice: Choice, columns: np.ndarray) -> Rates3:
-        """Of L what is tied, springs' ends below, and of the independent coordinates these columns."""
+        """L and its rates at the instants of a motion: what of it is tied, springs' ends below, and of the independent
+        coordinates these columns, (3, n_times, rows, columns)."""
         independent, tied = choice.independent[columns], self.tied
         rows = np.concatenate([np.zeros(0, int), *(block.rows for block in choice.blocks)])
         J = self.rows(motion, self._named(rows))[0] * self.measure[tied]

@@ -9,9 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
 
 from kaneflex.fem.spatial_joined import ZERO, Choice, Joined
-from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.affine import Affine, from_entries
 from kaneflex.mechanism.rigid_motion import RigidMotion
 
 _VARY = 1e-9
@@ -28,7 +29,7 @@ class SpatialMap:
     ----------
     joined : Joined
     choice : Choice
-    constant : ndarray (rows, independent)
+    constant : csr_array (rows, independent)
     varying : ndarray (n, 2)
         Row and column of the entries that are scalars of the motion.
     rows : ndarray
@@ -37,7 +38,7 @@ class SpatialMap:
 
     joined: Joined
     choice: Choice
-    constant: np.ndarray
+    constant: csr_array
     varying: np.ndarray
     rows: np.ndarray
 
@@ -83,8 +84,7 @@ class SpatialMap:
         total = Affine.constant(self.constant[first : first + size])
         for name, row, column in self._entries():
             if first <= row < first + size:
-                entry = np.zeros((size, self.constant.shape[1]))
-                entry[row - first, column] = 1.0
+                entry = from_entries((size, self.constant.shape[1]), [row - first], [column], [1.0])
                 total += Affine.term((f"{name}.value",), entry)
         return total
 
@@ -108,16 +108,31 @@ def map_of(joined: Joined, motion: RigidMotion) -> SpatialMap:
     What drives alone hold does not move: its coordinates and the rows that hold them are left out then.
     """
     choice = joined.choose(motion)
-    scaled = joined.maps(motion, choice)[0] * joined.measure[choice.independent] / joined.measures[:, None]
-    still = ~(abs(scaled) > ZERO).any(axis=(0, 2))[: joined.size]
+    L, rows, columns = _of_tied(joined, motion, choice)
+    moved = abs(L[0]) * joined.measure[choice.independent[columns]] / joined.measures[rows][:, None] > ZERO
+    still = np.zeros(joined.size, bool)
+    still[joined.tied] = ~moved.any(axis=(0, 2))[: len(joined.tied)]
     choice = joined.choose(motion, still)
-    L = joined.maps(motion, choice)
-    measure = joined.measures[:, None] / joined.measure[choice.independent]
+    L, rows, columns = _of_tied(joined, motion, choice)
+    measure = joined.measures[rows][:, None] / joined.measure[choice.independent[columns]]
     apart = abs(L[0] - L[0, :1]).max(axis=0) / measure
-    varying = np.argwhere(apart > _VARY)
-    constant = L[0, 0] * (apart <= _VARY)
-    constant[abs(constant) < ZERO * measure] = 0.0
+    row, column = np.nonzero(apart > _VARY)
+    varying = np.column_stack([rows[row], columns[column]])
+    steady = np.where((apart <= _VARY) & (abs(L[0, 0]) >= ZERO * measure), L[0, 0], 0.0)
+    row, column = np.nonzero(steady)
+    free = np.setdiff1d(np.arange(len(choice.independent)), columns)  # at no joint
+    at = np.append(rows[row], choice.independent[free]), np.append(columns[column], free)
+    values = np.append(steady[row, column], np.ones(len(free)))
+    constant = csr_array(coo_array((values, at), (len(joined.measures), len(choice.independent))))
     return SpatialMap(joined, choice, constant, varying, joined.independent_rows(motion))
+
+
+def _of_tied(joined: Joined, motion: RigidMotion, choice: Choice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """L and its rates between the coordinates at joints alone, springs' ends below; its rows and columns in the whole.
+    """
+    rows = np.append(joined.tied, np.arange(joined.size, len(joined.measures)))
+    columns = np.flatnonzero(np.isin(choice.independent, joined.tied))
+    return joined.tied_maps(motion, choice, columns), rows, columns
 
 
 def _unit_name(label: str) -> str:

@@ -115,9 +115,11 @@ class Affine:
 
     def __matmul__(self, other: Affine) -> Affine:
         terms: dict[Monomial, Matrix] = {}
+        large = self.shape[0] * other.shape[1] > _FEW  # of which few entries are not zero, whatever the factors are
         for left, a in self.terms.items():
+            a = csr_array(a) if large else a
             for right, b in other.terms.items():
-                ab = a @ b
+                ab = a @ (csr_array(b) if large else b)
                 if _is_there(ab):
                     _add(terms, tuple(sorted(left + right)), ab)
         return Affine((self.shape[0], other.shape[1]), {monomial: kept(ab) for monomial, ab in terms.items()})
