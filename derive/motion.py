@@ -239,6 +239,8 @@ def _loads(mechanism: SymbolicMechanism, drives: dict[str, Drive], steps: Steps)
     for name, load in mechanism.loads.items():
         if load.kind == "law":
             check_known(load.law, mechanism, mechanism.names.text(f"loads.{name}.law"))
+        elif load.kind == "table":
+            check_known(mechanism.names.text(load.against), mechanism, mechanism.names.text(f"loads.{name}.against"))
         magnitude[name] = steps.assign(sm.Symbol(name), load_size(mechanism, load, states))
     return magnitude
 
@@ -251,7 +253,7 @@ def load_size(
     if load.kind == "constant":
         return mechanism.symbol(f"{path}.value")
     if load.kind == "table":
-        x = states[load.against][0] if load.against in states else T
+        x = T if load.against == "t" else states[load.against.removesuffix("_speed")][load.against.endswith("_speed")]
         return table(x - mechanism.symbol(f"{path}.offset"), mechanism.symbol(f"{path}.table"))
     return law_expression(load.law, law_names(mechanism, states), mechanism.names.text(f"{path}.law"), functions)
 

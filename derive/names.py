@@ -109,7 +109,8 @@ def numbered(structure: Mapping[str, Any]) -> tuple[dict[str, Any], Names]:
             if key in found:
                 found[key] = number[owners][found[key]]
         if "against" in found:
-            found["against"] = number["joints"].get(found["against"], found["against"])
+            joint = found["against"].removesuffix("_speed")
+            found["against"] = found["against"].replace(joint, number["joints"].get(joint, joint), 1)
         return found
 
     tables = {

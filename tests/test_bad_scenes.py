@@ -37,7 +37,7 @@ BAD = {
         LENGTH, "length = \"1 __import__('os')\"",
         "bodies.rod.length = \"1 __import__('os')\": unknown unit \"__import__('os')\". Known: %, GPa, Hz, "
         "MPa, N, "
-        "N m, N m s/rad, N m/rad, N s/m, N s/m^2, N/m, Pa, cm, deg, g, kHz, kN, kN/m, kg, kg m^2, "
+        "N m, N m s/rad, N m/rad, N s/m, N s/m^2, N/m, Pa, bar, cm, deg, g, kHz, kN, kN/m, kg, kg m^2, "
         "kg mm^2, kg/m^3, m, m/s, m/s^2, m^2, m^4, mm, mm^2, mm^4, ms, "
         "rad, rad/s, rpm, s, um."),
     "no unit": (
@@ -233,14 +233,15 @@ BAD = {
         "number in N."),
     "against no drive": (
         'against = "main"', 'against = "mian"',
-        "loads.gas.against = 'mian': no drive of that name. The nearest known one is 'main'."),
+        "loads.gas.against = 'mian': no joint of that name, nor its speed. The nearest known one is 'main'."),
     "against nothing": (
         'against = "main"\n', "",
-        "loads.gas: a table without what it is read against. Give against, a drive's name or 't'."),
+        "loads.gas: a table without what it is read against. Give against: 't', a joint's name, or "
+        "NAME_speed for its speed."),
     "half a table": (
         'period = "720 deg"', 'period = "1440 deg"',
         "loads.gas.table = '{folder}/gas.csv': the table covers 0.5 of its period. "
-        "Cover the period once, its first and last row both included."),
+        "Cover the period once, with or without its first row again at the end."),
     "period in seconds": (
         'period = "720 deg"', 'period = "1 s"',
         "loads.gas.period = '1 s': 's' is not a unit of angle. "

@@ -135,7 +135,12 @@ def test_links_within_the_page_lead_somewhere():
 
 @pytest.mark.parametrize("fragment", FRAGMENTS, ids=lambda text: text.split("\n")[0].strip("[]").split(" ")[0])
 def test_every_fragment_runs_on_top_of_the_engine(fragment, tmp_path):
-    (tmp_path / "force.csv").write_text("angle,force\n0,0\n240,5\n480,-1\n720,0\n")
+    for name, rows in {
+        "force": "angle,force\n0,0\n240,5\n480,-1\n720,0\n",
+        "motor": "Speed (rpm),Torque (N m)\n0,20\n2000,15\n4000,10\n8000,0\n",
+        "indicator": "Crank angle [deg],p [bar]\n0,0\n240,5\n380,40\n480,2\n",
+    }.items():
+        (tmp_path / f"{name}.csv").write_text(rows)
     path = tmp_path / "engine_and_more.toml"
     path.write_text(f'schema = 1\nlike = "engine"\n{fragment}')
     solution = simulate(load(read_scene(path)))

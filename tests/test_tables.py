@@ -7,9 +7,14 @@ import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator
 
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.options import resolve_options
+from kaneflex.scene.plausible import implausible
 from kaneflex.scene.tables import Table, evaluate_block, largest_of_block, overshoot_of_block, read_table
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import Fault, SceneError
 from kaneflex.support.interpolation import INTERPOLATIONS
+from kaneflex.support.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, PRESSURE, SPEED, TIME, TORQUE
 
 
 @pytest.fixture
@@ -184,13 +189,63 @@ def test_gas_curve_of_the_reference_engine():
     assert np.degrees(angles[force.argmax()]) == pytest.approx(373.5, abs=0.2)
 
 
+def read(path, column=None, unit=None, x=ANGLE, y=FORCE, assumed="N"):
+    return read_table(path, column, unit, (x,), (y,), assumed)
+
+
 def test_column_and_units_of_a_file(tmp_path):
     path = tmp_path / "f.csv"
-    path.write_text("# measured\ndeg, a, b\n0, 1, 2\n\n90, 3, 4\n180, 5, 6\n360, 7, 8\n")
-    first = read_table(path, None, "N", "deg")
+    path.write_text("# measured\nphi, a, b\n0, 1, 2\n\n90, 3, 4\n180, 5, 6\n360, 7, 8\n")
+    first = read(path)
     assert first.x == pytest.approx(np.radians([0, 90, 180, 360])) and first.y.tolist() == [1, 3, 5, 7]
-    assert read_table(path, "b", "kN", "s").y.tolist() == [2000, 4000, 6000, 8000]
-    assert read_table(path, "b", "kN", "s").x.tolist() == [0, 90, 180, 360]
+    assert read(path, "b", "kN", TIME).y.tolist() == [2000, 4000, 6000, 8000]
+    assert read(path, "b", "kN", TIME).x.tolist() == [0, 90, 180, 360]
+
+
+@pytest.mark.parametrize(("heading", "x", "factor"), [
+    ("Speed (RPM)", ANGULAR_SPEED, math.pi / 30), ("n [U/min]", ANGULAR_SPEED, math.pi / 30),
+    ("n / rpm", ANGULAR_SPEED, math.pi / 30), ("n in 1/min", ANGULAR_SPEED, math.pi / 30),
+    ("speed_rpm", ANGULAR_SPEED, math.pi / 30), ("omega [rad/s]", ANGULAR_SPEED, 1), ("v (km/h)", SPEED, 1 / 3.6),
+    ("phi [°CA]", ANGLE, math.pi / 180), ("phi", ANGLE, math.pi / 180), ("theta_rad", ANGLE, 1), ("t", TIME, 1),
+    ("t (ms)", TIME, 1e-3), ("time_s", TIME, 1), ("s", TIME, 1), ("Hub (mm)", LENGTH, 1e-3), ("lift_m", LENGTH, 1),
+])  # fmt: skip
+def test_the_first_column_has_the_unit_of_its_heading(tmp_path, heading, x, factor):
+    (tmp_path / "f.csv").write_text(f"{heading},F\n0,1\n1,3\n2,5\n4,1\n")
+    table = read(tmp_path / "f.csv", x=x)
+    assert table.x == pytest.approx(factor * np.array([0, 1, 2, 4])) and table.x_dimension is x
+
+
+@pytest.mark.parametrize(("heading", "unit", "y", "factor"), [
+    ("F (kN)", None, FORCE, 1e3), ("F_gas_N", None, FORCE, 1), ("F", "kN", FORCE, 1e3), ("F [kN]", "kN", FORCE, 1e3),
+    ("F", None, FORCE, 1), ("force (piston side)", "kN", FORCE, 1e3), ("M / Nm", None, TORQUE, 1),
+    ("M (kNm)", None, TORQUE, 1e3), ("p [bar]", None, PRESSURE, 1e5), ("p_abs_bar", None, PRESSURE, 1e5),
+    ("phase N", None, TORQUE, 1),
+])  # fmt: skip
+def test_the_second_column_has_the_given_unit_or_that_of_its_heading(tmp_path, heading, unit, y, factor):
+    (tmp_path / "f.csv").write_text(f"t,{heading}\n0,1\n1,3\n2,5\n4,1\n")
+    assumed = {FORCE: "N", TORQUE: "N m"}.get(y)
+    assert read(tmp_path / "f.csv", None, unit, TIME, y, assumed).y == pytest.approx(factor * np.array([1, 3, 5, 1]))
+
+
+@pytest.mark.parametrize(("headings", "unit", "x", "y", "reason"), [
+    ("Speed (RPM),M", None, TIME, TORQUE, "column 'Speed (RPM)' is in 'rpm', which is no unit of a time"),
+    ("Speed RPM,M", None, TIME, TORQUE, "column 'Speed RPM' is in 'rpm', which is no unit of a time"),
+    ("phi (°),M", None, TIME, TORQUE, "column 'phi (°)' is in 'deg', which is no unit of a time"),
+    ("n (rpm),M", None, ANGLE, TORQUE, "column 'n (rpm)' is in 'rpm', which is no unit of an angle"),
+    ("speed,M", None, ANGULAR_SPEED, TORQUE, "heading 'speed' says no unit of an angular speed"),
+    ("t,F (side)", None, TIME, FORCE, "column 'F (side)' is in 'side', which is no unit of a force"),
+    ("t,p [bar]", None, TIME, FORCE, "column 'p [bar]' is in 'bar', which is no unit of a force"),
+    ("t,p [bar]", "N", TIME, FORCE, "column 'p [bar]' is in 'bar', which is no unit of a force"),
+    ("t,F [kN]", "N", TIME, FORCE, "column 'F [kN]' is in kN"),
+    ("t,p", None, TIME, PRESSURE, "heading 'p' says no unit of a pressure"),
+])  # fmt: skip
+def test_a_heading_with_another_quantity_is_refused(tmp_path, headings, unit, x, y, reason):
+    (tmp_path / "f.csv").write_text(f"{headings}\n0,1\n1,3\n2,5\n4,1\n")
+    with pytest.raises(Fault) as caught:
+        read(tmp_path / "f.csv", None, unit, x, y, None if y is PRESSURE else "N" if y is FORCE else "N m")
+    assert caught.value.reason.startswith("f.csv: ") and reason in caught.value.reason
+    assert ("against = 'NAME_speed'" in caught.value.cure) == (caught.value.below == "table" and "is in" in reason)
+    assert caught.value.below in ("table", "unit")
 
 
 GOOD = ["x,F", "0,1", "90,3", "180,5", "360,1"]
@@ -209,33 +264,140 @@ GOOD = ["x,F", "0,1", "90,3", "180,5", "360,1"]
     ([*GOOD[:2], "90", *GOOD[3:]], "t.csv, line 3: '' is not a finite number"),
     ([*GOOD[:2], "200,3", *GOOD[3:]], "t.csv, line 4: 180 does not rise above 200"),
     ([*GOOD[:2], "0,3", *GOOD[3:]], "t.csv, line 3: 0 does not rise above 0"),
+    ([*GOOD[:2], "90,1_000", *GOOD[3:]], "t.csv, line 3: '1_000' is not a finite number"),
+    ([*GOOD[:2], "90,\uff13", *GOOD[3:]], "t.csv, line 3: '\uff13' is not a finite number"),
+    ([*GOOD[:2], "90,1e400", *GOOD[3:]], "t.csv, line 3: '1e400' is not a finite number"),
     ([*GOOD[:2], "180,3,5", *GOOD[3:]], "t.csv, line 3: 3 cells under 2 columns"),  # 3,5 is 3.5 in many countries
 ])  # fmt: skip
 def test_bad_files(tmp_path, lines, reason):
     path = tmp_path / "t.csv"
     path.write_text("\n".join(lines))
     with pytest.raises(Fault) as caught:
-        read_table(path, None, "N", "deg")
+        read(path)
     assert caught.value.reason == reason and caught.value.below == "table"
 
 
 def test_missing_file_column_and_unit(tmp_path):
     path = tmp_path / "t.csv"
     with pytest.raises(Fault, match="no such file"):
-        read_table(path, None, "N", "deg")
+        read(path)
     path.write_text("\n".join(GOOD))
     with pytest.raises(Fault, match="no such column") as caught:
-        read_table(path, "G", "N", "deg")
+        read(path, "G")
     assert caught.value.below == "column"
     with pytest.raises(Fault, match="is not a unit of force") as caught:
-        read_table(path, "F", "mm", "deg")
+        read(path, "F", "mm")
     assert caught.value.below == "unit"
 
 
 def test_span_and_closing_of_a_period():
     table = Table(np.array([0.0, 1, 2, 4]), np.array([1.0, 8, -10, 1.5]))
-    table.check_period(4.0, 0.06)
+    assert table.over_period(4.0, 0.06) is table
     with pytest.raises(Fault, match=r"differ by 0\.05 of the largest"):
-        table.check_period(4.0, 0.04)
-    with pytest.raises(Fault, match=r"covers 0\.8 of its period"):
-        table.check_period(5.0, 0.06)
+        table.over_period(4.0, 0.04)
+    with pytest.raises(Fault, match=r"covers 0\.5 of its period"):
+        table.over_period(8.0, 0.06)
+    with pytest.raises(Fault, match=r"covers 1\.33333 of its period"):
+        table.over_period(3.0, 0.06)
+    with pytest.raises(Fault, match=r"covers 0\.99999 of its period"):  # two rows nearly at one place have no slope
+        table.over_period(4.00004, 0.06)
+
+
+def test_a_cycle_without_its_last_row_is_closed_by_its_first(tmp_path):
+    """720 rows of an indicator's diagram from 0 to 719 degrees, in bar on a bore."""
+    phi = np.arange(720)
+    p = 30 + 28 * np.cos(np.radians(phi)) + 5 * np.sin(np.radians(phi / 2))
+    rows = "".join(f"{x},{y:.9f}\n" for x, y in zip(phi, p, strict=True))
+    (tmp_path / "p.csv").write_text("Crank angle [deg],p [bar]\n" + rows)
+    gas = f'table="{tmp_path}/p.csv", against="main", bore="72 mm", period="720 deg", interpolation="spline"'
+    loads = f"loads={{p={{force_on='piston', direction=[-1, 0], {gas}}}}}"
+    scene = with_settings(read_scene("engine"), ["loads.gas=none", loads])
+    found = evaluate_block(scene.loads["p"].curve(), np.radians([719.5, 720 + 719.5, 360]))
+    across = (30 + 28 * math.cos(math.radians(719.5)) + 5 * math.sin(math.radians(719.5 / 2))) * 1e5
+    assert found[:2] == pytest.approx(across * math.pi / 4 * 0.072**2, rel=1e-6)
+    assert found[2] == pytest.approx(58e5 * math.pi / 4 * 0.072**2, rel=1e-9)
+    (warning,) = implausible(scene)
+    assert warning == "loads.p: p.csv ends at 719 deg, before its period does: its first row closes it at 720 deg"
+    whole = with_settings(scene, ["p.bore=none", f"p.area={math.pi / 4 * 0.072**2!r}"])
+    assert evaluate_block(whole.loads["p"].curve(), 1.0) == evaluate_block(scene.loads["p"].curve(), 1.0)
+    for change, reason in (
+        (["p.against=main_speed"], r"loads\.p\.period.*a speed does not repeat"),
+        (["p.area=1 cm^2"], r"loads\.p\.bore.*area and bore exclude each other"),
+        (["p.unit=N"], r"loads\.p\.unit = 'N'.*is not a unit of pressure"),
+        (["p.force_on=none", "p.direction=none", "p.torque_at=main"], r"loads\.p\.bore.*belongs to a force"),
+    ):
+        with pytest.raises(SceneError, match=reason):
+            with_settings(scene, change)
+
+
+MOTOR = """
+schema = 1
+bodies = {{rotor = {{mass = "2 kg", inertia = {inertia}}}}}
+joints = {{shaft = {{revolute = ["ground", "rotor"]{axis}}}}}
+drives = {{shaft = {{free = true}}}}
+loads = {{motor = {{torque_at = "shaft", table = "motor.csv", against = "shaft_speed", interpolation = "linear"}}}}
+sensors = {{speed = {{velocity = "rotor", component = "{component}"}}}}
+solve = {{preset = "{preset}", duration = "0.5 s", steps = 100}}
+"""
+
+
+@pytest.mark.parametrize("preset", ["rigid", "coupled"])
+@pytest.mark.parametrize("spatial", [False, True])
+def test_a_direct_current_motor_runs_up_as_its_closed_form_says(tmp_path, preset, spatial):
+    """Its torque falls straight from 6 N m at rest to 0 at 3000 rpm: omega = omega_0 (1 - exp(-T_0 t/(J omega_0)))."""
+    given = dict(inertia='[0.1, 0.1, "0.002 kg m^2"]', axis=", axis = [0, 0, 1]", component="angle_z")
+    plane = dict(inertia='"0.002 kg m^2"', axis="", component="angle")
+    (tmp_path / "motor.toml").write_text(MOTOR.format(preset=preset, **(given if spatial else plane)))
+    (tmp_path / "motor.csv").write_text("Speed (RPM),Torque (Nm)\n0,6\n1000,4\n2500,1\n3000,0\n")
+    solution = simulate(load(read_scene(tmp_path / "motor.toml")))
+    no_load = 3000 * math.pi / 30
+    speed = no_load * (1 - np.exp(-6 * solution.times / (0.002 * no_load)))
+    assert solution.series["speed"].values == pytest.approx(speed, abs=1e-6 * no_load)
+
+
+def test_a_force_over_the_place_of_a_guide_swings_it(tmp_path):
+    """-200 N/m over the way in mm, by coupled and one-way motion: x = x_0 cos(sqrt(k / m) t)."""
+    scene = """
+schema = 1
+bodies = {{block = {{mass = "2 kg"}}}}
+joints = {{way = {{prismatic = ["ground", "block"], direction = [1, 0]}}}}
+drives = {{way = {{free = true, position = "30 mm"}}}}
+[loads.back]
+force_on = "block"
+direction = [1, 0]
+table = "k.csv"
+against = "way"
+interpolation = "linear"
+offset = "{offset}"
+[sensors]
+x = {{position = "block", component = "x"}}
+[solve]
+preset = "{preset}"
+duration = "1 s"
+steps = 50
+"""
+    (tmp_path / "k.csv").write_text("way (mm),F (kN)\n-90,0.02\n0,0.002\n10,0\n110,-0.02\n")
+    for preset in ("rigid", "coupled"):
+        (tmp_path / "block.toml").write_text(scene.format(preset=preset, offset="-10 mm"))
+        solution = simulate(load(read_scene(tmp_path / "block.toml")))
+        exact = 0.03 * np.cos(10 * solution.times)
+        assert solution.series["x"].values == pytest.approx(exact, abs=1e-6), preset
+    (tmp_path / "block.toml").write_text(scene.format(preset="rigid", offset="10 deg"))
+    with pytest.raises(SceneError, match=r"loads\.back\.offset = '10 deg': a guide slides; 'deg' is not a"):
+        read_scene(tmp_path / "block.toml")
+
+
+def test_a_torque_over_the_angle_of_a_lever_without_a_drive_needs_preset_coupled(tmp_path):
+    """A table over its angle does what the law of the same line does."""
+    (tmp_path / "k.csv").write_text("angle,M\n-720,720\n-1,1\n1,-1\n720,-720\n")
+    settings = ["solve.preset=coupled", "solve.start=zero", "solve.duration=5 ms", "solve.steps=20"]
+    ends = []
+    table = f'table="{tmp_path}/k.csv", against="rocker", interpolation="linear"'
+    for size in (table, f'law="-rocker*{180 / math.pi!r}"'):
+        loads = f"loads={{brake={{torque_at='rocker', {size}}}}}"
+        scene = with_settings(read_scene("four-bar"), [loads, *settings])
+        ends.append([float(series.values[-1]) for series in simulate(load(scene)).series.values()])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-6, abs=1e-9)
+    with pytest.raises(SceneError, match=r"loads\.brake\.against = 'rocker': .*rocker has none\. Take preset coupled"):
+        resolve_options(with_settings(scene, ["brake.law=none", f"brake.table={tmp_path}/k.csv", "brake.against=rocker",
+                                              "solve.preset=stiffened"]))  # fmt: skip

@@ -188,9 +188,16 @@ class _Reader:
         if load["kind"] == "constant":
             self.numbers(f"{path}.value", made.unit, ANY)
         elif load["kind"] == "table":
-            self.numbers(f"{path}.offset", "rad" if load["against"] in self.joints else "s", ANY)
+            self.numbers(f"{path}.offset", self.unit_of(load["against"]), ANY)
             self.numbers(f"{path}.table", "1", ANY)
         return made
+
+    def unit_of(self, against: str) -> str:
+        """Unit of the time, of a joint's coordinate, or of its speed NAME_speed."""
+        if against == "t":
+            return "s"
+        joint = against.removesuffix("_speed")
+        return ("m" if self.joints[joint].slides else "rad") + ("" if joint == against else "/s")
 
     def spring(self, name: str, spring: Mapping[str, Any]) -> Spring:
         path, joint = f"springs.{name}", spring.get("torsional_at")

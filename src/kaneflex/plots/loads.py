@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,14 +13,18 @@ from kaneflex.plots.style import new_figure, place, plot_curves, readable
 from kaneflex.plots.view import View, view
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
+from kaneflex.scene.headings import abscissae
 from kaneflex.scene.parts import Load
-from kaneflex.scene.tables import Table, evaluate_block
+from kaneflex.scene.tables import evaluate_block, read_table
+from kaneflex.support.errors import Fault
+from kaneflex.support.units import PRESSURE
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _PRESSURE = "p_abs_bar"
 """Column of a load's CSV file that holds the absolute gas pressure [bar]."""
+_BAR = 1e5  # Pa
 _QUANTITY = {"N": "Force", "N m": "Torque", "N/m": "Force per length"}
 _EVEN = 1e-9
 """Share of a speed within which it does not vary."""
@@ -86,9 +90,9 @@ def _over_speeds(shown: View, sizes: dict[str, np.ndarray], speeds: dict[str, tu
 
 
 def _followed(shown: View, name: str) -> tuple[str, np.ndarray] | None:
-    """The joint whose speed a load's law knows, and that speed [rad/s or m/s]; None where there is none that varies."""
+    """The joint on whose speed a load depends, and that speed [rad/s or m/s]; None where there is none that varies."""
     scene = shown.solution.model.scene
-    law = scene.law(name)
+    law = scene.argument(name)
     if law is None or scene.is_spatial:
         return None
     for joint in scene.joints:
@@ -122,15 +126,14 @@ def _where(load: Load) -> str:
 
 def _pressure(load: Load, shown: View) -> np.ndarray | None:
     """The pressure [bar] that a load's table has beside the force, between its rows as that; else None."""
-    if load.table is None:
+    if load.table is None or load.against not in ("t", *shown.solution.model.scene.drives):
         return None
-    with open(load.table, encoding="utf-8-sig", newline="") as file:
-        header, *rows = csv.reader(line for line in file if line.strip() and line[0] != "#")
-    if _PRESSURE not in header:
-        return None
-    column = header.index(_PRESSURE)
-    bar = np.array([float(row[column]) for row in rows])
-    curve = Table(load.read_table().x, bar).coefficients(load.period, load.interpolation)
+    try:
+        table = read_table(load.table, _PRESSURE, "bar", abscissae(load.against), (PRESSURE,))
+        table = table if load.period is None else table.over_period(load.period, load.closing)
+    except Fault:
+        return None  # the file has no such column
+    curve = replace(table, y=table.y / _BAR).coefficients(load.period, load.interpolation)
     at = shown.times if load.against == "t" else shown.rigid[f"{load.against}.angle"]
     return evaluate_block(curve, at - load.offset)
 

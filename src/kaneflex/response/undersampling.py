@@ -77,7 +77,7 @@ def between_steps(model: Model) -> list[str]:
 def _instants_of_rows(scene: Scene, seen: RigidMotion) -> np.ndarray:
     """Instants [s] at which the loads' tables are read at their rows, where what they are read against goes one way."""
     found = [np.zeros(0)]
-    for load in (load for load in scene.loads.values() if load.kind == "table"):
+    for load in (load for load in scene.loads.values() if load.against in ("t", *scene.drives)):
         x = (seen.times if load.against == "t" else seen[f"{load.against}.angle"]) - load.offset
         way = np.sign(x[-1] - x[0])
         if not (np.diff(x) * way > 0).all():

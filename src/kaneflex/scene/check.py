@@ -305,8 +305,9 @@ def _periods(scene: Scene) -> Iterator[Problem]:
     if scene.solve.start != "periodic" or scene.period is None:
         return
     for name, load in scene.loads.items():
-        if load.kind != "table" or load.against not in ("t", *scene.drives):
-            continue
+        turned = load.against in scene.drives and not scene.slides(load.against)
+        if load.kind != "table" or not (load.against == "t" or turned):
+            continue  # a guide and a speed come back by themselves
         key, given = f"loads.{name}.period", given_value(scene.raw, ("loads", name, "period"))
         if load.period is None:
             yield Problem(key, None, "a periodic start needs tables that repeat", "Give the table's period")

@@ -39,7 +39,8 @@ def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
     for name, load in scene.torques.items():
         yield f"loads.{name}.torque_at", load.torque_at, "it moves as well as turns"
     for name in scene.loads:
-        yield from ((f"loads.{name}.law", joint, "it has no coordinate of its own") for joint in _in_law(scene, name))
+        key = "law" if scene.loads[name].against is None else "against"
+        yield from ((f"loads.{name}.{key}", joint, "it has no coordinate of its own") for joint in _in_law(scene, name))
     for name, spring in scene.springs.items():
         yield f"springs.{name}.torsional_at", spring.torsional_at, "it has no angle of its own"
     for name, sensor in scene.sensors.items():
@@ -48,9 +49,9 @@ def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
 
 
 def _in_law(scene: Scene, load: str) -> tuple[str, ...]:
-    """Joints whose coordinates or speeds stand in the law of a load, if it is one."""
+    """Joints whose coordinates or speeds a load depends on by its law or its table."""
     try:
-        law = scene.law(load)
+        law = scene.argument(load)
     except Fault:
         return ()  # named where the load is checked
     return tuple(name for name in scene.joints if law is not None and law.uses_any([name]))

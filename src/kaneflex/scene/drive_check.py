@@ -32,7 +32,12 @@ def drive_problems(scene: Scene) -> Iterator[Problem]:
             if drive.kind == "law":
                 check_drive_law(scene, drive)
             elif drive.kind == "table":
-                drive.read_table()
+                measured = drive.read_table().dimension
+                if name in scene.joints and (measured is LENGTH) != scene.slides(name):
+                    kind = "a guide slides" if scene.slides(name) else "a revolute joint turns"
+                    right = "length, like unit = 'mm'" if scene.slides(name) else "angle, like unit = 'deg'"
+                    cure = f"Give a unit of {right}, or write it in the column's heading"
+                    raise Fault(f"{kind}; the table is of {measured.name}", cure, below="unit")
         except Fault as fault:
             field = fault.below or drive.kind
             yield Problem(f"drives.{name}.{field}", getattr(drive, field), fault.reason, fault.cure)
@@ -50,23 +55,20 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
         given = given_value(scene.raw, ("drives", name, "cycle"))
         reason = "a guide at constant speed never comes back"
         yield Problem(f"drives.{name}.cycle", given, reason, "Leave it out, or give a law with its period")
-    if drive.kind == "table" and (drive.table_dimension is LENGTH) != slides:
-        cure = "Give a unit of length, like unit = 'mm'" if slides else "Give a unit of angle, like unit = 'deg'"
-        yield Problem(f"drives.{name}.unit", drive.unit, kind, cure)
     for field in ("speed", "initial_speed"):
-        yield from _of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
+        yield from of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
     joint = scene.joints[name].kind
     if drive.initial_speeds is not None and joint in _SPEEDS:
         moves, dimension = _SPEEDS[joint]
         kind = f"a {joint} joint {moves} first"
-        yield from _of_the_joint(scene, ("drives", name, "initial_speeds", "0"), kind, dimension)
+        yield from of_the_joint(scene, ("drives", name, "initial_speeds", "0"), kind, dimension)
         kind = f"a {joint} joint turns by its second speed"
-        yield from _of_the_joint(scene, ("drives", name, "initial_speeds", "1"), kind, ANGULAR_SPEED)
+        yield from of_the_joint(scene, ("drives", name, "initial_speeds", "1"), kind, ANGULAR_SPEED)
     if name == next(iter(scene.drives)):
-        yield from _of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
+        yield from of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
 
 
-def _of_the_joint(scene: Scene, path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
+def of_the_joint(scene: Scene, path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
     """A quantity that fits a joint that turns and one that slides, now that its joint is known."""
     given = given_value(scene.raw, path)
     try:

@@ -21,7 +21,7 @@ from kaneflex.scene.quantities import (
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.scene.tables import Table, read_table
 from kaneflex.support.errors import Fault
-from kaneflex.support.units import ANGLE, LENGTH, Dimension, unit_factor
+from kaneflex.support.units import ANGLE, LENGTH, TIME
 
 _KINDS = ("speed", "law", "table", "free")
 _OWN = {
@@ -34,16 +34,16 @@ _OWN = {
 class Drive(SceneTable):
     """Motion of the joint of the same name: prescribed by exactly one of `speed`, `law` and `table`, or `free`.
 
-    A constant `speed` (rad/s) starts from `angle` (rad) at t = 0; with `spin_up` (s) it is reached smoothly from
-    rest within that time. A `law` in t gives the joint's angle in rad; a `table` (CSV) gives it as its `column`, in
-    `unit`, against time in s, its rows joined by `interpolation`. `cycle` (rad) is the angle of a constant speed,
-    `period` (s) the time of a law or table, in which everything repeats. A `free` joint follows the forces (forward
-    dynamics), from `angle` and `initial_speed` (rad/s) at t = 0; its motor is a load. `rotation` is the elastic
-    rotation at the driven joint: held by the drive, or free. A guide's drive prescribes its coordinate in m: `position`
-    (m) stands in the place of `angle`, speeds are in m/s, a table's `unit` is one of length, and there is no `cycle`.
-    In space a joint with several freedoms may be `free`, too: a spherical one from an `angular_velocity` (rad/s) of its
-    second body against the first, in the second's axes; a cylindrical one from `initial_speeds` along (m/s) and about
-    its axis (rad/s), a universal one from those about its two.
+    A constant `speed` (rad/s) starts from `angle` (rad) at t = 0; with `spin_up` (s) it is reached smoothly from rest
+    within that time. A `law` in t gives the joint's angle in rad; a `table` (CSV) gives it as its `column`, in `unit`,
+    else in that of its heading, else in degrees, over the time; its rows are joined by `interpolation`. `cycle` (rad)
+    is the angle of a constant speed, `period` (s) the time of a law or table, in which everything repeats. A `free`
+    joint follows the forces (forward dynamics), from `angle` and `initial_speed` (rad/s) at t = 0; its motor is a load.
+    `rotation` is the elastic rotation at the driven joint: held by the drive, or free. A guide's drive prescribes its
+    coordinate in m: `position` (m) stands in the place of `angle`, speeds are in m/s, a table's `unit` is one of
+    length, and there is no `cycle`. In space a joint with several freedoms may be `free`, too: a spherical one from an
+    `angular_velocity` (rad/s) of its second body against the first, in the second's axes; a cylindrical one from
+    `initial_speeds` along (m/s) and about its axis (rad/s), a universal one from those about its two.
     """
 
     speed: DriveSpeed | None = None
@@ -58,7 +58,7 @@ class Drive(SceneTable):
     spin_up: PositiveTime | None = None
     cycle: PositiveAngle | None = None
     column: str | None = None
-    unit: str = "deg"
+    unit: str | None = None
     closing: NonNegativeRatio = 0.01
     interpolation: Literal["pchip", "akima", "spline"] = Field(
         default="spline", description="of a table, between its rows; with a linear one the speed would jump there"
@@ -107,22 +107,11 @@ class Drive(SceneTable):
         """Coordinate at t = 0 of a joint with a speed or a free one, in rad, or in m where it slides."""
         return self.angle if self.position is None else self.position
 
-    @property
-    def table_dimension(self) -> Dimension:
-        """What the table's `unit` measures: a length, or else an angle."""
-        try:
-            unit_factor(self.unit, LENGTH)
-        except Fault:
-            return ANGLE
-        return LENGTH
-
     def curve(self) -> np.ndarray:
         """The block (see `kaneflex.scene.tables`) of the drive's table. Raises Fault as `read_table`."""
         return self.read_table().coefficients(self.period, self.interpolation)
 
     def read_table(self) -> Table:
         """The drive's table, in rad or m over s. Raises Fault as `kaneflex.scene.tables.read_table` does."""
-        table = read_table(self.table, self.column, self.unit, "s", self.table_dimension)
-        if self.repeat is not None:
-            table.check_period(self.repeat, self.closing)
-        return table
+        table = read_table(self.table, self.column, self.unit, (TIME,), (ANGLE, LENGTH), "deg")
+        return table if self.repeat is None else table.over_period(self.repeat, self.closing)

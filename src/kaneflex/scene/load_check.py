@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
+from kaneflex.scene.drive_check import of_the_joint
+from kaneflex.scene.headings import abscissae
 from kaneflex.scene.law_check import check_load_law
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
@@ -48,23 +51,41 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
             reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'turns about several axes'}"
             cure = "Name a revolute or a cylindrical joint" if scene.is_spatial else "Name a revolute joint"
             yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, cure)
-        if load.against in scene.drives and load.against in scene.joints and scene.slides(load.against):
-            reason = "a load's table is read against an angle or the time; this drive slides"
-            cure = f"Write a law in {load.against}, which is in m, or a table against t"
-            yield Problem(f"loads.{name}.against", load.against, reason, cure)
-            continue
-        if load.against not in (None, "t", *scene.drives):
-            cure = nearest(load.against, ["t", *scene.drives])
-            yield Problem(f"loads.{name}.against", load.against, "no drive of that name", cure)
+        if load.against not in (None, *scene.law_names()):
+            cure = nearest(load.against, scene.law_names())
+            yield Problem(f"loads.{name}.against", load.against, "no joint of that name, nor its speed", cure)
             continue
         try:
             if load.kind == "table":
-                load.read_table()
+                yield from _abscissa(scene, name)
             elif load.kind == "law":
                 check_load_law(scene, load)
         except Fault as fault:
             field = fault.below or load.kind
             yield Problem(f"loads.{name}.{field}", getattr(load, field), fault.reason, fault.cure)
+
+
+def _abscissa(scene: Scene, name: str) -> Iterator[Problem]:
+    """A table, its offset and its period must be of what it is read against: of a joint that turns, or one that slides.
+    """
+    load = scene.loads[name]
+    assert load.against is not None and load.table is not None
+    joint = load.against.removesuffix("_speed")
+    measured = load.read_table().x_dimension
+    if load.against in scene.joints and joint != load.against:
+        reason = f"{load.against} is a joint, and reads like the speed of a joint {joint}"
+        yield Problem(f"loads.{name}.against", load.against, reason, "Give the joint another name")
+    if joint not in scene.joints:
+        return
+    slides = scene.slides(joint)
+    dimension = abscissae(load.against)[slides]
+    kind = "a guide slides" if slides else f"a {scene.joints[joint].kind} joint turns"
+    if measured is not dimension:
+        reason = f"{kind}; the first column of {Path(load.table).name} is of {measured.name}"
+        cure = f"Write its unit in the heading, like '{load.against} ({dimension.unit})'"
+        yield Problem(f"loads.{name}.table", load.table, reason, cure)
+    for field in ("offset", "period"):
+        yield from of_the_joint(scene, ("loads", name, field), kind, dimension)
 
 
 def _distributed(scene: Scene, key: str, body: str) -> Iterator[Problem]:

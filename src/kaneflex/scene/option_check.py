@@ -73,14 +73,15 @@ def check_laws(scene: Scene, dynamics: str) -> None:
     """Laws of loads in what only preset coupled computes, or that only its error control takes."""
     free = next((name for name, drive in scene.drives.items() if drive.free), None)
     for name, load in scene.loads.items():
-        law, key = scene.law(name), f"loads.{name}.law"
+        law, key = scene.argument(name), f"loads.{name}.{'law' if load.against is None else 'against'}"
         if law is None:
             continue
+        given = load.law or load.against
         strange = next((joint for joint in scene.observed if law.uses_any([joint])), None)
         jump, preset = law.jumps(), scene.solve.preset
         if strange is not None and dynamics != "coupled":
-            reason = f"under preset {preset} laws know the joints that have a drive: {strange} has none"
-            raise SceneError(key, load.law, reason, "Take preset coupled, or write the law in a joint that has a drive")
+            reason = f"under preset {preset} laws and tables know the joints that have a drive: {strange} has none"
+            raise SceneError(key, given, reason, "Take preset coupled, or a joint that has a drive")
         if jump is not None and free is not None and dynamics != "coupled":
             reason = f"{jump} jumps, which preset {preset} would step over as it integrates {free}"
             raise SceneError(key, load.law, reason, f"Take preset coupled, or a smooth law: {_SMOOTH}")

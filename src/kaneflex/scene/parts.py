@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -18,12 +20,13 @@ from pydantic import (
 
 from kaneflex.scene.contacts import Clearance, contacts_of
 from kaneflex.scene.friction import Friction, friction_in
+from kaneflex.scene.headings import SPEEDS, abscissae
 from kaneflex.scene.quantities import (
+    Abscissa,
     Address,
     AddressField,
     AddressPair,
     Angle,
-    AngleOrTime,
     Axes,
     BodyInertia,
     CountOrAll,
@@ -35,17 +38,20 @@ from kaneflex.scene.quantities import (
     NonNegativeRatio,
     NonNegativeViscosity,
     NumberPair,
+    PositiveArea,
+    PositiveLength,
     PositiveRatio,
     PositiveTime,
     Ratios,
     WholeNumber,
+    either,
 )
 from kaneflex.scene.start import Start, start_of
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.scene.tables import Table, read_table
 from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation
-from kaneflex.support.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
+from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened", "coupled")
 _TIGHTEST = 1e-13
@@ -176,10 +182,11 @@ class Load(SceneTable):
     `torque_at` names a revolute joint, in space or a cylindrical one: the torque acts on its second body, and its
     opposite on the first. What is `spread_on` a body acts per length from its start to its end, times a factor that
     changes linearly between the two numbers of its `profile`.
-    Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a
-    `table` (CSV) of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in
-    seconds). The table is read at x - `offset`; with a `period` it repeats, and its ends may differ by
-    `closing` of its largest value; `interpolation` joins its rows.
+    Its size is a constant `value`, a `law` in t, joints' coordinates (NAME) and speeds (NAME_speed), or a
+    `table` (CSV) of its `column` in `unit`, else in that of its heading, `against` any one of these names. The table
+    is read at x - `offset`; with a `period` it repeats, and its ends may differ by `closing` of its largest value;
+    `interpolation` joins its rows. A force's table may be one of the gauge pressure on an `area` (m^2), or on the
+    circle of a `bore` (m).
     """
 
     force_on: AddressField | None = None
@@ -192,10 +199,12 @@ class Load(SceneTable):
     law: str | None = None
     table: str | None = None
     column: str | None = None
-    unit: str = "N"
+    unit: str | None = None
+    area: PositiveArea | None = None
+    bore: PositiveLength | None = None
     against: str | None = None
-    period: AngleOrTime | None = None
-    offset: AngleOrTime = 0.0
+    period: Abscissa | None = None
+    offset: Abscissa = 0.0
     closing: NonNegativeRatio = 0.01
     interpolation: Interpolation = Field(default="pchip", description="of a table, between its rows")
 
@@ -208,7 +217,10 @@ class Load(SceneTable):
     @field_validator("period", "offset", mode="before")
     @classmethod
     def _in_its_dimension(cls, value: object, info: ValidationInfo) -> float:
-        number = to_si(value, TIME if info.data.get("against") == "t" else ANGLE)
+        dimensions = abscissae(info.data.get("against"))
+        if info.field_name == "period" and dimensions == SPEEDS:
+            raise Fault("a speed does not repeat", "Leave it out")
+        number = either(value, *dimensions)
         if info.field_name == "period" and number <= 0:
             raise Fault("not positive", "Give a positive period, like '720 deg'")
         return number
@@ -226,10 +238,15 @@ class Load(SceneTable):
         if not any(self.profile):
             raise Fault("no load at either end", "Give two numbers, at least one of them not zero", below="profile")
         if kind == "table" and self.against is None:
-            raise Fault("a table without what it is read against", "Give against, a drive's name or 't'")
+            cure = "Give against: 't', a joint's name, or NAME_speed for its speed"
+            raise Fault("a table without what it is read against", cure)
         if kind != "table":
-            of_tables = ("column", "unit", "against", "period", "offset", "closing", "interpolation")
+            of_tables = ("column", "unit", "area", "bore", "against", "period", "offset", "closing", "interpolation")
             self.refuse(of_tables, f"belongs to a table; this load has a {kind}")
+        if on != "force_on":
+            self.refuse(("area", "bore"), "belongs to a force on a point: a table of a pressure times an area")
+        if self.area is not None and self.bore is not None:
+            raise Fault("area and bore exclude each other", "Give one of them", below="bore")
         return self
 
     @property
@@ -242,13 +259,17 @@ class Load(SceneTable):
         return the_one_given(self, ("value", "law", "table"))
 
     def read_table(self) -> Table:
-        """The load's table, in N or N m over rad or s. Raises Fault as `kaneflex.scene.tables.read_table` does."""
-        dimension = TORQUE if self.torque_at else FORCE_PER_LENGTH if self.spread_on else FORCE
-        unit = self.unit if "unit" in self.model_fields_set else self.si_unit
-        table = read_table(self.table, self.column, unit, "s" if self.against == "t" else "deg", dimension)
-        if self.period is not None:
-            table.check_period(self.period, self.closing)
-        return table
+        """The load's table in N, N m or N/m over rad, m, their rates or s.
+
+        Raises Fault as `kaneflex.scene.tables.read_table` does.
+        """
+        area = self.area if self.bore is None else math.pi * self.bore**2 / 4
+        own = TORQUE if self.torque_at else FORCE_PER_LENGTH if self.spread_on else FORCE
+        measured, assumed = (own, self.si_unit) if area is None else (PRESSURE, None)
+        assert self.table is not None
+        table = read_table(self.table, self.column, self.unit, abscissae(self.against), (measured,), assumed)
+        table = table if area is None else replace(table, y=area * table.y, dimension=FORCE)
+        return table if self.period is None else table.over_period(self.period, self.closing)
 
     def curve(self) -> np.ndarray:
         """The block (see `kaneflex.scene.tables`) of the load's table. Raises Fault as `read_table`."""

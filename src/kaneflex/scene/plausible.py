@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
 from kaneflex.scene.bodies import Body
+from kaneflex.scene.drives import Drive
+from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sensors import SECTION_KINDS
 from kaneflex.scene.tables import largest_of_block, overshoot_of_block
+from kaneflex.support.units import ANGLE
 
 _LONG = 10.0
 """Length [m] of a link beyond which a plain number is taken to be one of millimetres by mistake."""
@@ -47,7 +51,7 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     apart = () if long else _far_apart(scene)
     read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _damping, _cuts, _fibres)
     found = (apart, *(each(scene) for each in read))
-    return (*long, *(text for each in found for text in each), *_overshooting_tables(scene))
+    return (*long, *(text for each in found for text in each), *_tables(scene))
 
 
 def _cuts(scene: Scene) -> Iterator[str]:
@@ -259,19 +263,27 @@ def _long_links(scene: Scene) -> list[str]:
     return found
 
 
-def _overshooting_tables(scene: Scene) -> list[str]:
-    """Warnings of tables whose smooth curve leaves the interval between two neighbouring rows."""
+def _tables(scene: Scene) -> list[str]:
+    """Warnings of tables that were closed, and whose smooth curve leaves the interval between two neighbouring rows."""
+    tables: dict[str, tuple[Load | Drive, str]]
     tables = {f"loads.{name}": (load, load.si_unit) for name, load in scene.loads.items() if load.kind == "table"}
     for name, drive in scene.drives.items():
         if drive.kind == "table":
             tables[f"drives.{name}"] = (drive, "m" if scene.slides(name) else "rad")
     found = []
     for key, (reader, unit) in tables.items():
-        curve = reader.curve()
-        in_time = getattr(reader, "against", "t") == "t"
+        curve, table = reader.curve(), reader.read_table()
+        angles = table.x_dimension is ANGLE
+        if table.closed:
+            factor, x_unit = (180 / math.pi, "deg") if angles else (1.0, table.x_dimension.unit)
+            end, back = (f"{factor * x:.6g} {x_unit}" for x in table.x[-2:])
+            found.append(
+                f"{key}: {Path(reader.table or '').name} ends at {end}, before its period does: its first row closes "
+                f"it at {back}"
+            )
         beyond = overshoot_of_block(curve)
         if beyond.size > _BEYOND_ROWS * largest_of_block(curve):
-            x, x_unit = (beyond.x, "s") if in_time else (np.degrees(beyond.x), "deg")
+            x, x_unit = (np.degrees(beyond.x), "deg") if angles else (beyond.x, table.x_dimension.unit)
             first, last = beyond.rows
             found.append(
                 f"{key}: its {reader.interpolation} goes to {beyond.value:.4g} {unit} at {x:.4g} {x_unit}, between "

@@ -270,8 +270,8 @@ PositiveTime = _positive(units.TIME)
 NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
 NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)
 PositiveRatio = _positive(units.RATIO)
-AngleOrTime = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "an angle or a time"})
+Abscissa = Annotated[
+    float, WithJsonSchema({"type": ["number", "string"], "description": "of what the table is read against"})
 ]
 Point = _vector(units.LENGTH)
 Velocity = _vector(units.SPEED)

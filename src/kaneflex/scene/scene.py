@@ -337,10 +337,15 @@ class Scene(SceneTable):
         text = self.loads[load].law
         return None if text is None else parse_law(text, self.law_names())
 
+    def argument(self, load: str) -> Law | None:
+        """The law of a load, or as one what its table is read against: whose names its size depends on."""
+        against = self.loads[load].against
+        return self.law(load) if against is None else parse_law(against, self.law_names())
+
     @property
     def observed(self) -> tuple[str, ...]:
-        """Joints without a drive whose coordinates or speeds stand in laws of loads."""
-        laws = [law for law in map(self.law, self.loads) if law is not None]
+        """Joints without a drive on whose coordinates or speeds loads depend."""
+        laws = [law for law in map(self.argument, self.loads) if law is not None]
         free = (name for name in self.joints if name not in self.drives)
         return tuple(name for name in free if any(law.uses_any([name]) for law in laws))
 

@@ -116,18 +116,15 @@ def _laws(scene: Scene) -> Iterator[Problem]:
     """Laws of loads must be smooth, and know joints with one coordinate alone."""
     several = [name for name, joint in scene.joints.items() if joint.kind in SEVERAL_FREEDOMS]
     for name, load in scene.loads.items():
-        if load.against in several:
-            reason = f"{load.against} has several freedoms, and no coordinate of its own"
-            yield Problem(f"loads.{name}.against", load.against, reason, "Name a joint with one coordinate, or t")
         try:
-            law = scene.law(name)
+            law = scene.argument(name)
         except Fault:
             continue  # named where loads are checked
-        key = f"loads.{name}.law"
+        key, given = f"loads.{name}.{'law' if load.law else 'against'}", load.law or load.against
         if law is not None and law.uses_any(several):
             known = next(joint for joint in several if law.uses_any([joint]))
             reason = f"{known} has several freedoms, and no coordinate of its own"
-            yield Problem(key, load.law, reason, "Write it in t, or in a joint with one coordinate")
+            yield Problem(key, given, reason, "Take a joint with one coordinate, or t")
         elif law is not None and law.kinks():
             reason = f"the slope of {law.kinks()} jumps, which only planar scenes follow so far"
             yield Problem(key, load.law, reason, "Write it smoothly, like tanh(1000 * x)")

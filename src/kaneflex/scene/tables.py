@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import csv
 import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -18,35 +20,55 @@ from pathlib import Path
 
 import numpy as np
 
+from kaneflex.scene.headings import unit_of_column
 from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation, cubics_through
 from kaneflex.support.reading import read_text
-from kaneflex.support.units import ANGLE, FORCE, LARGEST, TIME, Dimension, scaled
+from kaneflex.support.units import ANGLE, FORCE, LARGEST, NUMBER, TIME, Dimension, scaled
 
+_ASSUMED = {ANGLE: "deg", TIME: "s"}
+"""Units of abscissae whose heading says none."""
+_OTHER_X = "Say what the first column is, as against = 'NAME_speed' for a speed of a joint, or correct its heading"
+_OTHER_Y = "Choose another column, give bore or area for a pressure, or correct the heading"
 _FEWEST_ROWS = 4  # a smooth curve is not defined by fewer
 _CLOSEST = 1e-12
 """Share of a table's span that its rows lie apart: beneath it, slopes between them are rounding."""
 _SPAN = 1e-6  # relative; the table covers its period this exactly
+_LEAST_GAP, _LARGEST_GAP = 0.5, 1.5
+"""Shares of the shortest and the longest way between two rows within which one row is missing at a period's end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Ordinates y (SI) over rising abscissae x (rad or s), both of shape (n + 1,)."""
+    """Ordinates y (SI) over rising abscissae x (SI), both of shape (n + 1,), and what either measures.
+
+    One that was ``closed`` has its first row once more at the end, where the file does not repeat it.
+    """
 
     x: np.ndarray
     y: np.ndarray
+    x_dimension: Dimension = TIME
+    dimension: Dimension = FORCE
+    closed: bool = False
 
-    def check_period(self, period: float, closing: float) -> None:
-        """Raise Fault unless the table covers `period` once and its ends agree to `closing` of max |y|."""
-        span = self.x[-1] - self.x[0]
+    def over_period(self, period: float, closing: float) -> Table:
+        """This table over `period` once, with its first row at the end, too.
+
+        Raises Fault unless it covers that, but for this row, and its ends agree to `closing` of max |y|.
+        """
+        span, rows = self.x[-1] - self.x[0], np.diff(self.x)
+        if _LEAST_GAP * rows.min() < period - span < _LARGEST_GAP * rows.max():
+            x, y = np.append(self.x, self.x[0] + period), np.append(self.y, self.y[0])
+            return Table(x, y, self.x_dimension, self.dimension, closed=True)
         if abs(span - period) > _SPAN * period:
             reason = f"the table covers {span / period:.6g} of its period"
-            raise Fault(reason, "Cover the period once, its first and last row both included")
+            raise Fault(reason, "Cover the period once, with or without its first row again at the end")
         largest = np.abs(self.y).max()
         gap = abs(self.y[-1] - self.y[0])
         if gap > closing * largest:
             reason = f"the table does not close: first and last value differ by {gap / largest:.2g} of the largest"
             raise Fault(reason, f"Correct the table, or raise closing from {closing:g}")
+        return self
 
     def coefficients(self, period: float | None = None, interpolation: Interpolation = "spline") -> np.ndarray:
         """The block of a cubic for each interval between two rows.
@@ -146,65 +168,78 @@ def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
 
 
 def read_table(
-    path: str | Path, column: str | None, unit: str, x_unit: str, dimension: Dimension = FORCE
-) -> Table:
-    """The first column (in `x_unit`, deg or s) and `column` (in `unit` of `dimension`; default: the second) of a
-    CSV file.
+    path: str | Path, column: str | None, unit: str | None, x_dimensions: Sequence[Dimension],
+    dimensions: Sequence[Dimension], assumed: str | None = None,
+) -> Table:  # fmt: skip
+    """The first column and `column` (default: the second) of a CSV file, in SI.
 
-    The first line is a header; lines that start with # are skipped. Raises Fault, with `below` naming the
-    scene's key: file missing or empty, no header, no such column or several, cells that are no finite numbers or
-    under no column, abscissae that do not rise. A file is read anew only if it has changed.
+    Units are those of the columns' headings, and of `column` also `unit`; without either degrees, seconds and
+    `assumed`. They measure one of `x_dimensions` and one of `dimensions`. The first line is a header; lines that start
+    with # are skipped. Raises Fault, with `below` naming the scene's key: file missing or empty, no header, no such
+    column or several, a heading with another unit, cells that are no finite numbers or under no column, abscissae that
+    do not rise. A file is read anew only if it has changed.
     """
     try:
         found = Path(path).stat()
         version = (found.st_mtime_ns, found.st_size)
     except (OSError, ValueError):
         version = None  # reading it says why
-    return _read(path, version, column, unit, x_unit, dimension)
+    return _read(Path(path), version, column, unit, tuple(x_dimensions), tuple(dimensions), assumed)
 
 
 @lru_cache(maxsize=64)
 def _read(
-    path: str | Path, version: tuple[int, int] | None, column: str | None, unit: str, x_unit: str, dimension: Dimension
-) -> Table:
+    path: Path, version: tuple[int, int] | None, column: str | None, unit: str | None,
+    x_dimensions: tuple[Dimension, ...], dimensions: tuple[Dimension, ...], assumed: str | None,
+) -> Table:  # fmt: skip
     with within("table"):
-        rows = _rows(Path(path))
+        rows = _rows(path)
     header = [cell.strip() for cell in rows[0][1]]
-    if _number(header[0]) is not None:
-        raise Fault(f"{Path(path).name} has no header line", "Name the columns in its first line", below="table")
-    if len(header) < 2:
-        raise Fault(f"{Path(path).name} has one column", "Give two columns separated by commas", below="table")
-    if column is not None and column not in header:
-        raise Fault(f"{Path(path).name} has no such column", nearest(column, header), below="column")
-    if column is not None and header.count(column) > 1:
-        reason = f"{Path(path).name} has {header.count(column)} columns of that name"
-        raise Fault(reason, "Name each column once", below="column")
-    at = 1 if column is None else header.index(column)
+    at = _place(path.name, header, column)
     for line, row in rows[1:]:
         if any(cell.strip() for cell in row[len(header) :]):
-            reason = f"{Path(path).name}, line {line}: {len(row)} cells under {len(header)} columns"
+            reason = f"{path.name}, line {line}: {len(row)} cells under {len(header)} columns"
             raise Fault(reason, "Part cells by commas, and write decimals with a point", below="table")
     if len(rows) - 1 < _FEWEST_ROWS:
-        reason = f"{Path(path).name} has {len(rows) - 1} rows of numbers"
+        reason = f"{path.name} has {len(rows) - 1} rows of numbers"
         raise Fault(reason, f"Give at least {_FEWEST_ROWS}", below="table")
-    x_dimension = TIME if x_unit == "s" else ANGLE
+    x_assumed = next((_ASSUMED[each] for each in x_dimensions if each in _ASSUMED), None)
+    with within("table"):
+        x_unit, x_dimension = unit_of_column(path.name, header[0], x_dimensions, None, x_assumed, _OTHER_X)
     with within("unit"):
-        scaled(1.0, unit, dimension)
+        unit, dimension = unit_of_column(path.name, header[at], dimensions, unit, assumed, _OTHER_Y)
     cells = [(line, _cell(path, line, row, 0), _cell(path, line, row, at)) for line, row in rows[1:]]
     span = cells[-1][1] - cells[0][1]
     if abs(span) < 1.0 / LARGEST:
-        raise Fault(f"{Path(path).name} spans {span:g} {x_unit} only", "Correct its first column", below="table")
+        raise Fault(f"{path.name} spans {span:g} {x_unit} only", "Correct its first column", below="table")
     for (_, before, _), (line, x, _) in pairwise(cells):
         if x - before <= _CLOSEST * span:
-            reason = f"{Path(path).name}, line {line}: {x:g} does not rise above {before:g}"
+            reason = f"{path.name}, line {line}: {x:g} does not rise above {before:g}"
             raise Fault(reason, "Sort the rows by their first column, each value once", below="table")
     table = Table(
         np.array([scaled(x, x_unit, x_dimension) for _, x, _ in cells]),
         np.array([scaled(y, unit, dimension) for _, _, y in cells]),
-    )
+        x_dimension, dimension,
+    )  # fmt: skip
     for values in (table.x, table.y):
         values.flags.writeable = False  # one table for all who read the file
     return table
+
+
+def _place(file: str, header: list[str], column: str | None) -> int:
+    """Number of the column of ordinates, by default the second one."""
+    if _number(header[0]) is not None:
+        raise Fault(f"{file} has no header line", "Name the columns in its first line", below="table")
+    if len(header) < 2:
+        raise Fault(f"{file} has one column", "Give two columns separated by commas", below="table")
+    if column is None:
+        return 1
+    if column not in header:
+        raise Fault(f"{file} has no such column", nearest(column, header), below="column")
+    if header.count(column) > 1:
+        reason = f"{file} has {header.count(column)} columns of that name"
+        raise Fault(reason, "Name each column once", below="column")
+    return header.index(column)
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
@@ -232,20 +267,17 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def _cell(path: str | Path, line: int, row: list[str], column: int) -> float:
+def _cell(path: Path, line: int, row: list[str], column: int) -> float:
     text = row[column].strip() if column < len(row) else ""
     number = _number(text)
     if number is None or not math.isfinite(number):
-        reason = f"{Path(path).name}, line {line}: {text[:40]!r} is not a finite number"
+        reason = f"{path.name}, line {line}: {text[:40]!r} is not a finite number"
         raise Fault(reason, "Correct or remove that line", below="table")
     if abs(number) > LARGEST:
-        reason = f"{Path(path).name}, line {line}: {number:g} is beyond {LARGEST:g}"
+        reason = f"{path.name}, line {line}: {number:g} is beyond {LARGEST:g}"
         raise Fault(reason, "Correct or remove that line", below="table")
     return number
 
 
 def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
+    return float(text) if re.fullmatch(NUMBER, text) else None

@@ -29,7 +29,7 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
     free_bodies = options.dynamics == "coupled" and free
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
-    laws = {name: scene.law(name) for name in scene.loads} if scene.observed else {}
+    laws = {name: scene.argument(name) for name in scene.loads} if scene.observed else {}
     elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
     elsewhere |= set(getattr(motion.module, "open_reactions", ()))  # which no equation determines
     known = [name for name in known if name not in elsewhere]  # they are known once the bodies are placed

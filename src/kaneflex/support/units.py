@@ -14,7 +14,9 @@ from tokenize import TokenError
 
 from kaneflex.support.errors import Fault, nearest
 
-NUMBER_WITH_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
+NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+"""A number as texts may have it: Python's float() also reads 1_000, digits of other scripts, nan and inf."""
+NUMBER_WITH_UNIT = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*\Z")
 LARGEST = 1e60
 """Numbers beyond it, or below its reciprocal, leave the range of double precision when a few are multiplied."""
 _LONGEST = 200
@@ -55,6 +57,7 @@ TORSIONAL_STIFFNESS = Dimension("a torsional stiffness", "N m/rad", "12 N m/rad"
 DAMPING = Dimension("a damping", "N s/m", "5 N s/m")
 TORSIONAL_DAMPING = Dimension("a torsional damping", "N m s/rad", "0.1 N m s/rad")
 RATIO = Dimension("a ratio", "", "0.02")
+PRESSURE = Dimension("a pressure", "Pa", "60 bar")
 FORCE_PER_LENGTH = Dimension("a force per length", "N/m", "100 N/m")
 SENSED = (
     LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_SPEED, FORCE, TORQUE,
@@ -67,7 +70,7 @@ _SI_OF_COMMON = {  # unit: (SI unit, factor); factors below one are the reciproc
     "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6),
     "kg": ("kg", 1.0), "g": ("kg", 1e-3), "kg m^2": ("kg m^2", 1.0), "kg mm^2": ("kg m^2", 1e-6),
     "m^2": ("m^2", 1.0), "mm^2": ("m^2", 1e-6), "m^4": ("m^4", 1.0), "mm^4": ("m^4", 1e-12),
-    "Pa": ("Pa", 1.0), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9), "kg/m^3": ("kg/m^3", 1.0),
+    "Pa": ("Pa", 1.0), "bar": ("Pa", 1e5), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9), "kg/m^3": ("kg/m^3", 1.0),
     "m/s^2": ("m/s^2", 1.0), "m/s": ("m/s", 1.0), "s": ("s", 1.0), "ms": ("s", 1e-3), "Hz": ("Hz", 1.0),
     "kHz": ("Hz", 1e3), "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180), "rad/s": ("rad/s", 1.0),
     "rpm": ("rad/s", math.pi / 30), "N": ("N", 1.0), "kN": ("N", 1e3), "N m": ("N m", 1.0),

@@ -146,7 +146,7 @@ def _unit(scene: Scene, path: tuple[str, ...]) -> str:
         load = scene.loads[owner]
         return "N m" if load.torque_at is not None else "N/m" if load.spread_on is not None else "N"
     if table == "loads" and rest[0] in ("period", "offset"):
-        return "s" if scene.loads[owner].against == "t" else "rad"
+        return scene.loads[owner].read_table().x_dimension.unit
     if table == "springs" and rest[0] in ("stiffness", "damping"):
         return _OF_SPRINGS[rest[0]][scene.springs[owner].torsional_at is not None]
     return (known or [""])[0] or "1"
