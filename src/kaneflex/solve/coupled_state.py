@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.labelled import read_dataset
 
 if TYPE_CHECKING:
     from kaneflex.multibody.system import CoupledSystem
     from kaneflex.solve.solution import Solution
 
+_OF_STATE = ("state", "last_state", "last_rate")
 _OPEN = 1e-3
 """Share of the longest body, or rad, by which a state may miss the joints that it is given to."""
 
@@ -89,22 +91,20 @@ def read_state(path: Path | str) -> State:
     SceneError
         If there are no results, or they are not those of a coupled run.
     """
-    import xarray
-
     path = Path(path)
-    file = path / "results.nc" if path.is_dir() else path
+    cure = "Name the folder of a run of preset coupled, or its results.nc"
     try:
-        with xarray.open_dataset(file, engine="scipy") as found:
-            if "state" not in found.coords:
-                raise _none(str(path))
-            names = tuple(str(name) for name in found["state"].values)
-            t, q, v = float(found["time"][-1]), found["last_state"].values.copy(), found["last_rate"].values.copy()
-    except (OSError, ValueError, TypeError) as error:
-        if isinstance(error, SceneError):
-            raise
-        cure = "Name the folder of a run of preset coupled, or its results.nc"
-        raise SceneError("after", str(path), "no results can be read there", cure) from error
-    return State(str(path), t, names, q, v)
+        found = read_dataset(path / "results.nc" if path.is_dir() else path, ("time", *_OF_STATE))
+    except Fault as fault:
+        raise SceneError("after", str(path), f"no results can be read there: {fault.reason}", cure) from fault
+    if not any(name in found.variables for name in _OF_STATE):
+        raise _none(str(path))
+    each = (found[name].values if name in found.variables else np.zeros(0) for name in (*_OF_STATE, "time"))
+    names, q, v, times = each
+    numbers = all(each.dtype.kind == "f" for each in (q, v, times)) and names.shape == q.shape == v.shape and times.size
+    if not numbers or not np.isfinite([times[-1], *q, *v]).all():
+        raise SceneError("after", str(path), "its last state is damaged: not all of it is there as numbers", cure)
+    return State(str(path), float(times[-1]), tuple(map(str, names)), q, v)
 
 
 def _none(source: str) -> SceneError:

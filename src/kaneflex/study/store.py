@@ -5,21 +5,28 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from filelock import FileLock, Timeout
 
 from kaneflex.study.plan import Plan
-from kaneflex.study.records import Record
+from kaneflex.study.records import COMPLETED, Record
 from kaneflex.support.atomic_output import write_text
-from kaneflex.support.errors import OutputError
+from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.output_folders import writing
+from kaneflex.support.reading import check_file, read_text
+from kaneflex.support.terminal import log_warning
 
 STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER, LOCK_FILE = "study.json", "journal.jsonl", "series", ".lock"
+BEGIN_ANEW = "Restore it from a copy, choose another folder, or begin anew with --force"
+"""What to do about a damaged file, of which nothing is changed."""
 RESULT_FILES = {"netcdf": "sweep.nc", "zarr": "sweep.zarr"}
 
 
@@ -45,7 +52,8 @@ class Store:
     @property
     def result(self) -> Path | None:
         """The dataset, where the sweep is complete."""
-        return next((self.folder / name for name in RESULT_FILES.values() if (self.folder / name).exists()), None)
+        files = (self.folder / name for name in RESULT_FILES.values())
+        return next((file for file in files if os.path.lexists(file)), None)
 
     def add(self, record: Record) -> None:
         """Keep a finished point; of one that is kept already nothing is written."""
@@ -59,7 +67,7 @@ class Store:
                 self._write_series(record)
             with (self.folder / JOURNAL_FILE).open("ab") as journal:
                 begin = journal.tell()
-                journal.write(json.dumps(line, ensure_ascii=False).encode() + b"\n")
+                journal.write(_checked(json.dumps(line)))
         self.finished[record.point] = begin
         self.labels.update(new)
 
@@ -91,8 +99,15 @@ class Store:
         """The series of a completed point by sensor, times [s] under ""; none where none were kept."""
         if not self._series_file(point).exists():
             return {}
-        with np.load(self._series_file(point)) as found:
+        with np.load(self._series_file(point), allow_pickle=False) as found:
             return {name: found[name] for name in found}
+
+    def keeps_series(self, point: int) -> bool:
+        """Whether the series of a completed point are there, and whole."""
+        try:
+            return bool(self.series(point))
+        except Exception:  # of a damaged archive anything is raised, by any of the libraries that read it
+            return False
 
     def instants(self, point: int) -> int:
         """How many instants the series of a point have; 0 where none were kept."""
@@ -144,8 +159,8 @@ def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
             _empty(folder)
             entries = set()
         if entries:
-            _demand_same(folder, plan)
-            return _begun(folder)
+            _demand_same(folder / STUDY_FILE, plan)
+            return _begun(folder, plan)
     about = {"digest": plan.digest, "scene": plan.scene.name, "points": len(plan.points), "series": plan.series}
     write_text(folder / STUDY_FILE, json.dumps(about, indent=2, ensure_ascii=False) + "\n")
     return Store(folder)
@@ -159,28 +174,60 @@ def _empty(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def _demand_same(folder: Path, plan: Plan) -> None:
-    known = json.loads((folder / STUDY_FILE).read_text(encoding="utf-8")).get("digest")
+def _demand_same(file: Path, plan: Plan) -> None:
+    try:
+        found = json.loads(read_text(file))
+    except (Fault, ValueError, RecursionError, FileNotFoundError) as error:
+        reason = error.reason if isinstance(error, Fault) else f"it is damaged: {error}"
+        raise OutputError(str(file), None, reason, BEGIN_ANEW) from None
+    known = found.get("digest") if isinstance(found, dict) else None
+    if not isinstance(known, str):
+        raise OutputError(str(file), None, "it is damaged: it does not say of which study it is", BEGIN_ANEW)
     if known != plan.digest:
         raise OutputError(
-            str(folder), None, "it was begun with another study, scene or version of kaneflex",
+            str(file.parent), None, "it was begun with another study, scene or version of kaneflex",
             "Choose another name, or begin anew with --force",
         )  # fmt: skip
 
 
-def _begun(folder: Path) -> Store:
-    """What the journal holds; a last line that was cut off is taken away."""
-    store, journal = Store(folder), folder / JOURNAL_FILE
-    if not journal.exists():
+def _checked(entry: str) -> bytes:
+    """A line of the journal, which begins with a checksum of the rest."""
+    return f'{{"check": "{zlib.crc32(entry.encode()):08x}", {entry[1:]}\n'.encode()
+
+
+def _entry(line: bytes) -> dict[str, Any] | None:
+    """What a line of the journal says, if it is as it was written."""
+    text = line.decode("utf-8", "replace")
+    entry = "{" + text[len('{"check": "00000000", ') :].rstrip("\n")
+    return json.loads(entry) if _checked(entry) == line else None
+
+
+def _begun(folder: Path, plan: Plan) -> Store:
+    """What the journal holds; a last line that was cut off is taken away.
+
+    A point whose line or series are damaged is not finished: it is computed again, and what is left of it stays.
+    """
+    store, journal, damaged = Store(folder), folder / JOURNAL_FILE, 0
+    if not os.path.lexists(journal):
         return store
+    try:
+        check_file(journal, sys.maxsize)
+    except Fault as fault:
+        raise OutputError(str(journal), None, fault.reason, BEGIN_ANEW) from None
     with journal.open("r+b") as file:
         begin = 0
         for line in file:
             if not line.endswith(b"\n"):
                 file.truncate(begin)
                 break
-            entry = json.loads(line)
-            store.finished[entry["point"]] = begin
-            store.labels.update({name: tuple(words) for name, words in entry["labels"].items()})
+            entry = _entry(line)
+            if entry is None:
+                damaged += 1
+            elif not (plan.series and entry["outcome"] == COMPLETED and not store.keeps_series(entry["point"])):
+                store.finished[entry["point"]] = begin
+            store.labels.update({} if entry is None else {name: tuple(each) for name, each in entry["labels"].items()})
             begin += len(line)
+    lost = len(plan.points.keys() - store.finished)
+    if damaged:
+        log_warning(f"{journal}: {damaged} of its lines are damaged; {lost} points are left to be computed")
     return store

@@ -21,6 +21,7 @@ from kaneflex.scene.read import problem_in
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.study.poincare import Poincare
 from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.reading import read_text
 from kaneflex.support.units import NUMBER_WITH_UNIT
 
 
@@ -159,11 +160,13 @@ def read_study(path: Path | str) -> Study:
     """
     path = Path(path)
     try:
-        raw: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+        raw: dict[str, Any] = tomllib.loads(read_text(path))
+    except Fault as fault:
+        raise SceneError("study", path.name, fault.reason, fault.cure) from None
+    except FileNotFoundError:
+        raise SceneError("study", path.name, "no such file", "Give the path of a study") from None
+    except (ValueError, RecursionError) as error:
         raise SceneError("study", path.name, f"not TOML: {error}", "Correct that line") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError("study", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file") from None
     if "bodies" in raw and "parameters" not in raw:
         cure = f"Write a study beside it, a file with scene = {path.name!r} and a table of parameters"
         raise SceneError("study", path.name, "it is a scene, and a sweep needs to know what to vary of it", cure)

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 from kaneflex.study.dataset import demand_zarr, write_netcdf, write_zarr
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import COMPLETED, Record, solve_points
-from kaneflex.study.store import RESULT_FILES, Store, alone, open_store
+from kaneflex.study.store import BEGIN_ANEW, RESULT_FILES, Store, alone, open_store
+from kaneflex.support.errors import Fault, OutputError
+from kaneflex.support.labelled import read_dataset
 from kaneflex.support.output_folders import writing
 
 if TYPE_CHECKING:
@@ -65,8 +67,7 @@ class Finished:
     @property
     def dataset(self) -> xarray.Dataset:
         """The dataset, read from its file."""
-        with _opened(self.path) as found:
-            return found.load()
+        return _read(self.path)
 
 
 Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
@@ -111,7 +112,7 @@ def sweep(
     SceneError
         If zarr is wanted and not installed.
     OutputError
-        If the folder holds other things, can't be written, or another sweep is writing into it.
+        If the folder holds other things, is damaged, can't be written, or another sweep is writing into it.
     """
     plan, folder = study if isinstance(study, Plan) else make_plan(study), Path(folder)
     if form == "zarr":
@@ -124,7 +125,7 @@ def sweep(
             with writing(folder):
                 write(plan, store, folder / RESULT_FILES[form])
                 store.close()
-    return _finished(store, len(plan.points))
+    return _finished(store, plan)
 
 
 def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Progress], None]) -> None:
@@ -143,14 +144,22 @@ def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Prog
             progress(Progress(done, total, failed, done - before, rate))
 
 
-def _opened(path: Path) -> xarray.Dataset:
-    import xarray
-
-    return xarray.open_dataset(path, engine="zarr" if path.suffix == ".zarr" else "scipy")
+_ENDINGS = ("point", "outcome", "reason")
 
 
-def _finished(store: Store, total: int) -> Finished:
-    with _opened(store.result) as found:
-        endings = zip(found["point"].values, found["outcome"].values, found["reason"].values, strict=True)
-        failures = {int(point): str(reason) for point, outcome, reason in endings if outcome != COMPLETED}
-    return Finished(store.result, total, failures)
+def _read(path: Path, names: Sequence[str] = ()) -> xarray.Dataset:
+    try:
+        return read_dataset(path, names)
+    except Fault as fault:
+        raise OutputError(str(path), None, fault.reason, BEGIN_ANEW) from fault
+
+
+def _finished(store: Store, plan: Plan) -> Finished:
+    path = store.result
+    assert path is not None
+    found = _read(path, _ENDINGS)
+    if found.attrs.get("study") != plan.digest or not found.variables.keys() >= {*_ENDINGS}:
+        raise OutputError(str(path), None, "it is not the dataset of this study", BEGIN_ANEW)
+    endings = zip(*(found[name].values for name in _ENDINGS), strict=True)
+    failures = {int(point): str(reason) for point, outcome, reason in endings if outcome != COMPLETED}
+    return Finished(path, len(plan.points), failures)

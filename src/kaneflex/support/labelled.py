@@ -6,11 +6,15 @@ What xarray imports (pandas, and Dask and pint where they are installed) takes l
 from __future__ import annotations
 
 import csv
+import sys
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+
+from kaneflex.support.errors import Fault
+from kaneflex.support.reading import check_file
 
 if TYPE_CHECKING:
     import xarray
@@ -69,6 +73,25 @@ class Labelled(NamedTuple):
                 _name_coordinates(variable, beside.get(name, ()))
             _describe(file, self.attributes)
             _name_coordinates(file, sorted({*auxiliary}.difference(*beside.values())))
+
+
+def read_dataset(path: Path, names: Collection[str] = ()) -> xarray.Dataset:
+    """A written dataset, or those of its variables that have these names. Raises Fault for what is none, or damaged."""
+    import xarray
+
+    zarr = path.suffix == ".zarr"
+    try:
+        if not zarr:
+            check_file(path, sys.maxsize)
+        with xarray.open_dataset(path, engine="zarr" if zarr else "scipy") as found:
+            return (found[[name for name in names if name in found.variables]] if names else found).load()
+    except FileNotFoundError:
+        raise Fault("there is no such file", "Give the path of a readable one") from None
+    except Fault:
+        raise
+    except Exception as error:  # of a damaged file any library that takes part in reading it raises anything
+        said = next(iter(str(error).splitlines()), "") or type(error).__name__
+        raise Fault(f"it is damaged or no dataset: {said}", "Restore it from a copy, or make it anew") from error
 
 
 def _variable(file: netcdf_file, name: str, dims: tuple[str, ...], values: np.ndarray) -> object:
