@@ -15,7 +15,6 @@ from kaneflex.fem.mobility import in_joints
 from kaneflex.integrate.methods import METHODS
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.binding import find_module
-from kaneflex.report.presentation import PRESETS_IN_WORDS
 from kaneflex.scene import json_schema, read_scene, shipped_scenes
 from kaneflex.scene.parts import PRESETS
 
@@ -48,14 +47,10 @@ print([name for name in heavy if name in sys.modules])
         assert re.search(rf"^  {command} ", shown.stdout, re.MULTILINE)
 
 
-def test_presets_in_words_are_the_presets():
-    assert tuple(PRESETS_IN_WORDS) == PRESETS
-
-
 def test_list_shows_scenes_presets_and_integrators_with_their_descriptions():
     shown = cli("list").stdout
     described = {name: read_scene(name).description for name in shipped_scenes()}
-    described |= PRESETS_IN_WORDS | {name: method.description for name, method in METHODS.items()}
+    described |= PRESETS | {name: method.description for name, method in METHODS.items()}
     for name, text in described.items():
         assert re.search(rf"^  {name}  .*{re.escape(text)}$", shown, re.MULTILINE), name
 

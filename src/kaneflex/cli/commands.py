@@ -114,11 +114,12 @@ def main() -> None:
 def list_() -> None:
     """The shipped scenes, the presets and the integrators."""
     from kaneflex.integrate.methods import METHODS
-    from kaneflex.report.presentation import PRESETS_IN_WORDS, block
-    from kaneflex.scene import read_scene, shipped_scenes
+    from kaneflex.scene.parts import PRESETS
+    from kaneflex.scene.read import descriptions
+    from kaneflex.support.terminal import block
 
-    echo(block("scenes", {name: read_scene(name).description for name in shipped_scenes()}))
-    echo(block("presets (--preset)", PRESETS_IN_WORDS))
+    echo(block("scenes", descriptions()))
+    echo(block("presets (--preset)", PRESETS))
     echo(block("integrators (--integrator)", {name: method.description for name, method in METHODS.items()}))
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError, nearest
+
+if TYPE_CHECKING:
+    from kaneflex.integrate.system import AffineSystem
 
 
 @dataclass(frozen=True)

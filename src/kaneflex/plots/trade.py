@@ -25,10 +25,10 @@ def figure(found: Trade) -> Figure:
     axes = page.subplots()
     axes.set_xscale("log")
     axes.set_yscale("log")
-    families = sorted({_preset(entry) for entry in found.ranked}, key=PRESETS.index)
+    families = sorted({_preset(entry) for entry in found.ranked}, key=[*PRESETS].index)
     for family in families:
         own = [entry for entry in found.ranked if _preset(entry) == family]
-        colour = PALETTE[PRESETS.index(family) % len(PALETTE)]
+        colour = PALETTE[[*PRESETS].index(family) % len(PALETTE)]
         axes.plot(*_places(own), "o", color=colour, markersize=5, label=family)
     front_x, front_y = _places(found.front)
     axes.step(front_x, front_y, where="post", color=GREY, zorder=1, label="Pareto front")

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
 import numpy as np
 
 from kaneflex.mechanism.reach import courses_of, instants, reach_lines
 from kaneflex.report.contacts import contact_line, friction_line
 from kaneflex.scene.options import has_term
-from kaneflex.scene.parts import TERM_NAMES
+from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.spatial_check import SEVERAL_FREEDOMS
+from kaneflex.support.terminal import block
 
 if TYPE_CHECKING:
     from kaneflex.fem.mobility import Freedom
@@ -32,16 +32,6 @@ if TYPE_CHECKING:
 
 _LONGEST = 72
 """Characters of a law that are shown."""
-PRESETS_IN_WORDS = {
-    "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
-    "quasistatic": "(K_s + K_d + K_g) z = F at each instant, without damping",
-    "paper": "the paper's choices: one element a link, welded pin, frozen decoupled modes, from rest, 0.04 s",
-    "linear": "time-varying M, C, K of the released joints, without K_g",
-    "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
-    "coupled": "motion and deformation together, nonlinear; shapes of each link, error-controlled steps",
-}
-
-
 def modelled(model: Model) -> str:
     """The mechanism and the options in force, as they are the same on any machine."""
     scene = model.scene
@@ -99,7 +89,7 @@ def _options(model: Model) -> dict[str, str]:
     options, dynamics = model.options, model.options.dynamics
     per = "in a cycle" if options.cycles else "in the run"
     shown = {
-        "preset": f"{options.preset}: {PRESETS_IN_WORDS[options.preset]}",
+        "preset": f"{options.preset}: {PRESETS[options.preset]}",
         "duration": f"{_time(options.duration)}{', one cycle' if options.cycles else ''}",
         "steps": f"{options.steps} {per}, {_time(model.step)} each",
     }
@@ -214,15 +204,6 @@ def closing_lines(found: Sequence[Closing]) -> dict[str, str]:
     kinds = {"transmission angle": True, "smallest singular value": False}
     told = {kind: "; ".join(each.told for each in found if each.is_angle is angle) for kind, angle in kinds.items()}
     return {kind: text for kind, text in told.items() if text}
-
-
-def block(title: str, entries: Mapping[str, str]) -> str:
-    """Names and what is said of them, indented under a bold title; nothing where there are none."""
-    if not entries:
-        return ""
-    width = max(map(len, entries))
-    lines = [f"  {name:<{width}}  {text}" for name, text in entries.items()]
-    return "\n".join([click.style(title, bold=True), *lines])
 
 
 def _body(body: Body) -> str:

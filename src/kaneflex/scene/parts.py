@@ -53,7 +53,14 @@ from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation
 from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to_si
 
-PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened", "coupled")
+PRESETS = {
+    "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
+    "quasistatic": "(K_s + K_d + K_g) z = F at each instant, without damping",
+    "paper": "the paper's choices: one element a link, welded pin, frozen decoupled modes, from rest, 0.04 s",
+    "linear": "time-varying M, C, K of the released joints, without K_g",
+    "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
+    "coupled": "motion and deformation together, nonlinear; shapes of each link, error-controlled steps",
+}
 _TIGHTEST = 1e-13
 """Tolerance below which rounding would stand in its way."""
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")

@@ -33,6 +33,11 @@ def shipped_scenes() -> dict[str, Path]:
     return {name: files[name] for name in sorted(files)}
 
 
+def descriptions() -> dict[str, str]:
+    """Name and description of every shipped scene; nothing else of them is validated."""
+    return {name: _read_raw(path, ()).get("description", "") for name, path in shipped_scenes().items()}
+
+
 def read_scene(name_or_path: str | Path) -> Scene:
     """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
     path = located(name_or_path, Path.cwd(), "scene")

@@ -6,7 +6,7 @@ import logging
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -42,6 +42,17 @@ def share_of(progress: Callable[[str], None], name: str) -> Callable[[float], No
     """Begin a stage; what then takes its finished share, 0 to 1, where ``progress`` is one to tell, as Waiting is."""
     progress(name)
     return progress.share_of(name) if isinstance(progress, Waiting) else lambda done: None
+
+
+def block(title: str, entries: Mapping[str, str]) -> str:
+    """Names and what is said of them, indented under a bold title; nothing where there are none."""
+    if not entries:
+        return ""
+    import click
+
+    width = max(map(len, entries))
+    lines = [f"  {name:<{width}}  {text}" for name, text in entries.items()]
+    return "\n".join([click.style(title, bold=True), *lines])
 
 
 class Waiting:
