@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from kaneflex.cli.stability import orders_of, speed_range
 from kaneflex.plots.stability import _over_speed
 from kaneflex.scene import read_scene
-from kaneflex.study.stability.sweep import Sweep
+from kaneflex.study.stability.sweep import ORDERS, Sweep
 from kaneflex.support.errors import SceneError
 
 
@@ -75,7 +75,8 @@ def test_orders_meet_frequencies():
     """A frequency of 10 Hz meets order k at 10 / k turns a second."""
     speeds, nothing = 2 * np.pi * np.linspace(1.0, 11.5, 50), np.zeros(50)
     level = np.full((50, 1), 10.0)
-    swept = Sweep("main", speeds, nothing, nothing, nothing, level, level, level, (), (1.0, 1.5, 3.0))
+    orders = (1.0, 1.5, 3.0)
+    swept = Sweep("main", speeds, nothing, nothing, nothing, level, level, level, (), orders, ("mode 1",), "link")
     found = {crossing.order: crossing.speed for crossing in swept.crossings()}
     assert found == {k: pytest.approx(2 * np.pi * 10.0 / k) for k in (1.0, 1.5, 3.0)}
 
@@ -95,9 +96,11 @@ def test_campbells_diagram_names_its_curves():
     speeds, nothing = 2 * np.pi * np.linspace(1.0, 12.0, 50), np.zeros(50)
     level = np.tile([10.0, 40.0, 500.0], (50, 1))
     campbell, radii = Figure().subplots(2, 1)
-    swept = Sweep("main", speeds, nothing, nothing, nothing + 0.5, level, level, level, ())
+    modes = ("mode 1", "mode 2", "mode 3")
+    swept = Sweep("main", speeds, nothing, nothing, nothing + 0.5, level, level, level, (), ORDERS, modes, "link")
     _over_speed(campbell, radii, swept, 1.0, False)
     named = {text.get_text(): text.xy for text in campbell.texts}
     assert [*named] == ["mode 1", "mode 2", *"123456"]
     assert (named["mode 1"], named["mode 2"]) == ((speeds[0], 10.0), (speeds[4], 40.0))
     assert named["3"] == pytest.approx((speeds[-1], 36.0))
+    assert "axes that turn with the links" in campbell.get_title()

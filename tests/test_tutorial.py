@@ -46,6 +46,13 @@ def test_the_press_is_as_the_tutorial_tells(folder):
     assert float(torque) == pytest.approx(3677, abs=2)
 
 
+def test_stability_says_where_an_order_meets_a_mode(folder):
+    """What the page promises: order 3 of the gust meets the first mode."""
+    said = re.search(r"^  orders +(.*)$", (folder / "stability-blade.toml.txt").read_text(), flags=re.MULTILINE)[1]
+    assert re.search(r"\b3 meets mode 1 at \d+ rpm", said)
+    assert said.endswith("(frequencies in axes that turn with the links)")
+
+
 def test_a_loop_that_cannot_close_is_refused_in_the_words_of_the_page(folder, monkeypatch):
     monkeypatch.chdir(folder)
     done = CliRunner().invoke(main, ["check", "four.toml", "--set", "bodies.coupler.length=100 mm"])

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.plots.style import GREY, PALETTE, new_figure, readable
+from kaneflex.response.whirl import turns
 from kaneflex.study.stability.report import Stability
-from kaneflex.study.stability.sweep import Sweep
+from kaneflex.study.stability.sweep import FORWARD, Sweep
 
 _LEAST = 1e-3
 """Multiplier under which all disturbances are gone after a period."""
@@ -35,7 +36,8 @@ def figure(found: Stability) -> Figure:
 def _over_cycle(frequencies: Axes, factors: Axes, found: Stability, x: np.ndarray) -> None:
     factor, unit = readable("Hz", found.frozen.frequencies)
     frequencies.plot(x, factor * found.frozen.frequencies)
-    frequencies.set_title("frozen natural frequencies")
+    axes = ", in axes that turn with the links" if turns(found.model) else ""
+    frequencies.set_title(f"frozen natural frequencies{axes}")
     frequencies.set_ylabel(f"[{unit}]")
     factors.set_title("share of the buckling load, 1 / lambda")
     if found.buckling is not None:
@@ -48,22 +50,28 @@ def _over_cycle(frequencies: Axes, factors: Axes, found: Stability, x: np.ndarra
 def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides: bool) -> None:
     x = factor * swept.speeds
     scale, unit = readable("Hz", swept.highest[:, :2])
-    for k in range(swept.mean.shape[1]):
+    styles = [{"backward": "--", "torsion": ":"}.get(mode.split()[0], "-") for mode in swept.modes]
+    for k, style in enumerate(styles):
         colour = PALETTE[k % len(PALETTE)]
         campbell.fill_between(x, scale * swept.lowest[:, k], scale * swept.highest[:, k], color=colour, alpha=0.25)
-        campbell.plot(x, scale * swept.mean[:, k], color=colour)
+        campbell.plot(x, scale * swept.mean[:, k], color=colour, linestyle=style)
     # What the orders can't reach is of no use to read where they cross.
     reach = max(swept.highest[:, :2].max(), max(swept.orders) * swept.speeds[-1] / (2.0 * np.pi))
     campbell.set_ylim(0.0, 1.05 * scale * reach)
-    for k in range(swept.mean.shape[1]):
+    for k, mode in enumerate(swept.modes):
         at = k * len(x) // 12  # beside each other, where modes are close
-        _name(campbell, f"mode {k + 1}", x[at], scale * swept.mean[at, k], PALETTE[k % len(PALETTE)], above=True)
+        _name(campbell, _short(mode), x[at], scale * swept.mean[at, k], PALETTE[k % len(PALETTE)], above=True)
     for order in swept.orders if not slides else ():
         line = scale * order * swept.speeds / (2.0 * np.pi)
         campbell.plot(x, line, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
         _name(campbell, f"{order:g}", x[-1], line[-1], "black", above=False)
-    orders = "" if slides else f", orders {', '.join(f'{order:g}' for order in swept.orders)} (dashed)"
-    campbell.set_title(f"frozen frequencies over the cycle (shaded){orders}")
+    for _, _, speed in swept.critical:
+        at = factor * speed
+        campbell.axvline(at, color="black", linewidth=0.7, linestyle=":")
+        campbell.plot(at, scale * speed / (2.0 * np.pi), "o", color="black", markersize=5, markerfacecolor="white")
+        campbell.annotate(f"{at:.4g} rpm", (at, 0.92), xycoords=campbell.get_xaxis_transform(), xytext=(3, 0),
+                          textcoords="offset points", fontsize=8)  # fmt: skip
+    campbell.set_title(_heading(swept))
     campbell.set_ylabel(f"[{unit}]")
     seen = np.maximum(swept.radii, _LEAST)
     radii.semilogy(x, seen, marker=".", markersize=3)
@@ -74,6 +82,18 @@ def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides
         axes.margins(x=0)
         for low, high in swept.bands:
             axes.axvspan(factor * low, factor * high, color=PALETTE[1], alpha=0.15, linewidth=0)
+
+
+def _heading(swept: Sweep) -> str:
+    if any(mode.startswith(FORWARD) for mode in swept.modes):
+        return "fixed axes: forward and backward whirl, torsion or axial; critical speeds ringed"
+    turning = " in axes that turn with the links" if swept.axes == "link" else ""
+    return f"frozen frequencies{turning}, over the cycle shaded; orders dashed"
+
+
+def _short(mode: str) -> str:
+    """The name of a rotor's mode by its first letter, like F1; of another as it is."""
+    return mode if mode.startswith("mode") else f"{mode[0].upper()}{mode.split()[-1]}"
 
 
 def _name(axes: Axes, text: str, x: float, y: float, colour: str, above: bool) -> None:

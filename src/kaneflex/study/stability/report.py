@@ -10,10 +10,11 @@ import numpy as np
 
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import INSTANTS, Buckling, Frozen, buckling, freeze
+from kaneflex.response.whirl import turns, whirl
 from kaneflex.scene import Scene
 from kaneflex.solve.loading import load
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
-from kaneflex.study.stability.sweep import ORDERS, Sweep, check_sweep, sweep
+from kaneflex.study.stability.sweep import FORWARD, ORDERS, Sweep, check_sweep, sweep
 
 FREQUENCIES = 6
 """Lowest frequencies that are followed."""
@@ -72,7 +73,9 @@ class Stability:
         if self.sweep is not None:
             data["drive"], data["unstable_bands"] = self.sweep.drive, [list(band) for band in self.sweep.bands]
             data["widest_gap"] = self.sweep.widest_gap
+            data["axes"], data["modes"] = self.sweep.axes, list(self.sweep.modes)
             data["crossings"] = [crossing._asdict() for crossing in self.sweep.crossings()]
+            data["critical_speeds"] = [crossing.speed for crossing in self.sweep.critical]
         return _plain(data)
 
 
@@ -143,6 +146,9 @@ def findings(found: Stability) -> dict[str, str]:
     }
     if found.sweep is not None:
         sentences["speeds"] = _of_speeds(found)
+        sentences["orders"] = _of_orders(found)
+    if found.sweep is not None and any(mode.startswith(FORWARD) for mode in found.sweep.modes):
+        sentences["critical"] = _of_critical(found)
     return sentences
 
 
@@ -161,6 +167,11 @@ def _of_frozen(found: Stability) -> str:
     frozen, scene = found.frozen, found.model.scene
     low, high = frozen.frequencies[:, 0].min(), frozen.frequencies[:, 0].max()
     text = f"lowest frequency {low:.5g} to {high:.5g} Hz over the cycle" if high else "the lowest frequency is lost"
+    text += ", in axes that turn with the links" if turns(found.model) else ""
+    if (seen := whirl(found.model)) is not None:
+        lowest = (("forward", seen.of(1)[:2]), ("backward", seen.of(-1)[:2]))
+        whirls = [f"{way} {', '.join(f'{each:.5g}' for each in values)}" for way, values in lowest if len(values)]
+        text += f"; in fixed axes whirls of {' and '.join(whirls)} Hz" if whirls else ""
     worst = int(frozen.growth.argmax())
     if frozen.growth[worst] <= 1e-6 * max(1.0, abs(frozen.growth).max()):
         return text
@@ -233,3 +244,24 @@ def _of_speeds(found: Stability) -> str:
         return f"stable at all {len(swept.speeds)} speeds from {ends[0]} to {ends[1]}; {missed}"
     bands = [" to ".join(map(written, band)) for band in swept.bands]
     return f"from {ends[0]} to {ends[1]}, unstable from {', from '.join(bands)}; {missed}"
+
+
+def _of_orders(found: Stability) -> str:
+    """Speeds at which orders meet frequencies, order by order."""
+    swept, scene = found.sweep, found.model.scene
+    where = {"fixed": "fixed axes", "link": "axes that turn with the links"}[swept.axes]
+    met: dict[float, list[str]] = {}
+    for order, mode, speed in sorted(swept.crossings(), key=lambda each: (each.order, each.speed)):
+        at = scene.written_speed(swept.drive, speed, 4)
+        met.setdefault(order, []).append(f"{swept.modes[mode - 1]} at {at}")
+    if not met:
+        return f"none of {', '.join(f'{order:g}' for order in swept.orders)} meets a frequency in {where}"
+    return "; ".join(f"{order:g} meets {', '.join(each)}" for order, each in met.items()) + f" (frequencies in {where})"
+
+
+def _of_critical(found: Stability) -> str:
+    """Critical speeds of a rotor."""
+    swept, scene = found.sweep, found.model.scene
+    met = [(scene.written_speed(swept.drive, speed, 4), swept.modes[mode - 1]) for _, mode, speed in swept.critical]
+    speeds = [f"{at} ({mode})" for at, mode in met]
+    return ", ".join(speeds) if speeds else "no critical speed among these"

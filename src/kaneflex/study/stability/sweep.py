@@ -11,6 +11,7 @@ import numpy as np
 
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import FEW_INSTANTS, freeze
+from kaneflex.response.whirl import Whirl, turns, whirl
 from kaneflex.scene import Scene
 from kaneflex.solve.variants import Variants
 from kaneflex.study.stability.floquet import Multipliers, floquet_multipliers
@@ -21,6 +22,8 @@ _EDGE = 2e-5
 
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 """Engine orders, multiples of the drive's turns, that are held against the frequencies."""
+
+FORWARD = "forward whirl"
 
 
 class Crossing(NamedTuple):
@@ -47,11 +50,15 @@ class Sweep:
     converged : ndarray (n_speeds,)
         Whether the radius no longer changed with the steps.
     lowest, mean, highest : ndarray (n_speeds, count)
-        Of each frozen frequency over the cycle [Hz].
+        Of each natural frequency over the cycle [Hz]: of rotors in fixed axes, else frozen, in the links' axes.
     bands : tuple of (float, float)
         Speeds between which the motion is unstable; a band that the range cuts off ends where the range does.
     orders : tuple of float
         Multiples of the drive's turns that are held against the frequencies.
+    modes : tuple of str
+        What each frequency is called: "mode 1", of rotors "forward whirl 1", "backward whirl 1", "torsion or axial 1".
+    axes : str
+        "fixed", or "link" where the axes of an elastic link turn.
     """
 
     drive: str
@@ -63,7 +70,16 @@ class Sweep:
     mean: np.ndarray
     highest: np.ndarray
     bands: tuple[tuple[float, float], ...]
-    orders: tuple[float, ...] = ORDERS
+    orders: tuple[float, ...]
+    modes: tuple[str, ...]
+    axes: str
+
+    @property
+    def critical(self) -> list[Crossing]:
+        """Critical speeds of a rotor: where its turns meet a forward whirl, as an unbalance does, by interpolation."""
+        met = _crossings(self.speeds, self.mean, (1.0,))
+        whirls = [each for each in met if self.modes[each.mode - 1].startswith(FORWARD)]
+        return sorted(whirls, key=lambda each: each.speed)
 
     def crossings(self) -> list[Crossing]:
         """Where orders meet the mean of a frequency, between two speeds by a straight line."""
@@ -139,28 +155,41 @@ def sweep(
         model = variants.load([f"drives.{drive}.speed={way * float(speed)!r}"])
         return model, floquet_multipliers(model)
 
-    found: dict[float, tuple[Multipliers, np.ndarray]] = {}
+    found: dict[float, tuple[Multipliers, np.ndarray, Whirl | None, bool]] = {}
 
     def look(speed: float, done: float) -> None:
         model, multipliers = at(speed)
-        found[float(speed)] = multipliers, freeze(model, count, FEW_INSTANTS).frequencies
+        frequencies = freeze(model, count, FEW_INSTANTS).frequencies
+        found[float(speed)] = multipliers, frequencies, whirl(model), turns(model)
         progress(done)
 
     for k, speed in enumerate(speeds):
         look(speed, 0.5 * (k + 1) / len(speeds))
-    beside = _resonances(speeds, np.array([frequencies.mean(axis=0) for _, frequencies in found.values()]))
+    beside = _resonances(speeds, np.array([frequencies.mean(axis=0) for _, frequencies, *_ in found.values()]))
     for k, speed in enumerate(beside):
         look(speed, 0.5 + 0.5 * (k + 1) / len(beside))
     speeds = np.array(sorted(found))
-    found, frozen = zip(*(found[speed] for speed in speeds), strict=True)
+    found, frozen, whirls, turning = zip(*(found[speed] for speed in speeds), strict=True)
     bands = _bands(speeds, [one.unstable for one in found], lambda speed: at(speed)[1].unstable)
     keys = ("radius", "growth_rate", "converged")
     radii, rates, converged = (np.array([getattr(one, key) for one in found]) for key in keys)
-    return Sweep(
-        drive, speeds, radii, rates, converged,
-        np.array([each.min(axis=0) for each in frozen]), np.array([each.mean(axis=0) for each in frozen]),
-        np.array([each.max(axis=0) for each in frozen]), bands, tuple(orders),
-    )  # fmt: skip
+    if None in whirls:
+        ranges = [np.array([pick(each, axis=0) for each in frozen]) for pick in (np.min, np.mean, np.max)]
+        modes, axes = tuple(f"mode {k + 1}" for k in range(ranges[0].shape[1])), "link" if any(turning) else "fixed"
+    else:
+        modes, frequencies = _followed(whirls, count)
+        ranges, axes = [frequencies] * 3, "fixed"
+    return Sweep(drive, speeds, radii, rates, converged, *ranges, bands, tuple(orders), modes, axes)
+
+
+def _followed(whirls: Sequence[Whirl], count: int) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names and frequencies (n_speeds, count) [Hz] of the lowest modes of a rotor, by their way and number."""
+    curves = list[tuple[str, np.ndarray]]()
+    for way, name in ((1, FORWARD), (-1, "backward whirl"), (0, "torsion or axial")):
+        own = [each.of(way) for each in whirls]
+        curves += [(f"{name} {k + 1}", np.array([each[k] for each in own])) for k in range(min(map(len, own)))]
+    names, frequencies = zip(*sorted(curves, key=lambda curve: curve[1].mean())[:count], strict=True)
+    return names, np.transpose(frequencies)
 
 
 def _bands(
