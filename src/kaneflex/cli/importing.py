@@ -112,6 +112,7 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
     Bodies take the written file as modal_data under preset coupled.
     """
     from kaneflex.fem.craig_bampton import foreign_data
+    from kaneflex.fem.missing_flexibility import missing_flexibility
     from kaneflex.fem.spatial_foreign import spatial_foreign_data
     from kaneflex.report.tables import imported_table
 
@@ -120,7 +121,11 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
         made = spatial_foreign_data if elements.space else foreign_data
         link = elements.read()
         data = made(link, modes, coupling == "rigid", damping)
+        missing = missing_flexibility(link)
     data.save(output)
+    if missing is not None:
+        cure = "Give the stiffness matrix, more modes, or modes with attachment modes"
+        click.echo(f"Warning: {missing}. {cure}.", err=True)
     for doubt in link.doubts:
         echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)
     echo(imported_table(data))

@@ -1,9 +1,10 @@
 """A foreign link's modal data: Craig and Bampton's shapes of it in its floating frame, and their sums over its mass.
 
-Shapes are the static ones of the points, the modes with the points held (Craig & Bampton 1968) and what the inertia of
-the link as a whole bends it by, the points held: what is left of a static answer to it otherwise converges slowly in
-forces and stresses (Craig 1981, ch. 15). Those across have the ends on the chord, those along are without displacement
-in the mean. A point's own motion is what it is held by,
+Shapes are the static ones of the points, the modes with the points held (Craig & Bampton 1968), in the plane those of a
+moment on each point (attachment modes, Hintz 1975), and what the inertia of the link as a whole bends it by, the points
+held: what is left of a static answer to these otherwise converges slowly in forces and stresses (Craig 1981, ch. 15).
+Without the moments a weld, which holds a turn, is a quarter too stiff however many modes there are. Those across have
+the ends on the chord, those along are without displacement in the mean. A point's own motion is what it is held by,
 B x = (u or v of each point); static answers and modes come of one factorisation,
 
     [K B^T; B 0] [x; f] = [load; displacement].
@@ -73,20 +74,34 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     # Across, what the ends do by themselves is a motion of the whole link.
     moved = [k for k, name in enumerate(link.points) if name not in ("start", "end")]
     sides = scale * np.eye(count + held, held, -count)[:, moved if motion == "transverse" else slice(None)]
-    inertia = np.column_stack([solved(load) for load in (T.T @ link.M @ np.column_stack(link.accelerations(motion))).T])
-    size = abs(inertia).max(axis=0)
-    static = np.hstack([factors.solve(sides)[:count], inertia[:, size > 0.0] / size[size > 0.0]])
+    loads = [T.T @ (link.M @ acceleration) for acceleration in link.accelerations(motion)]
+    if motion == "transverse":  # a weld or a drive turns a point, a pin doesn't: attachment modes of moments
+        loads += [T.T @ link.means(name)[2] for name in link.points]
+    pushed = np.column_stack([solved(load) for load in loads])
+    static = factors.solve(sides)[:count]
     if count <= _FEW:
         free = null_space(B)
         dynamic = free @ eigh(free.T @ K @ free, free.T @ M @ free)[1][:, :modes]
-        return _orthogonal(link, motion, T @ np.hstack([static, dynamic]))
+        return _orthogonal(link, motion, T @ np.hstack([static, _residual(pushed, dynamic, M), dynamic]))
     answer = LinearOperator((count, count), matvec=lambda load: solved(np.ravel(load)), dtype=float)
     first = np.random.default_rng(0).standard_normal(count)
     try:
         dynamic = eigsh(K, modes, M, sigma=0.0, OPinv=answer, v0=first)[1] if modes else np.zeros((count, 0))
     except ArpackError as error:
         raise Fault(f"the modes were not found: {error}", "Look at the matrices, or ask for fewer") from None
-    return _orthogonal(link, motion, T @ np.hstack([static, dynamic]))
+    return _orthogonal(link, motion, T @ np.hstack([static, _residual(pushed, dynamic, M), dynamic]))
+
+
+def _residual(pushed: np.ndarray, modes: np.ndarray, M: csc_array) -> np.ndarray:
+    """Static answers to loads, less what modes of unit mass have of them, their largest entries one (Rubin 1975).
+
+    What is left, however small, is what the modes don't know of the flexibility there.
+    """
+    for least in (0.0, _NOTHING):  # the second time for what rounding left of it (Parlett 1998, 6-9)
+        size = abs(pushed).max(axis=0)
+        pushed = pushed[:, size > least] / size[size > least]
+        pushed = pushed - modes @ (modes.T @ (M @ pushed))
+    return pushed / abs(pushed).max(axis=0)
 
 
 def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:

@@ -45,11 +45,13 @@ Motion = Literal["axial", "transverse", "any"]
 class Projected:
     """The stiffness [N/m] of what a displacement has of some modes.
 
-    ``onto`` (n_modes, n_nodes d): how much of each mode is in it, by the mass; ``stiffness`` (n_modes, n_modes).
+    ``onto`` (n_modes, n_nodes d): how much of each mode is in it, by the mass; ``stiffness`` (n_modes, n_modes);
+    ``normal``: whether they are normal modes, none of them a static shape.
     """
 
     onto: np.ndarray
     stiffness: np.ndarray
+    normal: bool = False
 
     def __matmul__(self, displacements):
         return self.onto.T @ (self.stiffness @ (self.onto @ displacements))

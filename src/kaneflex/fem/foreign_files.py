@@ -136,7 +136,7 @@ def _of_modes(link: Foreign, modes: Modes, path: str, numbers: np.ndarray, turne
     whole = list(link.whole.values())
     span = np.column_stack([*whole, turned @ own.translations(link.axes)])
     onto = np.linalg.pinv(span.T @ link.M @ span, rcond=ALIKE**2, hermitian=True) @ (link.M @ span).T
-    return replace(link, K=Projected(onto[len(whole) :], stiffness), span=span)
+    return replace(link, K=Projected(onto[len(whole) :], stiffness, modes.omega is not None), span=span)
 
 
 def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
