@@ -52,8 +52,8 @@ RULES = """
   single one shows: where it could matter, the run is repeated in half steps, and a warning says by how much they part.
 - **`coupled` at speeds that are slow beside the vibrations**: forces are right, but a vibration within the tolerance,
   1e-9 m at thousands of hertz, is as large as the slow accelerations of 60 rpm; a run at a tenth of the tolerance shows
-  it, and a warning says so. At start `quasistatic` it has no cell: its bodies start with the rigid mechanism's
-  velocities, those of `stiffened` with the slow motion's.
+  it, and a warning says so. At start `quasistatic` it has no cell: those cases compare one-way
+  presets.
 - **Compression beyond buckling**, as by a piston of 1e8 kg: `stiffened` diverges, since its axial forces are those of
   the rigid mechanism, and a warning names the buckling load; `linear` doesn't know of it, `coupled` goes through.
 - **Steps beyond the periods**: nothing grows without bounds, a warning names the steps that would do, and only

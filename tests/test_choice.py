@@ -19,7 +19,7 @@ from kaneflex.cli.trade import chosen_lines
 from kaneflex.generated import engine as generated_engine
 from kaneflex.multibody.binding import generate_text, import_file, operation_count, pruned_text
 from kaneflex.report.summary import Summary
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.write_back import file_to_write, write_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
@@ -370,6 +370,30 @@ def test_a_pruned_module_gives_the_same_without_the_dropped_terms(tmp_path, monk
     found = sensed_by(text, scene, tmp_path, monkeypatch)
     for name, values in expected.items():
         assert found[name] == pytest.approx(values, rel=1e-9, abs=1e-9 * abs(values).max()), name
+
+
+BLADE = """
+schema = 1
+bodies.blade = {length = 1, points = {third = [0.25, 0]}, beam = {material = "aluminium", A = 1e-4, I = 1e-9, elements = 4}}
+joints.hub = {revolute = ["ground", "blade.start"]}
+drives.hub = {speed = "10 rad/s", cycle = "360 deg"}
+masses.rider = {at = "blade.mid", mass = 0.1}
+loads.push = {force_on = "blade.third", direction = [1, 0], value = "20 N", axes = "body"}
+loads.wind = {spread_on = "blade", direction = [0.6, 0.8], law = "3 * sin(hub)", profile = [1, 2]}
+springs.tie = {between = ["ground", "blade.third"], stiffness = "1 kN/m", length = 0.2}
+sensors.bend = {displacement = "blade.end", component = "y"}
+sensors.pull = {axial_force = "blade.mid"}
+solve = {steps = 400, terms = {geometric = false}}
+"""
+
+
+def test_a_pruned_module_serves_what_acts_between_the_ends_of_a_link():
+    """Masses, forces, springs and spread loads there change the axial force, of which no term is left."""
+    scene = scene_of(BLADE)
+    pruned, whole = (solve(load(scene, pruned=kind)) for kind in (True, False))
+    assert pruned.model.module.STRUCTURE != whole.model.module.STRUCTURE
+    for name in scene.sensors:
+        assert np.array_equal(pruned.series[name].values, whole.series[name].values), name
 
 
 def test_a_kernel_of_which_a_part_is_dropped_is_the_modules_own(tmp_path):

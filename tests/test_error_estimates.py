@@ -7,7 +7,9 @@ from runs import solved
 import kaneflex
 from kaneflex import load
 from kaneflex.scene import with_settings
+from kaneflex.solve import one_way_corrections
 from kaneflex.solve.simulation import solve
+from kaneflex.solve.work import seconds_of_steps
 
 FINE = ("solve.preset=stiffened", "solve.modes=all", "solve.integrator=radau")
 
@@ -149,6 +151,27 @@ def test_statics_of_a_drive_that_does_not_come_back_are_corrected_from_a_slow_st
     check_effectivities(statics, solved(scene, *FINE, START, "rod.elements=16", "solve.steps=1440"), "terms", 0.6)
     estimates, reason = solved(scene, "solve.preset=rigid", "solve.start=periodic").errors
     assert not estimates and reason == "not estimated: the motion or its loads don't repeat themselves"
+
+
+def test_reductions_have_no_use_where_nothing_deforms():
+    """The estimate is then of all of the deformation, whatever modes the scene would take."""
+    modal = solved(kaneflex.read_scene("mathieu"), "solve.preset=rigid", "solve.steps=100")
+    assert modal.errors[1] == "" and modal.errors[0]["mid_transverse"].terms == 0.0
+    for reduction in ("modal", "craig-bampton"):
+        settings = ("solve.preset=rigid", f"solve.reduction={reduction}", "solve.modes=1", "solve.steps=100")
+        estimates, reason = solved(kaneflex.read_scene("engine"), *settings).errors
+        assert reason == "" and estimates["mid_transverse"].terms > 0.0 == estimates["mid_transverse"].modes
+
+
+def test_richer_models_that_take_long_are_not_solved_without_being_asked(monkeypatch):
+    """Modal damping fills the frame's matrices: by 240 coordinates its steps took an hour."""
+    frame = load(with_settings(kaneflex.read_scene("free-frame"), ["damping.modal.ratio=882"]))
+    assert seconds_of_steps(frame, frame.options.steps) > one_way_corrections.LONGEST
+    monkeypatch.setattr(one_way_corrections, "LONGEST", 0.0)
+    scene = with_settings(kaneflex.read_scene("engine-transient"), ["solve.duration=5 ms", "solve.steps=100"])
+    estimates, reason = solved(scene).errors
+    assert not estimates and 'solve.errors = "all" asks for it' in reason
+    assert solved(scene, "solve.errors=all").errors[0]["mid_transverse"].elements > 0.0
 
 
 def test_what_cannot_be_estimated_is_said(tmp_path):

@@ -13,7 +13,7 @@ from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import load
-from kaneflex.solve.quasistatic import slow_start
+from kaneflex.solve.slow_start import slow_start
 from kaneflex.solve.simulation import solve
 from kaneflex.study.plan import file_places
 from kaneflex.support.errors import SceneError
@@ -374,6 +374,50 @@ def test_a_slow_start_knows_nothing_of_what_laws_are_before_it(gravity, axis):
     ]
     for other in found[1:]:
         assert other == pytest.approx(found[0], rel=1e-7, abs=1e-7 * abs(found[0]).max())
+
+
+SLOW = {
+    "engine": ("solve.duration=5 ms", "solve.steps=360", "solve.errors=all"),
+    "robot-arm-elastic": ("solve.duration=0.1 s", "solve.steps=100"),
+}
+
+
+@pytest.mark.parametrize("scene", SLOW)
+def test_the_slow_motion_is_the_same_under_every_preset(scene):
+    """In the plane and in space. Where coupling hardly matters both ways to solve it ring as little as each other."""
+    settings = ("solve.start=quasistatic", *SLOW[scene])
+    one_way, coupled = (run(scene, *settings, f"solve.preset={preset}") for preset in ("stiffened", "coupled"))
+    for name in one_way.model.scene.sensors:
+        here, there = (found.series[name].values for found in (one_way, coupled))
+        assert abs(there - here).max() < 4e-3 * abs(here).max(), name
+    for name, estimate in one_way.errors[0].items() if scene == "engine" else ():
+        assert estimate.coupling < 4e-3 * abs(one_way.series[name].values).max(), name
+
+
+L_FRAME = """
+schema = 1
+bodies.post = {{length = 1, beam = {{material = "steel", A = "1e4 mm^2", I = "8.333e6 mm^4", elements = 8}}}}
+bodies.arm = {{like = "post"}}
+joints.base = {{revolute = ["ground", "post.start"]{axis}}}
+joints.corner = {{weld = ["post.end", "arm.start"]{turned}}}
+drives.base.law = "pi / 2"
+loads.push = {{force_on = "arm.end", direction = {down}, value = "{push} MN"}}
+sensors.reach = {{position = "arm.end", component = "x"}}
+sensors.drop = {{position = "arm.end", component = "y"}}
+sensors.held = {{drive_torque = "base"}}
+solve = {{preset = "coupled", start = "quasistatic", duration = "0.1 ms", steps = 2, modes = 2}}
+"""
+
+
+def test_a_large_load_is_balanced_in_load_steps():
+    """Newton's method alone finds no balance from 3 MN on, or one far away: the drive holds the force by its arm."""
+    dropped = []
+    for push in (2, 3, 4):
+        text = L_FRAME.format(push=push, axis="", turned=', relative_angle = "-90 deg"', down="[0, -1]")
+        first = {name: series.values[0] for name, series in solved(scene_of(text)).series.items()}
+        assert first["held"] == pytest.approx(push * 1e6 * first["reach"], rel=1e-9)
+        dropped.append(first["drop"])
+    assert np.all(np.diff(dropped) < 0.0) and np.diff(dropped, 2) > -0.02
 
 
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "paper"])

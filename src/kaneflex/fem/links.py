@@ -174,13 +174,14 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     for key, blocks in terms_of_elements(module, parameters, lambda factor: _scalar(name, factor), mu):
         sums[key] = sums.get(key, 0.0) + blocks
     known = {scalar for scalar, *_ in module.SCALARS}
+    tensioned = sums.get(("K_g", (f"{name}.link.P_0",)))  # none in a module without the geometric stiffness
     for point, x in forced_points(scene, name).items():
-        if f"{name}.link.jump_{point}" not in known:  # nothing acts along the link there
+        if tensioned is None or f"{name}.link.jump_{point}" not in known:  # nothing acts along the link there
             continue
         # Beyond a force between the ends P is higher by a constant: the same matrix as for P_0, from there on.
         beyond = nodes[:-1] > x - _SAME * body.length
         key = "K_g", (f"{name}.link.jump_{point}",)
-        sums[key] = sums["K_g", (f"{name}.link.P_0",)] * beyond[:, None, None]
+        sums[key] = tensioned * beyond[:, None, None]
     for key, blocks in _spread_terms(scene, name, nodes, parameters):
         sums[key] = sums.get(key, 0.0) + blocks
     coordinates, place = node_coordinates(name, len(nodes), body.beam.axially_rigid)

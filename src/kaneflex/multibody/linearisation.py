@@ -20,6 +20,7 @@ from kaneflex.generated import joints as laws
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.linear_equations import OFFSETS, STEP, WEIGHTS, Linear
+from kaneflex.multibody.load_steps import FARTHEST, in_load_steps
 from kaneflex.multibody.system import CoupledSystem, Unfolded
 from kaneflex.multibody.trajectory import CoupledTrajectory, by_themselves
 
@@ -79,27 +80,47 @@ def _steps(engine: Engine) -> np.ndarray:
     return np.concatenate([STEP * own, 1e-2 * rate * own, acceleration * own, push])
 
 
-def equilibrium(engine: Engine, t: float) -> Instant | None:
+def equilibrium(engine: Engine, t: float, rates: tuple[np.ndarray, np.ndarray] | None = None) -> Instant | None:
     """The motion whose shapes stand still, deformed as its loads and accelerations ask for, by Newton's method.
 
     Joints' independent coordinates and rates are those of the tables; they take the accelerations that the balance
-    leaves them. None where 50 steps find no balance.
+    leaves them. ``rates``: speeds and accelerations (n,) of the shapes instead of none. None where no balance is found.
     """
-    which, measure = engine.independent, engine.numbers(at.MEASURE, engine.size)
+    which = engine.independent
     still = engine.shapes[which]
-    n, (y, v, a) = len(which), (part[which].copy() for part in engine.motion[:3])
-    v[still], a[:] = 0.0, 0.0
-    columns = np.where(still, 0, 2 * n) + np.arange(n)
+    y, v, a = (part[which].copy() for part in engine.motion[:3])
+    a[:] = 0.0
+    v[still], a[still] = (0.0, 0.0) if rates is None else (part[still] for part in rates)
+    begin, x = engine.row(t), np.where(still, y, a)
+
+    def instant(x: np.ndarray) -> Instant:
+        return Instant(t, np.where(still, x, y), v, np.where(still, a, x))
+
+    def corrected(x: np.ndarray, left: np.ndarray) -> np.ndarray | None:
+        """x that leaves so much of the demand; None where 50 steps, none of them long, don't lead there."""
+        here = engine.row(t)
+        try:
+            for _ in range(50):
+                found, slope = slopes(engine, instant(x), columns)
+                step = np.linalg.solve(slope, left - found)
+                x, size = x + step, (abs(step) / measure)[still].max(initial=0.0)
+                if size < 1e-12:
+                    return x
+                if not size < FARTHEST:
+                    break
+        except (ArithmeticError, np.linalg.LinAlgError):
+            pass
+        engine.stand(here)
+        return None
+
+    columns, measure = np.where(still, 0, 2 * len(x)) + np.arange(len(x)), engine.numbers(at.MEASURE, engine.size)[which]
     try:
-        for _ in range(50):
-            found, slope = slopes(engine, Instant(t, y, v, a), columns)
-            step = np.linalg.solve(slope, -found)
-            y, a = y + np.where(still, step, 0.0), a + np.where(still, 0.0, step)
-            if (abs(step) / measure[which])[still].max(initial=0.0) < 1e-12:
-                return Instant(t, y, v, a)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        pass
-    return None
+        demand = engine.demand(instant(x).row(engine.inputs)[None])[0]
+    except ArithmeticError:
+        return None
+    engine.stand(begin)
+    found = in_load_steps(x, demand, corrected)
+    return None if found is None else instant(found)
 
 
 def linear(engine: Engine, instant: Instant) -> Linear[Instant]:

@@ -19,9 +19,10 @@ from kaneflex.multibody.scipy_run import by_scipy
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.multibody.trajectory import CoupledTrajectory
 
-_PIECE, _GROWTH, _QUICK = 100, 8, 0.2
+_PIECE, _GROWTH, _WORK = 100, 8, 40_000
 """Between two reports of progress, at each of which a run can be interrupted: stored instants at most, and as many
-steps at first; by how much their number may grow at once, and about how long as many as are then tried may take [s]."""
+steps at first; by how much their number may grow at once, and how many there are at most, times the coordinates: some
+0.2 s. They are counted and not timed, as what is bounded by its largest values so far depends on where pieces end."""
 
 _OF_A_DEPTH = 30.0
 """Tolerances of a run, as a share of an impact's depth, that are allowed as error in a contact's gap."""
@@ -147,14 +148,13 @@ class Run:
         # What is bounded by its largest values so far is known better after every piece.
         most, growth = (1, 2) if self.method.bounded else (_PIECE, 1 if scipy else _GROWTH)
         while self.filled + 1 < len(self.times):
-            before, tried, began = self.filled, self.tried, time.perf_counter()
+            before = self.filled
             rows = slice(before, before + 1 + min(most, _PIECE))
             ended = by_scipy(self, rows) if scipy else self._collocation(rows, most)
-            seconds = time.perf_counter() - began
             if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
                 ended = collocation.CASCADE
             if not scipy:  # which starts anew, and can be interrupted anywhere
-                most = max(1, min(growth * most, int((self.tried - tried) * _QUICK / seconds)))
+                most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
             if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
                 outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
                 said = f"; held twice there: what {', '.join(self.twice)} and others hold" if self.twice else ""
@@ -224,11 +224,6 @@ class Run:
         agrees = self.engine.project(float(self.here[0]))
         self.engine.stand(self.here)
         return agrees
-
-    @property
-    def tried(self) -> int:
-        """Steps so far, those in vain included."""
-        return int(self.counts[0] + self.counts[1])
 
     def _turned(self) -> bool:
         """Whether other coordinates are dependent where the motion stands than were: then it may go on with them."""

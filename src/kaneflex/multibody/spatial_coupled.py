@@ -10,6 +10,7 @@ import numpy as np
 
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.multibody.cycles import COMPLETED, Verdict
+from kaneflex.multibody.load_steps import FARTHEST, LOAD_STEPS, in_load_steps
 from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_curves import Curve, Followed
 from kaneflex.multibody.spatial_linear import neighbours
@@ -24,14 +25,12 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 
 _STEPS = 60
-"""Newton steps to a balanced deformation."""
+"""Newton steps to a balanced deformation, in each load step."""
 _BALANCED = 1e-10
 """Last of them, as a share of the mechanism's size, up to which it counts as balanced."""
 _BENT = 0.02
 """Largest modal coordinate, as a share of its link's length, up to which no one is warned of shapes that can take a
 turn's place."""
-_LARGEST = 0.05
-"""Largest step, as a share of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,26 +155,44 @@ def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
     return found
 
 
-def balanced(system: SpatialSystem, start: State) -> State:
+def balanced(
+    system: SpatialSystem, start: State, rates: tuple[np.ndarray, np.ndarray] | None = None
+) -> State:
     """The state near one on the constraints whose shapes neither move nor accelerate: deformed by what acts there.
 
-    Newton's method on the shapes' accelerations, which vanish with the forces; the load grows with the steps where
-    these are long.
+    Newton's method on the shapes' accelerations, which vanish with the forces. ``rates``: the independent shapes'
+    speeds and accelerations (n,) instead of none.
 
     Raises ArithmeticError if no balanced deformation is found.
     """
-    which, still = start.choice.independent, start.u.copy()
-    shapes = np.flatnonzero(np.isin(which, system.modal_speeds))
-    still[which[shapes]] = 0.0
-    state = system.project(start.t, start.q, still, start.choice)
-    for _ in range(_STEPS):
-        beside = neighbours(system, state, shapes)
-        J = beside.slopes(system.instants(beside.found).du[:, which[shapes]])
-        step = np.zeros(system.speeds)
-        step[which[shapes]] = np.linalg.solve(J, -state.du[which[shapes]])
-        largest = abs(step).max(initial=0.0) / system.mechanism.size
-        step *= min(1.0, _LARGEST / max(largest, 1e-300))
-        state = system.project(start.t, system.advanced(state.q, step[None])[0], still, start.choice)
-        if largest < _BALANCED:
-            return state
-    raise ArithmeticError("no deformation is found that balances what acts")
+    which, moving, columns = start.choice.independent, start.u.copy(), independent_shapes(system, start)
+    moving[which[columns]], wanted = (0.0, 0.0) if rates is None else rates
+
+    def corrected(state: State, left: np.ndarray) -> State | None:
+        """The state whose shapes' accelerations are off by so much; None where _STEPS, none of them long, don't."""
+        try:
+            for _ in range(_STEPS):
+                beside = neighbours(system, state, columns)
+                slope = beside.slopes(system.instants(beside.found).du[:, which[columns]])
+                step = np.zeros(system.speeds)
+                step[which[columns]] = np.linalg.solve(slope, left - state.du[which[columns]] + wanted)
+                largest = abs(step).max(initial=0.0) / system.mechanism.size
+                if not largest < FARTHEST:
+                    break
+                state = system.project(start.t, system.advanced(state.q, step[None])[0], moving, start.choice)
+                if largest < _BALANCED:
+                    return state
+        except (ArithmeticError, np.linalg.LinAlgError):
+            pass
+        return None
+
+    state = system.project(start.t, start.q, moving, start.choice)
+    found = in_load_steps(state, state.du[which[columns]] - wanted, corrected)
+    if found is None:
+        raise ArithmeticError(f"no deformation is found that balances what acts, in {LOAD_STEPS} load steps either")
+    return found
+
+
+def independent_shapes(system: SpatialSystem, state: State) -> np.ndarray:
+    """Which of the independent speeds of a state are those of shapes."""
+    return np.flatnonzero(np.isin(state.choice.independent, system.modal_speeds))

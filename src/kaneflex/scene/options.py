@@ -180,7 +180,7 @@ def resolve_options(scene: Scene) -> Options:
     options = Options(
         preset=solve.preset,
         **chosen,
-        reduction=solve.reduction or ("craig-bampton" if _truncates(solve.modes, dynamics) else _REDUCTION[dynamics]),
+        reduction=_reduction(scene, dynamics),
         modes=modes_of(scene) if dynamics == "coupled" else solve.modes,
         mode_angle=solve.mode_angle,
         start="given" if isinstance(solve.start, Start) else "zero" if paper else solve.start,
@@ -252,8 +252,11 @@ def left_out(options: Options) -> tuple[str, ...]:
     return tuple(name for name in idle if name != "gyroscopic" or not options.spin)
 
 
-def _truncates(modes: int | str, dynamics: str) -> bool:
-    return modes != "all" and dynamics in ("dynamic", "quasistatic")
+def _reduction(scene: Scene, dynamics: str) -> str:
+    """The scene's reduction, none where nothing deforms, or the default of the preset and of ``solve.modes``."""
+    truncates = scene.solve.modes != "all" and dynamics in ("dynamic", "quasistatic")
+    default = "craig-bampton" if truncates else _REDUCTION[dynamics]
+    return default if dynamics == "rigid" else scene.solve.reduction or default
 
 
 def default_steps(scene: Scene, duration: float) -> int:

@@ -14,9 +14,12 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody import start_rates
+from kaneflex.multibody import tables as at
 from kaneflex.multibody.counted_turns import check_turns_kept, unwrapped
 from kaneflex.multibody.cycles import REPEATS, Cycles
-from kaneflex.multibody.linearisation import equilibrium, prepare
+from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.linearisation import Instant, equilibrium, prepare, slopes
+from kaneflex.multibody.load_steps import LOAD_STEPS
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.orbit import orbit_start
 from kaneflex.multibody.returning import Returning, returning
@@ -30,6 +33,7 @@ from kaneflex.solve.coupled_state import State, check_closed
 from kaneflex.solve.events import happens
 from kaneflex.solve.forward import with_courses
 from kaneflex.solve.initial import given_start, laid_over, start_dimensions
+from kaneflex.solve.slow_start import first_rates, followed
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
@@ -88,7 +92,7 @@ def method_of(model: Model) -> Method:
 
 
 def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """q and v of the rigid mechanism, deformed where the scene starts from equilibrium, or as it gives them.
+    """q and v of the rigid mechanism, of the slow motion where the scene starts from that, or as it gives them.
 
     They are found once for a model, whose every run begins there.
     """
@@ -107,7 +111,7 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
         return _given(model, system, q, v)
     q = unwrapped(model.scene, system, q, first)
     _check_turns(model.scene, system, q)
-    return (_deformed(model, q, first) if model.options.start == "quasistatic" else q), v
+    return _slow(model, q, first) if model.options.start == "quasistatic" else (q, v)
 
 
 def _given(
@@ -168,8 +172,8 @@ def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
                 )  # fmt: skip
 
 
-def _deformed(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
-    """q deformed as the rigid motion asks for."""
+def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
+    """q and v of the slow motion, see :mod:`kaneflex.solve.slow_start`, with q and the rigid motion undeformed."""
     free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
     if free:
         raise SceneError(
@@ -179,11 +183,31 @@ def _deformed(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
     system, t = model.coupled, float(rigid.times[0])
     assert system is not None
     engine = prepare(system, t, q, rigid_state(system, rigid)[1])
-    if equilibrium(engine, t) is not None:
-        return system.unfold(engine.row(t)[None]).q[0]
-    raise SceneError(
-        "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"
-    )
+    still = equilibrium(engine, t)
+    if still is None or equilibrium(engine, t, _slow_rates(engine, still, model.options.duration)) is None:
+        raise SceneError(
+            "solve.start", model.options.start,
+            f"no deformation is found that balances what acts at the start, in {LOAD_STEPS} load steps either",
+            "Start from zero",
+        )  # fmt: skip
+    state = system.unfold(engine.row(t)[None])
+    return state.q[0], state.v[0]
+
+
+def _slow_rates(engine: Engine, still: Instant, duration: float) -> Start:
+    """Speeds and accelerations of the shapes that stand ``still`` in balance at each instant, at the first of them."""
+    n, here = len(still.y), engine.row(still.t)
+    slope = slopes(engine, still, np.concatenate([np.arange(n), np.arange(2 * n, 3 * n)]))[1]
+
+    def residual(times: np.ndarray, y: np.ndarray) -> np.ndarray:
+        rows = np.zeros((len(times), len(still.row(engine.inputs))))
+        rows[:, 0], rows[:, 1 : 1 + n] = times, y
+        return engine.demand(rows)
+
+    measure = engine.numbers(at.MEASURE, engine.size)[engine.independent]
+    found = first_rates(followed(residual, still.y, slope[:, :n], measure), slope[:, n:], duration)
+    engine.stand(here)
+    return found
 
 
 def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -19,12 +19,13 @@ from kaneflex.scene.options import left_out
 from kaneflex.scene.structure import pruned_hash
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown
 from kaneflex.solve.solution import Solution
+from kaneflex.solve.work import nominal_seconds
 from kaneflex.support.errors import SceneError
 
 KINDS = ("time", "modes", "terms", "elements")
 """What an error comes from, in the order in which a model is made richer."""
 LONGEST = 1.0
-"""Time [s] that a coupled run may have taken to be run again, in some ten times that, without being asked."""
+"""Nominal seconds of a coupled run up to which it is run again, in some ten times that, without being asked."""
 _SECOND_ORDER = 4.0 / 3.0
 """What is left of a change by elements half as long, and itself: forces converge by the square of the length."""
 
@@ -143,12 +144,14 @@ def _impossible(solution: Solution) -> str:
 
 
 def _too_long(solution: Solution) -> str:
-    """Why nothing is estimated of a coupled run that took long."""
-    model = solution.model
-    seconds = solution.seconds + (model.seconds.get("set_up", 0.0) if model.scene.is_spatial else 0.0)
-    if seconds <= LONGEST or model.options.errors == "all":
+    """Why nothing is estimated of a coupled run that is long."""
+    seconds = nominal_seconds(solution)
+    if seconds <= LONGEST or solution.model.options.errors == "all":
         return ""
-    return f': the run took {seconds:.2g} s, and richer ones take several times that; solve.errors = "all" asks for it'
+    return (
+        f": by its steps the run takes about {seconds:.2g} s, and richer ones take several times that; "
+        'solve.errors = "all" asks for it'
+    )
 
 
 def _impossible_one_way(model: Model) -> str:

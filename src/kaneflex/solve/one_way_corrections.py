@@ -26,14 +26,17 @@ from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.error_stages import READ, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.initial import given_state
-from kaneflex.solve.quasistatic import slow_start
 from kaneflex.solve.simulation import not_repeated
+from kaneflex.solve.slow_start import slow_start
 from kaneflex.solve.solution import Solution
+from kaneflex.solve.work import seconds_of_steps
 from kaneflex.support.spatial_contract import SPATIAL_NODE
 
 _RICHEST: Mapping[str, object] = {
     "preset": "stiffened", "reduction": None, "modes": "all", "terms": {}, "integrator": None,
 }  # fmt: skip
+LONGEST = 60.0
+"""Nominal seconds that the steps of richer models may take without being asked for."""
 _MOST = 2048
 """Instants of the cycle at which the equations are to hold, at most."""
 _COUNTS = 1e-6
@@ -97,6 +100,7 @@ def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[St
     """
     if len(done) == len(richer):
         return
+    _check_work(read, [model for _, model in richer[len(done) :]])
     options, trajectory = read.model.options, read.run.trajectory
     by_radau = isinstance(trajectory, Trajectory) and trajectory.solver.startswith("radau")
     same_steps = by_radau or options.integrator == "radau" or options.dynamics != "dynamic"
@@ -116,6 +120,14 @@ def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[St
             motion = now
         before = model
         yield kind, values
+
+
+def _check_work(read: Read, richer: Sequence[Model]) -> None:
+    """Raise Unknown where the steps of richer models take long and were not asked for."""
+    seconds = sum(seconds_of_steps(model, 2 * read.model.options.steps) for model in richer)
+    if seconds > LONGEST and read.model.options.errors != "all":
+        reason = f"by their steps richer models take about {seconds:.2g} s"
+        raise Unknown(f'{reason}; solve.errors = "all" asks for it')
 
 
 def _stepped(read: Read, richer: Model, near: ElasticMotion, finer: int = 1) -> ElasticMotion:

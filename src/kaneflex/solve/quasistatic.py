@@ -19,8 +19,6 @@ _DEPENDENT = 1e-9  # singular value below which conditions of unit size say the 
 _RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that is rounding
 LARGEST_DENSE = 64
 """Coordinates up to which all instants are solved as one stack of dense matrices; beyond, by bands, one by one."""
-_POINTS, _HALVINGS = 17, 25
-"""Instants of a span from which first rates are found, and how many spans, down to some 1e-7 of the run."""
 _CHUNK = 4_000_000  # numbers in one batch of dense matrices: 32 MB
 
 
@@ -46,44 +44,6 @@ def quasistatic(
     step = times[1] - times[0]
     v = rate_of(z, step, periodic)
     return z, v, rate_of(v, step, periodic)
-
-
-def slow_start(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """z, v at the first instant, shapes (n,), of a motion as slow as the rigid one: nothing vibrates.
-
-    The quasi-static answer with its rates, and its inertia and damping among the loads: K z = F - M z'' - C z'. Without
-    them the first accelerations, what is left of loads and stiffness, would be those of a small deformation let go.
-    """
-    first = np.zeros(1)
-    v, a = _first_rates(model)
-    row = model.scalars(first)[0]
-    inertia, damping, load = (model.system.dense(name, row) for name in "MCF")
-    return answers(model, first, (load - inertia @ a - damping @ v)[None])[0], v
-
-
-def _first_rates(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """z', z'' of K z = F at the first instant, shapes (n,), from instants of the run alone: its laws may begin there.
-
-    Those of the polynomial through Chebyshev's points of a span that begins there. Rounding grows with a short span,
-    and a long one reaches beyond what a polynomial follows: of spans from all of the run down, each half the one
-    before, taken is where halving changes the accelerations least, in the energy's measure.
-    """
-    order = np.arange(_POINTS)
-    points = -np.cos(np.pi * order / order[-1])
-    # of T_n at -1: (-1)^(n + 1) n^2 and (-1)^n (n^4 - n^2) / 3
-    slopes = -((-1.0) ** order) * np.array([order**2, (order**2 - order**4) / 3.0])
-    weights = slopes @ np.linalg.inv(np.polynomial.chebyshev.chebvander(points, order[-1]))
-    spans = model.options.duration * 0.5 ** np.arange(_HALVINGS)
-    spread = 0.5 * spans[:, None] * (1.0 + points)
-    moving = np.isfinite(model.scalars(np.unique(spread))).all(axis=1)  # shared reactions are in no equation, and nan
-    spans, spread = (part[np.isin(spread, np.unique(spread)[moving]).all(axis=1)] for part in (spans, spread))
-    times, places = np.unique(spread, return_inverse=True)
-    z = answers(model, times, model.motion.at(times).column_of(model.kept["F"]).T)
-    v, a = np.einsum("dp,spn->dsn", weights, z[places.reshape(spread.shape)])
-    v, a = 2.0 / spans[:, None] * v, (2.0 / spans[:, None]) ** 2 * a
-    inertia, changes = model.system.dense("M", model.scalars(times[:1])[0]), np.diff(a, axis=0)
-    taken = np.einsum("sn,nm,sm->s", changes, inertia, changes).argmin()
-    return v[taken], a[taken]
 
 
 def answers(

@@ -14,7 +14,8 @@ from kaneflex.multibody.cycles import COMPLETED
 from kaneflex.multibody.model import Model
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.memory import MAX_STORED
-from kaneflex.solve.quasistatic import quasistatic, slow_start
+from kaneflex.solve.quasistatic import quasistatic
+from kaneflex.solve.slow_start import slow_start
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError, ValidityWarning
 

@@ -15,11 +15,18 @@ from kaneflex.multibody.building import build_model, reference_instant, rigid_mo
 from kaneflex.multibody.cycles import COMPLETED, Verdict
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.spatial_bushings import overturned
-from kaneflex.multibody.spatial_coupled import balanced, beside, build_coupled_system, taken_turns
+from kaneflex.multibody.spatial_coupled import (
+    balanced,
+    beside,
+    build_coupled_system,
+    independent_shapes,
+    taken_turns,
+)
 from kaneflex.multibody.spatial_curves import Followed, Standing
 from kaneflex.multibody.spatial_cycles import SpatialCycles
 from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.spatial_forward import Run, integrate
+from kaneflex.multibody.spatial_linear import neighbours
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.multibody.spatial_reactions import open_reactions
 from kaneflex.multibody.spatial_shapes import SpatialShapes
@@ -34,6 +41,7 @@ from kaneflex.solve.initial import given_start, laid_over, shape_dimensions
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.loading import ONE_WAY, SWEEP, Progress, compiled_by, ignored_of, neighbour_options, timed
 from kaneflex.solve.memory import check_memory
+from kaneflex.solve.slow_start import first_rates, followed
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import share_of
 from kaneflex.support.units import ANGLE
@@ -130,7 +138,7 @@ def _moving(
     if options.dynamics == "coupled":
         share = share_of(progress, "coupled dynamics")
         if options.start == "quasistatic":
-            start = _balanced(system, start)
+            start = _slow(system, start, options.duration)
         elif options.start == "given":
             start = _given(system, start)
         repeats = options.start == "periodic"
@@ -202,13 +210,36 @@ def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None
             raise SceneError("solve.start", "periodic", reason, cure)
 
 
-def _balanced(system: SpatialSystem, start: State) -> State:
-    """The start, deformed by what acts there. Raises SceneError if no deformation is found that balances that."""
+def _slow(system: SpatialSystem, start: State, duration: float) -> State:
+    """The start on the slow motion, see :mod:`kaneflex.solve.slow_start`.
+
+    Free joints, which no one holds, are followed by their speeds and accelerations of the first instant. Raises
+    SceneError if no deformation is found that balances what acts at the start.
+    """
     try:
-        return balanced(system, start)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        reason = "no deformation is found that balances what acts at the start"
-        raise SceneError("solve.start", "quasistatic", reason, "Start from zero, with damping") from None
+        still = balanced(system, start)
+        columns = independent_shapes(system, still)
+        beside, which = neighbours(system, still, columns), still.choice.independent[columns]
+        slope = beside.slopes(system.instants(beside.found).du[:, which])
+        system.project(still.t, still.q, still.u, still.choice)
+        N = system.basis(still.choice)[columns]
+        inertia = N @ system.mass(still.sizes) @ N.T
+
+        def residual(times: np.ndarray, z: np.ndarray) -> np.ndarray:
+            later = (times - still.t)[:, None]
+            free = np.setdiff1d(still.choice.independent, which)
+            u, moved = np.tile(still.u, (len(times), 1)), np.zeros((len(times), system.speeds))
+            moved[:, free] = later * still.u[free] + 0.5 * later**2 * still.du[free]
+            u[:, free] += later * still.du[free]
+            moved[:, which] = z
+            given, out = np.hstack([system.advanced(still.q, moved), u]), np.zeros((len(times), len(system.work.kept)))
+            system.near(still.choice, times, given, out)
+            return system.instants(out).du[:, which]
+
+        path = followed(residual, np.zeros(len(which)), slope, system.measure[which])
+        return balanced(system, start, first_rates(path, inertia, duration))
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise SceneError("solve.start", "quasistatic", str(error), "Start from zero, with damping") from None
 
 
 def _given(system: SpatialSystem, start: State) -> State:

@@ -13,6 +13,7 @@ from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.solution import Solution
+from kaneflex.solve.work import nominal_seconds
 from kaneflex.support.errors import UserError
 
 ADDED_UP = 0.01
@@ -23,7 +24,7 @@ fits best where `stiffened` and `coupled` are known to part (four-bar at 150 to 
 LEAST_DEFLECTION = 0.002
 """Deflection, as a share of a link's length, below which no resonance is looked for that would enlarge its worth."""
 LONGEST_SECOND = 10.0
-"""Time [s] that a run may have taken for another one to be solved only to find out what could be wrong with it."""
+"""Nominal seconds of a run up to which another one is solved only to find out what could be wrong with it."""
 FEWEST_STEPS = 10
 """Steps in a period of the lowest mode below which a run is said to be coarse."""
 LARGEST_BEND = 0.1
@@ -139,7 +140,7 @@ def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
     in_loops = len(model.scene.joints) > len(model.scene.bodies)
     if not in_loops or share < LEAST_DEFLECTION or model.options.dynamics not in ("dynamic", "quasistatic"):
         return []
-    if solution.outcome is not Outcome.COMPLETED or solution.seconds > LONGEST_SECOND:
+    if solution.outcome is not Outcome.COMPLETED or nominal_seconds(solution) > LONGEST_SECOND:
         return []
     from kaneflex.solve.simulation import solve
 
@@ -215,7 +216,7 @@ def _parted(solution: Solution) -> list[str]:
     said = _part_by(solution, "by the equations of motion and by the change of velocities", parts)
     added_up = options.steps * max((part.max() for part in parts.values()), default=0.0)
     seen = len(run.times) == options.steps + 1  # where not every step is stored, none is seen
-    if not said and (added_up > ADDED_UP or not seen) and solution.seconds < LONGEST_SECOND:
+    if not said and (added_up > ADDED_UP or not seen) and nominal_seconds(solution) < LONGEST_SECOND:
         halved = _apart(solution, _in_half_steps(solution))
         said = _part_by(solution, "in steps of this length and of half of it", halved)
     cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or take integrator radau")
@@ -367,7 +368,7 @@ def _left_ringing(solution: Solution) -> list[str]:
         return []
     highest = 2.0 * np.pi * max((mode.frequency_hz for mode in unresolved(solution)), default=0.0)
     rings = options.tolerance * length * highest**2 > LARGEST_PART * min(peaks)
-    if not rings or solution.seconds > LONGEST_SECOND:
+    if not rings or nominal_seconds(solution) > LONGEST_SECOND:
         return []
     from kaneflex.solve.simulation import solve
 

@@ -1,0 +1,108 @@
+"""The slow motion at the first instant, ``start = "quasistatic"``: one meaning for every preset.
+
+Displacements z(t) that stand still balance the loads and the inertia of the rigid motion at each instant. A run starts
+with their rates z', and deformed so that it has their accelerations z'': nothing vibrates. Without these the first
+accelerations, what is left of loads and stiffness, would be those of a small deformation let go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from kaneflex.multibody.model import Model
+from kaneflex.solve.quasistatic import answers
+
+_POINTS, _HALVINGS = 7, 25
+"""Instants of a span from which first rates are found, and how many spans, down to some 1e-7 of the run."""
+_CHORDS, _ROUNDING = 40, 1e-9
+"""Steps with one slope to a balance, and how long one may be, as a share of the measure of its coordinate, when it is
+rounding that no longer lets them shrink: second rates need all digits."""
+
+Answers = Callable[[np.ndarray], np.ndarray]
+"""Instants [s] -> z (n_times, n) that stands still in balance, not numbers where none is found."""
+
+
+def slow_start(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """z, v at the first instant, shapes (n,), of one-way equations.
+
+    The quasi-static answer with its rates, and its inertia and damping among the loads: K z = F - M z'' - C z'.
+    """
+    first = np.zeros(1)
+    row = model.scalars(first)[0]
+    inertia, damping, load = (model.system.dense(name, row) for name in "MCF")
+
+    def balanced(times: np.ndarray) -> np.ndarray:
+        z = np.full((len(times), len(load)), np.nan)
+        moving = np.isfinite(model.scalars(times)).all(axis=1)  # shared reactions are in no equation, and nan
+        z[moving] = answers(model, times[moving], model.motion.at(times[moving]).column_of(model.kept["F"]).T)
+        return z
+
+    v, a = first_rates(balanced, inertia, model.options.duration)
+    return answers(model, first, (load - inertia @ a - damping @ v)[None])[0], v
+
+
+def first_rates(balanced: Answers, inertia: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
+    """z', z'' at the first instant, shapes (n,), from instants of the run alone: its laws may begin there.
+
+    Those of the polynomial through Chebyshev's points of a span that begins there. Rounding grows with a short span,
+    and a long one reaches beyond what a polynomial follows: of spans from all of the run down, each half the one
+    before, taken is where halving changes the accelerations least, in the energy's measure.
+    """
+    order = np.arange(_POINTS)
+    points = -np.cos(np.pi * order / order[-1])
+    # of T_n at -1: (-1)^(n + 1) n^2 and (-1)^n (n^4 - n^2) / 3
+    slopes = -((-1.0) ** order) * np.array([order**2, (order**2 - order**4) / 3.0])
+    weights = slopes @ np.linalg.inv(np.polynomial.chebyshev.chebvander(points, order[-1]))
+    spans = duration * 0.5 ** np.arange(_HALVINGS)
+    times, places = np.unique(0.5 * spans[:, None] * (1.0 + points), return_inverse=True)
+    z = balanced(times)[places.reshape(len(spans), -1)]
+    known = np.isfinite(z).all(axis=(1, 2))
+    spans, z = spans[known], z[known]
+    v, a = np.einsum("dp,spn->dsn", weights, z)
+    v, a = 2.0 / spans[:, None] * v, (2.0 / spans[:, None]) ** 2 * a
+    changes = np.diff(a, axis=0)
+    taken = np.einsum("sn,nm,sm->s", changes, inertia, changes).argmin()
+    return v[taken], a[taken]
+
+
+def followed(
+    residual: Callable[[np.ndarray, np.ndarray], np.ndarray], z: np.ndarray, slope: np.ndarray, measure: np.ndarray
+) -> Answers:
+    """z (n,) in balance, followed from the first instant as far as steps with its slope (n, n) there lead.
+
+    ``residual``: instants and z (n_times, n) there -> what is left to balance, of the same shape.
+    """
+
+    def balanced(times: np.ndarray) -> np.ndarray:
+        out, here = np.full((len(times), len(z)), np.nan), z
+        for first in range(0, len(times), _POINTS):
+            rows = slice(first, first + _POINTS)
+            found = _chords(residual, times[rows], here, slope, measure)
+            if found is None:
+                break
+            out[rows], here = found, found[-1]
+        return out
+
+    return balanced
+
+
+def _chords(
+    residual: Callable[[np.ndarray, np.ndarray], np.ndarray], times: np.ndarray, near: np.ndarray, slope: np.ndarray,
+    measure: np.ndarray,
+) -> np.ndarray | None:  # fmt: skip
+    """z (n_times, n) in balance at instants, by Newton's method with one slope for all; None where it is not found."""
+    z, last = np.tile(near, (len(times), 1)), np.inf
+    for _ in range(_CHORDS):
+        try:
+            step = -np.linalg.solve(slope, residual(times, z).T).T
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return None
+        z, size = z + step, (abs(step) / measure).max(initial=0.0)
+        if last < _ROUNDING and size >= 0.5 * last:
+            return z
+        if not size < 2.0 * last:
+            return None
+        last = size
+    return None
