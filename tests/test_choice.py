@@ -374,7 +374,7 @@ def test_a_pruned_module_gives_the_same_without_the_dropped_terms(tmp_path, monk
 
 BLADE = """
 schema = 1
-bodies.blade = {length = 1, points = {third = [0.25, 0]}, beam = {material = "aluminium", A = 1e-4, I = 1e-9, elements = 4}}
+bodies.blade = {length = 1, points = {third = [0.25, 0]}, beam = {material = "aluminium", A = 1e-4, I = 1e-9}}
 joints.hub = {revolute = ["ground", "blade.start"]}
 drives.hub = {speed = "10 rad/s", cycle = "360 deg"}
 masses.rider = {at = "blade.mid", mass = 0.1}

@@ -334,6 +334,38 @@ def test_numbers_that_nothing_reads_are_said():
     assert model("engine", "solve.integrator=generalised-alpha", "solve.rho_infinity=0.5").warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("scene", "settings", "said"),
+    [
+        ("engine", ["quasistatic", "solve.modes=2", "solve.reduction=none"],
+         "solve.reduction = none keeps all modes: solve.modes = 2 is left out"),
+        ("engine", ["quasistatic", "solve.start=zero"],
+         "preset quasistatic has the slow motion at every instant: solve.start = zero is left out"),
+        ("engine", ["quasistatic", "solve.tolerance=1e-9"],
+         "solve.tolerance = 1e-09 is of preset coupled and integrator spectral alone: left out"),
+        ("spatial-slider-crank-elastic", ["quasistatic", "solve.tolerance=1e-9"],
+         "solve.tolerance = 1e-09 is of preset coupled and integrator spectral alone: left out"),
+        ("engine", ["linear", "solve.bounded=['speeds']"],
+         "solve.bounded = speeds is of preset coupled alone: left out"),
+        ("engine", ["paper"], "preset paper starts from rest: solve.start = periodic is left out"),
+        ("mathieu", ["rigid"], "nothing deforms: solve.reduction = modal is left out"),
+        ("double-pendulum", ["rigid", "solve.start=quasistatic", "solve.duration=1 ms"],
+         "under preset rigid free joints start as their drives say: solve.start = quasistatic is left out"),
+    ],
+    ids=lambda part: part[0] if isinstance(part, list) else "",
+)  # fmt: skip
+def test_settings_that_nothing_takes_up_are_said(scene, settings, said):
+    preset, *others = settings
+    assert said in model(scene, f"solve.preset={preset}", *others).warnings
+
+
+def test_settings_that_are_taken_up_are_no_warnings():
+    """Under quasistatic modes reduce, and the slow motion is both periodic and what a slow start asks for."""
+    for settings in (("solve.modes=2",), ("solve.start=quasistatic",), ("solve.start=periodic",)):
+        assert model("engine", "solve.preset=quasistatic", *settings).warnings == ()
+    assert model("engine", "solve.tolerance=1e-7").warnings == ()  # of spectral
+
+
 def test_all_modes_are_a_number_of_them_in_coupled_equations():
     """Which is said where all are asked for, and what is counted is what moves: a rod's five shapes."""
     coupled = ("engine", "solve.preset=coupled")

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray
+from runs import run
 
 import kaneflex
 from kaneflex.report.summary import (
@@ -30,7 +31,7 @@ from kaneflex.report.summary import (
     json_schema,
     summarise,
 )
-from kaneflex.report.tables import _sensor_row, run_lines
+from kaneflex.report.tables import _sensor_row, run_lines, sensor_cells
 from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.mode_angle_envelope import PeakSpread
 from kaneflex.solve.touching import ContactSummary, FrictionSummary
@@ -268,6 +269,27 @@ def test_the_drives_angle_lies_within_its_cycle(solution):
     endless = solution.model.scene.model_copy(update={"drives": {"main": drive.model_copy(update={"cycle": None})}})
     running = drive_degrees(replace(solution, model=replace(solution.model, scene=endless)))
     assert running[-1] == pytest.approx(730.0)
+
+
+SWINGS = ("drives.main.speed=none", "drives.main.cycle=none", "drives.main.period=0.01 s",
+          "drives.main.law='0.5 * sin(200 * pi * t)'")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings"),
+    [
+        ("engine", [*SWINGS, "solve.steps=36"]),
+        ("engine", ["solve.duration=0.03 s", "solve.steps=90", "solve.start=zero"]),  # one and a half cycles
+        ("robot-arm", ["solve.steps=20"]),  # three drives
+    ],
+)
+def test_an_angle_that_does_not_name_one_instant_gives_way_to_the_time(scene, settings):
+    solution = run(scene, "solve.preset=rigid", *settings)
+    assert drive_degrees(solution) is None
+    head, rows = sensor_cells(summary := summarise(solution))
+    assert head[3] == head[5] == "at s"
+    for (name, *cells), entry in zip(rows, summary.sensors.values(), strict=True):
+        assert float(cells[4]) == pytest.approx(entry.at_max.time_s, rel=1e-4), name
 
 
 def test_documentation_is_that_of_the_code():

@@ -13,8 +13,8 @@ from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import load
-from kaneflex.solve.slow_start import slow_start
 from kaneflex.solve.simulation import solve
+from kaneflex.solve.slow_start import slow_start
 from kaneflex.study.plan import file_places
 from kaneflex.support.errors import SceneError
 

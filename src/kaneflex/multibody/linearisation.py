@@ -113,7 +113,8 @@ def equilibrium(engine: Engine, t: float, rates: tuple[np.ndarray, np.ndarray] |
         engine.stand(here)
         return None
 
-    columns, measure = np.where(still, 0, 2 * len(x)) + np.arange(len(x)), engine.numbers(at.MEASURE, engine.size)[which]
+    columns = np.where(still, 0, 2 * len(x)) + np.arange(len(x))
+    measure = engine.numbers(at.MEASURE, engine.size)[which]
     try:
         demand = engine.demand(instant(x).row(engine.inputs)[None])[0]
     except ArithmeticError:

@@ -37,7 +37,8 @@ class Instant(PlainTable):
 
     time_s: float = Field(description="time, s")
     drive_deg: float | None = Field(
-        description="angle of the first drive that turns, degrees: within its cycle where it has one; null without"
+        description="angle of the only drive, degrees, within its cycle where it has one; null where that does not name "
+        "one instant: several drives, one that slides or swings, or more than a cycle"
     )
 
 
@@ -270,16 +271,23 @@ def _sensor(
 
 
 def drive_degrees(solution: Solution) -> np.ndarray | None:
-    """Angle of the first drive that turns in degrees, within its cycle where it has one; None where none does."""
-    for name, drive in solution.model.scene.drives.items():
-        if solution.model.scene.slides(name):
-            continue
-        degrees = np.degrees(solution.drive_angles[name])
-        if drive.cycle is None:
-            return degrees
-        # rounded before it is folded, or the end of a cycle could read 719.9999999 or 0
-        return np.mod(np.round(degrees, 9), round(math.degrees(drive.cycle), 9))
-    return None
+    """Angle of the drive in degrees, within its cycle where it has one; None where it does not name one instant.
+
+    It does where it is the only drive and turns in one direction, through one cycle at most.
+    """
+    scene = solution.model.scene
+    name, drive = next(iter(scene.drives.items()), ("", None))
+    if drive is None or len(scene.drives) > 1 or scene.slides(name):
+        return None
+    degrees = np.degrees(solution.drive_angles[name])
+    steps = np.diff(degrees)
+    if not ((steps > 0.0).all() or (steps < 0.0).all()):
+        return None
+    if drive.cycle is None:
+        return degrees
+    # rounded before it is folded, or the end of a cycle could read 719.9999999 or 0
+    cycle = round(math.degrees(drive.cycle), 9)
+    return np.mod(np.round(degrees, 9), cycle) if round(abs(steps.sum()), 6) <= cycle else None
 
 
 def _energy(solution: Solution) -> EnergyBalance | None:

@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from kaneflex.report.presentation import at_drive
+from kaneflex.response.sensors import OF_RIGID
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
@@ -171,6 +172,10 @@ def run_lines(summary: Summary) -> str:
     if summary.outcome != "completed" and not _is_whole(summary):
         steps = f"{summary.steps} steps asked for, {_reached(summary)}"
     solver = f"{summary.solver}\n" if summary.solver else ""
+    rigid = [name for name, entry in summary.sensors.items()
+             if entry.meaning.endswith(OF_RIGID) and f"{name}_rigid" in summary.sensors]  # fmt: skip
+    if rigid:
+        solver += f"{', '.join(rigid)} are those of the rigid mechanism: frozen equations balance at no other instant\n"
     return (
         f"{summary.scene}, preset {summary.preset}: {summary.degrees_of_freedom} degrees of freedom, "
         f"{summary.modes_kept} coordinates solved for, {steps}\n"

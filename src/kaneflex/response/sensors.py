@@ -35,6 +35,10 @@ class Read:
     values: Callable[[], np.ndarray]
 
 
+OF_RIGID = ", of the rigid mechanism"
+"""Ending of the meaning of what doesn't know of the deformation."""
+
+
 def reads(motion: Motion, only: Container[str] | None = None) -> Iterator[Read]:
     """Every sensor of the scene, and the rigid value of every force beside it as ``NAME_rigid``.
 
@@ -45,10 +49,10 @@ def reads(motion: Motion, only: Container[str] | None = None) -> Iterator[Read]:
         if only is not None and name not in only:
             continue
         meaning = reader.scene.meaning_of(sensor)
-        yield Read(name, sensor.unit, meaning, partial(reader.read, sensor))
+        reaction, frozen = sensor.kind in ("joint_force", *DRIVE_KINDS), motion.model.options.dynamics == "frozen"
+        yield Read(name, sensor.unit, meaning + OF_RIGID * (reaction and frozen), partial(reader.read, sensor))
         if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces and reader.is_rigid_known(sensor):
-            meaning = f"{meaning}, of the rigid mechanism"
-            yield Read(f"{name}_rigid", sensor.unit, meaning, partial(reader.read_rigid, sensor))
+            yield Read(f"{name}_rigid", sensor.unit, meaning + OF_RIGID, partial(reader.read_rigid, sensor))
 
 
 def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Series]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copyreg
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -289,6 +289,28 @@ def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
     return RigidKinematics(module, seed_loops(scene, module, parameters, duration))
 
 
+def _idle_settings(scene: Scene, options: Options) -> Iterator[str]:
+    """What ``solve`` asks for of start, reduction and precision that nothing takes up."""
+    solve, given, dynamics = scene.solve, scene.solve.model_fields_set, options.dynamics
+    slow = dynamics == "quasistatic" and "start" in given and (solve.start == "zero" or not options.cycles)
+    if slow and solve.start != "quasistatic":
+        yield f"preset {solve.preset} has the slow motion at every instant: solve.start = {solve.start} is left out"
+    if dynamics == "frozen" and solve.start != "zero":
+        yield f"preset {solve.preset} starts from rest: solve.start = {solve.start} is left out"
+    if dynamics == "rigid" and solve.start != "zero" and any(drive.free for drive in scene.drives.values()):
+        yield f"under preset rigid free joints start as their drives say: solve.start = {solve.start} is left out"
+    kept = options.reduction == "none" and dynamics != "coupled"
+    if kept and solve.reduction not in (None, "none"):
+        yield f"nothing deforms: solve.reduction = {solve.reduction} is left out"
+    if kept and solve.modes != "all":
+        why = "nothing deforms" if dynamics == "rigid" else "solve.reduction = none keeps all modes"
+        yield f"{why}: solve.modes = {solve.modes} is left out"
+    if solve.tolerance is not None and dynamics != "coupled" and options.integrator != "spectral":
+        yield f"solve.tolerance = {solve.tolerance:g} is of preset coupled and integrator spectral alone: left out"
+    if solve.bounded and dynamics != "coupled":
+        yield f"solve.bounded = {', '.join(solve.bounded)} is of preset coupled alone: left out"
+
+
 def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
     """What the scene asks for and its preset overrules."""
     found = []
@@ -297,6 +319,7 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
         found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, as preset rigid does")
     if solve.integrator is not None and not integrates:
         found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} is left out")
+    found += _idle_settings(scene, options)
     if solve.modes == "all" and "modes" in solve.model_fields_set and options.dynamics == "coupled":
         found.append(f"preset coupled takes {options.modes} modes of each link where solve.modes is all: give a number")
     if "rho_infinity" in solve.model_fields_set and options.integrator != "generalised-alpha":

@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _OF_A_STEP, _IN_SPACE, _OF_A_BAND = 2.5e-6, 1e-6, 5e-8
-"""Seconds on one core of a server of 2023, within a factor of three over 16 runs of shipped scenes: of a coupled step in
-the plane by each coordinate, of an evaluation in space by the square of the number of speeds (its mass matrix is dense),
-of a one-way step by what factorising a band takes, n (w + 1)^2."""
+"""Seconds on one core of a server of 2023, within a factor of three over 16 runs of shipped scenes: of a coupled step
+in the plane by each coordinate; of an evaluation in space by the square of the number of speeds, as its mass matrix is
+dense; of a one-way step by what factorising a band takes, n (w + 1)^2."""
 
 
 def nominal_seconds(solution: Solution) -> float:
