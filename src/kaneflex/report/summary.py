@@ -37,8 +37,8 @@ class Instant(PlainTable):
 
     time_s: float = Field(description="time, s")
     drive_deg: float | None = Field(
-        description="angle of the only drive, degrees, within its cycle where it has one; null where that does not name "
-        "one instant: several drives, one that slides or swings, or more than a cycle"
+        description="angle of the only drive, degrees, within its cycle where it has one; null where it does not name "
+        "one instant: with several drives, or one that slides, swings or turns through more than a cycle"
     )
 
 
