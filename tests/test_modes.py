@@ -84,6 +84,13 @@ def test_damping_of_a_place_where_the_drive_never_stands_is_named():
     assert said == "main never stands at solve.mode_angle = 0 deg: the modes that it is for are those of 53 deg"
 
 
+@pytest.mark.parametrize("preset", ["coupled", "quasistatic"])
+def test_nothing_is_said_of_a_place_whose_modes_the_run_does_not_use(preset):
+    """A trolley at 2 m got a warning of solve.mode_angle = 0, which coupled and quasistatic runs never read."""
+    damping = ("damping.rayleigh=none", "damping.modal={ratio=0.02}", "main.angle=53 deg")
+    assert model(*LOCKED, *damping, f"solve.preset={preset}").warnings == ()
+
+
 def test_the_place_is_named_by_every_drive():
     said = at_drive(model("two-link-arm", "solve.mode_angle=45 deg"))
     assert said.startswith("shoulder = 45 deg, elbow = ")

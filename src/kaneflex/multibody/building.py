@@ -145,8 +145,12 @@ def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, lik
 
 
 def of_an_instant(scene: Scene, options: Options) -> bool:
-    """Whether the equations hold modes of the reference configuration, by reduction, freezing or damping."""
-    return options.reduction == "modal" or (scene.damping is not None and scene.damping.kind == "modal")
+    """Whether the equations hold modes of the reference configuration, by reduction, freezing or damping.
+
+    Under preset coupled modal damping is that of each link's own modes.
+    """
+    damped = scene.damping is not None and scene.damping.kind == "modal" and options.damping
+    return options.reduction == "modal" or (damped and options.dynamics != "coupled")
 
 
 def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:
