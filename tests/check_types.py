@@ -12,10 +12,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 2,
-    "fem": 30,
+    "fem": 28,
     "integrate": 40,
     "mechanism": 26,
-    "multibody": 50,
+    "multibody": 49,
     "peers": 23,
     "plots": 39,
     "report": 6,

@@ -14,6 +14,7 @@ import numpy as np
 from kaneflex.fem.element_terms import chain, terms_of_elements
 from kaneflex.fem.shape_functions import shape_functions
 from kaneflex.mechanism.affine import Affine, Monomial, as_array, solve
+from kaneflex.mechanism.floating_frames import forced_points, mesh
 from kaneflex.scene import Scene
 
 _SAME = 1e-9
@@ -134,28 +135,6 @@ class Link:
     def at_nodes(self, coordinates: np.ndarray) -> np.ndarray:
         """Displacements and rotations of each node in turn, (dofs n_nodes, n_times), from the part's coordinates."""
         return coordinates[[row for rows in self.part.place.values() for row in rows]]
-
-
-def forced_points(scene: Scene, link: str) -> dict[str, float]:
-    """Points between a link's ends where joints, loads, springs or masses act: name -> distance from the start [m]."""
-    inner = sorted({a.point for a in scene.acting if a.body == link and a.point not in ("start", "end")})
-    return {point: scene.bodies[link].points_all[point][0] for point in inner}
-
-
-def mesh(scene: Scene, link: str, elements: int, also: Collection[float] = ()) -> np.ndarray:
-    """Nodes at the ends, at points with a force, between segments and at ``also`` [m], ``elements`` of nearly equal
-    length in all."""
-    length, borders = scene.bodies[link].length, scene.bodies[link].profile.borders
-    stops = _apart({0.0, length, *forced_points(scene, link).values(), *borders, *also}, length)
-    counts = [max(1, round(elements * (b - a) / length)) for a, b in pairwise(stops)]
-    spans = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(stops), counts, strict=True)]
-    return np.concatenate([*spans, [length]])
-
-
-def _apart(stops: Collection[float], length: float) -> list[float]:
-    """The stops in order; of those that are one, the first."""
-    ordered = sorted(stops)
-    return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
 
 
 def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:

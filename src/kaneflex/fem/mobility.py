@@ -294,7 +294,8 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
 
 def _mesh_of(scene: Scene, name: str, elements: int) -> Link:
     """A link with its nodes and coordinates alone: the matrices would need the derived element."""
-    from kaneflex.fem.links import Link, Part, mesh, node_coordinates
+    from kaneflex.fem.links import Link, Part, node_coordinates
+    from kaneflex.mechanism.floating_frames import mesh
 
     nodes = mesh(scene, name, elements)
     coordinates, place = node_coordinates(name, len(nodes), scene.bodies[name].beam.axially_rigid)

@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.fem.element_terms import chain, terms_of_elements
-from kaneflex.fem.links import Link, Part, forced_points, mesh, node_coordinates
+from kaneflex.fem.links import Link, Part, node_coordinates
 from kaneflex.fem.shape_functions import spatial_shape_functions
 from kaneflex.fem.spatial_bodies import at_point
 from kaneflex.mechanism.affine import Monomial
+from kaneflex.mechanism.floating_frames import forced_points, mesh
 from kaneflex.scene import Scene
 from kaneflex.scene.sections import SpatialSectionNumbers
 from kaneflex.support.spatial_contract import SPATIAL_NODE, spatial_beam_module

@@ -5,7 +5,11 @@ Both follow from where joints, loads and masses act, before any number of the be
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
 
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import prescribed_bodies
@@ -119,10 +123,50 @@ def frame_of(stations_of_link: list[Station]) -> Frame:
     return Frame("chord" if len(joined) > 1 else "mean", joined[0].x, joined[-1].x)
 
 
+def forced_points(scene: Scene, link: str) -> dict[str, float]:
+    """Points between a link's ends where joints, loads, springs or masses act: name -> distance from the start [m]."""
+    inner = sorted({a.point for a in scene.acting if a.body == link and a.point not in ("start", "end")})
+    return {point: scene.bodies[link].points_all[point][0] for point in inner}
+
+
+def mesh(scene: Scene, link: str, elements: int, also: Collection[float] = ()) -> np.ndarray:
+    """Nodes at the ends, at points with a force, between segments and at ``also`` [m], ``elements`` of nearly equal
+    length in all."""
+    length, borders = scene.bodies[link].length, scene.bodies[link].profile.borders
+    assert length is not None
+    stops = _apart({0.0, length, *forced_points(scene, link).values(), *borders, *also}, length)
+    counts = [max(1, round(elements * (b - a) / length)) for a, b in pairwise(stops)]
+    spans = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(stops), counts, strict=True)]
+    return np.concatenate([*spans, [length]])
+
+
+def _apart(stops: Collection[float], length: float) -> list[float]:
+    """The stops in order; of those that are one, the first."""
+    ordered = sorted(stops)
+    return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
+
+
+def most_modes(scene: Scene, name: str) -> int:
+    """Number of fixed-interface modes that a link's elements have."""
+    beam = scene.bodies[name].beam
+    assert beam is not None
+    return 2 * len(mesh(scene, name, beam.elements)) - 2 - _counts(scene, name, 0)[1]
+
+
+def link_modes(scene: Scene, name: str) -> int:
+    """Number of fixed-interface modes of a link in the coupled equations: the default is no more than its elements
+    have."""
+    asked, beam = modes_of(scene), scene.bodies[name].beam
+    assert beam is not None
+    if scene.solve.modes != "all" and "modes" in scene.solve.model_fields_set:
+        return asked
+    return min(asked, most_modes(scene, name) if beam.shapes == "craig-bampton" else beam.elements)
+
+
 def shape_counts(scene: Scene) -> dict[str, tuple[int, ...]]:
     """Elastic link -> its numbers of axial and of transverse shapes, and 1 where its start moves in its frame."""
     return {
-        name: _counts(scene, name, modes_of(scene)) if body.elastic else body.modal.counts
+        name: _counts(scene, name, link_modes(scene, name)) if body.elastic else body.modal.counts
         for name, body in scene.bodies.items()
         if body.elastic or body.modal is not None
     }

@@ -144,7 +144,8 @@ def list_acts(
     for spring in mechanism.springs.values():
         kind = at.STRAIGHT if spring.joint is None else at.TORSIONAL
         place = numbers.put([spring.stiffness, spring.damping, spring.free])
-        found.append((kind, *(index[key_of(side)] for side in spring.sides), -1, -1, place))
+        of_tree = 0 if spring.joint in taken else -1
+        found.append((kind, *(index[key_of(side)] for side in spring.sides), of_tree, -1, place))
     ends.append(len(found))
     for k, contact in enumerate(mechanism.contacts.values(), start=row):
         what, law = contacts.kind_of(contact), contacts.LAWS.index(contact.law)

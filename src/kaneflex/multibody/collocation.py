@@ -24,7 +24,7 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64
 
-from kaneflex.multibody import bending, contact_search, contacts, holds, sticking, yielding
+from kaneflex.multibody import bending, contact_search, contacts, holds, slopes, sticking, yielding
 from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
 from kaneflex.multibody.coefficients import TABLE, basis
 from kaneflex.multibody.loops import NEAR, close, follow, follow_on, mend, middle, project_now, worn
@@ -33,8 +33,9 @@ from kaneflex.multibody.rows import copy, give, row_size, works_at
 from kaneflex.multibody.tables import (
     ACCEL, ACCEL_SCALE, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
     DEMAND, DRIVES, ENTRY, FIRST, HOLDS, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, MODAL, N, NOW, OPTIONS,
-    PAIR_PIVOTS, PIVOTS, RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS,
-    STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING, apart, larger, smaller,
+    PAIR_PIVOTS, PIVOTS, RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SLOPED,
+    SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING,
+    apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
@@ -68,8 +69,11 @@ def _first_guess(m, table, h, length, here):
 
 
 @njit(**OPTIONS)
-def _factors(m, table, t, h, here, A, B):
-    """Factors where the step is half way: nowhere in it is the mass then far from theirs. False at a singular state."""
+def _factors(m, table, t, h, here, A, B, sloped):
+    """Factors where the step is half way: nowhere in it is the mass then far from theirs. False at a singular state.
+
+    ``sloped``: whether they are to know the slopes of loads and springs, see :mod:`kaneflex.multibody.slopes`.
+    """
     apart()
     plan, w = m.plan, m.w
     n = plan[COORDINATES]
@@ -79,10 +83,25 @@ def _factors(m, table, t, h, here, A, B):
     if not close(m, NEAR):
         return False
     yielding.let_yield(m, h, here)
+    m.pivots[SLOPED] = 0
+    if sloped:
+        slopes.find(m, t + 0.5 * h, h, here)
     middle(m)
-    if not factorise_closed(m, h * table.real[0], A, plan[PIVOTS]):
+    one, two = h * table.real[0], h * table.pair[0]
+    if not (factorise_closed(m, one, A, plan[PIVOTS]) and factorise_closed(m, two, B, plan[PAIR_PIVOTS])):
         return False
-    return factorise_closed(m, h * table.pair[0], B, plan[PAIR_PIVOTS])
+    if not sloped:
+        return True
+    found = slopes.factorise(m, one, A, plan[PIVOTS], plan[SLOPE_PIVOTS])
+    return found and slopes.factorise(m, two, B, plan[PAIR_PIVOTS], plan[SLOPE_PAIR_PIVOTS])
+
+
+@njit(**OPTIONS)
+def _slopes_needed(m, table, t, h, here, A, B):
+    """Which slopes of loads and springs Newton's iteration failed without, see ``slopes.matter``."""
+    if m.plan[LOADS] == m.plan[CONTACTS] or not _factors(m, table, t, h, here, A, B, True):
+        return 0.0
+    return slopes.matter(m, h * table.real[0], A)
 
 
 @njit(**OPTIONS)
@@ -135,6 +154,9 @@ def _improve(m, table, h, A, B):
     holds.ask(m, into, A, B)
     solve_closed(m, A, plan[PIVOTS])
     solve_closed(m, B, plan[PAIR_PIVOTS])
+    if m.pivots[SLOPED]:
+        slopes.correct(m, h * table.real[0], A, plan[SLOPE_PIVOTS])
+        slopes.correct(m, h * table.pair[0], B, plan[SLOPE_PAIR_PIVOTS])
     change = 0.0
     for i in range(3):
         one, two = table.out[i].real, 2.0 * table.out[3 + i]
@@ -221,8 +243,12 @@ def _error(m, table, h, here, A):
         A[answer + k] = -step * (w[plan[DAMPING] + k] + step * w[plan[STIFFNESS] + k]) * w[at + k]
     if m.pivots[YIELDING]:
         yielding.resist_defect(m, step, A, answer)
+    if m.pivots[SLOPED]:
+        slopes.resist_defect(m, step, shifted(w, at), A, answer)
     holds.want_nothing(m, A)
     solve_closed(m, A, plan[PIVOTS])
+    if m.pivots[SLOPED]:
+        slopes.correct(m, step, A, plan[SLOPE_PIVOTS])
     for b in range(plan[BODIES]):
         first = m.bodies[b, MODAL] if m.bodies[b, COURSE_OF] >= 0 else m.bodies[b, FIRST]
         for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
@@ -282,7 +308,8 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
     """Fill rows 1, 2, ... of a table at ``times`` [s], from ``here``; every one of them is the end of a step.
 
     control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
-    1 where the dependent coordinates are to stay].
+    1 where the dependent coordinates are to stay, which slopes of loads and springs the factors are to know (see
+    ``slopes.matter``)].
     here: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations, reactions of
     the cuts and holds, how contacts and holds stand, works: a row of the table. given: the ends [s] of the ``fixed``
     steps to take from there, with the ``times`` among them; none where the control of the error chooses them. Works are
@@ -321,8 +348,16 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             h = end - t  # of short steps not what was asked for, but for rounding
         _first_guess(m, table, h, length, here)
         counts[3] += 1
-        solved = _factors(m, table, t, h, here, A, B)
+        solved = _factors(m, table, t, h, here, A, B, control[7] != 0.0)
         if not (solved and _iterate(m, table, t, h, here, replayed, counts, A, B)):
+            needed = _slopes_needed(m, table, t, h, here, A, B) if control[7] < slopes.DAMPED else 0.0
+            if needed > control[7]:
+                control[7] = needed
+                counts[1] += 1
+                if needed == slopes.DAMPED and table.ends[0] == 0.0:
+                    status = PAUSED  # what is overdamped rings on in steps of Gauss, and dies away in Radau's
+                    break
+                continue
             if replayed:
                 status = NO_CONVERGENCE
                 break

@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody import collocation, impacts, rubbing
+from kaneflex.multibody import collocation, impacts, rubbing, slopes
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.coefficients import GAUSS, RADAU
 from kaneflex.multibody.dense_output import balance
@@ -114,7 +114,7 @@ class Run:
         self.ends: list[np.ndarray] = []
         system.compile()
         engine, size = self.engine, system.engine.size
-        self.counts, self.filled, self.length, self.patient = np.zeros(5), 0, 0.0, 0.0
+        self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
         self.scale = method.tolerance * np.where(engine.turns, 1.0, method.length)
         engine.numbers(at.SCALE, size)[:] = self.scale
         shared = engine.numbers(at.TOUCH, at.SHARED)
@@ -259,17 +259,18 @@ class Run:
 
     def _collocation(self, rows: slice, most: int) -> int:
         self._bound()
-        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient])
+        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped])
         given = self.given
         if len(given):
             given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
         ends = np.zeros(int(most) + 1)
+        table = TABLES["radau" if self.sloped == slopes.DAMPED else self.method.integrator]
         ended = self.engine.integrate(
-            TABLES[self.method.integrator], control, self.here, given, self.times[rows], self.rows[rows], self.counts,
-            ends,
-        )  # fmt: skip
+            table, control, self.here, given, self.times[rows], self.rows[rows], self.counts, ends
+        )
         self.ends.append(ends[: int(control[4])])
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
+        self.sloped = float(control[7])
         if self.touching:
             self.impacts += impacts.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0

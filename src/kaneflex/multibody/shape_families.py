@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Station, frame_of, modes_of, stations
+from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Station, frame_of, link_modes, stations
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -23,7 +23,7 @@ def check_family(scene: Scene, name: str, elements: int) -> None:
     beam, length = scene.bodies[name].beam, scene.bodies[name].length
     if beam.shapes == "craig-bampton":
         return
-    modes = modes_of(scene)
+    modes = link_modes(scene, name)
     if beam.theory == "timoshenko":
         reason, cure = "these functions have no shear, a Timoshenko beam has", "Take craig-bampton, or another theory"
     elif beam.shapes == "sine" and not _between_ends(stations(scene, name), length):

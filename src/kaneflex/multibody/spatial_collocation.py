@@ -6,9 +6,9 @@ are the unknowns of a simplified Newton iteration
     (M + h mu C + h^2 mu^2 K) x = M r        (Hairer & Wanner 1996, IV.8, for second-order equations)
 
 with r what the equations of motion give beyond them, M reduced by the partial velocities in the middle of the step and
-K, C those of shapes and springs: all that is stiff. The step follows the defect of the polynomial at its start, as a
-displacement. Where speeds are no rates of coordinates, as of a ball, and of what depends on others, the coordinates
-follow from their rates at the stages by the same quadrature.
+K, C those of shapes, springs and loads' laws: all that is stiff. The step follows the defect of the polynomial at its
+start, as a displacement. Where speeds are no rates of coordinates, as of a ball, and of what depends on others, the
+coordinates follow from their rates at the stages by the same quadrature.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def _iterate(m, choice, k, law, s, h):
                 turned = larger(turned, _turned(m, s, i, h))
                 powers(m, choice, k, s.C, s.powers[i])
             elif i == 1:
-                reduce(m, choice, k, s)
+                reduce(m, choice, k, law, s, s.t[0] + s.table.nodes[i] * h, h)
                 if not _factors(s, h):
                     return TOO_SMALL
         change = larger(_improve(choice, s, h), turned)

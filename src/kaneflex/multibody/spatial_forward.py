@@ -87,7 +87,8 @@ class Run(Curve):
     def _collocated(self, state: State) -> State:
         """The state where another choice of speeds is better than this one's, or at the end."""
         system, options, choice = self.system, self.options, state.choice
-        steps = steps_of(system.tables, choice, system.coordinates, options.tolerance * system.measure)
+        scale = options.tolerance * system.measure
+        steps = steps_of(system.tables, choice, system.coordinates, scale, len(state.sizes))
         times = options.duration / options.steps * np.arange(1, options.steps + 1)
         times[-1] = options.duration
         control = steps.control

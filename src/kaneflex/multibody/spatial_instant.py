@@ -7,14 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import intrinsic
-from numba.types import CPointer
 
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_dynamics import accelerations, close, tie
 from kaneflex.multibody.spatial_forces import deforming
 from kaneflex.multibody.spatial_kinematics import accelerate, goes, stands
-from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, apart, kernel
+from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, address, apart, kernel
 
 CLOSED = 1e-7
 """How far off rows may be that follow from others, in rad or sizes of the mechanism."""
@@ -72,21 +70,11 @@ class Laws(NamedTuple):
     steps: Any
 
 
-@intrinsic
-def _address(typing, array):
-    """Where an array's numbers begin."""
-
-    def read(context, builder, sig, args):
-        return context.make_array(sig.args[0])(context, builder, args[0]).data
-
-    return CPointer(array.dtype)(array), read
-
-
 @njit(**OPTIONS)
 def courses(law, t):
     """Coordinate, speed and acceleration of every prescribed drive."""
     apart()
-    kernel(_address(law.kernels), COURSES)(t, _address(law.p), _address(law.course), 0)
+    kernel(address(law.kernels), COURSES)(t, address(law.p), address(law.course), 0)
 
 
 @once
@@ -111,7 +99,7 @@ def project(m, choice, k, law, t):
     for i in range(len(law.told)):
         at, node = law.told[i, 0], law.told[i, 1]
         law.x[at], law.x[at + 1] = stands(m, node, k.q), goes(m, node, k.q, k.u)
-    kernel(_address(law.kernels), MAGNITUDES)(t, _address(law.x), 0, _address(law.p), _address(k.sizes), 0)
+    kernel(address(law.kernels), MAGNITUDES)(t, address(law.x), 0, address(law.p), address(k.sizes), 0)
     for i in range(len(k.sizes)):
         k.sizes[i] += law.added[i]
     if not accelerations(m, k, choice, k.u, k.du, k.sizes):

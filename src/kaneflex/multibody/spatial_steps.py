@@ -46,6 +46,8 @@ class Steps(NamedTuple):
     real, pair : ndarray (f f + f,)
         Factors and right-hand sides.
     pivots : ndarray (2 f,)
+    sizes : ndarray (n_loads,)
+        Sizes of the loads beside where it stands.
     """
 
     table: Table
@@ -71,10 +73,11 @@ class Steps(NamedTuple):
     real: np.ndarray
     pair: np.ndarray
     pivots: np.ndarray
+    sizes: np.ndarray
 
 
-def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray) -> Steps:
-    """Room for an integration with these errors allowed."""
+def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray, loads: int) -> Steps:
+    """Room for an integration with these errors allowed and so many loads."""
     s, f = len(scale), len(choice.independent)
     coordinate, (K, C) = np.full(s, -1), np.zeros((2, s, s))
     for row in m.nodes.tolist():
@@ -89,7 +92,7 @@ def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray) -> 
     real, pair = np.zeros(f * f + f), np.zeros(f * f + f, complex)
     return Steps(
         RADAU, control, t, q, u, du, works, scale, K, C, coordinate, A, D, powers, np.zeros(coordinates), r,
-        np.zeros(f), M, stiff, damped, real, pair, np.zeros(2 * f, np.int64),
+        np.zeros(f), M, stiff, damped, real, pair, np.zeros(2 * f, np.int64), np.zeros(loads),
     )  # fmt: skip
 
 

@@ -8,9 +8,24 @@ from numba import njit
 
 from kaneflex.multibody.spatial_bushings import POWER
 from kaneflex.multibody.spatial_dynamics import weigh
-from kaneflex.multibody.spatial_kinematics import along
+from kaneflex.multibody.spatial_kinematics import along, goes
+from kaneflex.multibody.spatial_tables import SPEED
 from kaneflex.multibody.spatial_vectors import less
-from kaneflex.multibody.tables import OPTIONS, apart
+from kaneflex.multibody.tables import MAGNITUDES, OPTIONS, address, apart, kernel
+
+_NUDGE = 1e-8
+"""Change of a coordinate for a difference quotient, in rad or sizes of the mechanism: the root of rounding errors."""
+
+
+@njit(**OPTIONS)
+def _against(m, k, first, second, out):
+    """Force and moment at k.x[84] on the second section, and against them on the first, along every speed."""
+    for n in range(len(out)):
+        out[n] = 0.0
+    along(m, k, first, k.x, 84, out)
+    for n in range(len(out)):
+        out[n] = -out[n]
+    along(m, k, second, k.x, 84, out)
 
 
 @njit(**OPTIONS)
@@ -18,12 +33,7 @@ def _opposed(m, choice, k, s, first, second, stiffness, damping):
     """Add a spring along a force and a moment at k.x[84] between two sections to the reduced matrices."""
     apart()
     f, B, g = len(choice.independent), choice.basis, choice.step
-    for n in range(len(g)):
-        g[n] = 0.0
-    along(m, k, first, k.x, 84, g)
-    for n in range(len(g)):
-        g[n] = -g[n]
-    along(m, k, second, k.x, 84, g)
+    _against(m, k, first, second, g)
     for e in range(f):
         s.defect[e] = 0.0
         for n in range(len(g)):
@@ -58,8 +68,57 @@ def _reduced(choice, full, out, room):
 
 
 @njit(**OPTIONS)
-def reduce(m, choice, k, s):
-    """M, K and C of the independent speeds where the mechanism was projected."""
+def _pulled(m, choice, k, s, share, node, by_speed):
+    """Add the derivative of a load by the coordinate or the speed of a joint to the reduced matrices.
+
+    ``share`` of a force and a moment along every speed is at choice.step.
+    """
+    apart()
+    f, B, out = len(choice.independent), choice.basis, s.damped if by_speed else s.stiff
+    for e in range(f):
+        s.defect[e] = 0.0
+        for n in range(B.shape[1]):
+            s.defect[e] -= share * B[e, n] * choice.step[n]
+    for n in range(f):
+        moved = goes(m, node, k.q, B[n])
+        for e in range(f):
+            out[e, n] += s.defect[e] * moved
+
+
+@njit(**OPTIONS)
+def _add_slopes(m, choice, k, law, s, t, h):
+    """Add derivatives of the loads' sizes by what their laws know of joints, as difference quotients, to the reduced
+    matrices of a step of h: else a light body against a law that damps it would bind the step."""
+    apart()
+    x, sizes = k.x, address(s.sizes)
+    for i in range(2 * len(law.told)):
+        node, by_speed = law.told[i // 2, 1], i % 2
+        at, nudge = law.told[i // 2, 0] + by_speed, _NUDGE * choice.measure[m.nodes[node, SPEED]]
+        before = law.x[at]
+        law.x[at] = before + (nudge / h if by_speed else nudge)
+        nudge = law.x[at] - before
+        kernel(address(law.kernels), MAGNITUDES)(t, address(law.x), 0, address(law.p), sizes, 0)
+        law.x[at] = before
+        for n in range(len(k.sizes)):
+            slope = (s.sizes[n] + law.added[n] - k.sizes[n]) / nudge
+            if slope == 0.0 or not abs(slope) < 1e300:
+                continue
+            for l in range(len(choice.step)):
+                choice.step[l] = 0.0
+            for l in range(len(m.forces)):
+                if m.forces[l, 2] == n:
+                    _unit(x, k.axes[m.forces[l, 1]], 0)
+                    along(m, k, m.forces[l, 0], x, 84, choice.step)
+            for l in range(len(m.torques)):
+                if m.torques[l, 3] == n:
+                    _unit(x, k.axes[m.torques[l, 2]], 3)
+                    _against(m, k, m.torques[l, 0], m.torques[l, 1], choice.step)
+            _pulled(m, choice, k, s, slope, node, by_speed)
+
+
+@njit(**OPTIONS)
+def reduce(m, choice, k, law, s, t, h):
+    """M, K and C of the independent speeds where the mechanism was projected at t, for a step of h."""
     apart()
     x = k.x
     _reduced(choice, k.M, s.M, choice.step)
@@ -81,6 +140,7 @@ def reduce(m, choice, k, s):
             _unit(x, k.axes[m.bushings[n, 2] + i % 3], 3 * (i // 3))
             stiffness, damping = m.cushions[n, i], m.cushions[n, 6 + i]
             _opposed(m, choice, k, s, m.bushings[n, 0], m.bushings[n, 1], stiffness, damping)
+    _add_slopes(m, choice, k, law, s, t, h)
 
 
 @njit(**OPTIONS)

@@ -219,13 +219,14 @@ class SpatialSystem:
     def _laws(self) -> Laws:
         """The module's kernels, with what they read; addresses are of this process alone."""
         reads = 3 * len(self.known_joints)  # coordinates and speeds, then accelerations
+        loads = len(self.mechanism.loads)
         kernels = [kernel_address(getattr(self.module, name), of) for name, of in STRUCTURE_KERNELS.items()]
         where = [[2 * self.known_joints.index(name), self.node(name)] for name in self.told_joints]
         return Laws(
             np.array(kernels), np.ascontiguousarray(self.parameters, float), self.driven_coordinates,
             np.array(where, int).reshape(-1, 2), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
-            np.zeros(len(self.mechanism.loads) + len(self.driven)),
-            steps_of(self.tables, self._no_choice, self.coordinates, self.measure),
+            np.zeros(loads + len(self.driven)),
+            steps_of(self.tables, self._no_choice, self.coordinates, self.measure, loads),
         )  # fmt: skip
 
     @cached_property

@@ -10,8 +10,8 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.links import Link, build_link, mesh
-from kaneflex.mechanism.floating_frames import frame_of, modes_of, shape_counts, stations
+from kaneflex.fem.links import Link, build_link
+from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes, shape_counts
 from kaneflex.mechanism.joints import coordinate, drive_reaction, reactions, residuals
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import Pose, pose_at
@@ -257,7 +257,7 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
 def _deforming(scene: Scene, module: ModuleType, names: Iterable[str]) -> tuple[dict[str, Link], dict[str, Shapes]]:
     """Links and shapes of beams."""
     links = _links(scene, module, names)
-    return links, {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
+    return links, {name: link_shapes(scene, link, link_modes(scene, name)) for name, link in links.items()}
 
 
 def _links(scene: Scene, module: ModuleType, names: Iterable[str]) -> dict[str, Link]:
@@ -276,7 +276,7 @@ def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> Coupl
     """The system of a scene that differs in numbers alone; ``frozen`` where its shapes keep the space they span."""
     links, shapes = _links(scene, system.module, system.links), {}
     for name, link in links.items():
-        found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, modes_of(scene))
+        found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, link_modes(scene, name))
         shapes[name] = alike(found, system.shapes[name], link.length)
     return _bound(scene, system.module, links, shapes)
 
@@ -293,21 +293,13 @@ def refined_system(system: CoupledSystem, scene: Scene) -> CoupledSystem:
 
 def check_modes(scene: Scene, name: str) -> None:
     """A link's elements must have the modes that the scene asks for, before equations with as many are derived."""
-    modes, limit = modes_of(scene), most_modes(scene, name)
+    modes, limit = link_modes(scene, name), most_modes(scene, name)
     check_family(scene, name, len(mesh(scene, name, scene.bodies[name].beam.elements)) - 1)
     if modes > limit:
         raise SceneError(
             "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
             "Ask for fewer modes, or give the link more elements",
         )  # fmt: skip
-
-
-def most_modes(scene: Scene, name: str) -> int:
-    """How many fixed-interface modes a link's elements have."""
-    nodes = len(mesh(scene, name, scene.bodies[name].beam.elements))
-    static = shape_counts(scene)[name][1] - modes_of(scene)
-    frame = frame_of(stations(scene, name)).kind
-    return 2 * nodes - (1 if frame == "mean" else 2) - (frame == "mean") - static
 
 
 def with_stretch(scene: Scene) -> Scene:

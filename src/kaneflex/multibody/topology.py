@@ -72,8 +72,7 @@ def build_tables(
     """
     order = _order(mechanism)
     index = {key: k for k, key in enumerate(_sections(mechanism, order))}
-    prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
-    numbers = Numbers()
+    prescribed, numbers = [name for name, drive in mechanism.drives.items() if not drive.free], Numbers()
     found = _build_bodies(mechanism, order, index, counts, kinds, blocks, numbers)
     bodies, sections, coordinates, hold, row, square, jacobian = found
     lent = lend(mechanism, order, index, bodies, numbers.parts, measure)
@@ -93,13 +92,15 @@ def build_tables(
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
-    rows = cut_rows + touching
+    rows, pulls = cut_rows + touching, int(ranges[5] - ranges[3])
     size = _in_turn(plan, 0, {
         at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (rows + 1) * n,
         at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows, at.WANTED: 2 * holds,
+        at.SLOPE_COLUMNS: (n + rows) * pulls, at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls,
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), cut_rows + rigid)
-    of_rows |= {at.TOUCHING: 3 * touching + 5 * holds, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}
+    of_rows |= {at.TOUCHING: 3 * touching + 5 * holds} | dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS), rows)
+    of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
     w = np.concatenate(numbers.parts)
     _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in index if owner == GROUND])
@@ -115,13 +116,14 @@ def _lengths(
     """How many numbers of the motion lie at each place of ``plan``, whose counts are known."""
     bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
     touching, loads = len(mechanism.contacts) + switches, len(mechanism.loads)
+    pulls = loads + len(mechanism.springs)
     rows = int(plan[at.CUT_ROWS]) + touching
     holds = int(plan[at.DRIVES] - plan[at.HOLDS])
     joints = len(mechanism.drives) + len(mechanism.observed)
     courses = sum(not drive.free for drive in mechanism.drives.values())
     return {
         at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * sections, at.LOCAL: at.SEC * sections,
-        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * rows,
+        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * (rows + 1),
         at.COURSE: 3 * courses, at.X: 3 * joints + switches, at.SIZE: loads + 2 * switches,
         at.INPUT: loads + courses,
         at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
@@ -132,6 +134,7 @@ def _lengths(
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
         at.STAGE_H: 3 * holds, at.CONTACT: at.CONTACT_SIZE * (holds + touching),
+        at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: loads + 2 * switches,
         at.TOUCH: at.SHARED + n * (touching + holds),
         at.COMPLEMENT: room_of(touching, holds) * bool(plan[at.RIGID]),
         at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + touching) * (touching > 0),

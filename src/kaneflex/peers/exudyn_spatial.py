@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaneflex.fem.links import mesh
 from kaneflex.fem.spatial_links import spatial_properties
+from kaneflex.mechanism.floating_frames import mesh
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of

@@ -329,7 +329,7 @@ def _with_static_share(found: Deformation) -> Deformation:
         for row, force in zip(rows, found.end_forces(e), strict=True):  # one by one: rows may be the same
             residual[row] += force
     kept = set(model.parts[link.name].coordinates)
-    inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept])
+    inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept], int)
     stiffness = link.part.matrices["K_s"].value({})[inner][:, inner]
     share = np.zeros_like(residual)
     share[inner] = solve(stiffness, residual[inner])

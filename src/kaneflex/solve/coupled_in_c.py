@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from kaneflex.generated import body
-from kaneflex.multibody import collocation, unfolding
+from kaneflex.multibody import collocation, slopes, unfolding
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.binding import prefix_in_c
 from kaneflex.multibody.c_text import constant, handed_structure
@@ -67,7 +67,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
         "enumerated": _enumerated(sizes, name.upper()), "steps": model.options.steps, "step": repr(model.step),
         "most": _STEPS, "longest": repr(run.longest), "free": sizes["FREE"], "Y": at.Y, "RATE": at.RATE,
         "ACCEL": at.ACCEL, "DONE": collocation.DONE, "PAUSED": collocation.PAUSED, "TURNED": collocation.TURNED,
-        "SINGULAR": collocation.SINGULAR,
+        "SINGULAR": collocation.SINGULAR, "integrator": run.method.integrator, "DAMPED": slopes.DAMPED,
     }  # fmt: skip
     return {
         f"{name}.h": _HEADER.format(**given),
@@ -172,7 +172,9 @@ def _data(run: Run, name: str) -> Iterator[str]:
     for key, found in names.items():
         yield array_in_c("char *const", f"{name}_{key}_names", map(c_literal, found))
     yield f"static const double {name}_first_step = {run.step!r};\n"
-    yield from _method(GAUSS if run.method.integrator == "gauss" else RADAU, name)
+    yield from _method(RADAU, f"{name}_radau")
+    if run.method.integrator == "gauss":
+        yield from _method(GAUSS, f"{name}_gauss")
 
 
 def _method(table: Table, name: str) -> Iterator[str]:
@@ -227,7 +229,7 @@ typedef struct {{
     int64_t plan[{NAME}_PLAN];
     double numbers[{NAME}_NUMBERS], real[{NAME}_REAL], pair[2 * {NAME}_PAIR];
     double row[{NAME}_ROW]; /* time [s] and the motion there */
-    double step, last_step, counts[5];
+    double step, last_step, sloped, counts[5];
 }} {name}_state;
 
 extern const char *const {name}_coordinate_names[];
@@ -315,11 +317,13 @@ int {name}_run({name}_state *state, double until)
     if (until <= state->row[0])
         return {NAME}_DONE;
     do {{
-        double control[7] = {{state->step, {longest}, {most}, 0.0, 0.0, state->last_step, 0.0}};
+        double control[8] = {{state->step, {longest}, {most}, 0.0, 0.0, state->last_step, 0.0, state->sloped}};
+        const table *method = state->sloped == {DAMPED} ? &{name}_radau_method : &{name}_{integrator}_method;
         status = {integrate}(
-            &m, &{name}_method, control, state->row, none, 0, times, 2, rows, state->counts, ends);
+            &m, method, control, state->row, none, 0, times, 2, rows, state->counts, ends);
         state->step = control[0];
         state->last_step = control[5];
+        state->sloped = control[7];
     }} while (status == {PAUSED});
     return (int)status;
 }}

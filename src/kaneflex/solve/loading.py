@@ -14,6 +14,7 @@ from kaneflex.fem.mobility import check_determined, check_held_twice
 from kaneflex.mechanism.closure import SWEEP, check_closure, stand
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
@@ -22,7 +23,7 @@ from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned
 from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
-from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
+from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options
 from kaneflex.scene.plausible import implausible
 from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
@@ -190,8 +191,18 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
         open_rows = undetermined(coupled, rigid_state(coupled, motion.at(0.0))[0])
         check_sensors(scene, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
-    model = replace(model, coupled=coupled, warnings=(*model.warnings, *implausible(scene), *ignored))
+    warnings = (*model.warnings, *implausible(scene), *ignored, *_all_modes(scene))
+    model = replace(model, coupled=coupled, warnings=warnings)
     return timed(model, started, derived, compiled)
+
+
+def _all_modes(scene: Scene) -> list[str]:
+    """A note for links whose elements have fewer modes than the default asks for."""
+    most, links = modes_of(scene), [name for name, body in scene.bodies.items() if body.elastic]
+    return [
+        f"{name} has {count} of the {most} modes of the default: all are taken; give it more elements for more"
+        for name, count in ((each, link_modes(scene, each)) for each in links) if count < most
+    ]  # fmt: skip
 
 
 def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from kaneflex.mechanism.floating_frames import modes_of
 from kaneflex.scene import Scene
-from kaneflex.scene.options import resolve_options, tolerance_of
+from kaneflex.scene.options import modes_of, resolve_options, tolerance_of
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
@@ -137,7 +136,9 @@ def _coupled_levels(scene: Scene) -> list[Variant]:
     levels = []
     for factor, added, tighter in _COUPLED_LEVELS:
         modes, tolerance = modes_of(scene) + added, tighter * tolerance_of(scene)
-        settings = ["solve.preset=coupled", f"solve.modes={modes}", f"solve.tolerance={tolerance!r}"]
+        settings = ["solve.preset=coupled", f"solve.tolerance={tolerance!r}"]
+        if added:  # the scene's own number may be more than a coarse link has, which its default allows for
+            settings.append(f"solve.modes={modes}")
         if factor > 1:  # the modes are those of the mesh; one of as many elements as modes has them in any case
             finer = {name: max(factor * count, modes) for name, count in elements_of(scene).items()}
             settings += [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]

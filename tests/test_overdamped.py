@@ -1,0 +1,112 @@
+"""Light bodies against dampers and laws that damp them: the steps follow the slow motion, whatever the mass."""
+
+import numpy as np
+import pytest
+
+from kaneflex.scene import with_settings
+from kaneflex.scene.read import scene_of
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import solve
+
+PLANE = """
+schema = 1
+[ground]
+far = [10, 0]
+[bodies]
+z = {mass = "1e-9 kg", inertia = "1e-9 kg m^2"}
+[joints]
+g = {%s}
+[drives]
+g = {free = true}
+[loads]
+f = {%s}
+%s
+[sensors]
+z = {position = "g", component = "%s"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 20
+errors = "none"
+"""
+SLIDE, TURN = 'prismatic = ["ground", "z"], direction = [1, 0]', 'revolute = ["ground", "z"]'
+SPRING = "[springs]\ns = {%s, stiffness = 1, damping = 1%s}"
+CASES = {
+    "law of a slide": (SLIDE, 'force_on = "z", direction = [1, 0], law = "sin(t) - g - g_speed"', "", "x"),
+    "law of a turn": (TURN, 'torque_at = "g", law = "sin(t) - g - g_speed"', "", "angle"),
+    "spring": (SLIDE, 'force_on = "z", direction = [1, 0], law = "sin(t)"',
+               SPRING % ('between = ["ground.far", "z"]', ", length = 10"), "x"),
+    "spring at a joint": (TURN, 'torque_at = "g", law = "sin(t)"', SPRING % ('torsional_at = "g"', ""), "angle"),
+}  # fmt: skip
+"""m z'' = sin t - z - z', the first one as ``shared/cases/overdamped_light_body.toml`` has it."""
+SPACE = """
+schema = 1
+[ground]
+far = [10, 0, 0]
+[bodies]
+rod = {length = "1 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 2}}
+z = {mass = "1e-9 kg", inertia = ["1e-9 kg m^2", "1e-9 kg m^2", "1e-9 kg m^2"]}
+[joints]
+wall = {weld = ["ground", "rod.start"]}
+g = {%s = ["ground", "z"], %s = [1, 0, 0]}
+[drives]
+g = {free = true}
+[loads]
+f = {%s}
+[sensors]
+z = {position = "g", component = "%s"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 20
+modes = 1
+errors = "none"
+"""
+MASSES = (1e-3, 1e-5, 1e-6, 1e-9)
+
+
+def closed_form(mass, t):
+    """z and z' from rest, by the two roots of m s^2 + s + 1, the small one without cancellation."""
+    a, b = np.linalg.solve([[1.0 - mass, -1.0], [1.0, 1.0 - mass]], [1.0, 0.0])
+    root = np.sqrt(1.0 - 4.0 * mass)
+    slow, fast = -2.0 / (1.0 + root), -(1.0 + root) / (2.0 * mass)
+    c, d = np.linalg.solve([[1.0, 1.0], [slow, fast]], [-b, -a])
+    slow_part, fast_part = c * np.exp(slow * t), d * np.exp(fast * t)
+    z = a * np.sin(t) + b * np.cos(t) + slow_part + fast_part
+    return z, a * np.cos(t) - b * np.sin(t) + slow * slow_part + fast * fast_part
+
+
+# Dampers at joints of the tree have always been in the factors: where gauss is asked for there, it stays.
+@pytest.mark.parametrize(
+    ("case", "integrator"), [*((case, "radau") for case in CASES), *((case, "gauss") for case in list(CASES)[:-1])]
+)
+def test_a_light_body_takes_the_steps_of_its_slow_motion(case, integrator):
+    """Each step is one of the 20 stored instants, but for the start of the heavier ones."""
+    scene, counts = scene_of(PLANE % CASES[case]), []
+    for mass in MASSES:
+        settings = [f"z.mass={mass!r} kg", f"z.inertia={mass!r} kg m^2", f"solve.integrator={integrator}"]
+        found = solve(load(with_settings(scene, settings)))
+        z, rate = closed_form(mass, found.times)
+        q, v = found.trajectory.q, found.trajectory.v
+        moved = abs(v).max(axis=0).argmax()
+        assert abs(q[:, moved] - z).max() < 1e-10
+        assert abs(v[:, moved] - rate).max() < 2e-9
+        if mass == 1e-9:
+            assert abs(v[:, moved] - np.sin(found.times) + q[:, moved])[1:].max() < 1e-9
+        counts.append(found.trajectory.steps + found.trajectory.rejected)
+    assert max(counts) < 40 and counts[-1] <= 21, counts
+
+
+@pytest.mark.parametrize(
+    ("joint", "along", "force", "component"),
+    [("prismatic", "direction", 'force_on = "z", direction = [1, 0, 0], law = "sin(t) - g - g_speed"', "x"),
+     ("revolute", "axis", 'torque_at = "g", law = "sin(t) - g - g_speed"', "angle")],
+)  # fmt: skip
+def test_a_light_body_in_space_takes_the_steps_of_its_slow_motion(joint, along, force, component):
+    scene = scene_of(SPACE % (joint, along, force, component))
+    for mass in (1e-3, 1e-9):
+        inertia = f"[{mass!r}, {mass!r}, {mass!r}]"
+        model = load(with_settings(scene, [f"z.mass={mass!r} kg", f"z.inertia={inertia}"]))
+        found = solve(model)
+        assert abs(found.series["z"].values - closed_form(mass, found.times)[0]).max() < 1e-10
+        assert len(model.motion.curve.knots) < 40
