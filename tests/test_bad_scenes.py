@@ -460,6 +460,18 @@ BAD = {
         'speed = "6000 rpm", cycle = "720 deg"', 'angle = "0.9 * sin(10*t)"',
         "drives.main.angle = '0.9 * sin(10*t)': this is one number. Write what changes with t as law, in rad or m, "
         "like law = '0.5*sin(t)'."),
+    "gear": (
+        'pin = {', 'mesh = {gear = ["main", "pin"], ratio = -2}\npin = {',
+        "joints.mesh.gear = ['main', 'pin']: unknown key: no key couples a joint with another one. {couple}\n"
+        "joints.mesh.ratio = -2: unknown key: no key couples a joint with another one. {couple}"),
+    "drive over another drive": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {table = "gas.csv", against = "bore"}',
+        "drives.main.against = 'bore': unknown key: a drive's table is over the time. {couple}"),
+    "planar bushing": (
+        "[damping]", "[springs.m]\nbushing = ['ground', 'rod']\nstiffness = [1, 1, 1]\n[damping]",
+        "springs.m.stiffness = [1, 1, 1]: a bushing has six, and only scenes in space have bushings. Write three along "
+        "x, y, z and three about them, like '20 kN/m', '12 N m/rad'. In a planar scene write springs between points "
+        "that are apart, along x and along y."),
     "address of three words": (
         'force_on = "piston"', 'force_on = "rod.end.x"',
         "loads.gas.force_on = 'rod.end.x': not an address. Write 'body', 'body.point' or 'ground'; any other point "
@@ -490,6 +502,12 @@ BAD = {
 }  # fmt: skip
 
 
+COUPLE = (
+    "Let the joints be free, and couple them by laws of torques and forces in their coordinates and speeds, as "
+    "'Brakes and belts' in docs/scene.md does."
+)
+
+
 def _read_changed(folder, old, new):
     text = ENGINE.read_text()
     assert text.count(old) >= 1, f"the engine's file no longer says {old!r}"
@@ -507,7 +525,7 @@ def test_bad_scene(case, tmp_path):
     old, new, message = BAD[case]
     with pytest.raises(SceneError) as caught:
         _read_changed(tmp_path, old, new)
-    assert str(caught.value) == message.replace("{folder}", str(tmp_path))
+    assert str(caught.value) == message.replace("{folder}", str(tmp_path)).replace("{couple}", COUPLE)
 
 
 @pytest.mark.parametrize(("change", "reason", "cure"), [

@@ -124,7 +124,13 @@ BAD = {
     ("check", "engine", "--set", "rod.length=30 mm"): ("can't close", "main = "),
     ("modes", "engine", "--at", "pin=0"): ("--at = 'pin=0'", "no drive 'pin'", "main"),
     ("modes", "engine", "--at", "90deg"): ("--at = '90deg'", "DRIVE=ANGLE"),
-    ("modes", "engine", "--at", "main=inf"): ("--at = 'main=inf'", "finite"),
+    ("modes", "engine", "--at", "main=inf"): ("--at = 'main=inf'", "not a number with a unit"),
+    ("modes", "engine", "--at", "main=1_0"): ("--at = 'main=1_0'", "unknown unit '_0'"),
+    ("modes", "engine", "--at", "main=\uff19"): ("--at", "not a number with a unit"),
+    ("modes", "engine", "--at", "main=1e400"): ("--at = 'main=1e400'", "not a finite number"),
+    ("run", "engine", "--set", "rod.length=\uff11\uff10 mm"): ("bodies.rod.length", "not a number with a unit"),
+    ("run", "engine", "--set", "rod.length=1_0 mm"): ("bodies.rod.length", "unknown unit '_0 mm'"),
+    ("run", "engine", "--set", "rod.I=7008 mm^\uff14"): ("bodies.rod.beam.I", "unknown unit"),
     ("modes", "engine", "--at", "main=5 mm"): ("--at = 'main=5 mm'", "angle"),
     ("modes", "engine", "--preset", "rigid"): ("nothing is elastic",),
     ("modes", "engine", "--count", "99"): ("count = 99", "12 degrees of freedom"),
@@ -136,6 +142,18 @@ BAD = {
 def test_bad_input_is_named_with_exit_code_2_and_nothing_is_written(arguments):
     refused(cli(*arguments), *BAD[arguments])
     assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize(("arguments", "told"), [
+    (("modes", "engine", "--count", "1_0"), "Invalid value for '--count': '1_0' is not a valid integer"),
+    (("modes", "engine", "--count", "\uff13"), "is not a valid integer"),
+    (("plot", "nowhere", "--seconds", "nan"), "Invalid value for '--seconds': 'nan' is not a finite number"),
+    (("import", "m", "k", "n", "-o", "x.npz", "--point", "start=s", "--damping", "nan"), "'nan' is not a finite"),
+    (("import", "m", "k", "n", "-o", "x.npz", "--point", "start=s", "--normal", "0", "inf", "1"), "'inf' is not a"),
+])  # fmt: skip
+def test_numbers_that_only_python_reads_are_refused(arguments, told):
+    result = cli(*arguments)
+    assert result.exit_code == 2 and told in result.stderr
 
 
 def test_every_problem_of_a_scene_file_is_told():

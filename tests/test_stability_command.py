@@ -57,8 +57,11 @@ def test_mathieus_scene_says_what_is_wrong_with_it(tmp_path):
     ("text", "low", "high"),
     [("0:12000rpm", 0.0, 400 * np.pi), ("600 rpm : 1200 rpm", 20 * np.pi, 40 * np.pi), ("10:20", 10.0, 20.0)],
 )
-def test_a_range_of_speeds(text, low, high):
+def test_a_range_of_speeds(text, low, high, capsys):
+    """A plain number is in rad/s, and that is said."""
     assert speed_range(read_scene("engine"), "main", text) == pytest.approx((low, high))
+    told = "--speed 10:20: a plain number is in rad/s, so 190.986 rpm\n"
+    assert capsys.readouterr().err == (told if text == "10:20" else "")
 
 
 @pytest.mark.parametrize(
@@ -81,7 +84,7 @@ def test_orders_meet_frequencies():
     assert found == {k: pytest.approx(2 * np.pi * 10.0 / k) for k in (1.0, 1.5, 3.0)}
 
 
-@pytest.mark.parametrize("text", ["", "1,,2", "0,1", "-1", "one", "nan", "inf"])
+@pytest.mark.parametrize("text", ["", "1,,2", "0,1", "-1", "one", "nan", "inf", "1_0", "\uff11"])
 def test_orders_that_are_none_are_refused(text):
     with pytest.raises(SceneError, match="not orders above zero"):
         orders_of(text)

@@ -22,6 +22,7 @@ from kaneflex.cli.exporting import export
 from kaneflex.cli.folders import Target, folder_options, moving_options, path_option, which_pictures
 from kaneflex.cli.importing import import_link
 from kaneflex.cli.mechanism import derive, equations, linearise, new, show
+from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import (
     INTERRUPTED,
     STOPPED_EARLY,
@@ -266,7 +267,7 @@ def plot(folder: Path, kinds: tuple[str, ...], **options: Any) -> None:
 @main.command()
 @scene_options()
 @at_option
-@click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
+@click.option("--count", type=Count(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
 @path_option(
     "--export", metavar="FOLDER", help="Instead, write each link's modal data under preset coupled to FOLDER/LINK.npz."

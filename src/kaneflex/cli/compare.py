@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
+from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.terminal import echo
 
@@ -28,8 +29,8 @@ COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences
     help="Presets to run, like linear,stiffened,coupled. [default: these three; with --with the scene's own]",
 )  # fmt: skip
 @click.option("--with", "peer", metavar="PROGRAM", help="Build and run SCENE in another program, too: exudyn.")
-@click.option("--peer-elements", type=click.IntRange(min=1), help="Its elements of each link. [default: twice SCENE's]")
-@click.option("--peer-steps", type=click.IntRange(min=1), help="Its steps. [default: four times SCENE's]")
+@click.option("--peer-elements", type=Count(min=1), help="Its elements of each link. [default: twice SCENE's]")
+@click.option("--peer-steps", type=Count(min=1), help="Its steps. [default: four times SCENE's]")
 @click.option(
     "--against", metavar="NAME",
     help="The one that the others are measured against. [default: the other program, else the last]",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from kaneflex.cli.number_types import Count, Real
 from kaneflex.support.atomic_output import refuse_existing
 from kaneflex.support.errors import OutputError
 from kaneflex.support.output_folders import file_stem, whole_folder, writing
@@ -83,9 +84,9 @@ which_pictures = together(
 )  # fmt: skip
 moving_options = together(
     click.option("--mp4", is_flag=True, help='Also write the animation as MP4; pip install "kaneflex[mp4]" brings it.'),
-    click.option("--frames", type=click.IntRange(min=2), metavar="N", help="Instants of a motion. [default: 60]"),
+    click.option("--frames", type=Count(min=2), metavar="N", help="Instants of a motion. [default: 60]"),
     click.option(
-        "--seconds", type=click.FloatRange(min=0.1, max=3600.0), metavar="S",
+        "--seconds", type=Real(min=0.1, max=3600.0), metavar="S",
         help="Length of the animation. [default: 12 instants in a second]",
     ),
 )  # fmt: skip

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli.folders import check_file, force_option, output_option
+from kaneflex.cli.number_types import Count, Real
 from kaneflex.cli.scene import gathered
 from kaneflex.support.errors import Fault, told
 from kaneflex.support.terminal import echo
+from kaneflex.support.units import plain_number
 
 if TYPE_CHECKING:
     from kaneflex.fem.foreign import Foreign
@@ -60,11 +62,11 @@ def _named(option: str, given: tuple[str, ...], example: str) -> dict[str, str]:
 
 
 def _number(section: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
+    number = plain_number(text)
+    if number is None:
         cure = "Write a number, like --section waist=68.5, in the unit of length of the files"
-        raise Fault(f"section {section} = {text!r} is no distance from the start", cure) from None
+        raise Fault(f"section {section} = {text!r} is no distance from the start", cure)
+    return number
 
 
 @click.command("import")
@@ -85,7 +87,7 @@ def _number(section: str, text: str) -> float:
     help="Matrix Market file of stresses by displacements, xx, yy, zz, xy, yz, zx a place, and a text file of the "
     "places' names.",
 )  # fmt: skip
-@click.option("--modes", type=click.IntRange(1, 50), default=4, show_default=True,
+@click.option("--modes", type=Count(1, 50), default=4, show_default=True,
               help="Modes with the points held: of bending, with --space of any kind.")  # fmt: skip
 @click.option(
     "--coupling", type=click.Choice(["rigid", "averaged"]), default="rigid", show_default=True,
@@ -93,11 +95,11 @@ def _number(section: str, text: str) -> float:
 )  # fmt: skip
 @click.option("--units", type=click.Choice(list(UNITS)), default="m-kg", show_default=True, help="Of the files.")
 @click.option(
-    "--normal", nargs=3, type=float, default=(0.0, 0.0, 1.0), show_default=True, metavar="X Y Z",
+    "--normal", nargs=3, type=Real(), default=(0.0, 0.0, 1.0), show_default=True, metavar="X Y Z",
     help="Of the plane of motion; with --space where the body's z axis points.",
 )  # fmt: skip
 @click.option("--space", is_flag=True, help="Of a body that moves in space: no mirror plane is needed.")
-@click.option("--damping", type=click.FloatRange(0.0, 1.0), default=0.0, help="Ratio of every shape's.")
+@click.option("--damping", type=Real(0.0, 1.0), default=0.0, help="Ratio of every shape's.")
 @output_option("FILE.npz", required=True)
 @force_option
 @gathered(elements=Elements)

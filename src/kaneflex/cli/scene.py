@@ -95,19 +95,20 @@ def read(name: str, settings: list[str]) -> Scene:
 
 def quantity(option: str, text: str, dimension: Dimension, whole: str | None = None) -> float:
     """What an option says in SI: a plain number is in SI, any other has a unit; ``text`` may be a part of the whole."""
-    from kaneflex.support.units import to_si
+    from kaneflex.support.units import plain_number, to_si
 
+    plain = plain_number(text)
     with told(option, whole or text):
-        found = to_si(_plain(text), dimension)
+        found = to_si(text if plain is None else plain, dimension)
     return found
 
 
-def _plain(text: str) -> float | str:
-    """A plain number, or the text that is none."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
+def say_plain(option: str, text: str, part: str, unit: str, read: str) -> None:
+    """Say how a part of an option was read, where it is a number without a unit."""
+    from kaneflex.support.units import plain_number
+
+    if plain_number(part):
+        echo(f"{option} {text}: a plain number is in {unit}, so {read}", err=True)
 
 
 def configuration(scene: Scene, at: str) -> tuple[str, float]:
@@ -121,9 +122,7 @@ def configuration(scene: Scene, at: str) -> tuple[str, float]:
         raise SceneError("--at", at, f"the scene has no drive {drive!r}", nearest(drive, scene.drives))
     dimension = LENGTH if scene.slides(drive) else ANGLE
     coordinate = quantity("--at", angle, dimension, at)
-    if coordinate and isinstance(_plain(angle), float):
-        read = scene.written_coordinate(drive, coordinate)
-        echo(f"--at {at}: a plain number is in {dimension.unit}, so {read}", err=True)
+    say_plain("--at", at, angle, dimension.unit, scene.written_coordinate(drive, coordinate))
     return drive, coordinate
 
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
-from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
+from kaneflex.cli.number_types import Count
+from kaneflex.cli.scene import SceneArguments, gathered, quantity, say_plain, scene_options
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
 
@@ -30,7 +31,7 @@ STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds
     "--speed", metavar="LOW:HIGH",
     help="Speeds of the first drive to go through, like 0:12000rpm; plain numbers are SI.",
 )  # fmt: skip
-@click.option("--points", type=click.IntRange(min=2), default=41, show_default=True, help="How many speeds.")
+@click.option("--points", type=Count(min=2), default=41, show_default=True, help="How many speeds.")
 @click.option(
     "--orders", metavar="LIST", default="1,2,3,4,5,6", show_default=True,
     help="Multiples of the drive's turns in Campbell's diagram, like 0.5,1,1.5.",
@@ -59,11 +60,10 @@ def stability(asked: SceneArguments, target: Target, speed: str | None, points: 
 
 def orders_of(text: str) -> tuple[float, ...]:
     """Numbers above zero, commas between them, rising and each once. Raises SceneError for anything else."""
-    try:
-        found = sorted({float(part) for part in text.split(",")})
-    except ValueError:
-        found = []
-    if not found or not all(0.0 < order < LARGEST_ORDER for order in found):
+    from kaneflex.support.units import plain_number
+
+    found = sorted({plain_number(part) or 0.0 for part in text.split(",")})
+    if not all(0.0 < order < LARGEST_ORDER for order in found):
         raise SceneError("--orders", text, "not orders above zero", "Write like 0.5,1,2")
     return tuple(found)
 
@@ -76,8 +76,8 @@ def speed_range(scene: Scene, drive: str, text: str) -> tuple[float, float]:
     from kaneflex.support.units import ANGULAR_SPEED, SPEED
 
     low, colon, high = (part.strip() for part in text.partition(":"))
-    unit = re.search(r"[^\d.eE+\-\s].*$", high)
-    if unit is not None and re.search(r"[^\d.eE+\-\s]", low) is None:
+    unit = re.search(r"[^0-9.eE+\-\s].*$", high)
+    if unit is not None and re.search(r"[^0-9.eE+\-\s]", low) is None:
         low = f"{low} {unit[0]}"
     cure = "Write like 0:12000rpm"
     if not colon:
@@ -86,6 +86,7 @@ def speed_range(scene: Scene, drive: str, text: str) -> tuple[float, float]:
     ends = [quantity("--speed", part, dimension, text) for part in (low, high)]
     if not 0.0 <= ends[0] < ends[1]:
         raise SceneError("--speed", text, "not two rising speeds from zero on", cure)
+    say_plain("--speed", text, high, dimension.unit, scene.written_speed(drive, ends[1]))
     return ends[0], ends[1]
 
 

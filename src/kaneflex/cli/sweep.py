@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli.folders import output_option
+from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
@@ -26,7 +27,7 @@ _QUIET = 2.0
 @click.command()
 @click.argument("study", metavar="STUDY.toml", type=click.Path(path_type=Path))
 @output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
-@click.option("--workers", type=click.IntRange(min=1), help="Solve in so many processes of this machine.")
+@click.option("--workers", type=Count(min=1), help="Solve in so many processes of this machine.")
 @click.option(
     "--scheduler", metavar="ADDRESS",
     help='Solve on the workers of a Dask scheduler, like tcp://host:8786. Comes with pip install "kaneflex[cluster]".',

@@ -15,6 +15,7 @@ from kaneflex.fem.foreign import ALIKE, OPPOSITE, TURNS, Foreign, Projected
 from kaneflex.fem.matrices import read_lines, read_matrix, read_table
 from kaneflex.fem.modal_files import Modes, has_modes, read_modes
 from kaneflex.support.errors import Fault
+from kaneflex.support.units import plain_number
 
 _NONE = 1e-9
 """Share of its entries that a mass adds up to at least."""
@@ -178,10 +179,10 @@ def _input_nodes(path: str) -> np.ndarray:
             raise Fault(f"{path} moves an instance by {line.strip()}", "Write it without parts and assemblies")
         elif line.strip() and keyword == "NODE":
             words = [word.strip() or "0" for word in line.split(",")]
-            try:
-                rows.append([float(word) for word in [*words, "0", "0", "0"][:4]])
-            except ValueError:
-                raise Fault(f"{path}: {line.strip()} is no node", "Give its number, then its coordinates") from None
+            row = [number for word in [*words, "0", "0", "0"][:4] if (number := plain_number(word)) is not None]
+            if len(row) < 4:
+                raise Fault(f"{path}: {line.strip()} is no node", "Give its number, then its coordinates")
+            rows.append(row)
     if not rows:
         raise Fault(f"{path} has no nodes below *NODE", "Give an input of Abaqus or CalculiX, or a text file of nodes")
     return np.array(rows)

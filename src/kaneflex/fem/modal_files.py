@@ -89,7 +89,7 @@ def _mbdyn(path: str) -> Modes:
     group = 0
     for line in Path(path).read_text(encoding="utf-8", errors="replace").splitlines():
         head = line.partition(",")[0].split()
-        if head[:3] == ["**", "RECORD", "GROUP"] and head[3:4] and head[3].isdigit():
+        if head[:3] == ["**", "RECORD", "GROUP"] and head[3:4] and head[3].isdecimal():
             group = int(head[3])
             groups[group] = []
         elif group and line.strip() and not line.lstrip().startswith("**"):

@@ -239,6 +239,20 @@ def _place_of(path: list[str], model: type[BaseModel]) -> str | None:
     return f"It belongs to {'.'.join(fitting[0])}" if fitting else None
 
 
+_COUPLINGS = {"gear", "worm", "rack", "screw", "belt", "chain", "cam", "differential", "ratio", "pitch", "lead"}
+"""Words for what ties one joint to another, which there is no key for."""
+
+
+def _coupling(path: list[str]) -> tuple[str, str] | None:
+    """Reason and cure of a key that would couple joints, which only laws of loads do."""
+    table, key = path[0], path[-1]
+    if len(path) != 3 or not ((table == "joints" and key in _COUPLINGS) or (table == "drives" and key == "against")):
+        return None
+    what = "no key couples a joint with another one" if table == "joints" else "a drive's table is over the time"
+    cure = "Let the joints be free, and couple them by laws of torques and forces in their coordinates and speeds"
+    return f"unknown key: {what}", f"{cure}, as 'Brakes and belts' in docs/scene.md does"
+
+
 def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel] = Scene) -> Problem:
     """pydantic's description of one error in a file of such a `model` in our terms."""
     path = [str(part) for part in error["loc"]]
@@ -247,7 +261,9 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
         path += fault.below.split(".") if fault.below else []
         reason, cure = fault.reason, fault.cure
     elif error["type"] == "extra_forbidden":
-        reason, cure = "unknown key", _place_of(path, model) or nearest(path[-1], known_keys(path[:-1], model))
+        reason, cure = _coupling(path) or (
+            "unknown key", _place_of(path, model) or nearest(path[-1], known_keys(path[:-1], model))
+        )  # fmt: skip
     elif error["type"] == "missing":
         reason, cure = "missing", f"Give {path[-1]}"
     elif error["type"] == "literal_error":

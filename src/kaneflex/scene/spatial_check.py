@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value, given_vectors
 from kaneflex.scene.sensors import Sensor
+from kaneflex.scene.springs import IN_THE_PLANE
 from kaneflex.support.errors import Fault, Problem, SceneError
 
 _SENSORS = (
@@ -71,8 +72,7 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
     for table, field, reason, right in (
         ("joints", "axis", "planar joints turn across the plane", cure),
         ("joints", "axes", "planar joints turn across the plane", cure),
-        ("springs", "bushing", "only scenes in space have bushings",
-         "Write springs between points and torsional_at a joint"),
+        ("springs", "bushing", "only scenes in space have bushings", IN_THE_PLANE),
         ("drives", "angular_velocity", "a planar joint has one", "Give initial_speed"),
         ("drives", "initial_speeds", "a planar joint has one", "Give initial_speed"),
         ("sensors", "torsional_moment", "planar beams don't twist", "Leave it out"),

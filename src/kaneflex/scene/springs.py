@@ -20,6 +20,9 @@ DampingConstant = Annotated[
     Any, WithJsonSchema({"type": _TYPES, "description": "a damping, N s/m or N m s/rad; of a bushing three of each"})
 ]
 
+IN_THE_PLANE = "In a planar scene write springs between points that are apart, along x and along y"
+"""How planar scenes do without bushings."""
+
 
 class Spring(SceneTable):
     """A linear spring with a linear damper beside it: `stiffness` (N/m) and `damping` (N s/m) along the line
@@ -46,7 +49,7 @@ class Spring(SceneTable):
         if info.data.get("bushing"):
             if not isinstance(value, (list, tuple)) or len(value) != 6:
                 cure = f"Write three along x, y, z and three about them, like '{linear.example}', '{torsional.example}'"
-                raise Fault("a bushing has six", cure)
+                raise Fault("a bushing has six, and only scenes in space have bushings", f"{cure}. {IN_THE_PLANE}")
             return tuple(_positive(each, linear if k < 3 else torsional) for k, each in enumerate(value))
         return _positive(value, torsional if info.data.get("torsional_at") else linear)
 

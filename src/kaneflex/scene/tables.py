@@ -10,8 +10,6 @@ with y = c0 + d (c1 + d (c2 + d c3)), d = x - x_i, and a period of 0 where the t
 from __future__ import annotations
 
 import csv
-import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -24,7 +22,7 @@ from kaneflex.scene.headings import unit_of_column
 from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation, cubics_through
 from kaneflex.support.reading import read_text
-from kaneflex.support.units import ANGLE, FORCE, LARGEST, NUMBER, TIME, Dimension, scaled
+from kaneflex.support.units import ANGLE, FORCE, LARGEST, TIME, Dimension, plain_number, scaled
 
 _ASSUMED = {ANGLE: "deg", TIME: "s"}
 """Units of abscissae whose heading says none."""
@@ -228,7 +226,7 @@ def _read(
 
 def _place(file: str, header: list[str], column: str | None) -> int:
     """Number of the column of ordinates, by default the second one."""
-    if _number(header[0]) is not None:
+    if plain_number(header[0]) is not None:
         raise Fault(f"{file} has no header line", "Name the columns in its first line", below="table")
     if len(header) < 2:
         raise Fault(f"{file} has one column", "Give two columns separated by commas", below="table")
@@ -269,15 +267,11 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
 
 def _cell(path: Path, line: int, row: list[str], column: int) -> float:
     text = row[column].strip() if column < len(row) else ""
-    number = _number(text)
-    if number is None or not math.isfinite(number):
+    number = plain_number(text)
+    if number is None:
         reason = f"{path.name}, line {line}: {text[:40]!r} is not a finite number"
         raise Fault(reason, "Correct or remove that line", below="table")
     if abs(number) > LARGEST:
         reason = f"{path.name}, line {line}: {number:g} is beyond {LARGEST:g}"
         raise Fault(reason, "Correct or remove that line", below="table")
     return number
-
-
-def _number(text: str) -> float | None:
-    return float(text) if re.fullmatch(NUMBER, text) else None

@@ -22,9 +22,9 @@ LARGEST = 1e60
 _LONGEST = 200
 """Characters of a number with its unit at most."""
 _UNIT_TEXT = re.compile(r"[\w%°^*/().·\s-]+\Z")
-_UNIT_NUMBER = re.compile(r"(?P<power>(?:\^|\*\*)\s*-?\s*)?(?<![\w.])(?P<digits>\d[\w.]*)")
+_UNIT_NUMBER = re.compile(r"(?P<power>(?:\^|\*\*)\s*-?\s*)?(?<![\w.])(?P<digits>[0-9][\w.]*)")
 """A number in a unit: an exponent, or the 1 of "1/s"."""
-_POWER_OF_POWER = re.compile(r"(\^|\*\*)[\s\d.-]*(\^|\*\*)")
+_POWER_OF_POWER = re.compile(r"(\^|\*\*)[\s0-9.-]*(\^|\*\*)")
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,8 @@ def to_si(value: object, dimension: Dimension) -> float:
         match = NUMBER_WITH_UNIT.match(value) if len(value) <= _LONGEST else None
         if match is None:
             raise Fault(f"not a number with a unit; {dimension.name} is wanted", _how_to_write(dimension))
+        if math.isinf(float(match[1])):
+            raise Fault("not a finite number", _how_to_write(dimension))
         number = scaled(float(match[1]), match[2], dimension)
     else:
         number = _as_float(value)
@@ -99,6 +101,12 @@ def to_si(value: object, dimension: Dimension) -> float:
         reason = f"outside {1 / LARGEST:g} to {LARGEST:g}, where products of a few numbers leave double precision"
         raise Fault(reason, _how_to_write(dimension))
     return number
+
+
+def plain_number(text: str) -> float | None:
+    """The finite number that a text holds without a unit; None for any other text."""
+    number = float(text) if re.fullmatch(NUMBER, text.strip()) else math.inf
+    return number if math.isfinite(number) else None
 
 
 def _as_float(number: float) -> float:
