@@ -195,3 +195,31 @@ def test_more_modes_than_coordinates_are_refused():
     K, M = banded_problem(6)
     with pytest.raises(ValueError, match="7 modes of 6"):
         lowest_modes(K, M, 7)
+
+
+def test_modal_damping_depends_on_the_coordinates_away_from_its_angle():
+    """Of the engine's full mesh and all its Craig-Bampton modes, T z of the reduced coordinates at an instant.
+
+    M, K and Rayleigh's C are the same by both at all instants, modal damping's C at its own angle alone.
+    """
+    for damping, least in (("damping.modal={ratio=0.02}", 1e-4), ("damping.rayleigh.ratio=0.02", 0.0)):
+        given = ("solve.preset=linear", *(["damping.rayleigh=none"] if least else []), damping)
+        full, reduced = (model("engine", *given, f"solve.reduction={kind}", *modes)
+                         for kind, modes in (("none", ()), ("craig-bampton", ("solve.modes=11",))))  # fmt: skip
+        assert full.equations.size == reduced.equations.size
+        for t, same in ((full.reference_time, True), (3e-3, False)):
+            here = {name: float(values[0]) for name, values in scalars(full, t).items()}
+            L, reduced_L = (of.frame.maps["rod"].at(here).toarray() for of in (full, reduced))
+            T = np.linalg.solve(L.T @ L, L.T @ reduced.bases["rod"] @ reduced_L)
+            apart = {}
+            for name in ("M", "K_s", "C_s"):
+                by_mesh, by_modes = (getattr(of.equations, name).at(here).toarray() for of in (full, reduced))
+                apart[name] = abs(T.T @ by_mesh @ T - by_modes).max() / abs(by_modes).max()
+            assert apart["M"] < 1e-12 and apart["K_s"] < 1e-12
+            assert apart["C_s"] < 1e-12 if same or not least else least < apart["C_s"] < 1e-2
+
+
+def scalars(of, t):
+    """Scalars of a model's rigid motion at an instant."""
+    rigid = of.motion.at(np.array([t]))
+    return {name: rigid[name] for name in of.motion.column}

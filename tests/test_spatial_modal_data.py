@@ -88,6 +88,29 @@ def test_data_fed_back_give_the_same_motion(tmp_path, how):
         assert abs(here[name].values - series.values).max() <= 2e-5 * abs(series.values).max(), name
 
 
+@pytest.mark.parametrize(("elements", "moment", "shear"), [(4, (8e-3, 2.5e-2), 0.12), (16, (0.0, 5e-3), 5e-2)])
+def test_section_forces_of_data_are_as_good_as_the_mesh(tmp_path, elements, moment, shear):
+    """Beside the beam's own, by balance; more modes with few elements change little."""
+    kinds = [(kind, component) for kind in ("bending_moment", "shear_force") for component in "yz"]
+    more = [f'{kind}_{c}_{at} = {{{kind} = "rod.{at}", component = "{c}"}}'
+            for kind, c in kinds for at in ("start", "mid")]  # fmt: skip
+    finer = BEAM.replace("elements = 4", f"elements = {elements}")
+    beam = written(tmp_path, finer, more="\n".join(more))
+    beam.write_text(beam.read_text().replace("[solve]", "[solve]\nmodes = 4"))
+    assert cli("modes", str(beam), "--export", str(tmp_path / "data")).exit_code == 0
+    data = written(tmp_path, DATA, more="\n".join(more))
+    there, here = (solved(read_scene(path)).series for path in (beam, data))
+    worst = dict.fromkeys(kinds, 0.0)
+    for kind, c in kinds:
+        names = [f"{kind}_{c}_{at}" for at in ("start", "mid")]
+        largest = max(abs(there[name].values).max() for name in names)
+        worst[kind, c] = max(abs(here[name].values - there[name].values).max() for name in names) / largest
+    least, most = moment
+    for c in "yz":
+        assert least < worst["bending_moment", c] < most, c
+        assert worst["shear_force", c] < shear, c
+
+
 def test_data_fed_back_have_the_same_poles(exported):
     beam, data = (read_scene(path) for path in (exported / "beam.toml", written(exported, DATA)))
     there, here = (kaneflex.linearise(kaneflex.load(scene), t=0.02).poles for scene in (beam, data))
