@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, nearest
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ def kinds_of(text: str) -> tuple[str, ...]:
     return known if _ALL in names else names
 
 
+@takes(solution="solution", folder="path", progress="function", frames="whole", seconds="number", kinds="text")
 def draw_all(
     solution: Solution, folder: Path | str, progress: Progress | None = None, frames: int | None = None,
     seconds: float | None = None, mp4: bool = False, kinds: str = _ALL,
@@ -128,6 +130,7 @@ def draw(kind: str, found: object, folder: Path) -> list[Path]:
         return save(import_module(f"kaneflex.plots.{kind}").figure(found), folder / kind)
 
 
+@takes(solution="solution")
 def figures(solution: Solution) -> dict[str, Figure]:
     """Every still picture of a solution as a matplotlib Figure, by name, for a notebook or another page."""
     from kaneflex.plots.style import styled
@@ -137,6 +140,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     return {name: figure for pictures in made for name, figure in pictures.items()}
 
 
+@takes(scene="scene", at="places")
 def show(scene: Scene, at: Mapping[str, float] | None = None) -> Figure:
     """The drawing of a scene with its bodies, joints, drives, loads and sensors; nothing is solved for it.
 

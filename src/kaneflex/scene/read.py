@@ -16,6 +16,7 @@ from kaneflex.scene.fields import known_keys
 from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.settings import nested
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
 from kaneflex.support.escaping import visible
 from kaneflex.support.reading import beside, is_file, read_text
@@ -38,12 +39,14 @@ def descriptions() -> dict[str, str]:
     return {name: _read_raw(path, ()).get("description", "") for name, path in shipped_scenes().items()}
 
 
+@takes(name_or_path="path")
 def read_scene(name_or_path: str | Path) -> Scene:
     """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
     path = located(name_or_path, Path.cwd(), "scene")
     return _validated(_read_raw(path, ()), path.stem if path.parent == _SHIPPED else path.name)
 
 
+@takes(given="tables", folder="path")
 def scene_of(given: Mapping[str, Any] | str, folder: str | Path = ".") -> Scene:
     """The scene of tables, or of a text in TOML: what a file would hold, with the same checks and the same errors.
 
@@ -63,15 +66,14 @@ def scene_of(given: Mapping[str, Any] | str, folder: str | Path = ".") -> Scene:
     """
     if isinstance(given, str):
         raw = _parsed(given, "text")
-    elif isinstance(given, Mapping):
+    else:
         raw = _plain(given)
         _demand_shallow(raw, "tables")
-    else:
-        raise TypeError(f"scene_of takes tables or a text, not {type(given).__name__}")
     raw = _whole(raw, "scene", Path(folder).resolve(), ())
     return _validated(raw, str(raw["name"]))
 
 
+@takes(scene="scene", settings="settings")
 def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     """The scene with "path=value" settings, validated anew.
 

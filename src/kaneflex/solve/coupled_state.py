@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, SceneError
 from kaneflex.support.labelled import read_dataset
 
@@ -83,6 +84,7 @@ def last_state(solution: Solution) -> State:
     return State(repr(solution), float(trajectory.times[-1]), names, trajectory.q[-1], trajectory.v[-1])
 
 
+@takes(path="path")
 def read_state(path: Path | str) -> State:
     """The last state of a run, from its folder or its ``results.nc``.
 

@@ -29,6 +29,7 @@ from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import check_memory
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import share_of
 
@@ -49,6 +50,7 @@ def _pickled(model: Model) -> tuple[Callable[[Scene], Model], tuple[Scene]]:
 copyreg.pickle(Model, _pickled)
 
 
+@takes(scene="scene", progress="function", like="model")
 def load(
     scene: Scene, progress: Progress = lambda stage: None, like: Model | None = None, pruned: bool = False
 ) -> Model:
@@ -74,8 +76,6 @@ def load(
     SceneError
         If the linkage can't close over the drives' range, or the scene asks for what is not available.
     """
-    if not isinstance(scene, Scene):
-        raise TypeError(f"load takes a Scene, not {type(scene).__name__}: read_scene(...) makes one")
     return replace(_load(scene, progress, like, pruned), given=scene)
 
 

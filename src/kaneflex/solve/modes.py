@@ -13,6 +13,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.solution import MOST_FREQUENCIES
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
 
 _LOOKED_AT, _TOO_FAR, _FEW = 6, 0.01, 32
@@ -61,6 +62,7 @@ class Modes:
         }
 
 
+@takes(scene="scene", count="whole", stage="function")
 def modes(scene: Scene, count: int | None = None, stage: Callable[[str], None] = lambda name: None) -> Modes:
     """Undamped natural frequencies and mode shapes at ``solve.mode_angle``, from K_s and M alone.
 

@@ -17,6 +17,7 @@ from kaneflex.solve.memory import MAX_STORED
 from kaneflex.solve.quasistatic import quasistatic
 from kaneflex.solve.slow_start import slow_start
 from kaneflex.solve.solution import Solution
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, ValidityWarning
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ _ROUNDING = 1e-12
 """Change over a cycle, as a share of all that has the same unit, that rounding leaves of what is zero."""
 
 
+@takes(model="model", progress="function", after="state")
 def simulate(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
     """Integrate, or solve at each instant, over one cycle or the scene's duration.
 
@@ -66,8 +68,6 @@ def simulate(model: Model, progress: Progress | None = None, after: Solution | S
 
 def solve(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
     """:func:`simulate` for those who pass the solution's warnings on themselves."""
-    if not isinstance(model, Model):
-        raise TypeError(f"simulate takes a Model, not {type(model).__name__}: load(scene) makes one")
     if model.coupled is not None:
         from kaneflex.solve.coupled import simulate_coupled
         from kaneflex.solve.coupled_state import last_state

@@ -26,6 +26,7 @@ from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.model import Model
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.solve.modelica import modelica
+from kaneflex.support.arguments import takes
 from kaneflex.support.atomic_output import write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError, nearest
 
@@ -134,6 +135,7 @@ def _undated(mat: bytes) -> bytes:
     return b"MATLAB 5.0 MAT-file, state space by kaneflex".ljust(116) + mat[116:]
 
 
+@takes(model="model", t="number", sensors="texts")
 def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:
     """The elastic equations at one instant as a state space.
 

@@ -15,6 +15,7 @@ from kaneflex.scene import Scene, with_settings
 from kaneflex.study.plan import Plan, file_places, names_file, setting
 from kaneflex.study.records import Record, solve_chunk
 from kaneflex.study.workers import Answer, Lost, Points, in_chunks
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, installed, told
 from kaneflex.support.module_cache import cache_folder, is_module, keep, sources_digest
 
@@ -29,6 +30,7 @@ _shipments: dict[str, Shipment] = {}
 """In a worker: what has arrived, by the plan's digest."""
 
 
+@takes(address="text")
 def on_cluster(address: str) -> Callable[[Plan, Sequence[int]], Generator[Record, None, None]]:
     """Solves points on the workers of the Dask scheduler at this address.
 

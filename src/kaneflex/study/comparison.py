@@ -13,6 +13,7 @@ import numpy as np
 from kaneflex.scene.parts import PRESETS
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.study.differences import Difference, difference
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.labelled import Labelled
 
@@ -97,6 +98,7 @@ class Comparison:
         return self.labelled.dataset()
 
 
+@takes(scene="scene", presets="texts", against="text", progress="function", peer="text")
 def compare(
     scene: Scene,
     presets: Sequence[str] | None = None,

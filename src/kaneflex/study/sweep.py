@@ -14,6 +14,7 @@ from kaneflex.study.dataset import demand_zarr, write_netcdf, write_zarr
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import COMPLETED, Record, solve_points
 from kaneflex.study.store import BEGIN_ANEW, RESULT_FILES, Store, alone, open_store
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.labelled import read_dataset
 from kaneflex.support.output_folders import writing
@@ -79,6 +80,7 @@ def in_this_process(plan: Plan, points: Sequence[int]) -> Generator[Record, None
     yield from solve_points(plan, points)
 
 
+@takes(study="study", folder="path", solver="function", progress="function", form="text")
 def sweep(
     study: Plan | Path | str | Mapping[str, Any],
     folder: Path | str,

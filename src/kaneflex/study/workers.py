@@ -17,6 +17,7 @@ from typing import Protocol
 from kaneflex.study.plan import Plan, names_file
 from kaneflex.study.records import FAILED, Record, solve_chunk, solve_points
 from kaneflex.study.study import Point, number_and_unit
+from kaneflex.support.arguments import takes
 
 SECONDS = 1.0
 """What a chunk is to last: long against sending it, short against what an interruption loses."""
@@ -148,6 +149,7 @@ _own: Plan | None = None
 """In a worker: the plan without its points."""
 
 
+@takes(workers="whole")
 def in_processes(workers: int) -> Callable[[Plan, Sequence[int]], Generator[Record, None, None]]:
     """Solves points in so many processes of this machine."""
 

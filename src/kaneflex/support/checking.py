@@ -14,6 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from kaneflex.support.arguments import takes
 from kaneflex.support.contract import ELEMENT_KERNELS
 
 Shape = tuple[int, ...]
@@ -34,6 +35,7 @@ _PLACES = {"x": "i", "out": "k"}
 """Argument -> the one that says where in it a kernel's numbers begin, of kernels that have it."""
 
 
+@takes(module="kernels")
 def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
     """A generated module, or the kernels of a mechanism, that raise where an array does not fit.
 

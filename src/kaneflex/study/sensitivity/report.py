@@ -18,6 +18,7 @@ from kaneflex.solve.solution import Solution
 from kaneflex.study.sensitivity.parameters import Parameter, find_parameters
 from kaneflex.study.sensitivity.slopes import differentiated
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, refuse
 from kaneflex.support.labelled import Labelled
 
@@ -134,6 +135,7 @@ class Sensitivities:
         return self.labelled.dataset()
 
 
+@takes(solution="solution", names="texts", progress="function")
 def sensitivities(
     solution: Solution, names: Sequence[str], frozen: bool = True, progress: Callable[[float], None] | None = None
 ) -> Sensitivities:

@@ -15,6 +15,7 @@ from kaneflex.scene import Scene
 from kaneflex.solve.loading import load
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.study.stability.sweep import FORWARD, ORDERS, Sweep, check_sweep, sweep
+from kaneflex.support.arguments import takes
 
 FREQUENCIES = 6
 """Lowest frequencies that are followed."""
@@ -79,6 +80,7 @@ class Stability:
         return _plain(data)
 
 
+@takes(scene="scene", speeds="numbers", stage="function", orders="numbers")
 def stability(
     scene: Scene, speeds: np.ndarray | None = None, stage: Callable[[str], None] = lambda name: None,
     orders: Sequence[float] = ORDERS,

@@ -16,6 +16,7 @@ from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.runs import Cost, Run, Runs, cost
 from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings
 from kaneflex.study.trade.reference import Reference, find_reference
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, nearest, refuse
 
 _FIRST_RUNS = 0.6
@@ -98,6 +99,7 @@ class Trade:
         return tuple(found)
 
 
+@takes(scene="scene", tolerance="number", budget="number", sensors="texts", progress="function")
 def trade(
     scene: Scene,
     tolerance: float = 0.01,

@@ -16,6 +16,7 @@ from kaneflex.study.runs import Cost, Runs, cost, operations
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, neutral, repeated_cycle, terms_of
 from kaneflex.study.trade.linear_prices import LinearPrices, decided
 from kaneflex.study.trade.ranking import check_request
+from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, StoppedEarly
 
 _IN_WORDS = {
@@ -134,6 +135,7 @@ def groups(scene: Scene) -> tuple[Group, ...]:
     return tuple(found)
 
 
+@takes(scene="scene", tolerance="number", budget="number", sensors="texts", progress="function")
 def terms(
     scene: Scene,
     tolerance: float = 0.01,
