@@ -15,8 +15,9 @@ import tempfile
 import time
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -186,7 +187,7 @@ def _double(raw, path, pick, others):
 CHANGES: tuple[Callable, ...] = (_drop, _replace, _replace, _rename, _reunit, _reunit, _law, _swap, _graft, _double)
 
 
-def _broken_text(text: str, pick: random.Random) -> bytes:
+def broken_text(text: str, pick: random.Random) -> bytes:
     """The text with characters lost, doubled or strange; sometimes no text at all."""
     data = bytearray(text.encode())
     for _ in range(pick.choice((1, 1, 2, 5))):
@@ -206,7 +207,7 @@ def _broken_text(text: str, pick: random.Random) -> bytes:
 def _broken_table(text: str, pick: random.Random) -> bytes:
     """A CSV file with one cell, line or byte that is wrong, or that may be right."""
     if pick.random() < 0.3:
-        return _broken_text(text, pick)
+        return broken_text(text, pick)
     lines = text.splitlines()[: pick.choice((3, 6, 40, 999))]
     at = pick.randrange(len(lines))
     cells = lines[at].split(",")
@@ -234,7 +235,7 @@ class Mutants:
         (self.folder / "gas.csv").write_bytes(table)
         file = self.folder / "mutant.toml"
         if pick.random() < 0.15:
-            file.write_bytes(_broken_text(self.texts[name], pick))
+            file.write_bytes(broken_text(self.texts[name], pick))
             return file
         raw, others = copy.deepcopy(self.raws[name]), [*self.raws.values()]
         for _ in range(pick.choice((1, 1, 1, 2, 2, 4))):
@@ -271,15 +272,23 @@ def examine(file: Path, placed: bool = False) -> Scene | UserError:
     return scene
 
 
-def broken(mutants: Mutants, seeds: Iterable[int], limit: float, placed: bool = False) -> list[str]:
-    """The seeds whose mutants ended neither in a scene nor in a refusal within `limit` [s], and how."""
+class Written(Protocol):
+    """Mutants by seed, written into a folder one over the other."""
+
+    def write(self, seed: int) -> Any: ...
+
+
+def broken(
+    mutants: Written, seeds: Iterable[int], limit: float, examine: Callable[[Any], object] = examine
+) -> list[str]:
+    """The seeds whose mutants ended neither in a result nor in a refusal within `limit` [s], and how."""
     found = []
     signal.signal(signal.SIGALRM, _too_long)
     for seed in seeds:
-        file = mutants.write(seed)
+        given = mutants.write(seed)
         signal.setitimer(signal.ITIMER_REAL, limit)
         try:
-            examine(file, placed)
+            examine(given)
         except Exception as error:  # whatever it is, it is the finding
             found.append(f"{seed}: {type(error).__name__}: {error}")
         finally:
@@ -295,7 +304,8 @@ def main() -> None:
     count, first = (int(number) for number in (*sys.argv[1:], "20000", "0")[:2])
     started = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        found = broken(Mutants(Path(folder)), range(first, first + count), limit=60.0, placed=True)
+        seeds = range(first, first + count)
+        found = broken(Mutants(Path(folder)), seeds, limit=60.0, examine=partial(examine, placed=True))
     print(*found, f"{count} mutated scenes in {time.monotonic() - started:.0f} s: {len(found)} broken", sep="\n")
     sys.exit(bool(found))
 

@@ -282,6 +282,40 @@ def test_interrupting_a_process_leaves_nothing(tmp_path, number):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_interrupting_a_process_that_starts_is_no_traceback():
+    """While it imports what a command line needs."""
+    program = """
+import sys
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "kaneflex.cli.trade":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+from kaneflex.cli import main
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "Interrupted; nothing was left behind.\n")
+
+
+@pytest.mark.parametrize("command", [
+    ("explore", "engine", "--vary", "rod.elements=1:8", "-o", "x.png"), ("trade", "engine", "-o", "t"),
+    ("terms", "engine", "-o", "t"), ("compare", "engine", "-o", "c"), ("stability", "engine", "-o", "s"),
+    ("modes", "engine"), ("export", "engine", "-o", "x.fmu"), ("run", "engine", "-o", "r"),
+    ("derive", "engine", "-o", "x.py"), ("linearise", "engine", "-o", "x.npz"), ("check", "engine"),
+], ids=lambda command: command[0])  # fmt: skip
+def test_interrupted_commands_say_so_and_leave_nothing(command, monkeypatch):
+    """While they compute; a sweep leaves what it goes on from."""
+
+    def interrupt(*arguments, **named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("kaneflex.solve.loading._load", interrupt)
+    monkeypatch.setattr("kaneflex.multibody.binding.generate_text", interrupt)
+    done = cli(*command)
+    assert (done.exit_code, done.stderr.splitlines()[-1]) == (130, "Interrupted; nothing was left behind.")
+    assert list(Path().iterdir()) == []
+
+
 def test_a_motion_that_repeats_is_drawn_also_if_disturbances_of_it_grow(monkeypatch):
     """A strut that is pulsated at twice its own frequency."""
     unrendered(monkeypatch)

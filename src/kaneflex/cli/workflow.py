@@ -12,7 +12,7 @@ import numpy as np
 
 from kaneflex.cli.folders import Target
 from kaneflex.scene import with_settings
-from kaneflex.support.errors import OutputError
+from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.output_folders import whole_folder, writing
 from kaneflex.support.terminal import Waiting
 
@@ -243,10 +243,13 @@ def draw_again(folder: Path, target: Target) -> list[Path]:
 
 def _demand_same(solution: Solution, folder: Path) -> None:
     """Raise OutputError unless the sensors of a solution are those in the folder's results, to rounding."""
-    from scipy.io import netcdf_file
+    from kaneflex.support.labelled import read_dataset
 
-    with netcdf_file(folder / RESULTS_FILE, mmap=False) as file:
-        before = {name: variable[:].copy() for name, variable in file.variables.items()}
+    try:
+        read = read_dataset(folder / RESULTS_FILE)
+    except Fault as fault:
+        raise OutputError(str(folder / RESULTS_FILE), None, fault.reason, "Run the scene again with --plots") from fault
+    before = {name: variable.values for name, variable in read.variables.items() if variable.dtype.kind == "f"}
     for name, series in solution.series.items():
         found = before.get(name, np.zeros(0))
         if found.shape != series.values.shape or not np.allclose(

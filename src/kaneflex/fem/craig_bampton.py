@@ -36,6 +36,10 @@ _FEW = 100
 """Coordinates of which all modes are found at once."""
 _LOOSE = "the stiffness leaves a motion free that no point holds"
 _LOOK = "Look for nodes without elements, and parts that hang on others by hinges or not at all"
+_NEGATIVE = (
+    "the mass matrix is not positive definite: a motion of the link has no kinetic energy, or one below zero",
+    "Look for masses below zero, and nodes without any",
+)
 _NOTHING = 1e-9
 """Share of the largest stiffness, or of a shape's mass, that is none."""
 
@@ -81,7 +85,10 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     static = factors.solve(sides)[:count]
     if count <= _FEW:
         free = null_space(B)
-        dynamic = free @ eigh(free.T @ K @ free, free.T @ M @ free)[1][:, :modes]
+        try:
+            dynamic = free @ eigh(free.T @ K @ free, free.T @ M @ free)[1][:, :modes]
+        except np.linalg.LinAlgError:
+            raise Fault(*_NEGATIVE) from None
         return _orthogonal(link, motion, T @ np.hstack([static, _residual(pushed, dynamic, M), dynamic]))
     answer = LinearOperator((count, count), matvec=lambda load: solved(np.ravel(load)), dtype=float)
     first = np.random.default_rng(0).standard_normal(count)
@@ -115,11 +122,16 @@ def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
             raise Fault(reason, "Give the mass of its sections, with their rotary inertia")
         shapes = shapes - whole @ np.linalg.solve(inertia, carried.T @ shapes)
     mass, stiffness = (shapes.T @ (A @ shapes) for A in (link.M, link.K))
-    size = np.sqrt(np.diag(mass))
+    energies = np.diag(mass)
+    if not -energies.min() < _NOTHING * energies.max():
+        raise Fault(*_NEGATIVE)
+    size = np.sqrt(np.maximum(energies, 0.0))
     kept = size > _NOTHING * size.max()
     mass, stiffness, shapes = mass[np.ix_(kept, kept)], stiffness[np.ix_(kept, kept)], shapes[:, kept] / size[kept]
     mass, stiffness = mass / np.outer(size[kept], size[kept]), stiffness / np.outer(size[kept], size[kept])
     share, turned = eigh(mass)
+    if share[0] < -_NOTHING * share[-1]:
+        raise Fault(*_NEGATIVE)
     span = turned[:, share > _NOTHING] / np.sqrt(share[share > _NOTHING])
     resisting, found = eigh(span.T @ stiffness @ span)
     if resisting[0] <= _NOTHING * resisting[-1]:

@@ -62,6 +62,9 @@ def read_foreign(
     modes = read_modes(stiffness) if has_modes(stiffness) else None
     turning = spatial and modes is None
     M = read_matrix(mass, numbers, "m", turning) * weight
+    if M.diagonal().min() < 0.0:
+        node = numbers[M.diagonal().argmin() // (M.shape[0] // len(at))]
+        raise Fault(f"{mass} has a mass below zero at node {node}", "Export it anew")
     K = None if modes is not None else read_matrix(stiffness, numbers, "k", turning) * weight
     chosen = {name: _chosen(path, numbers) for name, path in points.items()}
     _check_points(chosen, numbers)

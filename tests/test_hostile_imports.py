@@ -1,0 +1,51 @@
+"""Finite elements that no program would write: importing them gives finite numbers or an error, in time."""
+
+import pytest
+from import_fuzz import Mutants, examine, lattice
+from scene_fuzz import broken
+from scipy.io import mmwrite
+from scipy.sparse import csc_array
+
+from kaneflex.scene.modal_data import ModalData
+from kaneflex.support.errors import Fault
+
+
+@pytest.fixture(scope="module")
+def mutants(tmp_path_factory):
+    return Mutants(tmp_path_factory.mktemp("imports"))
+
+
+def test_every_format_is_imported_as_it_stands(mutants):
+    """Or the mutants below would be refused for another reason than what is changed in them."""
+    for form, files in mutants.formats.items():
+        for spatial in (False, True):
+            data = examine((form, tuple(str(mutants.folder / name) for name in files), spatial, False))
+            assert isinstance(data, ModalData), (form, spatial, data)
+            assert float(data.arrays["mass"]) == pytest.approx(0.002 * len(lattice()[0]), rel=1e-9)
+
+
+def test_mutated_imports_are_read_or_refused(mutants):
+    """500 with `make extremes`."""
+    assert broken(mutants, [*range(60), 101, 122], limit=20.0, examine=examine) == []
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+@pytest.mark.parametrize("value", [-0.01, -1e-5])
+def test_a_mass_below_zero_is_refused(mutants, value, spatial):
+    M = lattice()[1].tolil()
+    M[60, 60] = value
+    mmwrite(mutants.folder / "odd.mtx", csc_array(M))
+    files = (str(mutants.folder / name) for name in ("odd.mtx", "stiffness.mtx", "nodes.txt"))
+    found = examine(("market", tuple(files), spatial, False))
+    assert isinstance(found, Fault) and found.reason.endswith("odd.mtx has a mass below zero at node 21"), found
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+def test_a_mass_that_is_not_positive_definite_is_refused(mutants, spatial):
+    """It ended in a LinAlgError or an IndexError of the reduction."""
+    M = lattice()[1].tolil()
+    M[60, 63] = M[63, 60] = 0.02
+    mmwrite(mutants.folder / "odd.mtx", csc_array(M))
+    files = (str(mutants.folder / name) for name in ("odd.mtx", "stiffness.mtx", "nodes.txt"))
+    found = examine(("market", tuple(files), spatial, False))
+    assert isinstance(found, Fault), found
