@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 39,
     "report": 6,
     "response": 41,
-    "scene": 69,
+    "scene": 68,
     "solve": 30,
     "study": 81,
     "support": 5,

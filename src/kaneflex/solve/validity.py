@@ -12,6 +12,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
+from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.work import nominal_seconds
 from kaneflex.support.errors import UserError
@@ -74,6 +75,7 @@ def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[
         across = abs(of_node[:, 1]) if link.dofs == 3 else np.hypot(of_node[:, 1], of_node[:, 2])
         shares[name] = float(across.max()) / link.length
         found += _deformed(name, link.length, of_node[-1, 0] - of_node[0, 0], shares[name], coupled)
+    found += near_resonance(solution)
     return found if coupled else found + _uncoupled(solution, shares)
 
 
