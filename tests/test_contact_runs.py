@@ -13,6 +13,7 @@ from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.peers.buildable import check_buildable
 from kaneflex.scene import scene_of, with_settings
+from kaneflex.solve.contact_lines import off_their_lines
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.report import check_differentiable
 
@@ -289,3 +290,65 @@ def test_what_needs_a_smooth_motion_refuses_contacts():
         check_differentiable(scene, continued=False)
     with pytest.raises(SceneError, match=r"contacts\.floor: a contact is not built in the peer"):
         check_buildable(scene)
+
+
+def test_between_stored_instants_a_ball_is_where_a_finer_run_has_it():
+    """Impacts lie between the stored instants: the curve goes through the states where contacts close and open."""
+    soft = ["floor.contact.stiffness=1e5", "solve.duration=1.2 s"]
+    coarse, fine = (solve(load(with_settings(scene_of(BALL), [*soft, f"solve.steps={n}"]))) for n in (12, 1200))
+    height = fine.series["height"].values
+    between, flies = coarse.at(fine.times).series["height"].values, height > 0.0
+    assert between[flies] == pytest.approx(height[flies], abs=1e-6)
+
+
+BRIDGE = """
+schema = 1
+description = "A ball at rest on the far support of an elastic bridge, whose end does not move"
+gravity = [0, -9.81]
+[ground]
+far = [4, 0]
+[bodies]
+bridge = {length = 4, beam = {material = "steel", section = {rectangle = ["50 mm", "50 mm"]}}}
+roller = {mass = "1 g"}
+ball = {mass = "20 kg"}
+[joints]
+left = {revolute = ["ground", "bridge.start"]}
+right = {revolute = ["bridge.end", "roller"]}
+bed = {prismatic = ["ground", "roller"], direction = [1, 0]}
+up = {prismatic = ["ground.far", "ball"], direction = [0, 1]}
+[drives]
+up = {free = true}
+[contacts.wheel]
+point_on_line = ["ball", "bridge"]
+normal = [0, 1]
+contact = {law = "kelvin-voigt", stiffness = 1e7, exponent = 1, damping = 2e3}
+[damping]
+modal = {ratio = 0.5}
+[sensors]
+ball_y = {position = "ball", component = "y"}
+mid = {displacement = "bridge.mid", component = "y"}
+[solve]
+preset = "coupled"
+duration = "3 s"
+steps = 300
+"""
+
+
+def test_a_line_on_an_elastic_link_is_where_it_is_named_and_refused_far_from_there():
+    """The line was the tangent at the left support: the ball sank by 50.5 mm, mid-span by 13.0 mm, without a word."""
+    said = r"contacts\.wheel\.point_on_line = 'bridge\.start': bridge is elastic.*ball touches it 4000 mm away"
+    with pytest.raises(SceneError, match=said):
+        load(scene_of(BRIDGE))
+    found = solve(load(scene_of(BRIDGE.replace('"bridge"]', '"bridge.end"]'))))
+    assert not list(off_their_lines(found))
+    sag = 5 * 7850 * 0.05**2 * G * 4**4 / (384 * 210e9 * 0.05**4 / 12)
+    assert found.series["mid"].values[-1] == pytest.approx(-sag, rel=5e-3)  # what is left swings
+    # the end comes 20 um closer to the other one, and its tangent rises there by 5e-3 of that
+    assert found.series["ball_y"].values[-1] == pytest.approx(-20 * G / 1e7, abs=1.2e-7)
+
+
+def test_a_run_says_where_a_line_was_not_the_axis_of_its_elastic_link():
+    """A ball that falls on the line far from its address: seen from there the end of a tangent goes down by th L."""
+    (said,) = off_their_lines(solve(load(scene_of(BRIDGE.replace("free = true", 'free = true, position = "10 mm"')))))
+    assert said.startswith("contacts.wheel takes bridge as straight from bridge.start on; at t = ")
+    assert re.search(r"ball pushes on it 400\d mm from there, where the axis of bridge is \d\d(\.\d)? mm from", said)

@@ -33,6 +33,7 @@ STUBBY = {"engine-elastic-crank", "engine-paper"}
      "rod_mid_strain.fibre=11 mm"], "sensors.rod_mid_strain.fibre: 0.011 m from the axis is outside of the section at"),
     ("engine", ["gravity=[0, -9810]"], "gravity is 9810 m/s^2, where the earth's is 9.81"),
     ("engine", ["crank.inertia=300.0"], "bodies.crank.inertia = 300 kg m^2 of 0.952 kg"),
+    ("engine", ["piston.mass=none"], "bodies.piston has no mass: it adds no inertia force and no weight"),
     ("spatial-slider-crank", ["rod.inertia=[1.0, 4000.0, 4000.0]"], "bodies.rod.inertia = 4000 kg m^2"),
     ("engine", ["damping.rayleigh.ratio=2"], "damping.rayleigh.ratio = 2 is 200% of the critical damping"),
     ("engine", ["damping.rayleigh=none", "damping.modal.ratio=[0.02, 3]"], "damping.modal.ratio = 3 is 300% of"),

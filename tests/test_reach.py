@@ -63,6 +63,12 @@ def four_bar(way: str):
     return scene_of(FOLDED.replace("WAY", way))
 
 
+def test_near_beside_branch_is_refused():
+    """One of them was left out without a word."""
+    with pytest.raises(SceneError, match=r"joints\.foot\.near.*branch says already which way the loop closes"):
+        four_bar('near = {rocker = "70 deg"}, branch = "+"')
+
+
 @pytest.mark.parametrize(("degrees", "branch"), [(50.0, "+"), (-70.0, "-")])
 def test_near_chooses_between_the_two_places_of_a_dyad(degrees, branch):
     """A parallelogram's rocker is parallel to the crank, at 60 degrees; crossed it is not."""

@@ -15,6 +15,7 @@ from kaneflex.generated import spinning_top
 from kaneflex.plots import draw_all
 from kaneflex.report.checked import description
 from kaneflex.response.undersampling import between_steps
+from kaneflex.scene import scene_of as inline
 from kaneflex.solve.repeated_motion import harmonics_of
 
 PENDULUM = """
@@ -554,6 +555,33 @@ duration = "0.5 s"
     rate = 0.2 * omega * np.sinh(omega * solution.times)
     # a turn about +y takes the rod's x axis towards -z: what speeds along x is pushed along -z
     assert solution["side"].values == pytest.approx(-2 * mass * omega * rate, abs=1e-6)
+
+
+RAIL = """
+schema = 1
+gravity = [0, -9.81, 0]
+[bodies]
+bar = {length = 1, beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}}}
+block = {mass = "1 kg", inertia = [0.01, 0.01, 0.01]}
+[joints]
+hold = {weld = ["ground", "bar.start"]}
+slide = {KIND = ["bar.start", "block"], WAY = [1, 0, 0]}
+[drives]
+slide = {free = true}
+[solve]
+preset = "coupled"
+duration = "1 ms"
+"""
+
+
+@pytest.mark.parametrize(("kind", "way"), [("prismatic", "direction"), ("cylindrical", "axis")])
+def test_no_body_slides_along_an_elastic_one_that_bends(kind, way):
+    """A block 0.3 m from the clamp stayed on the clamp's tangent, where the bar sags by millimetres."""
+    text = RAIL.replace("KIND", kind).replace("WAY", way)
+    said = rf"joints\.slide\.{kind} = 'bar\.start': it is elastic, and its line to slide along would stay straight"
+    with pytest.raises(SceneError, match=said):
+        inline(text)
+    assert inline(text.replace("coupled", "rigid")).joints["slide"].kind == kind
 
 
 CARDAN = """

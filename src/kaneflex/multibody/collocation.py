@@ -39,11 +39,11 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX = range(9)
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED = range(10)
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
 independent, where contacts change over and over without time between, where other contacts rest than before,
-where no way to stick or slip agrees with what friction there is."""
+where no way to stick or slip agrees with what friction there is, after a change where it is to come back there."""
 _NEAR, _CLOSE = 1e-3, 1e-5
 """Errors allowed that may be left of a step's equations. Gauss' method keeps the energy only as far as they are solved,
 what rubs or touches is balanced by its powers in the stages, and replayed steps are compared with each other."""
@@ -309,13 +309,13 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
 
     control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
     1 where the dependent coordinates are to stay, which slopes of loads and springs the factors are to know (see
-    ``slopes.matter``)].
+    ``slopes.matter``), 1 to come back after every change and 2 there after one].
     here: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations, reactions of
     the cuts and holds, how contacts and holds stand, works: a row of the table. given: the ends [s] of the ``fixed``
     steps to take from there, with the ``times`` among them; none where the control of the error chooses them. Works are
     time integrals of powers (dissipation, loads, drives, holds, contacts). counts: accepted and rejected steps, Newton
     iterations, factorisations. ends: filled with those of the steps that are taken, at most as many as may be tried.
-    Returns a status. """
+    The row before a change lies behind the table's last one. Returns a status. """
     A, B, width, touching = m.real, m.pair, row_size(m), contact_search.searched(m)
     trial, found = 0.0, contact_search.PASSED
     if touching and not contact_search.back(m, here):
@@ -386,6 +386,10 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             counts[0] += 1
             length, ends[taken] = h, end
             taken += 1
+        if control[8] != 0.0 and found != contact_search.PASSED:
+            control[8] = 2.0
+            for k in range(width):
+                rows[count * width + k] = here[k]
         if touching and solved:
             wanted = contact_search.go_on(m, table, h, here, A, wanted, found)
             length = length if found == contact_search.PASSED else 0.0
@@ -401,6 +405,9 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             break
         if control[6] == 0.0 and worn(m):
             status = TURNED
+            break
+        if control[8] == 2.0:
+            status = CHANGED
             break
     control[0], control[3], control[4], control[5] = wanted, row, taken, length
     return status

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,8 @@ _TINY = 1e-4
 """Of the longest step: where steps are as short as that, friction may not agree with its reactions."""
 _AGREE = 1e-7
 """Share of the mechanism's size by which joints that hold something twice may differ."""
+_MOST_CHANGES = 20_000
+"""Changes of contacts and frictions that a run keeps, so that what it says between stored instants knows them."""
 _NONE = np.zeros(0)
 
 
@@ -94,7 +96,9 @@ def integrate(
     outcome, message = run.go(progress, stop)
     seconds = time.perf_counter() - started
     ended = (outcome, message, 1e9 * seconds / max(1.0, run.counts[0] + run.counts[1]))
-    return run.trajectory(slice(0, run.filled + 1), *ended, np.concatenate([_NONE, *run.ends]))
+    found = run.trajectory(run.rows[: run.filled + 1], *ended, np.concatenate([_NONE, *run.ends]))
+    changes = [row for row in run.changes if times[0] <= row[0] <= times[run.filled]]
+    return replace(found, changes=run.trajectory(np.array(changes))) if changes else found
 
 
 def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
@@ -133,7 +137,8 @@ class Run:
         self.twice = tuple(dict.fromkeys(self._joint_of(row) for row in dropped.tolist()))
         self.projected = engine.project(float(times[0]))
         self.here = engine.row(float(times[0]))
-        self.rows = np.zeros((len(times), len(self.here)))
+        self.rows = np.zeros((len(times) + 1, len(self.here)))  # one more for the state before a change
+        self.changes: list[np.ndarray] = []
         self.rows[0] = self.here
         self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2] if self.touching else _NONE
         self.longest = float(times[1] - times[0])
@@ -151,15 +156,17 @@ class Run:
             before = self.filled
             rows = slice(before, before + 1 + min(most, _PIECE))
             ended = by_scipy(self, rows) if scipy else self._collocation(rows, most)
+            if len(self.changes) % 2:
+                self.changes.append(self.here.copy())
             if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
                 ended = collocation.CASCADE
             if not scipy:  # which starts anew, and can be interrupted anywhere
                 most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
-            if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
+            if ended not in (collocation.DONE, collocation.PAUSED, collocation.CHANGED) and not self._turned():
                 outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
                 said = f"; held twice there: what {', '.join(self.twice)} and others hold" if self.twice else ""
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + said
-            if len(self.engine.holds) and self.step < _TINY * self.longest and not self._agrees():
+            if self._is_in_doubt() and not self._agrees():
                 outcome, words = _ENDED[collocation.PARADOX]
                 return outcome, words.format(at=f"t = {self.here[0]:.6g} s")
             misfit = self._misfit()
@@ -168,7 +175,7 @@ class Run:
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
-            filled = slice(before, self.filled + 1)
+            filled = self.rows[before : self.filled + 1]
             if stop is not None and self.filled > before and stop(self.trajectory(filled)):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
@@ -218,6 +225,18 @@ class Run:
         acts = self.engine.tables.acts[: self.engine.count(at.HOLDS), at.ROW_AT]
         return self.engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
 
+    def _is_in_doubt(self) -> bool:
+        """Whether steps are so short that friction may not agree with the reactions that it asks for.
+
+        Not where rigid sides rest on each other: just before they part their force is below zero by rounding, which no
+        friction agrees with, and a problem of complementarity says what comes then.
+        """
+        if not len(self.engine.holds) or self.step >= _TINY * self.longest:
+            return False
+        contacts = self.system.mechanism.contacts.values()
+        closed = self.engine.contacts[: len(contacts), at.BEGUN_AT] != 0.0
+        return not any(shut and each.law == "newton" for shut, each in zip(closed, contacts, strict=True))
+
     def _agrees(self) -> bool:
         """Whether friction and the reactions that it asks for agree where the motion stands."""
         self.engine.stand(self.here)
@@ -259,7 +278,8 @@ class Run:
 
     def _collocation(self, rows: slice, most: int) -> int:
         self._bound()
-        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped])
+        keeps = float(len(self.changes) < 2 * _MOST_CHANGES)
+        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped, keeps])
         given = self.given
         if len(given):
             given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
@@ -269,6 +289,8 @@ class Run:
             table, control, self.here, given, self.times[rows], self.rows[rows], self.counts, ends
         )
         self.ends.append(ends[: int(control[4])])
+        if control[8] == 2.0:
+            self.changes.append(self.rows[rows.start + len(self.times[rows])].copy())
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
         self.sloped = float(control[7])
         if self.touching:
@@ -302,12 +324,12 @@ class Run:
         return projected
 
     def trajectory(
-        self, rows: slice, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
+        self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
         ends: np.ndarray = _NONE,
     ) -> CoupledTrajectory:  # fmt: skip
         """The rows as motion of the bodies."""
-        found, works = self.system.unfold(self.rows[rows]), self.engine.count(at.WORKS)
-        done, count, held = self.rows[rows][:, -works:], found.gaps.shape[1], found.frictions.shape[1]
+        found, works = self.system.unfold(rows), self.engine.count(at.WORKS)
+        done, count, held = rows[:, -works:], found.gaps.shape[1], found.frictions.shape[1]
         gaps = found.gaps[:, : len(self.touching)]  # what switches laws stands behind them
         lost = done[:, works - count : works - count + len(gaps[0])] - (gaps[:, :, 2] - self.stored)
         happened = self.impacts
@@ -321,9 +343,9 @@ class Run:
         rubbed = done[:, works - count - held : works - count] - 0.5 * firm * found.frictions[:, :, 4] ** 2
         jams = self.engine.holds[len(self.engine.holds) - held :, at.JAMS].copy()
         frictions = rubbing.FrictionRecord.of(rubs, found.frictions, rubbed, jams)
-        standing = self.rows[rows][:, -works - len(self.engine.standing) : -works]
+        standing = rows[:, -works - len(self.engine.standing) : -works]
         return CoupledTrajectory(
-            self.times[rows], found.q, found.v, found.a, found.reactions,
+            rows[:, 0].copy(), found.q, found.v, found.a, found.reactions,
             *balance(
                 found, done[:, 0] + lost.sum(axis=1) + rubbed.sum(axis=1), done[:, 1 : works - count - held].sum(axis=1)
             ),

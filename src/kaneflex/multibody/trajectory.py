@@ -37,6 +37,9 @@ class CoupledTrajectory:
         The same of frictions.
     standing : ndarray (n_times, standing) or None
         How contacts and frictions stand, see ``Engine.standing``.
+    changes : CoupledTrajectory or None
+        The states before and after each change of a contact or a friction, one after the other, as far as they are
+        kept: speeds and accelerations may jump there.
     floquet : ndarray or None
         Floquet multipliers of a cycle, by decreasing modulus, where they were asked for.
     """
@@ -58,6 +61,7 @@ class CoupledTrajectory:
     contacts: impacts.ContactRecord | None = None
     frictions: rubbing.FrictionRecord | None = None
     standing: np.ndarray | None = None
+    changes: CoupledTrajectory | None = None
     floquet: np.ndarray | None = None
 
 

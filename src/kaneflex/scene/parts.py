@@ -118,6 +118,8 @@ class Joint(SceneTable):
             raise Fault(f"a {kind} joint has no angle of its own", "Leave it out", below="relative_angle")
         if self.addresses[0].body == self.addresses[1].body:
             raise Fault("both sides are on the same body", "Join two bodies", below=kind)
+        if self.near and "branch" in self.model_fields_set:
+            raise Fault("branch says already which way the loop closes", "Leave branch or near out", below="near")
         if self.clearance is not None:
             self._check_clearance(kind, self.clearance)
         if self.friction is not None:

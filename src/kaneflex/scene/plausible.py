@@ -49,7 +49,7 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     """Warnings of what is read from the scene alone: numbers in a wrong unit, and tables' curves where no row is."""
     long = _long_links(scene)
     apart = () if long else _far_apart(scene)
-    read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _damping, _cuts, _fibres)
+    read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _massless, _damping, _cuts, _fibres)
     found = (apart, *(each(scene) for each in read))
     return (*long, *(text for each in found for text in each), *_tables(scene))
 
@@ -248,6 +248,17 @@ def _inertias(scene: Scene) -> Iterator[str]:
                 f"bodies.{name}.inertia = {inertia:.4g} kg m^2 of {body.mass:.4g} kg is a radius of gyration of "
                 f"{radius:.4g} m, in a mechanism of {size:.4g} m: a plain number is in kg m^2"
             )
+
+
+def _massless(scene: Scene) -> Iterator[str]:
+    """Warnings of rigid bodies on a guide, as pistons are, for which neither a mass nor an inertia is given."""
+    carrying = {mass.at.body for mass in scene.masses.values()}
+    guides = [joint for joint in scene.joints.values() if joint.kind in ("prismatic", "cylindrical")]
+    guided = dict.fromkeys(address.body for joint in guides for address in joint.addresses if address.body != "ground")
+    for name in guided:
+        body = scene.bodies[name]
+        if not (body.mass or name in carrying or body.modal is not None or "inertia" in body.model_fields_set):
+            yield f"bodies.{name} has no mass: it adds no inertia force and no weight; give its mass if it has one"
 
 
 def _long_links(scene: Scene) -> list[str]:

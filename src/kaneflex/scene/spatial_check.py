@@ -138,6 +138,12 @@ def _joints(scene: Scene) -> Iterator[Problem]:
         elif joint.kind == "universal" and joint.axes is None:
             reason = "a universal joint turns about two axes"
             yield Problem(f"joints.{name}", None, reason, "Give them, like axes = [[0, 1, 0], [0, 0, 1]]")
+        rail = scene.bodies.get(joint.addresses[0].body)
+        slides = joint.kind in ("prismatic", "cylindrical") and scene.solve.preset != "rigid"
+        if slides and rail is not None and rail.deforms:
+            reason = "it is elastic, and its line to slide along would stay straight as it bends"
+            cure = "Name the other side first, whose line it is then, or weld a rigid body there and let that slide"
+            yield Problem(f"joints.{name}.{joint.kind}", str(joint.addresses[0]), reason, cure)
 
 
 def _bodies(scene: Scene) -> Iterator[Problem]:

@@ -317,7 +317,7 @@ int {name}_run({name}_state *state, double until)
     if (until <= state->row[0])
         return {NAME}_DONE;
     do {{
-        double control[8] = {{state->step, {longest}, {most}, 0.0, 0.0, state->last_step, 0.0, state->sloped}};
+        double control[9] = {{state->step, {longest}, {most}, 0.0, 0.0, state->last_step, 0.0, state->sloped, 0.0}};
         const table *method = state->sloped == {DAMPED} ? &{name}_radau_method : &{name}_{integrator}_method;
         status = {integrate}(
             &m, method, control, state->row, none, 0, times, 2, rows, state->counts, ends);

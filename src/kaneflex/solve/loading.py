@@ -25,6 +25,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options
 from kaneflex.scene.plausible import implausible
+from kaneflex.solve.contact_lines import check_lines
 from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.law_checks import check_finite, check_springs
@@ -186,6 +187,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     check_twin(scene, motion, options)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
+    check_lines(scene, motion.at(np.zeros(1)))
     model = build_model(scene, options, motion, bare=bare)
     if spare:
         open_rows = undetermined(coupled, rigid_state(coupled, motion.at(0.0))[0])

@@ -1,0 +1,99 @@
+"""Contact lines of elastic links: straight tangents at their address, true only near it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from kaneflex.mechanism.body_frame import rotate, rotate_back
+from kaneflex.mechanism.planar import Pose
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.scene import Scene
+from kaneflex.scene.contact_check import key_of
+from kaneflex.scene.contacts import Contact
+from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.response.coupled_motion import CoupledMotion
+    from kaneflex.scene.quantities import Address
+    from kaneflex.solve.solution import Solution
+
+_SHARE = 0.01
+"""Of a link's deflection, what its contact line may be off from its axis without a word."""
+_NEAR = 0.05
+"""Share of a link's length from the address within which the line is that close: at a distance s a constant curvature
+k leaves k s^2/2 between tangent and axis, of a deflection k L^2/8 over the length L; 4 (s/L)^2 is 0.01 there."""
+_TOUCHING = 1e-3
+"""Share of the link's length: sides no farther apart at the start are taken to touch."""
+
+
+def check_lines(scene: Scene, first: RigidMotion) -> None:
+    """Raise SceneError where a side touches the straight line of an elastic link far from the line's address.
+
+    first: the rigid mechanism at the start.
+    """
+    for name, contact in _lines(scene):
+        line, point = contact.sides
+        length = scene.bodies[line.body].length or 1.0
+        (x_1, y_1), (x_2, y_2) = (_place(scene, first, side) for side in (line, point))
+        c, s = (float(first[f"{line.body}.{key}"][0]) for key in "cs")
+        x, y = rotate_back(c, s, (x_2 - x_1, y_2 - y_1))
+        n_x, n_y = contact.direction
+        along = (n_y * x - n_x * y) * n_y
+        if abs(n_x * x + n_y * y - contact.reach) < _TOUCHING * length and abs(along) > _NEAR * length:
+            raise SceneError(
+                key_of(name, contact), str(line),
+                f"{line.body} is elastic, and the line is its straight tangent at that point; {point.body} touches it "
+                f"{1e3 * abs(along):.4g} mm away, where {line.body} moves otherwise",
+                f"Name the point of {line.body} where it touches, or let a rigid body welded there be the line",
+            )  # fmt: skip
+
+
+def _place(scene: Scene, first: RigidMotion, side: Address) -> tuple[float, float]:
+    """Global place [m] of a side's point at the first instant of a rigid motion."""
+    at = scene.point(side)
+    if side.body == "ground":
+        return at
+    x, y = Pose(*(float(first[f"{side.body}.{key}"][0]) for key in ("x", "y", "c", "s"))).place(at)
+    return x, y
+
+
+def off_their_lines(solution: Solution) -> Iterator[str]:
+    """Warnings of contacts that pushed where the axis of their elastic link is elsewhere than its straight line."""
+    motion, scene = solution.motion, solution.model.scene
+    for name, contact in _lines(scene):
+        line, point = contact.sides
+        pushed = np.flatnonzero(motion.contact(name)[1] > 0.0)
+        if not len(pushed):
+            continue
+        taken = cast("CoupledMotion", motion.taken(pushed))
+        base, tip = taken.joined(line)[0], taken.joined(point)[0]
+        n_x, n_y = contact.direction
+        t_x, t_y = rotate(np.cos(base[2]), np.sin(base[2]), (n_y, -n_x))
+        along = t_x * (tip[0] - base[0]) + t_y * (tip[1] - base[1])
+        places = solution.model.links[line.body].nodes
+        nodes = np.array([taken.moving_place(line.body, (float(x), 0.0))[0] for x in places])
+        n_x, n_y = rotate(np.cos(base[2]), np.sin(base[2]), (n_x, n_y))
+        above = n_x * (nodes[:, 0] - base[0]) + n_y * (nodes[:, 1] - base[1])
+        foot = scene.point(line)[0] + contact.direction[1] * along
+        off = np.array([np.interp(x, places, each) for x, each in zip(foot, above.T, strict=True)])
+        off *= abs(contact.direction[1])  # across a section, which stays plane, the line is exact
+        bent = abs(motion.nodes(line.body)[1::3]).max()
+        k = int(abs(off).argmax())
+        if abs(off[k]) > _SHARE * bent:
+            yield (
+                f"{contact.stands(name)} takes {line.body} as straight from {line} on; at t = "
+                f"{taken.times[k]:.6g} s {point.body} pushes on it {1e3 * abs(along[k]):.4g} mm from there, where the "
+                f"axis of {line.body} is {1e3 * abs(off[k]):.3g} mm from that line, of {1e3 * bent:.3g} mm that it "
+                f"bends at most; name the point where it touches, or let a rigid body welded there be the line"
+            )
+
+
+def _lines(scene: Scene) -> Iterator[tuple[str, Contact]]:
+    """Contacts whose line is on an elastic link."""
+    for name, contact in scene.contacts.items():
+        body = scene.bodies.get(contact.sides[0].body)
+        if contact.kind == "point-line" and body is not None and body.elastic:
+            yield name, contact
