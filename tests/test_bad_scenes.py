@@ -193,7 +193,8 @@ BAD = {
         "joints.bore.branch = 'up': must be '+' or '-'. Correct it."),
     "guide without direction": (
         "direction = [1, 0], ", "",
-        "joints.bore: a prismatic joint slides along a direction. Give it, like direction = [1, 0]."),
+        "joints.bore: a prismatic joint slides along a direction. "
+        "Give it, like direction = [1, 0], in space [1, 0, 0]."),
     "zero direction": (
         "direction = [1, 0]", "direction = [0, 0]",
         "joints.bore.direction = [0, 0]: a direction without length. Write two components, like [1, 0], or three in "
@@ -420,7 +421,7 @@ BAD = {
         "loads.motor.direction = [1, 0]: a torque has none. Leave it out."),
     "force without direction": (
         "[loads.gas]", '[loads.wind]\nforce_on = "piston"\nvalue = 1\n[loads.gas]',
-        "loads.wind.direction: a force without direction. Give it, like direction = [1, 0]."),
+        "loads.wind.direction: a force without direction. Give it, like direction = [1, 0], in space [1, 0, 0]."),
     "constant load with a period": (
         "[loads.gas]",
         '[loads.wind]\nforce_on = "piston"\ndirection = [1, 0]\nvalue = 1\nperiod = "1 deg"\n[loads.gas]',

@@ -114,6 +114,25 @@ def test_what_only_a_scene_in_space_has_is_refused_in_the_plane(tmp_path, old, n
         load(read_scene(path))
 
 
+@pytest.mark.parametrize("entry, said", [
+    ("[bodies.bar]\nrotation = {axis = [0, 0, 1]}",
+     r"^bodies\.bar\.rotation\.angle: an axis without an angle turns nothing\. Give it, like angle = '90 deg'\.$"),
+    ('[loads]\npush = {force_on = "bar.end", value = 1}\n[bodies.bar]',
+     r"^loads\.push\.direction: a force without direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
+    ('[joints.rail]\nprismatic = ["ground", "bar.end"]\n[bodies.bar]',
+     r"^joints\.rail: a prismatic joint slides along a direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
+])  # fmt: skip
+def test_what_is_missing_in_space_is_named_with_what_fits_there(tmp_path, entry, said):
+    """A rotation about an axis alone turned nothing, silently."""
+    with pytest.raises(SceneError, match=said):
+        scene_of(tmp_path, ("[bodies.bar]", entry))
+
+
+def test_a_rotation_by_no_angle_is_one(tmp_path):
+    scene = scene_of(tmp_path, ("[bodies.bar]", "[bodies.bar]\nrotation = {axis = [0, 0, 1], angle = 0}"))
+    assert (scene.bodies["bar"].rotation.matrix == np.eye(3)).all()
+
+
 def test_a_freedom_that_moves_nothing_heavy_is_named(tmp_path):
     """A thin bar on a ball, whose inertia about itself is left out, resists no spin."""
     scene = scene_of(

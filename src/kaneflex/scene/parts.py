@@ -63,6 +63,7 @@ PRESETS = {
 }
 _TIGHTEST = 1e-13
 """Tolerance below which rounding would stand in its way."""
+_LIKE_DIRECTION = "Give it, like direction = [1, 0], in space [1, 0, 0]"
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")
 
 
@@ -108,7 +109,7 @@ class Joint(SceneTable):
     def _consistent(self) -> Joint:
         kind = the_one_given(self, JOINT_KINDS)
         if kind == "prismatic" and self.direction is None:
-            raise Fault("a prismatic joint slides along a direction", "Give it, like direction = [1, 0]")
+            raise Fault("a prismatic joint slides along a direction", _LIKE_DIRECTION)
         if kind != "prismatic" and self.direction is not None:
             raise Fault(f"a {kind} joint has no direction", "Leave it out", below="direction")
         for field, kinds in {"axis": ("revolute", "cylindrical"), "axes": ("universal",)}.items():
@@ -239,7 +240,7 @@ class Load(SceneTable):
         kind = self.kind
         on = the_one_given(self, ("force_on", "torque_at", "spread_on"))
         if on != "torque_at" and self.direction is None:
-            raise Fault("a force without direction", "Give it, like direction = [1, 0]", below="direction")
+            raise Fault("a force without direction", _LIKE_DIRECTION, below="direction")
         if on == "torque_at":
             self.refuse(("direction", "axes"), "a torque has none")
         if on != "spread_on":

@@ -31,6 +31,8 @@ class Rotation(SceneTable):
             raise Fault("neither x nor axis, or both", "Give the direction of x, or an axis with its angle")
         if self.axis is None and "angle" in self.model_fields_set:
             raise Fault("belongs to an axis", "Leave it out, or give the axis", below="angle")
+        if self.axis is not None and "angle" not in self.model_fields_set:
+            raise Fault("an axis without an angle turns nothing", "Give it, like angle = '90 deg'", below="angle")
         if self.axis is not None and self.y is not None:
             raise Fault("belongs to x", "Leave it out, or give x", below="y")
         if self.x is not None and self.y is not None and len(self.x) == len(self.y) == 3:
