@@ -127,7 +127,7 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
     data.save(output)
     if missing is not None:
         cure = "Give the stiffness matrix, more modes, or modes with attachment modes"
-        click.echo(f"Warning: {missing}. {cure}.", err=True)
+        echo(f"Warning: {missing}. {cure}.", err=True)
     for doubt in link.doubts:
         echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)
     echo(imported_table(data))
