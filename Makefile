@@ -51,9 +51,10 @@ test: $(READY)  ## run the tests
 extremes: export OMP_NUM_THREADS := 1
 extremes: export OPENBLAS_NUM_THREADS := 1
 extremes: export NUMBA_NUM_THREADS := 1
-extremes: $(READY)  ## run the extremes suite in full, minutes, into docs/extremes.md, read 20,000 mutated scenes and import 500 mutated meshes
+extremes: $(READY)  ## run the extremes suite in full into docs/extremes.md; read 20,000 mutated scenes, run 2,000, import 500 meshes
 	$(BIN)/python tests/bench_extremes.py
 	$(BIN)/python tests/scene_fuzz.py 20000
+	$(BIN)/python tests/scene_fuzz.py --runs 2000
 	$(BIN)/python tests/import_fuzz.py 500
 
 derive: $(READY)  ## derive the modules in generated/ anew

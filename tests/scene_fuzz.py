@@ -1,7 +1,8 @@
 """Mutated scenes: keys, values, units and tables of the shipped ones, and their text, changed at random.
 
 A mutant is known by its seed. Whatever it is, reading it ends in a `Scene` or in the project's own error, in time.
-`python tests/scene_fuzz.py COUNT FIRST` reads COUNT of them from seed FIRST on and names those that do not.
+`python tests/scene_fuzz.py COUNT FIRST` reads COUNT of them from seed FIRST on and names those that do not; with
+`--runs` it runs a hundredth of shipped scenes whose numbers were changed, under one preset after the other.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ import sys
 import tempfile
 import time
 import tomllib
+import warnings
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -27,9 +30,13 @@ from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.scene import read_scene, shipped_scenes
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.options import acting, resolve_options
 from kaneflex.scene.scene import Scene
+from kaneflex.scene.start import Start
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import UserError
 
 WORDS = (
@@ -184,7 +191,78 @@ def _double(raw, path, pick, others):
     owner[pick.choice(("twin", "main_speed", *WORDS))] = twin
 
 
-CHANGES: tuple[Callable, ...] = (_drop, _replace, _replace, _rename, _reunit, _reunit, _law, _swap, _graft, _double)
+Number = tuple[Any, Any, Any]
+"""The table or list that holds it, its key there, and itself, alone or with a unit."""
+
+
+def _numbers(raw: dict[str, Any]) -> list[Number]:
+    """All numbers of a scene, wherever they stand."""
+    found: list[Number] = [(raw, key, value) for key, value in raw.items() if key != "schema"]
+    numbers = []
+    while found:
+        owner, key, value = found.pop()
+        if isinstance(value, dict):
+            found += [(value, inner, each) for inner, each in value.items()]
+        elif isinstance(value, list):
+            found += [(value, k, each) for k, each in enumerate(value)]
+        elif (isinstance(value, int | float) and value is not True) or (isinstance(value, str) and value[:1].isdigit()):
+            numbers.append((owner, key, value))
+    return numbers
+
+
+def _huge(raw, path, pick, others):
+    """Some number of the scene, far too large or too small."""
+    if numbers := _numbers(raw):
+        owner, key, value = pick.choice(numbers)
+        unit = value.partition(" ")[2] if isinstance(value, str) else ""
+        number = f"{pick.choice(('', '-'))}{pick.randint(1, 9)}e{pick.choice((-60, -59, -30, -9, 9, 30, 59, 60))}"
+        owner[key] = f"{number} {unit}" if unit else float(number)
+
+
+def _nest(raw, path, pick, others):
+    """An entry within lists or tables, or a table or a list that has become another kind of thing."""
+    owner, key = _owner(raw, path), path[-1]
+    value = owner[key]
+    shapes = [[value], [[value]], [value, [value]], {"x": value}, [{"x": value}], {key: value}]
+    if isinstance(value, dict):
+        shapes += [[*value], [*value.values()], [*value.items()], str(value)[:50]]
+    if isinstance(value, list) and value:
+        shapes += [value + value, value[:-1], value[0], {str(k): each for k, each in enumerate(value)}]
+        shapes += [[*value[:-1], [value[-1]]], [*value[:-1], {"x": value[-1]}], [value, *value[1:]]]
+    owner[key] = json.loads(json.dumps(pick.choice(shapes)))
+
+
+_SCRIPTS = ("\uff10", "\u0660", "\u09e6", "\U0001d7ce")
+"""Zeros of full-width, Arabic, Bengali and mathematical digits, which Python reads as digits."""
+
+
+def _digits(raw, path, pick, others):
+    """Digits of another script, underscores between them, or what float() reads beside decimals."""
+    owner, key = _owner(raw, path), path[-1]
+    text = str(owner[key])
+    if not isinstance(owner[key], str | int | float):
+        return
+    zero = ord(pick.choice(_SCRIPTS))
+    other = "".join(chr(zero + int(letter)) if letter in "0123456789" else letter for letter in text)
+    unit = text.partition(" ")[2]
+    owner[key] = f"{pick.choice((other, '1_0', '0x1f', 'nan', 'inf', '1e400', '1e'))} {unit}".strip()
+
+
+def _same(raw, path, pick, others):
+    """Two things of one name: a joint like a body, a load like a joint, a sensor like a load, of another case."""
+    tables = [name for name, table in raw.items() if isinstance(table, dict) and table]
+    if len(tables) < 2:
+        return
+    one, two = pick.sample(tables, 2)
+    name = pick.choice([*raw[one]])
+    entries = raw[two]
+    entries[pick.choice((name, name.upper(), f"{name}_speed"))] = entries.pop(pick.choice([*entries]))
+
+
+CHANGES: tuple[Callable, ...] = (
+    _drop, _replace, _replace, _rename, _reunit, _reunit, _law, _swap, _graft, _double, _huge, _nest, _nest, _digits,
+    _same,
+)  # fmt: skip
 
 
 def broken_text(text: str, pick: random.Random) -> bytes:
@@ -246,6 +324,32 @@ class Mutants:
         return file
 
 
+RUN_PRESETS = ("rigid", "quasistatic", "linear", "stiffened", "coupled")
+
+
+class Runs(Mutants):
+    """Shipped scenes with other numbers by seed, each with a preset that it is to run under."""
+
+    def write(self, seed: int) -> tuple[Path, str]:
+        """A shipped scene with some numbers changed, mostly by a factor of up to a thousand, as a file."""
+        pick = random.Random(seed)
+        raw = copy.deepcopy(self.raws[pick.choice([*self.raws])])
+        for _ in range(pick.choice((1, 1, 2, 3))):
+            numbers = _numbers(raw)
+            if not numbers:  # of a scene that is like another one
+                break
+            owner, key, value = pick.choice(numbers)
+            number, _, unit = value.partition(" ") if isinstance(value, str) else (value, "", "")
+            with suppress(ValueError):
+                times = 10.0 ** pick.uniform(-3.0, 3.0) * pick.choice((1, 1, 1, -1, 0, 1e30, 1e-30))
+                new = float(number) * times
+                owner[key] = f"{new!r} {unit}" if unit else min(round(abs(new)), 30) if type(value) is int else new
+        (self.folder / "gas.csv").write_text(self.gas)
+        file = self.folder / "mutant.toml"
+        file.write_text(written_toml(raw), encoding="utf-8")
+        return file, RUN_PRESETS[seed % len(RUN_PRESETS)]
+
+
 def examine(file: Path, placed: bool = False) -> Scene | UserError:
     """Everything that is found out about a scene before equations are derived, or the refusal.
 
@@ -263,13 +367,36 @@ def examine(file: Path, placed: bool = False) -> Scene | UserError:
             elif options.dynamics != "rigid" and elastic:
                 check_elastic(scene)
             acting(scene, options).structure_hash()
-            shape_counts(scene)
+            if not scene.is_spatial:
+                shape_counts(scene)
             if placed and scene.joints:
                 place(scene)
     except UserError as error:
         assert all((problem.reason, problem.cure, str(problem)) for problem in error.problems)
         return error
     return scene
+
+
+def run_shortly(given: tuple[Path, str]) -> Solution | UserError:
+    """A hundredth of the run that a scene asks for, in 20 steps, or the refusal: no NaN where it completes.
+
+    given: a file, and the preset
+    """
+    file, preset = given
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            scene = read_scene(file)
+            short = [f"solve.duration={0.01 * scene.horizon!r}", "solve.steps=20", "solve.errors=none"]
+            changes = [f"solve.preset={preset}", *(["solve.integrator=none"] * (scene.solve.integrator is not None))]
+            changes += [] if isinstance(scene.solve.start, Start) else ["solve.start=zero"]
+            solution = simulate(load(with_settings(scene, [*short, *changes])))
+    except UserError as error:
+        return error
+    if solution.outcome.name == "COMPLETED":
+        lost = [name for name, series in solution.series.items() if not np.isfinite(series.values).all()]
+        assert not lost, f"{preset}: {lost} are no numbers"
+    return solution
 
 
 class Written(Protocol):
@@ -290,7 +417,7 @@ def broken(
         try:
             examine(given)
         except Exception as error:  # whatever it is, it is the finding
-            found.append(f"{seed}: {type(error).__name__}: {error}")
+            found.append(f"{seed}: {type(error).__name__}: {str(error)[:300]}")
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
     return found
@@ -301,12 +428,18 @@ def _too_long(number: int, frame: object) -> None:
 
 
 def main() -> None:
-    count, first = (int(number) for number in (*sys.argv[1:], "20000", "0")[:2])
-    started = time.monotonic()
+    """COUNT FIRST of mutated scenes; with --runs of short runs."""
+    runs = "--runs" in sys.argv
+    numbers = [word for word in sys.argv[1:] if word != "--runs"]
+    count, first = (int(number) for number in (*numbers, "20000", "0")[:2])
+    started, seeds = time.monotonic(), range(first, first + count)
     with tempfile.TemporaryDirectory() as folder:
-        seeds = range(first, first + count)
-        found = broken(Mutants(Path(folder)), seeds, limit=60.0, examine=partial(examine, placed=True))
-    print(*found, f"{count} mutated scenes in {time.monotonic() - started:.0f} s: {len(found)} broken", sep="\n")
+        if runs:
+            found = broken(Runs(Path(folder)), seeds, 120.0, run_shortly)
+        else:
+            found = broken(Mutants(Path(folder)), seeds, limit=60.0, examine=partial(examine, placed=True))
+    what = "short runs" if runs else "mutated scenes"
+    print(*found, f"{count} {what} in {time.monotonic() - started:.0f} s: {len(found)} broken", sep="\n")
     sys.exit(bool(found))
 
 

@@ -15,8 +15,10 @@ from kaneflex.fem.mobility import in_joints
 from kaneflex.integrate.methods import METHODS
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.binding import find_module
-from kaneflex.scene import json_schema, read_scene, shipped_scenes
+from kaneflex.scene import json_schema, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.parts import PRESETS
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 
 ROOT = Path(__file__).parents[1]
 
@@ -238,6 +240,17 @@ def test_modes_do_not_compare_displacements_with_rotations():
     assert "plain number" not in cli("modes", "engine", "--count", "1", "--at", "main=1 rad").stderr
     reduced = cli("modes", "engine", "--count", "1", "--set", "solve.modes=2").stdout.splitlines()
     assert reduced[2].split()[2:] == ["rod.2.v", "rod.0.theta"]
+
+
+@pytest.mark.parametrize(("name", "changes", "said"), [
+    ("engine", ["solve.preset=coupled", "solve.start=zero", "solve.steps=40"], "0.66 stored instants in a period of"),
+    ("mathieu", ["pulse.law=-2*cos(clock)"], "the axial forces exceed a buckling load at t = 0 s"),
+])  # fmt: skip
+def test_check_warns_of_what_a_run_would_warn_of_without_a_solution(name, changes, said):
+    shown = cli("check", name, *(word for change in changes for word in ("--set", change)))
+    assert f"Warning: {said}" in shown.stderr
+    scene = with_settings(read_scene(name), [*changes, "solve.errors=none"])
+    assert any(text.startswith(said) for text in simulate(load(scene)).warnings)
 
 
 def test_check_warns_of_terms_that_the_preset_has_no_place_for():

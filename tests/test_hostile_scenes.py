@@ -44,6 +44,9 @@ def _read(folder, old="", new="", gas=GAS):
     (ROD, f'"1{" " * 50_000}m"', "bodies.rod.length", "not a number with a unit; a length is wanted"),
     (ROD, "9" * 400, "bodies.rod.length", "not a finite number"),
     (ROD, f"0x{'f' * 5000}", "bodies.rod.length", "not a finite number"),
+    ("schema = 1", "schema = 1\ngravity = [0, 1e59]", "gravity", "beyond 1e+15 m/s^2, no motion can be followed"),
+    ("[joints]", "[contacts]\nc = {point_on_line = ['rod', 'ground'], normal = [0, 1], contact = {materials = "
+     "['steel', ['steel']], restitution = 1}}\n[joints]", "contacts.c.contact.materials", "unknown material ['steel']"),
     (ROD, "9" * 5000, "scene", f"line {LINE_OF_ROD}: a whole number of 5000 digits"),
     ("elements = 4", f"elements = 1{'0' * 29}", "bodies.rod.beam.elements", "more than 1,000,000,000"),
     ("elements = 4", f"elements = 0x{'f' * 5000}", "bodies.rod.beam.elements", "more than 1,000,000,000"),

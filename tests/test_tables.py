@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator
 
+from kaneflex.response.undersampling import between_steps
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.plausible import implausible
@@ -401,3 +402,10 @@ def test_a_torque_over_the_angle_of_a_lever_without_a_drive_needs_preset_coupled
     with pytest.raises(SceneError, match=r"loads\.brake\.against = 'rocker': .*rocker has none\. Take preset coupled"):
         resolve_options(with_settings(scene, ["brake.law=none", f"brake.table={tmp_path}/k.csv", "brake.against=rocker",
                                               "solve.preset=stiffened"]))  # fmt: skip
+
+
+def test_rounds_of_a_table_that_no_run_can_follow_are_looked_at_in_part():
+    """1e25 rpm, and a table that repeats every second turn: there were more rows than memory."""
+    fast = ["main.speed=1e25 rpm", "solve.duration=20 ms", "solve.preset=rigid", "solve.start=zero", "solve.steps=20"]
+    warnings = between_steps(load(with_settings(read_scene("engine"), fast)))
+    assert any("main turns by" in text for text in warnings)

@@ -19,6 +19,8 @@ from kaneflex.multibody.scipy_run import by_scipy
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.multibody.trajectory import CoupledTrajectory
 
+_PATIENCE = 5_000_000
+"""Steps between two stored instants, a million periods: what takes more is in a wrong unit."""
 _PIECE, _GROWTH, _WORK = 100, 8, 40_000
 """Between two reports of progress, at each of which a run can be interrupted: stored instants at most, and as many
 steps at first; by how much their number may grow at once, and how many there are at most, times the coordinates: some
@@ -152,6 +154,7 @@ class Run:
         scipy = self.method.integrator == "scipy"
         # What is bounded by its largest values so far is known better after every piece.
         most, growth = (1, 2) if self.method.bounded else (_PIECE, 1 if scipy else _GROWTH)
+        since = 0
         while self.filled + 1 < len(self.times):
             before = self.filled
             rows = slice(before, before + 1 + min(most, _PIECE))
@@ -172,6 +175,11 @@ class Run:
             misfit = self._misfit()
             if misfit:
                 return Outcome.SINGULAR, misfit
+            tried = int(self.counts[0] + self.counts[1])
+            since = tried if self.filled > before else since
+            if tried - since > _PATIENCE:
+                said = f"more than {_PATIENCE:,} steps after t = {self.times[self.filled]:.6g} s do not reach the next"
+                return Outcome.UNSTABLE, f"{said} stored instant: something moves far too fast to be followed"
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))

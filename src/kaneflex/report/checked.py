@@ -25,9 +25,12 @@ from kaneflex.report.presentation import (
 )
 from kaneflex.scene.plausible import stubby_links
 from kaneflex.solve.initial import start_coordinates
-from kaneflex.solve.validity import few_steps
+from kaneflex.solve.solution import natural_frequencies
+from kaneflex.solve.validity import foreseen
 from kaneflex.support.kept import Kept
 
+_MOST_INSTANTS = 20_000
+"""Instants at which stiffness is looked at, however many a run would store."""
 _CLOSINGS: Kept[Model, list[Closing]] = Kept()
 
 
@@ -55,9 +58,10 @@ def _bodies_deform(model: Model) -> bool:
 
 
 def warnings(model: Model) -> tuple[str, ...]:
-    """What a run would warn of that is known before it: numbers that are hardly meant, vibrations in too few steps."""
-    lowest = _lowest_hz(model) if model.options.integrator != "spectral" else None
-    return (*model.warnings, *([] if lowest is None else few_steps(model, lowest)))
+    """Warnings of a run that need no solution: numbers in a wrong unit, too few steps, rounding, buckling loads."""
+    times = np.linspace(0.0, model.options.duration, min(model.options.steps, _MOST_INSTANTS) + 1)
+    frequencies = natural_frequencies(model) if model.options.dynamics in ("dynamic", "coupled") else ()
+    return (*model.warnings, *foreseen(model, frequencies, times, model.options.integrator != "spectral"))
 
 
 def notes(model: Model) -> Iterator[str]:

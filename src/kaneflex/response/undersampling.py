@@ -84,8 +84,9 @@ def _instants_of_rows(scene: Scene, seen: RigidMotion) -> np.ndarray:
             continue
         rows, times = load.read_table().x, seen.times
         if load.period is not None:
-            rounds = np.arange(np.floor((x.min() - rows[0]) / load.period), (x.max() - rows[0]) / load.period)
-            rows = np.add.outer(load.period * rounds[:_SAMPLES // len(rows)], rows).ravel()
+            first, last = np.floor((x.min() - rows[0]) / load.period), (x.max() - rows[0]) / load.period
+            rounds = first + np.arange(min(np.ceil(last - first), _SAMPLES // len(rows)))
+            rows = np.add.outer(load.period * rounds, rows).ravel()
         rows = rows[(rows >= x.min()) & (rows <= x.max())]
         found.append(np.interp(way * rows, way * x, times))
     return np.concatenate(found)

@@ -38,9 +38,20 @@ def problems_of(scene: Scene) -> list[Problem]:
     return loose + found
 
 
+_MOST_GRAVITY = 1e15
+"""Acceleration [m/s^2], a thousand times that on a neutron star: no step of an integration is as short as falls are."""
+
+
+def _gravity(scene: Scene) -> Iterator[Problem]:
+    if math.hypot(*scene.gravity) > _MOST_GRAVITY:
+        reason = f"beyond {_MOST_GRAVITY:g} m/s^2, no motion can be followed"
+        yield Problem("gravity", given_value(scene.raw, ("gravity",)), reason, "Write it like [0, '-9.81 m/s^2']")
+
+
 def _problems(scene: Scene) -> list[Problem]:
     """The same of the scene as it moves."""
     found = [
+        *_gravity(scene),
         *_names(scene),
         *_beams(scene),
         *_joints(scene),

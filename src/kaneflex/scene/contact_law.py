@@ -28,7 +28,7 @@ _SMALLEST_LOGARITHM = 3.0
 
 
 def _material(name: object) -> object:
-    if name not in MATERIALS:
+    if not isinstance(name, str) or name not in MATERIALS:
         raise Fault(f"unknown material {name!r}", nearest(str(name), MATERIALS))
     return name
 

@@ -142,11 +142,7 @@ class Solution:
     @cached_property
     def frequencies(self) -> tuple[float, ...]:
         """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, the MOST_FREQUENCIES lowest at most."""
-        from kaneflex.multibody.building import has_modes, reference_modes
-
-        count = min(self.model.equations.size, MOST_FREQUENCIES) if has_modes(self.model) else 0
-        omega = reference_modes(self.model, count)[0] if count else ()
-        return tuple(float(value) / (2.0 * math.pi) for value in omega)
+        return natural_frequencies(self.model)
 
     @cached_property
     def rigid(self) -> RigidMotion:
@@ -363,3 +359,12 @@ def _between(trajectory: Trajectory, times: np.ndarray) -> Trajectory:
     curve = BPoly.from_derivatives(trajectory.times, knots)
     z, v, a = curve(times), curve.derivative(1)(times), curve.derivative(2)(times)
     return replace(trajectory, times=times, z=z, v=v, a=a)
+
+
+def natural_frequencies(model: Model) -> tuple[float, ...]:
+    """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, the MOST_FREQUENCIES lowest at most."""
+    from kaneflex.multibody.building import has_modes, reference_modes
+
+    count = min(model.equations.size, MOST_FREQUENCIES) if has_modes(model) else 0
+    omega = reference_modes(model, count)[0] if count else ()
+    return tuple(float(value) / (2.0 * math.pi) for value in omega)

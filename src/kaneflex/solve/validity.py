@@ -55,19 +55,14 @@ ZERO = 1e-6
 def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     """Warnings about a finished run: a step too long for its lowest mode, deflections too large for the theory."""
     model, coupled = solution.model, solution.model.coupled is not None
-    lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
-    found: list[str] = []
     stepped = not getattr(solution.trajectory, "solver", "").startswith("spectral")  # harmonics leave no mode out
-    if lowest is not None and stepped and model.options.dynamics in ("dynamic", "coupled"):
-        found += few_steps(model, lowest)
-    found += [*_parted(solution), *_ill_conditioned(solution), *between_steps(model), *_unbalanced(solution)]
+    found = foreseen(model, frequencies, solution.times, stepped)
+    found += [*_parted(solution), *_unbalanced(solution)]
     if coupled:
         found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
         found += off_their_lines(solution)
     if not len(solution.times):
         return found
-    if not coupled:
-        found += lost_stiffness(model, solution.times)
     motion = solution.motion
     nodes = {name: motion.nodes(name) for name in model.links}
     shares = {}
@@ -79,6 +74,19 @@ def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[
         found += _deformed(name, link.length, of_node[-1, 0] - of_node[0, 0], shares[name], coupled)
     found += near_resonance(solution)
     return found if coupled else found + _uncoupled(solution, shares)
+
+
+def foreseen(model: Model, frequencies: Sequence[float], times: np.ndarray, stepped: bool) -> list[str]:
+    """Warnings that are known without a solution: of steps, of rounding, and of stiffness that forces take away.
+
+    frequencies: natural ones [Hz], rising; times: stored instants [s] (n,); stepped: whether steps are taken
+    """
+    lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
+    found: list[str] = []
+    if lowest is not None and stepped and model.options.dynamics in ("dynamic", "coupled"):
+        found += few_steps(model, lowest)
+    found += [*_ill_conditioned(model, times), *between_steps(model)]
+    return found + lost_stiffness(model, times) if model.coupled is None and len(times) else found
 
 
 def _deformed(name: str, length: float, stretched: np.ndarray, share: float, coupled: bool) -> Iterator[str]:
@@ -188,15 +196,14 @@ def few_steps(model: Model, lowest: float) -> list[str]:
     ]
 
 
-def _ill_conditioned(solution: Solution) -> list[str]:
+def _ill_conditioned(model: Model, times: np.ndarray) -> list[str]:
     """A warning where rounding alone may change quasi-static displacements, forces and torques."""
-    model = solution.model
     static = model.options.dynamics == "quasistatic" or (
         model.options.dynamics == "dynamic" and model.options.start == "quasistatic"
     )
-    if not static or not len(solution.times) or mechanism_modes(model, solution.times[0]):
+    if not static or not len(times) or mechanism_modes(model, times[0]):
         return []
-    share = lost_digits(model, solution.times[0])
+    share = lost_digits(model, times[0])
     if share <= LARGEST_ROUNDING:
         return []
     return [
