@@ -201,6 +201,37 @@ def test_frame_frequencies(name, tmp_path):
     assert (off[4:] < 1e-3).all()
 
 
+def test_free_rod_bends_as_a_free_uniform_beam():
+    """cos(b) cosh(b) = 1 (Blevins 1979, table 8-1). The paper's Fig. 17 has 6425 Hz for a rod of unknown section."""
+    rod = model("free-rod").scene.bodies["rod"]
+    rate = np.sqrt(2.1e11 * 7008e-12 / (rod.mass * rod.length**3)) / (2 * np.pi)
+    exact = np.array([4.73004074, 7.85320462]) ** 2 * rate
+    found = reference_modes(model("free-rod"), 5)[0] / (2 * np.pi)
+    assert found[3:] == pytest.approx(exact, rel=1e-3)
+    assert found[3] == pytest.approx(6887, abs=1)
+
+
+def test_block_is_shaken_as_a_mass_on_its_mounts():
+    """M x'' + c x' + k x = -P'', P the first moments of the moving masses in the block's axes, harmonic by harmonic."""
+    r, l, omega, count = 0.040, 0.137, 200 * np.pi, 360
+    crank, rod, piston = 0.952, 0.153, 0.214
+    theta = 2 * np.pi * np.arange(count) / count
+    wrist = r * np.cos(theta) + np.sqrt(l**2 - (r * np.sin(theta)) ** 2)
+    along = crank * r * np.cos(theta) / 2 + rod * (r * np.cos(theta) + wrist) / 2 + piston * wrist
+    across = (crank + rod) * r * np.sin(theta) / 2
+    rates, moving = omega * np.arange(count // 2 + 1), crank + rod + piston
+    stiff = run("engine-block", "rod.E=2.1e15")
+    elastic = run("engine-block")
+    for name, moment, M, k, c, weight in (
+        ("AccBloc_V", along, 62 + moving, 244.8e3, 779.0, 9.81), ("AccBloc_T", across, 60 + moving, 236.9e3, 754.0, 0.0)
+    ):  # fmt: skip
+        place = rates**2 * np.fft.rfft(moment) / (k - M * rates**2 + 1j * c * rates)
+        exact = np.tile(np.fft.irfft(-(rates**2) * place, count), 2) + weight  # an accelerometer at rest reads -g
+        largest = abs(exact).max()
+        assert stiff.series[name].values[:-1] == pytest.approx(exact, abs=4e-6 * largest)
+        assert elastic.series[name].values[:-1] == pytest.approx(exact, abs=0.02 * largest)
+
+
 def test_free_frame_drifts_as_the_blow_tells_it():
     """Nothing holds the frame: its mass centre moves at impulse / mass, whatever rings; and not at all across."""
     solution = run("free-frame")
@@ -231,7 +262,7 @@ def test_the_page_has_an_entry_for_each_scene_that_is_no_plain_engine():
     page = Path(__file__).parent.parent / "docs" / "gallery.md"
     text = page.read_text(encoding="utf-8")
     headings = set(re.findall(r"^## (\S+)$", text, flags=re.MULTILINE))
-    others = ("torque", "clearance")
+    others = ("torque", "clearance", "block")
     plain = {name for name in shipped_scenes() if name.startswith("engine") and not any(map(name.count, others))}
     assert headings == set(shipped_scenes()) - plain
     assert set(re.findall(r"^\| \[(\S+)\]\(#\1\)", text, flags=re.MULTILINE)) == headings
