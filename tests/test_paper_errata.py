@@ -9,6 +9,7 @@ reference engine's, since the paper gives none.
 import closed_forms as by_hand
 import numpy as np
 import pytest
+from runs import model, run
 from sympy import Matrix, Rational
 
 from kaneflex.derive import beam
@@ -256,3 +257,147 @@ def test_109_constraint_of_the_slider(element):
         scale = np.array([L_1 if i % 3 == 2 else 1.0 for i in free])
         eigenvalues = np.linalg.eigvalsh(K[np.ix_(free, free)] / np.outer(scale, scale))
         assert bool(eigenvalues[0] < 1e-12 * eigenvalues[-1]) is singular
+
+
+# ---- what errors cost in the reference engine [mm] ---------------------------------------------------------------
+#
+# Rigid crank, one element, coordinates (rotation at the crank pin, X of the piston, rotation at its pin), a cycle
+# of 720 degrees at 6000 rpm. Printed variants change the library's own matrices; each has its own periodic motion.
+
+COUNT, CYCLE = 301, 0.02
+TIMES = CYCLE * np.arange(COUNT) / COUNT
+ROD_MOTION = by_hand.slider_crank(L_1, L_2, SPEED * TIMES, SPEED)
+PISTON = 0.214
+
+
+class Rod:
+    """The library's M, C, K and F over a cycle, and its rod's displacements in the coordinates Q (67): q = P Q."""
+
+    def __init__(self):
+        self.model = model("engine", "rod.elements=1")
+        assert self.model.coordinates == ("rod.0.theta", "piston.slide", "rod.1.theta")
+        self.M, self.C, self.F, self.K_s, self.K_d, self.K_g, K_c = (
+            np.array([getattr(self.model, name)(t) for t in TIMES])
+            for name in ("M", "C", "F", "K_s", "K_d", "K_g", "K_c")
+        )
+        self.K = self.K_s + self.K_d + self.K_g + K_c
+        alpha, beta = self.model.rayleigh
+        self.damping = alpha * self.M + beta * self.K_s
+        s, c = np.sin(ROD_MOTION["phi2"]), np.cos(ROD_MOTION["phi2"])
+        w, e = (ROD_MOTION[name][:, None, None] for name in ("omega2", "epsilon2"))
+        self.P, turned, across = np.zeros((3, COUNT, 6, 3))
+        self.P[:, 2, 0] = self.P[:, 5, 2] = 1.0
+        self.P[:, 3, 1], self.P[:, 4, 1] = across[:, 3, 1], across[:, 4, 1] = c, -s
+        turned[:, 3, 1], turned[:, 4, 1] = -s, -c
+        self.rates = w * turned, e * turned - w**2 * across
+        self.c, self.s = c, s
+
+    def motion(self, **changed):
+        """Periodic motion (COUNT, 3) with some of the matrices replaced, by collocation of its Fourier polynomial."""
+        M, C, K, F = (changed.get(name, getattr(self, name)) for name in "MCKF")
+        rates = 2j * np.pi / CYCLE * np.fft.fftfreq(COUNT, 1 / COUNT)[:, None]
+        D = np.fft.ifft(rates * np.fft.fft(np.eye(COUNT), axis=0), axis=0).real
+        A = np.einsum("tab,ts->tasb", M, D @ D) + np.einsum("tab,ts->tasb", C, D)
+        A[np.arange(COUNT), :, np.arange(COUNT)] += K
+        return np.linalg.solve(A.reshape(3 * COUNT, 3 * COUNT), F.ravel()).reshape(COUNT, 3)
+
+    def displacements(self, Q):
+        """Of the piston pin along the rod and of its middle across the chord [mm], (2, COUNT)."""
+        return 1e3 * np.array([self.c * Q[:, 1], L_2 / 8 * (Q[:, 0] - Q[:, 2])])
+
+    def cost(self, **changed):
+        """Largest change of these by printed matrices [mm]."""
+        return abs(self.displacements(self.motion(**changed)) - self.displacements(self.motion())).max(axis=1)
+
+
+@pytest.fixture(scope="module")
+def rod():
+    return Rod()
+
+
+def local(values, matrix):
+    """A hand-written matrix of the rod at every instant, (COUNT, 6, 6)."""
+    return np.array([matrix(ROD[rho_A], L_2, *each) for each in zip(*values, strict=True)])
+
+
+def test_the_corrected_equations_give_the_reference_displacements(rod):
+    """errata.md, regression targets with one element: -0.1464 and +0.025 mm along, 0.0235 mm across."""
+    along, across = rod.displacements(rod.motion())
+    assert (along.min(), along.max()) == (pytest.approx(-0.1464, abs=1e-4), pytest.approx(0.0253, abs=1e-4))
+    assert abs(across).max() == pytest.approx(0.0235, abs=1e-4)
+    own = run("engine", "rod.elements=1")
+    for found, name in ((along, "tip_axial"), (across, "mid_transverse")):
+        assert found == pytest.approx(np.interp(TIMES, own.times, 1e3 * own.series[name].values), abs=2e-4)
+
+
+def test_57_93_104_frozen_transformation_costs_a_ten_thousandth(rod):
+    """Printed T^T C T and T^T K T, as if T did not turn, lack 2 T^T M T' and T^T (M T'' + C T'): 0.00013 mm."""
+    spin = ROD_MOTION["omega2"], ROD_MOTION["epsilon2"]
+    M, C, K = by_hand.mass(ROD[rho_A], L_2), local(spin[:1], by_hand.gyroscopic), local(spin, by_hand.dynamic_stiffness)
+    P, (rate, acceleration), T = rod.P, rod.rates, rod.P.swapaxes(1, 2)
+    assert T @ (2 * M @ rate + C @ P) == pytest.approx(rod.C - rod.damping, abs=1e-9)
+    assert T @ (M @ acceleration + C @ rate + K @ P) == pytest.approx(rod.K_d, abs=1e-9 * abs(rod.K_d).max())
+    printed = {"C": rod.damping + T @ C @ P, "K": rod.K - rod.K_d + T @ K @ P}
+    assert rod.cost(**printed) == pytest.approx([1.4e-6, 1.3e-4], rel=0.1)
+
+
+def test_69_to_72_missing_piston_inertia_costs_a_fiftieth_of_a_millimetre(rod):
+    """-m_p a_B stands in no load: 4.37 kN at top dead centre, 0.020 mm along the rod, whose pull vanishes almost."""
+    inertia = -PISTON * ROD_MOTION["piston_acceleration"]
+    assert inertia[0] == pytest.approx(4.37e3, rel=1e-3)
+    F = rod.F.copy()
+    F[:, 1] -= inertia
+    assert rod.cost(F=F) == pytest.approx([0.0200, 6e-6], rel=0.05)
+    assert rod.displacements(rod.motion(F=F))[0].max() == pytest.approx(0.0053, abs=1e-4)  # corrected: 0.0253
+
+
+def test_121_to_152_constant_coefficients_cost_what_their_crank_angle_says(rod):
+    """M, K of one crank angle, which (145) does not state, and no C_d: 0.0025 to 0.013 mm."""
+    costs = []
+    for degrees in (0, 90, 180):
+        k = round(degrees / 720 * COUNT)
+        frozen = {name: np.repeat(getattr(rod, name)[k : k + 1], COUNT, axis=0) for name in "MK"}
+        costs.append(rod.cost(C=np.repeat(rod.damping[k : k + 1], COUNT, axis=0), **frozen)[0])
+    assert costs == pytest.approx([0.0025, 0.0130, 0.0025], rel=0.05)
+
+
+def test_88_and_94_axial_rigidity_in_bending_costs_all_of_the_bending(rod):
+    """Printed E A int N''^T N'' dx is E A / E I = 20,000 times as stiff per m^2: 0.0234 of 0.0235 mm are lost."""
+    rigidity = 2.1e11 * np.array([0.153 / (7850 * L_2), 7008e-12])  # E A and E I of the scene
+    T = rod.P.swapaxes(1, 2)
+    assert T @ by_hand.stiffness(*rigidity, L_2) @ rod.P == pytest.approx(rod.K_s, rel=1e-9, abs=1e-3)
+    more = by_hand.bending_stiffness(rigidity[0], L_2) - by_hand.bending_stiffness(rigidity[1], L_2)
+    printed = rod.K + T @ more @ rod.P
+    assert rod.cost(K=printed) == pytest.approx([5.3e-6, 0.0234], rel=0.05)
+    assert abs(rod.displacements(rod.motion(K=printed))[1]).max() < 2e-6
+
+
+def test_113_to_115_shape_functions_of_global_coordinates_cost_seven_micrometres(rod):
+    """Printed U = N Q, without T: along the rod X of the piston pin, and across its middle nothing of it."""
+    Q, N = rod.motion(), np.array([[0.5, 0, 0, 0.5, 0, 0], [0, 0.5, L_2 / 8, 0, 0.5, -L_2 / 8]])  # at l / 2
+    whole = np.zeros((COUNT, 6))
+    whole[:, [2, 3, 5]] = Q
+    T = np.array([by_hand.rotation_to_local(c, s) for c, s in zip(rod.c, rod.s, strict=True)], dtype=float)
+    corrected, printed = 1e3 * N @ (T @ whole[..., None]), 1e3 * N @ whole[..., None]
+    assert abs(corrected[:, 1]).max() == pytest.approx(0.02415, rel=0.01)
+    assert abs(printed - corrected).max(axis=(0, 2)) == pytest.approx([0.00068, 0.00737], rel=0.02)
+
+
+def test_117_transposed_stiffness_is_no_displacement(rod):
+    """Printed Q = K_r^T F_r, in N^2/m; by K_r^-1 F_r the piston pin moves by 0.146 mm, as quasi-statically."""
+    solved = 1e3 * np.linalg.solve(rod.K_s, rod.F[..., None])[:, 1, 0]
+    assert abs(solved).max() == pytest.approx(0.1457, rel=1e-3)
+    assert abs(1e3 * rod.K_s.swapaxes(1, 2) @ rod.F[..., None])[:, 1].max() > 1e15
+
+
+def test_155_speed_in_the_wrong_unit_costs_the_inertia():
+    """Printed -170000 (1 - WX / 100) N mm with WX in rad/s: +898 N m at 628.3 rad/s, and no torque at 100 rad/s.
+
+    Meant are 100 turns a second. At 100 rad/s inertia no longer relieves the rod of gas nor pulls it.
+    """
+    torque = -170.0 * (1 - SPEED / 100)
+    assert torque == pytest.approx(898, abs=0.5)
+    meant, printed = (run("engine", "rod.elements=1", f"main.speed={speed!r}").series["tip_axial"].values
+                      for speed in (SPEED, 100.0))  # fmt: skip
+    assert 1e3 * (printed.max() - meant.max()) == pytest.approx(-0.0260, abs=2e-4)
+    assert 1e3 * (printed.min() - meant.min()) == pytest.approx(-0.0239, abs=2e-4)  # 37.2 kN on E A: -0.170
