@@ -73,9 +73,9 @@ def drawn(scene: Scene, seed: int) -> Renaming:
         pool = draw.sample(pool, len(pool)) + [f"{prefix}_{k}" for k in range(len(old))]
         return dict(zip(old, pool, strict=False))
 
-    joints = dict(scene.raw["joints"])  # those with a clearance, too
+    joints = dict(scene.raw.get("joints", {}))  # those with a clearance, too
     of = {"bodies": names(_BODIES, scene.bodies, "link"), "joints": names(_JOINTS, joints, "pin_mass")}
-    words = [word.format(body=draw.choice([*of["bodies"].values()]), joint=draw.choice([*of["joints"].values()]))
+    words = [word.format(body=draw.choice([*of["bodies"].values()]), joint=draw.choice([*of["joints"].values()] or _JOINTS))
              for word in _WORDS]  # fmt: skip
     words = [*dict.fromkeys(word for word in words if word not in _SPRINGS)]
     of["masses"] = names([*of["bodies"].values(), *words], scene.masses, "m")
