@@ -9,6 +9,8 @@ from scene_fuzz import Mutants, broken
 
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.modal_data import read_modal_data
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import LENGTH, to_si
 
@@ -128,3 +130,11 @@ def test_a_byte_order_mark_is_no_error(tmp_path):
 def test_settings_beyond_all_reason_are_refused(value):
     with pytest.raises(SceneError, match=r"^bodies\.rod\.length = "):
         with_settings(read_scene("engine"), [f"rod.length={value}"])
+
+
+def test_a_run_of_millions_of_steps_between_two_instants_ends_by_name(monkeypatch):
+    """A pendulum of a million turns a second, which a run would follow for hours."""
+    monkeypatch.setattr("kaneflex.multibody.run._PATIENCE", 2000)
+    fast = ["solve.preset=coupled", "gravity=[0, -1e12]", "solve.steps=2", "solve.duration=1 s", "solve.errors=none"]
+    solution = simulate(load(with_settings(read_scene("double-pendulum"), fast)))
+    assert solution.outcome.name == "UNSTABLE" and "more than 2,000 steps" in solution.trajectory.message
