@@ -215,8 +215,8 @@ def test_a_spring_and_its_damper_hold_the_cart():
         ),
         (
             "free-frame", [],
-            "solve.preset = 'coupled': a structure that stands still has no motion to be coupled with. Take preset "
-            "stiffened.",
+            "solve.preset = 'coupled': it places bodies by their joints, and welds alone take their angles from poses. "
+            "Take preset stiffened, or leave the poses out and hold every body by joints and drives.",
         ),
         (
             "engine-paper", [],

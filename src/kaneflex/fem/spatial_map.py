@@ -76,7 +76,7 @@ class SpatialMap:
             part = slice(first, first + _AT_ONCE)
             some = replace(motion, times=motion.times[part], values=motion.values[part])
             found[part] = joined.tied_maps(some, self.choice, columns)[:, :, row, column].transpose(1, 2, 0)
-        return found.reshape(len(motion.times), -1)
+        return found.reshape(len(motion.times), 3 * len(rows))
 
     def of(self, body: str) -> Affine:
         """L of a part, or how far the ends of a spring part."""

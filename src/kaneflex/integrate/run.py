@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from kaneflex.integrate.by_scipy import solution
 from kaneflex.integrate.disturbances import FEWEST, monodromy
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.modal import constants, forces
@@ -84,7 +85,7 @@ def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
         return _spectral(run, progress)
     if chosen.coefficients is None:
         stream = CoefficientStream(run.table, system.n_scalars, run.t0, run.step, chosen.nodes, run.period_steps)
-        return solve_ivp_run(system, stream, run.n_steps, run.every, given_state(run), run.scipy_method)
+        return solve_ivp_run(system, stream, run.n_steps, run.every, given_state(run), run.scipy_method, progress)
     setup = set_up(run, progress)
     if run.start == "periodic":
         found = _naming_the_steps(periodic_state(setup, _steps_of_cycle(run)), run)
@@ -298,10 +299,9 @@ def solve_ivp_run(
     every: int,
     start: tuple[np.ndarray, np.ndarray],
     scipy_method: str,
+    progress: Progress | None = None,
 ) -> Trajectory:
     """Integrate with steps chosen by scipy's method and report at every `every`-th step of the stream."""
-    from scipy.integrate import solve_ivp  # 0.7 s: only where it is used
-
     if scipy_method not in _METHODS:
         cure = f"Use one of {', '.join(_METHODS)}"
         raise UserError("scipy_method", scipy_method, "unknown to solve_ivp", cure)
@@ -318,11 +318,12 @@ def solve_ivp_run(
 
     span, first = (times[0], times[-1]), np.concatenate(start)
     started = time.perf_counter()
-    found = solve_ivp(slope, span, first, scipy_method, times, rtol=_RELATIVE, atol=_ABSOLUTE)
+    curve, failed = solution(scipy_method, slope, span, first, progress, [0], rtol=_RELATIVE, atol=_ABSOLUTE)
     spent = time.perf_counter() - started
-    z, v = found.y[:n].T, found.y[n:].T
-    reached = np.arange(found.t.size)
-    a = np.array([accelerations(found.t[k], z[k], v[k]) for k in reached]).reshape(-1, n)
-    outcome = Outcome.COMPLETED if found.success else Outcome.UNSTABLE
-    message = outcome.value if found.success else f"{outcome.value}: {found.message}"
-    return Trajectory(found.t, z, v, a, outcome, message, None, 1e9 * spent / n_steps)
+    times = times[times <= (span[0] if curve is None else curve.t_max)]
+    states = first[None] if curve is None else curve(times).T
+    z, v = states[:, :n], states[:, n:]
+    a = np.array([accelerations(*each) for each in zip(times, z, v, strict=True)]).reshape(-1, n)
+    outcome = Outcome.UNSTABLE if failed else Outcome.COMPLETED
+    message = f"{outcome.value}: {failed}" if failed else outcome.value
+    return Trajectory(times, z, v, a, outcome, message, None, 1e9 * spent / n_steps)

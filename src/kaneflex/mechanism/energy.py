@@ -13,8 +13,9 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 
 _CHUNK = 1000
 """Steps whose scalars are held at a time."""
-_ROUNDING = 1e-7
-"""Share of the energy that there is, up to which a change of it may be no more than rounding."""
+_LEAST_TURNED = 1e-3
+"""Share of the energy that there is, below which no exchange of it counts as energy turned over: of a torque-free body
+only rounding and the tolerance of the integration change it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +43,11 @@ class Energy:
 
     @property
     def drift(self) -> float:
-        """Largest gap against the largest energy that was turned over; what stands still turns over none but rounding.
-        """
+        """Largest gap against the largest energy that was turned over, or a small share of what there is."""
         turned = max(
             float(np.ptp(part)) for part in (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied)
         )
-        turned = max(turned, _ROUNDING * max(float(abs(part).max()) for part in (self.kinetic, self.strain)))
+        turned = max(turned, _LEAST_TURNED * max(float(abs(part).max()) for part in (self.kinetic, self.strain)))
         return float(abs(self.gap).max()) / turned if turned else 0.0
 
 

@@ -128,10 +128,10 @@ class RigidTwin:
     def _table(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
         drives = self._drives(times, p)
         said = self._said(times, drives)
-        q, v, a = (part.reshape(len(times), -1, BODY) for part in self._followed(drives, said))
+        q, v, a = (part.reshape(len(times), part.shape[1] // BODY, BODY) for part in self._followed(drives, said))
         turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)
         bodies = np.concatenate([q[..., :2], turn, v, a], axis=-1)
-        return np.concatenate([said, bodies.reshape(len(times), -1)], axis=1)
+        return np.concatenate([said, bodies.reshape(len(times), math.prod(bodies.shape[1:]))], axis=1)
 
     def trajectory(self, times: np.ndarray, p: np.ndarray, shift: Mapping[str, np.ndarray]) -> CoupledTrajectory:
         """The motion as states of ``rigid``, with what its joints exert. Raises ArithmeticError at a singular state.
@@ -287,7 +287,8 @@ class FollowedKinematics(TwinKinematics):
         rows = [slice(start[body], start[body] + BODY) for body in self.module.rigid.start]
         q, v, a = (np.stack([part[place, row] for row in rows], 1) for part in (t.q, t.v, t.a))
         turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], -1)
-        bodies = np.concatenate([q[..., :2], turn, v, a], -1).reshape(len(times), -1)
+        bodies = np.concatenate([q[..., :2], turn, v, a], -1)
+        bodies = bodies.reshape(len(times), math.prod(bodies.shape[1:]))
         return np.concatenate([self.module.said(times, self.parameters), bodies], 1)
 
 

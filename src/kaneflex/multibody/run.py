@@ -118,6 +118,7 @@ class Run:
         self.system, self.engine, self.times, self.method = system, system.engine, times, method
         self.given: np.ndarray = given
         self.ends: list[np.ndarray] = []
+        self.evaluations = [0]  # by scipy
         system.compile()
         engine, size = self.engine, system.engine.size
         self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
@@ -158,7 +159,7 @@ class Run:
         while self.filled + 1 < len(self.times):
             before = self.filled
             rows = slice(before, before + 1 + min(most, _PIECE))
-            ended = by_scipy(self, rows) if scipy else self._collocation(rows, most)
+            ended = by_scipy(self, rows, self._share(progress, rows)) if scipy else self._collocation(rows, most)
             if len(self.changes) % 2:
                 self.changes.append(self.here.copy())
             if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
@@ -187,6 +188,13 @@ class Run:
             if stop is not None and self.filled > before and stop(self.trajectory(filled)):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
+
+    def _share(self, progress: Callable[[float], None] | None, rows: slice) -> Callable[[float], None] | None:
+        """The share of the run, where ``progress`` is called with that of some of its rows."""
+        if progress is None:
+            return None
+        first, last = ((t - self.times[0]) / (self.times[-1] - self.times[0]) for t in self.times[rows][[0, -1]])
+        return lambda done: progress(float(first + done * (last - first)))
 
     def _held(self) -> tuple[Outcome, str] | None:
         """How it is said that a law would have to hold what changes it at zero; None where none does."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.integrate.by_scipy import Progress, solution
 from kaneflex.multibody import collocation
 from kaneflex.multibody import tables as at
 
@@ -14,10 +15,11 @@ if TYPE_CHECKING:
     from kaneflex.multibody.run import Run
 
 
-def by_scipy(run: Run, rows: slice) -> int:
-    """Fill rows of a run, with works integrated beside the motion; how that ended."""
-    from scipy.integrate import solve_ivp
+def by_scipy(run: Run, rows: slice, progress: Progress | None = None) -> int:
+    """Fill rows of a run, with works integrated beside the motion; how that ended.
 
+    progress: called with the share of these rows that is done.
+    """
     engine, times = run.engine, run.times[rows]
     y, v, a, _ = engine.motion
     engine.stand(run.here)
@@ -44,19 +46,21 @@ def by_scipy(run: Run, rows: slice) -> int:
     first = np.concatenate([y[free], v[free], run.here[-works:]])
     scale = run.scale[free]
     allowed = np.concatenate([scale, scale / run.longest, np.full(works, math.inf)])
+    sizes = np.concatenate([np.ones(2 * len(free)) * run.method.length, np.zeros(works)])
     try:
-        found = solve_ivp(
-            slope, (times[0], times[-1]), first, "Radau", dense_output=True, max_step=run.longest,
-            rtol=run.method.tolerance, atol=allowed,
+        curve, failed = solution(
+            "Radau", slope, (times[0], times[-1]), first, progress, run.evaluations,
+            max_step=run.longest, rtol=run.method.tolerance, atol=allowed, sizes=sizes,
         )  # fmt: skip
+        steps = [] if curve is None else curve.ts
         engine.stand(run.here)
         last = times[0]
-        for t in np.union1d(found.t[1:], times[1:][times[1:] <= found.t[-1]]):
-            row = stand(float(t), found.sol(t))
+        for t in np.union1d(steps[1:], times[1:][times[1:] <= max(steps, default=times[0])]):
+            row = stand(float(t), curve(t))
             if t == run.times[run.filled + 1]:
                 run.filled += 1
                 run.rows[run.filled] = run.here[:] = row
     except np.linalg.LinAlgError:
         return collocation.SINGULAR
-    run.counts[0] += len(found.t) - 1
-    return collocation.DONE if found.success else collocation.TOO_SMALL
+    run.counts[0] += max(0, len(steps) - 1)
+    return collocation.TOO_SMALL if failed else collocation.DONE

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from kaneflex.integrate.by_scipy import IMPLICIT, jacobian_of
 from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.coefficients import RADAU, integrals
 from kaneflex.multibody.spatial_bushings import overturned
@@ -133,9 +134,11 @@ class Run(Curve):
         scale = np.concatenate([
             np.ones(system.coordinates), system.measure[state.choice.independent], [np.inf, np.inf]
         ])  # fmt: skip
-        solver = getattr(scipy.integrate, options.forward_method)(
-            self._rates_of(state), state.t, y, options.duration, rtol=tolerance,
-            atol=_ABSOLUTE * tolerance * scale, first_step=self.first,
+        rates, method = self._rates_of(state), options.forward_method
+        jac = {"jac": jacobian_of(rates, np.where(np.isfinite(scale), scale, 0.0))} if method in IMPLICIT else {}
+        solver = getattr(scipy.integrate, method)(
+            rates, state.t, y, options.duration, rtol=tolerance, atol=_ABSOLUTE * tolerance * scale,
+            first_step=self.first, **jac,
         )  # fmt: skip
         state = self._steps(solver, state)
         left = options.duration - state.t
@@ -147,8 +150,11 @@ class Run(Curve):
         found = state
         while solver.status == "running":
             before, self.reason = solver.t, ""
-            with np.errstate(all="ignore"):
-                message = solver.step()
+            try:
+                with np.errstate(all="ignore"):
+                    message = solver.step()
+            except (ValueError, np.linalg.LinAlgError):  # an implicit method meets a Jacobian that is not finite
+                message, solver.status = "", "failed"
             if solver.status == "failed" or not np.isfinite(solver.y).all():
                 raise self._stopped(before, self.reason or message or "the rates are not finite there")
             if self.evaluations > _MOST:

@@ -151,7 +151,8 @@ class CoupledSystem:
         ends, given = found[3][:, found[3].shape[1] - held - touching :], 1 + self.engine.inputs
         exerted = found[3][:, self.exerted]
         exerted[:, self._unknown] = np.nan
-        gaps, frictions = ends[:, :touching].reshape(len(rows), -1, 5), ends[:, touching:].reshape(len(rows), -1, 5)
+        gaps = ends[:, :touching].reshape(len(rows), touching // 5, 5)
+        frictions = ends[:, touching:].reshape(len(rows), held // 5, 5)
         frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
         return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps, frictions)
 

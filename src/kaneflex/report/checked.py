@@ -15,6 +15,8 @@ from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_motion import SpatialKinematics, firmness
+from kaneflex.multibody.spatial_start import start_of
+from kaneflex.multibody.spatial_system import build_spatial_system
 from kaneflex.report.presentation import (
     block,
     closing_lines,
@@ -91,6 +93,9 @@ def _courses(model: Model, times: np.ndarray) -> Courses:
 def _mobility(model: Model) -> str:
     if isinstance(model.motion, SpatialKinematics):
         system = model.motion.module.system
+        if len(system.modal_speeds):  # shapes are no freedoms of joints
+            system = build_spatial_system(system.scene, system.module)
+            return spatial_mobility_lines(system, choose(system, start_of(system).q, prefer=True))
         (start,) = system.instants(model.motion.curve.rows(np.zeros(1))).q
         return spatial_mobility_lines(system, choose(system, start, prefer=True))
     mechanism = mechanism_of(model.scene)

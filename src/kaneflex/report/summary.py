@@ -211,7 +211,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
             derive_s=seconds["derive"],
             compile_s=seconds["compile"],
             set_up_s=seconds["set_up"],
-            integrate_s=solution.seconds,
+            integrate_s=seconds["integrate"] + solution.seconds,
             ns_per_step=trajectory.ns_per_step,
         ),
         operations={

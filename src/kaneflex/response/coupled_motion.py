@@ -193,6 +193,24 @@ class CoupledMotion(Motion):
         moved = (frame.place(p[0]), frame.velocity(*p[:2]), frame.acceleration(*p))
         return tuple(np.vstack([part, angle + own]) for part, angle, own in zip(moved, phi, turn, strict=True))
 
+    def point(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
+        """The same of any point of a body: one beside the axis of an elastic link turns with the section there."""
+        if body not in self.system.links or not at[1]:
+            return self.moving_place(body, at)
+        moved = self.moving_place(body, (at[0], 0.0))
+        (_, _, angle), (_, _, omega), (_, _, epsilon) = moved
+        x, y = rotate(np.cos(angle), np.sin(angle), (0.0, at[1]))
+        arms = (x, y), (-omega * y, omega * x), (-epsilon * y - omega**2 * x, epsilon * x - omega**2 * y)
+        return tuple(part + np.array([*arm, 0.0 * x]) for part, arm in zip(moved, arms, strict=True))
+
+    def place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+        """That of this motion, known also where the rigid mechanism doesn't close."""
+        return self.point(body, at)[0][:2]
+
+    def angle(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+        """That of this motion, too, with the turns that sensors of a body leave out."""
+        return self.point(body, at)[0][2] - (self._turns_left_out[body] if body != "ground" else 0.0)
+
     def _deformed(self, body: str, rows: np.ndarray, H: np.ndarray) -> Rates:
         """u, v, theta in the floating frame where the shapes are ``rows`` (3, n) and shorten by H (n_w, n_w)."""
         modal = self.modal(body)
@@ -293,10 +311,14 @@ class CoupledMotion(Motion):
 
     def turned(self, body: str) -> np.ndarray:
         """That of the rigid motion with the turns that the run has counted, those before it included."""
-        frame, twin = self.rigid.frame(body), self.model.module
+        frame = self.rigid.frame(body)
         angle = np.arctan2(frame.s, frame.c)
-        left = _LEFT_OUT.of(twin, lambda: left_out(self.model.scene, twin.start))[body]
-        return angle + whole_turns(self.body(body)[0][2] - left - angle)
+        return angle + whole_turns(self.body(body)[0][2] - self._turns_left_out[body] - angle)
+
+    @property
+    def _turns_left_out(self) -> Mapping[str, float]:
+        twin = self.model.module
+        return _LEFT_OUT.of(twin, lambda: left_out(self.model.scene, twin.start))
 
     def _moved(self, body: str, at: tuple[float, float]) -> Rates:
         """Global displacement and rotation of a point against the rigid mechanism, (3, n_times)."""

@@ -148,6 +148,11 @@ class Motion(ABC):
         d = self.displacement(body, at)[0][: len(at)]
         return frame.place(np.reshape(at, (-1, 1)) + d)
 
+    def point(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates | None:
+        """x, y [m] and angle [rad] of a displaced point in the plane with their rates, (3, n_times), where they are
+        known without the rigid mechanism, which may not close there."""
+        return None
+
     def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
         """Of a global vector, (2 or 3, n_times), the components in the axes that sensors on a body have.
 

@@ -185,17 +185,24 @@ class Reader:
         return self.motion.place(address.body, self.scene.point(address))
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
-        frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
-        velocity = frame.velocity(*self._point(address_of(sensor))[:2])
-        return self._component(sensor, velocity, frame.omega + self._turn(frame, moved[1]))
+        return self._component(sensor, *self._rate(address_of(sensor), 1))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
         """That of the displaced point; an accelerometer reads a - g."""
-        frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
-        acceleration = frame.acceleration(*self._point(address_of(sensor)))
+        acceleration, turning = self._rate(address_of(sensor), 2)
         if sensor.reading == "accelerometer":
             acceleration = acceleration - np.reshape(self.scene.vector(self.scene.gravity), (-1, 1))
-        return self._component(sensor, acceleration, frame.epsilon + self._turn(frame, moved[2]))
+        return self._component(sensor, acceleration, turning)
+
+    def _rate(self, address: Address, order: int) -> tuple[np.ndarray, np.ndarray]:
+        """Global velocity (``order`` 1) or acceleration (2) of a displaced point, and that of its angle."""
+        known = self.motion.point(address.body, self.scene.point(address))
+        if known is not None:
+            return known[order][:2], known[order][2]
+        frame, turn = self.rigid.frame(address.body), self._elastic(address)[order]
+        if order == 1:
+            return frame.velocity(*self._point(address)[:2]), frame.omega + self._turn(frame, turn)
+        return frame.acceleration(*self._point(address)), frame.epsilon + self._turn(frame, turn)
 
     # ---- forces -----------------------------------------------------------------------------------------------
 

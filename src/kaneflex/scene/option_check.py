@@ -38,9 +38,18 @@ def check_coupled(scene: Scene) -> None:
         (at is not None, f"{at}.rotation", rotation,
          "a choice of models with small displacements: here a joint is what it is",
          "Leave rotation out, or take preset stiffened"),
-        (scene.is_frame, "solve.preset", "coupled",
-         "a structure that stands still has no motion to be coupled with", "Take preset stiffened"),
+        (scene.is_frame and not _welded(scene), "solve.preset", "coupled",
+         "it places bodies by their joints, and welds alone take their angles from poses",
+         "Take preset stiffened, or leave the poses out and hold every body by joints and drives"),
     )  # fmt: skip
+
+
+def _welded(scene: Scene) -> bool:
+    """Whether welds hold all bodies to the ground, and nothing else joins them."""
+    held, joints = {"ground"}, list(scene.joints.values())
+    for _ in joints:  # each turn reaches one joint further at least
+        held |= {side.body for joint in joints for side in joint.addresses if held & {a.body for a in joint.addresses}}
+    return held >= set(scene.bodies) and all(joint.kind == "weld" for joint in joints)
 
 
 def check_contacts(scene: Scene, dynamics: str) -> None:

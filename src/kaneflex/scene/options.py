@@ -219,6 +219,19 @@ def tolerance_of(scene: Scene, dynamics: str = "coupled") -> float:
     return scene.solve.tolerance or _TOLERANCES.get(dynamics, 0.0)
 
 
+def without_poses(scene: Scene) -> Scene:
+    """A structure in given poses as the coupled equations place it: by welds that turn its bodies so."""
+    if not scene.is_frame:
+        return scene
+    turned = {"ground": 0.0} | {name: body.pose.angle for name, body in scene.bodies.items() if body.pose is not None}
+    joints = {}
+    for name, joint in scene.joints.items():
+        first, second = (turned[side.body] for side in joint.addresses)
+        joints[name] = joint.model_copy(update={"relative_angle": second - first})
+    bodies = {name: body.model_copy(update={"pose": None}) for name, body in scene.bodies.items()}
+    return scene.seen(bodies=bodies, joints=joints)
+
+
 def has_term(scene: Scene, name: str) -> bool:
     """Whether the scene has what a group of terms is about: gravity, or a beam whose theory knows it."""
     if name == "gravity":

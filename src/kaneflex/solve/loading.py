@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copyreg
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -16,20 +17,20 @@ from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
-from kaneflex.mechanism.position_analysis import place, with_branches
+from kaneflex.mechanism.position_analysis import Placement, place, with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
 from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
-from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options
+from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
 from kaneflex.solve.contact_lines import check_lines
 from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.law_checks import check_finite, check_springs
-from kaneflex.solve.memory import check_memory
+from kaneflex.solve.memory import MAX_STORED, check_memory
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import share_of
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from kaneflex.multibody.system import CoupledSystem
 
 Progress = Callable[[str], None]
+_POSED = 1e-6
+"""Share of a structure's size by which welds may hold a body elsewhere than its pose says."""
 ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
 """Said of every run with free joints."""
 
@@ -101,7 +104,9 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
     motion = RigidKinematics(module, bind_parameters(scene, module))
     # a kernel that every load needs is called once, so that compiling is seen and timed apart from computing
     compiled = compiled_by(progress, lambda: motion.table(np.zeros(1)))
+    began = time.perf_counter()
     motion, energy = _moving(scene, motion, options, progress)
+    integrated = time.perf_counter() - began if module.FREE else 0.0
     check_closure(mechanism_of(scene), motion, options.duration)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
@@ -110,7 +115,7 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
     if module.FREE and options.dynamics != "rigid":
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     model = replace(model, energy=energy, warnings=warnings)
-    return timed(model, started, derived, compiled)
+    return timed(model, started, derived, compiled, integrated)
 
 
 def _moving(
@@ -136,10 +141,11 @@ def compiled_by(progress: Progress, *compile: Callable[[], object]) -> float:
     return time.perf_counter() - started
 
 
-def timed(model: Model, started: float, derived: float, compiled: float) -> Model:
-    """The model with what its stages took [s], ready to start from where it asks for."""
-    set_up = time.perf_counter() - started - derived - compiled
-    model = replace(model, seconds={"derive": derived, "compile": compiled, "set_up": set_up})
+def timed(model: Model, started: float, derived: float, compiled: float, integrated: float = 0.0) -> Model:
+    """The model with what its stages took [s], that of integrating its motion among them, ready to start."""
+    set_up = time.perf_counter() - started - derived - compiled - integrated
+    stages = {"derive": derived, "compile": compiled, "set_up": set_up, "integrate": integrated}
+    model = replace(model, seconds=stages)
     check_start(model)
     return model
 
@@ -169,6 +175,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     from kaneflex.multibody.system import build_system, with_stretch
     from kaneflex.multibody.weightless import check_weighty
 
+    posed, scene = scene, without_poses(scene)
     mechanism = mechanism_of(scene)
     spare = check_determined(mechanism, twice=True)
     check_on_axes(scene)
@@ -176,6 +183,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     check_memory(scene, options, len(mechanism.drives) + len(mechanism.loads) + 10 * len(mechanism.bodies))
     placement = place(scene)
+    _check_poses(posed, placement)
     if spare:
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
@@ -196,6 +204,16 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     warnings = (*model.warnings, *implausible(scene), *ignored, *_all_modes(scene))
     model = replace(model, coupled=coupled, warnings=warnings)
     return timed(model, started, derived, compiled)
+
+
+def _check_poses(scene: Scene, placement: Placement) -> None:
+    """Raise SceneError where a structure's welds hold a body elsewhere than in its pose."""
+    size = mechanism_of(scene).size
+    for name, body in scene.bodies.items():
+        x, y, _ = placement.poses[name]
+        if body.pose is not None and math.hypot(x - body.pose.at[0], y - body.pose.at[1]) > _POSED * size:
+            held = f"welds hold its start at [{x:.6g} m, {y:.6g} m]"
+            raise SceneError(f"bodies.{name}.pose.at", list(body.pose.at), held, "Give that place, or other lengths")
 
 
 def _all_modes(scene: Scene) -> list[str]:
@@ -247,7 +265,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
         from kaneflex.solve.spatial_loading import neighbour_in_space
 
         return neighbour_in_space(model, scene, frozen)
-    scene = with_branches(scene)
+    scene = with_branches(scene if model.coupled is None else without_poses(scene))
     options = neighbour_options(model, scene)
     scene = acting(scene, options)
     if model.coupled is not None:
@@ -282,7 +300,7 @@ def refined(model: Model, scene: Scene, options: Options, closer: float = 1.0) -
     from kaneflex.multibody.system import refined_system
 
     assert model.coupled is not None
-    scene = acting(with_branches(scene), options)
+    scene = acting(with_branches(without_poses(scene)), options)
     return _beside(model, scene, refined_system(model.coupled, scene), options)
 
 
@@ -354,8 +372,13 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
     idle = [name for name in scene.solve.terms if name not in idle and not has_term(scene, name)]
     if idle:
         found.append(f"the scene has no use for solve.terms.{', solve.terms.'.join(idle)}: it has no such terms")
-    free = any(drive.free for drive in scene.drives.values())
-    if "forward" in scene.solve.model_fields_set and (not free or options.dynamics == "coupled"):
+    free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
+    together = options.dynamics == "coupled" and (deforms or not scene.is_spatial)  # rigid bodies in space are scipy's
+    if "forward" in scene.solve.model_fields_set and (not free or together):
         why = "preset coupled integrates them with the links" if free else "no joint is free"
         found.append(f"solve.forward is for free joints that move before anything deforms, and {why}: left out")
+    every = -(-options.steps // MAX_STORED)
+    if every > 1 and options.dynamics in ("dynamic", "frozen"):
+        instants = options.steps // every + 1
+        found.append(f"of solve.steps = {options.steps} one in {every} is stored, {instants} instants")
     return tuple(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from types import ModuleType
@@ -70,7 +71,9 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     system = build_coupled_system(scene, generated, options) if coupled else build_spatial_system(scene, generated)
     check_memory(scene, options, len(SpatialModule(system).SCALARS))
     compiled = compiled_by(progress, system.compile)
+    began = time.perf_counter()
     motion, energy = _moving(system, options, progress)
+    integrated = 0.0 if energy is None else time.perf_counter() - began
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
@@ -84,7 +87,7 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
         turns = taken_turns(motion, np.linspace(0.0, options.duration, _LOOKED_AT))
         warnings = (*warnings, *_beyond(system, scene), *turns)
     model = replace(model, energy=energy, warnings=warnings)
-    return timed(model, started, derived, compiled)
+    return timed(model, started, derived, compiled, integrated)
 
 
 def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:

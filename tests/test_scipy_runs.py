@@ -1,0 +1,82 @@
+"""Runs by scipy's methods: implicit ones with loops in space, progress, and a limit that names what to do."""
+
+import numpy as np
+import pytest
+from runs import solved
+
+from kaneflex.integrate import by_scipy
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.read import scene_of
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import solve
+from kaneflex.support.errors import UserError
+
+SPACE = """
+schema = 1
+like = "spatial-slider-crank"
+[drives]
+shaft = {free = true, initial_speed = 10, angle = "20 deg"}
+[loads]
+brake = {torque_at = "shaft", law = "0.3 * sin(3 * t) - 0.01 * shaft_speed"}
+[solve]
+preset = "rigid"
+duration = "0.5 s"
+steps = 20
+errors = "none"
+forward = {method = "DOP853", tolerance = 1e-9}
+"""
+PLANE = """
+schema = 1
+[bodies]
+wheel = {mass = 1, inertia = 1}
+[joints]
+axle = {revolute = ["ground", "wheel"]}
+[drives]
+axle = {free = true, initial_speed = 1}
+[loads]
+brake = {torque_at = "axle", law = "-axle_speed"}
+[sensors]
+angle = {position = "axle", component = "angle"}
+[solve]
+preset = "rigid"
+duration = "5 s"
+steps = 20
+errors = "none"
+"""
+
+
+@pytest.mark.parametrize("method", ["Radau", "LSODA"])
+def test_implicit_methods_take_a_loop_in_space(method):
+    """Its dependent coordinates, and works, are no variables on which the rates depend."""
+    scene = scene_of(SPACE)
+    expected = solved(scene)
+    found = solved(scene, f"solve.forward.method={method}", "solve.forward.tolerance=1e-8")
+    for name, series in expected.series.items():
+        assert abs(found.series[name].values - series.values).max() < 1e-5 * abs(series.values).max(), name
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "LSODA"])
+def test_every_method_in_the_plane_gives_the_closed_form(method):
+    """A wheel that a brake stops: its angle 1 - exp(-t), on which its rates don't depend."""
+    found = solved(scene_of(PLANE), f"solve.forward.method={method}", "solve.forward.tolerance=1e-8")
+    assert found.series["angle"].values == pytest.approx(1.0 - np.exp(-found.times), abs=1e-6)
+
+
+def test_differences_leave_alone_what_nothing_depends_on():
+    jacobian = by_scipy.jacobian_of(lambda t, y: np.array([y[1], -4.0 * y[0] * y[1], y[0]]), np.array([1.0, 1.0, 0.0]))
+    found = jacobian(0.0, np.array([0.5, 2.0, 1e300]))
+    assert found == pytest.approx(np.array([[0.0, 1.0, 0.0], [-8.0, -2.0, 0.0], [1.0, 0.0, 0.0]]), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings", "most"),
+    [("four-bar", ["solve.start=zero", "solve.steps=20"], 3000),
+     ("four-bar-motor", ["solve.preset=coupled", "solve.duration=20 ms", "solve.steps=400"], 2000)],
+)  # fmt: skip
+def test_a_second_opinion_reports_its_progress_and_ends(scene, settings, most, monkeypatch):
+    model = load(with_settings(read_scene(scene), [*settings, "solve.integrator=scipy", "solve.errors=none"]))
+    shares = []
+    monkeypatch.setattr(by_scipy, "MOST_EVALUATIONS", most)
+    with pytest.raises(UserError, match=rf"solve\.integrator = 'scipy': {most} evaluations bring it to .* radau or"):
+        solve(model, shares.append)
+    assert len(shares) > 10 and shares == sorted(shares) and 0.0 < shares[0] < shares[-1] < 1.0

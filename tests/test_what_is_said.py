@@ -1,0 +1,84 @@
+"""What runs and `check` say of torque-free bodies, stored steps, freedoms and the time that they took."""
+
+import time
+
+import pytest
+from runs import solved
+
+from kaneflex.report import checked
+from kaneflex.report.summary import summarise
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.read import scene_of
+from kaneflex.solve import spatial_loading
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import solve
+
+TORQUE_FREE = """
+schema = 1
+[bodies]
+top = {mass = 1, inertia = [1, 2, 3], free = {at = [0, 0, 0], angular_velocity = [0.01, 2, 0]}}
+[sensors]
+x = {position = "top", component = "x"}
+[solve]
+preset = "coupled"
+duration = "10 s"
+steps = 50
+errors = "none"
+"""
+SPACE = "spatial-slider-crank-elastic"
+
+
+def test_a_torque_free_body_loses_no_energy():
+    """Only the tolerance changes its energy; an integration that is wrong by more is still warned of."""
+    found = solved(scene_of(TORQUE_FREE))
+    assert found.energy.drift < 1e-5 and not [text for text in found.warnings if "energy balance" in text]
+    rough = solved(scene_of(TORQUE_FREE), "solve.forward.tolerance=1e-3")
+    assert [text for text in rough.warnings if "energy balance" in text]
+
+
+def test_forward_is_no_idle_setting_of_rigid_bodies_in_space():
+    """Preset coupled integrates them by scipy; with links that deform it is one whole, which knows no method."""
+    scene = with_settings(scene_of(TORQUE_FREE), ["solve.forward.method=RK45"])
+    assert not [text for text in load(scene).warnings if "solve.forward" in text]
+    settings = ["solve.preset=coupled", "solve.start=zero", "solve.duration=1 ms", "solve.steps=2"]
+    idle = load(with_settings(read_scene(SPACE), [*settings, "solve.forward.method=RK45"]))
+    assert [text for text in idle.warnings if text.startswith("solve.forward is for free joints")]
+
+
+def test_steps_that_are_not_stored_are_said():
+    scene = with_settings(read_scene("engine"), ["solve.steps=1000000"])
+    assert "of solve.steps = 1000000 one in 25 is stored, 40001 instants" in checked.warnings(load(scene))
+    assert not [text for text in load(read_scene("engine")).warnings if "stored" in text]
+
+
+@pytest.mark.parametrize("settings", [(), ("solve.preset=coupled",), ("solve.preset=rigid",)])
+def test_check_warns_of_what_is_between_two_steps_as_a_run_does(settings):
+    model = load(with_settings(read_scene("engine"), ["solve.steps=1", *settings]))
+    found = checked.warnings(model)
+    assert any("turns by 720 deg in a step" in text for text in found)
+    assert set(found) >= {text for text in solve(model).warnings if "between two steps" in text or "in a step" in text}
+
+
+def test_shapes_are_no_freedoms_of_joints():
+    settings = ["solve.start=zero", "solve.duration=1 ms", "solve.steps=2"]
+    freedoms = [
+        checked.description(load(with_settings(read_scene(SPACE), [*settings, f"solve.preset={preset}"])))
+        .split("freedoms")[1].split("equations")[0]
+        for preset in ("coupled", "stiffened")
+    ]  # fmt: skip
+    assert freedoms[0] == freedoms[1] and "of the joints  4 of shaft, guide, cross" in freedoms[0]
+
+
+def test_an_integration_counts_as_solving(monkeypatch):
+    """In space the motion is integrated as the model is loaded."""
+    integrate = spatial_loading.integrate
+
+    def slow(*arguments):
+        time.sleep(0.3)
+        return integrate(*arguments)
+
+    monkeypatch.setattr(spatial_loading, "integrate", slow)
+    began = time.perf_counter()
+    timing = summarise(solved(scene_of(TORQUE_FREE))).timing
+    spent = time.perf_counter() - began
+    assert timing.integrate_s >= 0.3 and timing.set_up_s <= spent - 0.3
