@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.multibody.cycles import COMPLETED, Verdict
-from kaneflex.multibody.load_steps import FARTHEST, LOAD_STEPS, in_load_steps
+from kaneflex.multibody.load_steps import FARTHEST, UNBALANCED, in_load_steps
 from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_curves import Curve, Followed
 from kaneflex.multibody.spatial_linear import neighbours
@@ -168,28 +168,34 @@ def balanced(
     which, moving, columns = start.choice.independent, start.u.copy(), independent_shapes(system, start)
     moving[which[columns]], wanted = (0.0, 0.0) if rates is None else rates
 
-    def corrected(state: State, left: np.ndarray) -> State | None:
-        """The state whose shapes' accelerations are off by so much; None where _STEPS, none of them long, don't."""
+    def standing(q: np.ndarray, less: np.ndarray) -> State:
+        system.inputs[: len(less)] = less
+        return system.project(start.t, q, moving, start.choice)
+
+    def corrected(state: State, less: np.ndarray) -> State | None:
+        """The balanced state where so much is added to the sizes of the loads; None where _STEPS don't lead there."""
         try:
+            state = standing(state.q, less)
             for _ in range(_STEPS):
                 beside = neighbours(system, state, columns)
                 slope = beside.slopes(system.instants(beside.found).du[:, which[columns]])
                 step = np.zeros(system.speeds)
-                step[which[columns]] = np.linalg.solve(slope, left - state.du[which[columns]] + wanted)
+                step[which[columns]] = np.linalg.solve(slope, wanted - state.du[which[columns]])
                 largest = abs(step).max(initial=0.0) / system.mechanism.size
-                if not largest < FARTHEST:
-                    break
-                state = system.project(start.t, system.advanced(state.q, step[None])[0], moving, start.choice)
+                step *= min(1.0, 0.5 * FARTHEST / max(largest, 1e-300))
+                state = standing(system.advanced(state.q, step[None])[0], less)
                 if largest < _BALANCED:
                     return state
         except (ArithmeticError, np.linalg.LinAlgError):
             pass
+        finally:
+            system.inputs[:] = 0.0
         return None
 
     state = system.project(start.t, start.q, moving, start.choice)
-    found = in_load_steps(state, state.du[which[columns]] - wanted, corrected)
+    found = in_load_steps(state, -state.sizes, corrected)
     if found is None:
-        raise ArithmeticError(f"no deformation is found that balances what acts, in {LOAD_STEPS} load steps either")
+        raise ArithmeticError(UNBALANCED)
     return found
 
 

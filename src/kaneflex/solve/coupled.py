@@ -19,7 +19,7 @@ from kaneflex.multibody.counted_turns import check_turns_kept, unwrapped
 from kaneflex.multibody.cycles import REPEATS, Cycles
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.linearisation import Instant, equilibrium, prepare, slopes
-from kaneflex.multibody.load_steps import LOAD_STEPS
+from kaneflex.multibody.load_steps import UNBALANCED
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.orbit import orbit_start
 from kaneflex.multibody.returning import Returning, returning
@@ -185,11 +185,7 @@ def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
     engine = prepare(system, t, q, rigid_state(system, rigid)[1])
     still = equilibrium(engine, t)
     if still is None or equilibrium(engine, t, _slow_rates(engine, still, model.options.duration)) is None:
-        raise SceneError(
-            "solve.start", model.options.start,
-            f"no deformation is found that balances what acts at the start, in {LOAD_STEPS} load steps either",
-            "Start from zero",
-        )  # fmt: skip
+        raise SceneError("solve.start", model.options.start, UNBALANCED, "Start from zero, with damping")
     state = system.unfold(engine.row(t)[None])
     return state.q[0], state.v[0]
 
