@@ -301,6 +301,25 @@ def test_between_stored_instants_a_ball_is_where_a_finer_run_has_it():
     assert between[flies] == pytest.approx(height[flies], abs=1e-6)
 
 
+def started(*settings):
+    scene = load(with_settings(scene_of(LOOSE), [f"drives.{setting}" for setting in settings])).scene
+    return [(scene.drives[name].start, scene.drives[name].initial_speed) for name in ("pin", "bore")]
+
+
+def test_free_joints_beside_a_clearance_start_as_the_tight_mechanism():
+    """Left out they were zero: the pin 170 mm from its bearing, and at rest. Closed forms of a slider-crank."""
+    left = ("pin.initial_speed=none", "bore.position=none", "main.angle=30 deg")
+    (turn, turning), (way, sliding) = started(*left)
+    a, b = math.radians(30), math.asin(CRANK / ROD / 2)
+    turning_b = SPEED * CRANK * math.cos(a) / (ROD * math.cos(b))
+    assert (turn, way) == (pytest.approx(-a - b, rel=1e-12), pytest.approx(CRANK * math.cos(a) + ROD * math.cos(b)))
+    assert turning == pytest.approx(-SPEED - turning_b, rel=1e-12)
+    assert sliding == pytest.approx(-CRANK * SPEED * math.sin(a) - ROD * turning_b * math.sin(b), rel=1e-12)
+    law = "main.speed=none", f"main.law={SPEED}*t + {math.radians(30)}"
+    assert np.ravel(started(*left[:2], *law)) == pytest.approx([turn, turning, way, sliding], rel=1e-9)
+    assert started("bore.position=0.1701")[1] == (0.1701, 0.0)  # what a scene says it means
+
+
 BRIDGE = """
 schema = 1
 description = "A ball at rest on the far support of an elastic bridge, whose end does not move"

@@ -276,6 +276,21 @@ def test_painleves_paradox_is_named_where_a_rod_is_in_it(angle, friction):
             assert 0 <= jams - found.impacts[0].begin < 2e-4
 
 
+@pytest.mark.parametrize(
+    ("drive", "count"), [("speed = 0", 101), ('law = "0.1 * step(t, 0, 0, 2, 1)"', 51), ("speed = 1", 0)]
+)
+def test_friction_of_a_joint_that_its_drive_holds_still_is_said_to_be_undetermined(drive, count):
+    """It read 0 from a stand and mu r N after a motion, either without a word: both agree with Coulomb's law."""
+    text = HINGE.replace("free = true, initial_speed = 3", drive).replace('"0.005 N m"', '"0.1 N m"')
+    found = solve(load(scene_of(text)))
+    said = [warning for warning in summarise(found).warnings if "friction at hinge" in warning]
+    assert len(said) == (count > 0)
+    if said:
+        limit = 0.2 * 0.01 * G + 0.1
+        assert f"not determined at {count} of 101 instants" in said[0]
+        assert f"up to {limit:.4g} N m either way" in said[0]
+
+
 CRANK = """
 schema = 1
 description = "A slider-crank all of whose joints rub"

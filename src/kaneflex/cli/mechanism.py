@@ -39,8 +39,9 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     from kaneflex.fem.mobility import count_freedom, mobility_by_rank
     from kaneflex.mechanism.dead_centres import closings
     from kaneflex.mechanism.mechanism import mechanism_of
-    from kaneflex.mechanism.position_analysis import place, with_branches
+    from kaneflex.mechanism.position_analysis import place
     from kaneflex.mechanism.reach import followed, reach_lines
+    from kaneflex.mechanism.tight_start import as_it_starts
     from kaneflex.report.presentation import block, closing_lines, mobility_lines, parts
 
     scene = asked.read()
@@ -55,7 +56,7 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     elastic = _elastic_count(scene)
     count = count_freedom(mechanism_of(scene))
     try:
-        scene = with_branches(scene)
+        scene = as_it_starts(scene)
         placement = place(scene, at)
     except SceneError:
         echo(mobility_lines(count, elastic))  # what says why it can't be placed

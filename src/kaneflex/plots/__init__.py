@@ -164,10 +164,11 @@ def show(scene: Scene, at: Mapping[str, float] | None = None) -> Figure:
 
             spatial.refuse_places(at or {})
             return spatial.scheme(scene, spatial_start(scene)[2])
-        from kaneflex.mechanism.position_analysis import place, with_branches
+        from kaneflex.mechanism.position_analysis import place
+        from kaneflex.mechanism.tight_start import as_it_starts
         from kaneflex.plots.scheme import scheme
 
-        scene = with_branches(scene)
+        scene = as_it_starts(scene)
         return scheme(scene, place(scene, at or {}))
 
 

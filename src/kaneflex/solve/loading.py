@@ -17,9 +17,10 @@ from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
-from kaneflex.mechanism.position_analysis import Placement, place, with_branches
+from kaneflex.mechanism.position_analysis import Placement, place
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
+from kaneflex.mechanism.tight_start import as_it_starts
 from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
 from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
@@ -95,7 +96,7 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
         check_determined(mechanism_of(scene))
         check_free(scene)
-    scene = with_branches(scene)
+    scene = as_it_starts(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
     module, derived = (find_pruned_module if pruned else find_module)(scene, progress)
@@ -179,7 +180,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     mechanism = mechanism_of(scene)
     spare = check_determined(mechanism, twice=True)
     check_on_axes(scene)
-    bare, scene = not has_elastic_stage(scene), with_branches(scene)
+    bare, scene = not has_elastic_stage(scene), as_it_starts(scene)
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     check_memory(scene, options, len(mechanism.drives) + len(mechanism.loads) + 10 * len(mechanism.bodies))
     placement = place(scene)
@@ -265,7 +266,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
         from kaneflex.solve.spatial_loading import neighbour_in_space
 
         return neighbour_in_space(model, scene, frozen)
-    scene = with_branches(scene if model.coupled is None else without_poses(scene))
+    scene = as_it_starts(scene if model.coupled is None else without_poses(scene))
     options = neighbour_options(model, scene)
     scene = acting(scene, options)
     if model.coupled is not None:
@@ -300,7 +301,7 @@ def refined(model: Model, scene: Scene, options: Options, closer: float = 1.0) -
     from kaneflex.multibody.system import refined_system
 
     assert model.coupled is not None
-    scene = acting(with_branches(without_poses(scene)), options)
+    scene = acting(as_it_starts(without_poses(scene)), options)
     return _beside(model, scene, refined_system(model.coupled, scene), options)
 
 

@@ -29,6 +29,10 @@ _ABOUT = {
 """Numbers of an impact: units, of flanks, which have no place, in the second one, and meaning."""
 
 
+_STILL = 1e-9
+"""Share of the largest speed of a friction below which it is at rest."""
+
+
 class FrictionSummary(PlainTable):
     """What a friction did over the run."""
 
@@ -88,6 +92,29 @@ def friction_summaries(solution: Solution) -> dict[str, FrictionSummary]:
             largest_torque=largest if turns else None,
             stuck=float((record.mode[:, k] == STUCK).mean()),
             jams_at_s=None if np.isnan(record.jams[k]) else record.jams[k],
+        )
+    return found
+
+
+def undetermined_frictions(solution: Solution) -> list[str]:
+    """Warnings of joints whose own drive keeps them still: the drive and friction both hold them, by any share."""
+    record, scene, found = _rubbing(solution), solution.model.scene, []
+    for k, name in enumerate(() if record is None else record.names):
+        assert record is not None
+        drive, speed = scene.drives.get(name), abs(record.speed[:, k])
+        still = speed <= _STILL * speed.max()
+        before, after = np.r_[False, still[:-1]], np.r_[still[1:], False]
+        still &= before | after  # no single instant, at which it turns back
+        friction = scene.frictions[name]
+        if drive is None or drive.free or not still.any() or friction.law not in ("coulomb", "stribeck"):
+            continue
+        limit = ((friction.mu_static or friction.mu) * record.pressed[:, k] + friction.preload)[still].max()
+        turns = scene.turns_at(name)
+        found.append(
+            f"friction at {name} is not determined at {still.sum()} of {len(still)} instants, first at t = "
+            f"{solution.times[still.argmax()]:.6g} s, where its drive holds it still: it may be anything up to "
+            f"{limit:.4g} {'N m' if turns else 'N'} either way, and {'drive_torque' if turns else 'drive_force'} "
+            "differs by as much; what is shown is one choice"
         )
     return found
 

@@ -15,6 +15,7 @@ from kaneflex.solve.contact_lines import off_their_lines
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.solution import Solution
+from kaneflex.solve.touching import undetermined_frictions
 from kaneflex.solve.work import nominal_seconds
 from kaneflex.support.errors import UserError
 
@@ -60,7 +61,7 @@ def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[
     found += [*_parted(solution), *_unbalanced(solution)]
     if coupled:
         found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
-        found += off_their_lines(solution)
+        found += [*off_their_lines(solution), *undetermined_frictions(solution)]
     if not len(solution.times):
         return found
     motion = solution.motion

@@ -20,6 +20,7 @@ import numpy as np
 from kaneflex.fem.mobility import check_determined
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
+from kaneflex.mechanism.tight_start import tight_start
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.scene.options import tolerance_of
@@ -211,7 +212,7 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tupl
     What a tight joint holds was free before: as many free drives go, those that come last first, as the mechanism is
     determined without. A tight pin closes its loop as the scene stands at its start; flanks without play are a weld.
     """
-    poses = place(scene).poses
+    poses = place(tight_start(scene)).poses
     settings: list[str] = []
     held = 0
     welded: list[str] = []
@@ -248,7 +249,7 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tupl
 
 def _ways(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Settings that say how the loops of tight joints close, where they close any: as the scene stands at its start."""
-    angles = {body: f"{body}={float(pose[2])!r}" for body, pose in place(scene).poses.items()}
+    angles = {body: f"{body}={float(pose[2])!r}" for body, pose in place(tight_start(scene)).poses.items()}
     sides = {name: [side.body for side in scene.loose[name].sides if side.body in angles] for name in names}
     for bodies in ({name: list(angles) for name in names}, sides):
         yield tuple(f"joints.{name}.near={{{', '.join(angles[body] for body in bodies[name])}}}" for name in names)
