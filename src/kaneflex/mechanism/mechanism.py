@@ -77,9 +77,20 @@ def _made(scene: Scene) -> NumericMechanism:
     }
     frictions = {name: _friction(held) for name, held in scene.frictions.items()}
     reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]
-    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
+    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or _way(scene) or 1.0
     tables = vars(found) | {"bodies": bodies, "joints": joints, "contacts": contacts}
     return NumericMechanism(**tables, size=size, frictions=frictions)
+
+
+def _way(scene: Scene) -> float:
+    """Size [m] of a mechanism whose bodies have no lengths, so that it goes with the unit of length: how far bodies
+    stand at the start, and how far from their points contacts reach."""
+    found = [math.hypot(*body.free.at) for body in scene.bodies.values() if body.free is not None]
+    found += [abs(drive.start) for name, drive in scene.drives.items() if name in scene.joints and scene.slides(name)]
+    for contact in scene.contacts.values():
+        if contact.kind != "angle":
+            found += [abs(contact.reach), *(math.hypot(*scene.point(side)) for side in contact.sides)]
+    return max(found, default=0.0)
 
 
 def _friction(held: Any) -> Friction:

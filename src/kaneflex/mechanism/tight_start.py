@@ -29,9 +29,11 @@ def tight_start(scene: Scene) -> Scene:
     if not scene.loose or not open_:
         return scene
     joints = dict(scene.joints)
-    for name, each in scene.loose.items():
-        kind = {"revolute": each.sides} if each.direction is None else {"prismatic": each.sides}
-        joints[name] = Joint(**kind, direction=each.direction) if each.direction else Joint(**kind)
+    for name, loose in scene.loose.items():
+        if loose.direction is None:
+            joints[name] = Joint(revolute=loose.sides)
+        else:
+            joints[name] = Joint(prismatic=loose.sides, direction=loose.direction)
     drives = {name: drive for name, drive in scene.drives.items() if name not in open_}
     contacts = {name: contact for name, contact in scene.contacts.items() if contact.joint not in scene.loose}
     tight = scene.seen(joints=joints, drives=drives, contacts=contacts)
@@ -54,6 +56,7 @@ def tight_start(scene: Scene) -> Scene:
             turn, speed = poses[two].phi - poses[one].phi, rates[two][2] - rates[one][2]
             update = {"angle": math.remainder(turn, math.tau), "initial_speed": speed}
         else:
+            assert joint.direction is not None
             along = poses[one].turn(joint.direction)
             (x_1, y_1), (x_2, y_2) = poses[one].place(at_one), poses[two].place(at_two)
             v_1, v_2 = (_velocity(rates[body], poses[body].turn(at)) for body, at in ((one, at_one), (two, at_two)))
@@ -74,8 +77,8 @@ def _speed(drive: Drive, horizon: float) -> float:
     """First speed of a drive [rad/s or m/s]."""
     if drive.free:
         return float(drive.initial_speed)
-    if drive.kind in ("constant speed", "spin up"):
-        return float(drive.speed) if drive.kind == "constant speed" else 0.0
+    if drive.speed is not None:
+        return float(drive.speed) if drive.spin_up is None else 0.0
     step = _STEP * horizon
     return sum(weight * coordinate_at(drive, k * step) for k, weight in enumerate(_FORWARD)) / step
 

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody import start_rates
@@ -153,9 +154,10 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
 
 
 def longest(scene: Scene) -> float:
-    """The size of the mechanism: its longest body, else the farthest point of the ground [m]."""
-    lengths = [body.length for body in scene.bodies.values() if body.length]
-    return max(lengths or [math.hypot(*at) for at in scene.ground.values()] or [1.0])
+    """The size of the mechanism: its longest body, else the farthest point of the ground, else its own [m]."""
+    length = max((body.length or 0.0 for body in scene.bodies.values()), default=0.0)
+    length = length or max((math.hypot(*at) for at in scene.ground.values()), default=0.0)
+    return length or (1.0 if scene.is_spatial else mechanism_of(scene).size)
 
 
 def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
