@@ -88,7 +88,8 @@ def test_damping_of_a_place_where_the_drive_never_stands_is_named():
 def test_nothing_is_said_of_a_place_whose_modes_the_run_does_not_use(preset):
     """A trolley at 2 m got a warning of solve.mode_angle = 0, which coupled and quasistatic runs never read."""
     damping = ("damping.rayleigh=none", "damping.modal={ratio=0.02}", "main.angle=53 deg")
-    assert model(*LOCKED, *damping, f"solve.preset={preset}").warnings == ()
+    warnings = model(*LOCKED, *damping, f"solve.preset={preset}").warnings
+    assert not [said for said in warnings if "mode_angle" in said]
 
 
 def test_the_place_is_named_by_every_drive():
