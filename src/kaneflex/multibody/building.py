@@ -162,6 +162,8 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     touched = Affine.zero(size, size).pattern()
     for part, L in placed:
         within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
+        if not isinstance(touched, np.ndarray):  # a body's few rows may be an array, its square is none
+            within, motion = csr_array(within), csr_array(motion)
         touched = touched + motion.T @ within @ motion
     before = _half_bandwidth(touched)
     if before <= _NARROW:  # what is narrow keeps the order of its names

@@ -9,7 +9,7 @@ import numpy as np
 
 from kaneflex.fem.links import Link, spread_sums
 from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
-from kaneflex.mechanism.affine import as_array
+from kaneflex.mechanism.affine import Matrix
 from kaneflex.multibody.shapes import Shapes
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, symmetrised
@@ -71,13 +71,13 @@ def _link_moments(scene: Scene, link: Link, shapes: Shapes) -> dict[str, np.ndar
     """
     matrices, nodes = link.part.matrices, link.nodes
     size = 3 * len(nodes)
-    M, K = (matrices[name].at({}).toarray() for name in ("M", "K_s"))
+    M, K = (matrices[name].value({}) for name in ("M", "K_s"))
     square = (f"{link.name}.omega",) * 2
-    translation = -as_array(matrices["K_d"].terms[square])
+    translation = -matrices["K_d"].terms[square]
     rotary = M - translation
-    gyroscopic = as_array(matrices["C_d"].terms[square[:1]]) / 2
+    gyroscopic = matrices["C_d"].terms[square[:1]] / 2
     P_0, a_x, spin = (
-        as_array(matrices["K_g"].terms[monomial])
+        matrices["K_g"].terms[monomial]
         for monomial in ((f"{link.name}.link.P_0",), (f"{link.name}.link.a_x",), square)
     )
     total = scene.bodies[link.name].profile.inertia(link.length)
@@ -120,16 +120,16 @@ def spread_shapes(scene: Scene, name: str, link: Link | None, shapes: Shapes | N
     return found | {"s": push @ shapes.axial, "w": lift @ shapes.transverse, "H": (H + H.T) / 2}
 
 
-def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: np.ndarray) -> np.ndarray:
+def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: Matrix) -> np.ndarray:
     """Damping of the modal coordinates [N s/m]; a modal ratio is that of each of the link's own modes."""
     damping = scene.damping
     if damping is None:
         return np.zeros((modal.shape[1],) * 2)
-    K, mass = modal.T @ link.part.matrices["K_s"].at({}).toarray() @ modal, modal.T @ M @ modal
+    K, mass = modal.T @ link.part.matrices["K_s"].value({}) @ modal, modal.T @ M @ modal
     if damping.kind == "rayleigh":
         alpha, beta = rayleigh_coefficients(damping.rayleigh.ratio, *damping.rayleigh.at)
         return alpha * mass + beta * K
     if damping.kind == "modal":
         omega = np.sqrt(np.diag(K) / np.diag(mass))
         return np.diag(2 * damping_ratios(damping.modal.ratio, omega) * omega * np.diag(mass))
-    return modal.T @ link.part.matrices["C_s"].at({}).toarray() @ modal
+    return modal.T @ link.part.matrices["C_s"].value({}) @ modal

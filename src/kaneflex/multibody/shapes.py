@@ -8,7 +8,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from kaneflex.fem.links import Link
-from kaneflex.mechanism.affine import as_array
+from kaneflex.fem.modes import lowest_modes
+from kaneflex.mechanism.affine import Matrix, as_array, solve
 from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Frame, axial_modes, frame_of, stations
 from kaneflex.multibody.shape_families import family
 from kaneflex.scene import Scene
@@ -58,7 +59,7 @@ class Shapes:
         if self.frame.kind not in IN_THE_MEAN:
             return found - found[self.node]
         tension = (link.part.matrices["K_g"].terms[key] for key in (monomial, (f"{link.name}.link.a_x",)))
-        whole, beyond = (w.T @ as_array(matrix) @ w for matrix in tension)
+        whole, beyond = (w.T @ matrix @ w for matrix in tension)
         along = np.zeros(len(w))
         along[0::3] = 1.0
         return found - (whole - beyond / (along @ link.part.matrices["M"].at({}) @ along))
@@ -82,36 +83,40 @@ def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
     """
     rows = _rows(scene, link)
     count = modes + rows.turns
-    stiffness, mass = (link.part.matrices[key].at({}).toarray() for key in ("K_s", "M"))
+    stiffness, mass = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
     beam = scene.bodies[link.name].beam
-    axial = np.zeros((len(mass), 0))
+    axial = np.zeros((mass.shape[0], 0))
     if not beam.axially_rigid:
         loose = np.setdiff1d(3 * np.arange(len(link.nodes)), [3 * rows.node, *rows.pulled])
         wanted = axial_modes(modes, beam.elements, len(rows.pulled) + 1)
         inertial = _inertial(stiffness, mass, _axial_loads(link, rows), loose, wanted)
         axial = np.hstack([_static(stiffness, rows.pulled, loose), inertial])
         axial = _orthogonal(_mean_free(axial, mass, rows.frame), stiffness, mass, link.length)
-    dynamic = np.zeros((len(mass), count))
+    dynamic = np.zeros((mass.shape[0], count))
     if count and beam.shapes != "craig-bampton":
         dynamic = family(beam.shapes, link.nodes, [*rows.fixed, *rows.held], count)
     elif count:
-        square = np.ix_(rows.free, rows.free)
-        dynamic[rows.free] = eigh(stiffness[square], mass[square], subset_by_index=(0, count - 1))[1]
+        inner = [matrix[rows.free][:, rows.free] for matrix in (stiffness, mass)]
+        if rows.frame.kind in _STILL:  # those that deform nothing have a singular stiffness
+            inner = [as_array(matrix) for matrix in inner]
+            dynamic[rows.free] = eigh(*inner, subset_by_index=(0, count - 1))[1]
+        else:
+            dynamic[rows.free] = lowest_modes(*inner, count)[1]
     transverse = np.hstack([_static(stiffness, rows.held, rows.free), dynamic])
     transverse = _orthogonal(transverse, stiffness, mass, link.length)
     return Shapes(axial, transverse[:, _STILL.get(rows.frame.kind, 0) :], rows.frame, rows.node)
 
 
-def _inertial(stiffness: np.ndarray, mass: np.ndarray, loads: np.ndarray, loose: np.ndarray, count: int) -> np.ndarray:
+def _inertial(stiffness: Matrix, mass: Matrix, loads: np.ndarray, loose: np.ndarray, count: int) -> np.ndarray:
     """Stretch by the inertia of axial motions ``loads``, then by that of the stretch itself, and so on.
 
     Load-dependent Ritz vectors (Wilson, Yuan & Dickens 1982) with the rows held that are not ``loose``. They converge
     faster than modes, and need no more than the solution of a static problem each.
     """
-    found, square, first = np.zeros((len(mass), count)), np.ix_(loose, loose), loads.shape[1]
+    found, inner, first = np.zeros((mass.shape[0], count)), stiffness[loose][:, loose], loads.shape[1]
     for k in range(count):
         moving = loads[:, k] if k < first else found[:, k - first]
-        found[loose, k] = np.linalg.solve(stiffness[square], mass[loose] @ moving)
+        found[loose, k] = solve(inner, mass[loose] @ moving)
         for _ in range(2):  # twice is enough against rounding (Parlett 1998, 6-9)
             found[:, k] -= found[:, :k] @ (found[:, :k].T @ mass @ found[:, k])
         found[:, k] /= np.sqrt(found[:, k] @ mass @ found[:, k])
@@ -125,11 +130,11 @@ def _axial_loads(link: Link, rows: _Rows) -> np.ndarray:
     return found[:, ::-1] if rows.frame.kind in IN_THE_MEAN else found
 
 
-def _mean_free(axial: np.ndarray, mass: np.ndarray, frame: Frame) -> np.ndarray:
+def _mean_free(axial: np.ndarray, mass: Matrix, frame: Frame) -> np.ndarray:
     """Axial shapes of a chord without displacement in the mean: neither of its ends is the one that stays."""
     if frame.kind not in IN_THE_MEAN:
         return axial
-    along = np.zeros(len(mass))
+    along = np.zeros(mass.shape[0])
     along[0::3] = 1.0
     weights = mass @ along
     return axial - np.outer(along, weights @ axial) / (weights @ along)
@@ -140,8 +145,8 @@ def spanned(shapes: Shapes, link: Link) -> Shapes:
 
     The equations take shapes that are orthogonal; the motion knows their space alone.
     """
-    stiffness, mass = (link.part.matrices[key].at({}).toarray() for key in ("K_s", "M"))
-    still = np.zeros((len(mass), 2))
+    stiffness, mass = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
+    still = np.zeros((mass.shape[0], 2))
     still[1::3] = np.column_stack([link.nodes - link.nodes[shapes.node], np.ones(len(link.nodes))])
     still[2::3, 0] = 1.0
     still = still[:, : _STILL.get(shapes.frame.kind, 0)]
@@ -196,16 +201,16 @@ def _rows(scene: Scene, link: Link) -> _Rows:
     return _Rows(frame, first, fixed, pulled, held, free)
 
 
-def _static(stiffness: np.ndarray, held: list[int], free: np.ndarray) -> np.ndarray:
+def _static(stiffness: Matrix, held: list[int], free: np.ndarray) -> np.ndarray:
     """Shapes of unit displacements of the held rows, one at a time."""
-    shapes = np.zeros((len(stiffness), len(held)))
+    shapes = np.zeros((stiffness.shape[0], len(held)))
     shapes[held, np.arange(len(held))] = 1.0
     if held and len(free):
-        shapes[free] = -np.linalg.solve(stiffness[np.ix_(free, free)], stiffness[np.ix_(free, held)])
+        shapes[free] = -solve(stiffness[free][:, free], as_array(stiffness[free][:, held]))
     return shapes
 
 
-def _orthogonal(basis: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, length: float) -> np.ndarray:
+def _orthogonal(basis: np.ndarray, stiffness: Matrix, mass: Matrix, length: float) -> np.ndarray:
     """The same space by the modes within it, largest displacement +1."""
     if not basis.shape[1]:
         return basis

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from kaneflex.fem.spatial_links import SpatialLink
+from kaneflex.mechanism.affine import Matrix
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.inertia_integrals import modal_damping
@@ -26,7 +27,7 @@ link turns about it."""
 
 def shape_damping(scene: Scene, link: SpatialLink, basis: np.ndarray) -> np.ndarray:
     """Damping of modal coordinates [N s/m], (count, count), of shapes ``basis``, (6 n_nodes, count)."""
-    K, M = (link.part.matrices[name].at({}).toarray() for name in ("K_s", "M"))
+    K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
     apart = against_axes(scene, link, basis, M)
     mass = apart.T @ M @ apart
     modes = eigh(apart.T @ K @ apart, mass)[1]
@@ -35,14 +36,16 @@ def shape_damping(scene: Scene, link: SpatialLink, basis: np.ndarray) -> np.ndar
     return back.T @ of_modes @ back
 
 
-def against_axes(scene: Scene, link: SpatialLink, basis: np.ndarray, M: np.ndarray) -> np.ndarray:
+def against_axes(scene: Scene, link: SpatialLink, basis: np.ndarray, M: Matrix) -> np.ndarray:
     """The shapes against the axes that damping is measured in: less rigid motions, (6 n_nodes, count)."""
     clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
-    joined, size, left = sorted(clamped), len(M), basis.copy()
+    joined, size, left = sorted(clamped), M.shape[0], basis.copy()
     alone = {axis: places[0] for axis in "xyz" if len(places := [x for x in joined if axis in clamped[x]]) == 1}
 
     def row(x: float, k: int) -> np.ndarray:
-        return np.eye(size)[6 * _node(link, x) + k]
+        found = np.zeros(size)
+        found[6 * _node(link, x) + k] = 1.0
+        return found
 
     def take(rigid: np.ndarray, measured: list[np.ndarray]) -> None:
         """Off the shapes what rigid motions they have, so that nothing is left of what is measured."""

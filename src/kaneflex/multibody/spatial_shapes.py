@@ -15,7 +15,9 @@ from itertools import pairwise, permutations
 import numpy as np
 from scipy.linalg import eigh
 
+from kaneflex.fem.modes import lowest_modes
 from kaneflex.fem.spatial_links import SpatialLink
+from kaneflex.mechanism.affine import Matrix, as_array, solve
 from kaneflex.mechanism.floating_frames import axial_modes
 from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
 from kaneflex.multibody.shape_moments import ShapeMoments
@@ -29,6 +31,7 @@ _KINDS = {("u",): 1, ("v", "theta_z"): 2, ("w", "theta_y"): 2, ("theta_x",): 1}
 _NEAR = 0.99
 """Component of a joint's axis along one of the body's from which on next to nothing turns the section about that."""
 _EQUAL = 1e-6  # relative distance of squared frequencies that are one's
+_MORE = 4  # modes found beyond those asked for, among which are those equal to the last one
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for two cubics times a mass that grows linearly
 
 
@@ -80,7 +83,7 @@ class SpatialShapes:
     @cached_property
     def turn(self) -> np.ndarray:
         """How far each shape turns the axes of the planar model about the body's x, y, z, (3, count) [rad/m]."""
-        M = self.link.part.matrices["M"].at({}).toarray()
+        M = self.link.part.matrices["M"].value({})
         return (self.basis - against_axes(self.scene, self.link, self.basis, M))[3:6]
 
     def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
@@ -127,13 +130,13 @@ class SpatialShapes:
     @cached_property
     def stiffness(self) -> np.ndarray:
         """Of the modal coordinates [N/m], diagonal."""
-        K = self.link.part.matrices["K_s"].at({}).toarray()
+        K = self.link.part.matrices["K_s"].value({})
         return np.diag(np.diag(self.basis.T @ K @ self.basis))
 
     @cached_property
     def omega(self) -> np.ndarray:
         """Circular frequency of each shape, its axes held [rad/s]."""
-        M = self.link.part.matrices["M"].at({}).toarray()
+        M = self.link.part.matrices["M"].value({})
         return np.sqrt(np.diag(self.stiffness) / np.diag(self.basis.T @ M @ self.basis))
 
     @cached_property
@@ -245,7 +248,7 @@ def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: Place | No
                     for places in (joints, [*joints, *pushed]))  # fmt: skip
     if held is None and not turned:
         turned, kept = {0}, kept | {0}  # what is left of its motions deforms nothing
-    K, M = (link.part.matrices[name].at({}).toarray() for name in ("K_s", "M"))
+    K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
     turning, twisted = ({SPATIAL_NODE.index(f"theta_{axis}") for axis in axes}
                         for axes in (freed, _twisted(scene, link.name, x)))  # fmt: skip
     found, most = [], 6 * len(link.nodes)
@@ -290,29 +293,33 @@ def _twisted(scene: Scene, body: str, x: float | None) -> str:
     return "".join(sorted(found))
 
 
-def _static(K: np.ndarray, rows: np.ndarray, static: list[int]) -> np.ndarray:
+def _static(K: Matrix, rows: np.ndarray, static: list[int]) -> np.ndarray:
     """Of each of the static rows the shape that is one there, zero in the other ones, and balanced in what is left."""
     inner, held = np.setdiff1d(rows, static), np.array(static, int)
-    shapes = np.zeros((len(K), len(static)))
+    shapes = np.zeros((K.shape[0], len(static)))
     shapes[static, np.arange(len(static))] = 1.0
     if len(inner) and static:  # what turns freely is singular without
-        shapes[inner] = -np.linalg.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, held)])
+        shapes[inner] = -solve(K[inner][:, inner], as_array(K[inner][:, held]))
     return shapes
 
 
-def _of_kind(K: np.ndarray, M: np.ndarray, rows: np.ndarray, static: list[int], modes: int) -> np.ndarray:
+def _of_kind(K: Matrix, M: Matrix, rows: np.ndarray, static: list[int], modes: int) -> np.ndarray:
     """Shapes over all rows, by ascending frequency of the link held at its axes."""
     inner = np.setdiff1d(rows, static)
-    modal = np.zeros((len(K), 0))
+    modal = np.zeros((K.shape[0], 0))
     if modes and len(inner):
-        square = np.ix_(inner, inner)
-        squares, found = eigh(K[square], M[square])
-        modal = np.zeros((len(K), _whole(squares, modes)))
+        own = [matrix[inner][:, inner] for matrix in (K, M)]
+        if static:
+            omega, found = lowest_modes(*own, min(modes + _MORE, len(inner)))
+            squares = omega**2
+        else:  # where what turns freely is singular
+            squares, found = eigh(*map(as_array, own))
+        modal = np.zeros((K.shape[0], _whole(squares, modes)))
         modal[inner] = found[:, : modal.shape[1]]
     return _by_frequency(K, M, np.hstack([_static(K, rows, static), modal]))
 
 
-def _by_frequency(K: np.ndarray, M: np.ndarray, basis: np.ndarray) -> np.ndarray:
+def _by_frequency(K: Matrix, M: Matrix, basis: np.ndarray) -> np.ndarray:
     """What shapes span by orthogonal ones, of ascending frequency; the largest displacement of each is one."""
     if not basis.shape[1]:
         return basis

@@ -136,7 +136,7 @@ def _carried(link: Link, richer: Link, shapes: np.ndarray, others: np.ndarray) -
     """The amplitudes of other shapes of the same link, at the nodes of other elements, that are nearest by mass."""
     n = link.dofs
     rows = [link.shape(e, local)[:n] @ shapes[n * e : n * (e + 2)] for e, local in map(link.locate, richer.nodes)]
-    weighted = others.T @ richer.part.matrices["M"].at({}).toarray()
+    weighted = others.T @ richer.part.matrices["M"].value({})
     return np.linalg.solve(weighted @ others, weighted @ np.concatenate(rows))
 
 

@@ -68,8 +68,12 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     generated, derived = find_spatial_module(scene, progress)
     coupled = options.dynamics == "coupled"
-    system = build_coupled_system(scene, generated, options) if coupled else build_spatial_system(scene, generated)
-    check_memory(scene, options, len(SpatialModule(system).SCALARS))
+    if coupled:  # before its shapes are found
+        check_memory(scene, options, len(scene.drives) + len(scene.loads) + 10 * len(scene.bodies))
+        system = build_coupled_system(scene, generated, options)
+    else:
+        system = build_spatial_system(scene, generated)
+        check_memory(scene, options, len(SpatialModule(system).SCALARS))
     compiled = compiled_by(progress, system.compile)
     began = time.perf_counter()
     motion, energy = _moving(system, options, progress)
