@@ -16,6 +16,8 @@ _NUMBER = 8
 _MONODROMY = 44
 """Matrices (n, n) that the periodic motion's stability takes: 8 lanes, the product of them and two factors, of states
 (z, z') each."""
+_SHAPES = 8
+"""Shapes of a link that preset coupled takes unless told otherwise, about."""
 _ASSEMBLED = (10_000, 100_000)
 """Bytes of the assembled matrices for each coordinate, in the plane and in space, where more scalars are before them:
 measured with rods of 2000 and 8000 elements, and a crankshaft of 60 a journal."""
@@ -41,7 +43,9 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     elastic = {name: body.beam for name, body in scene.bodies.items() if body.elastic}
     links = {name: dofs * (options.elements or beam.elements) for name, beam in elastic.items()}
     size, coupled = sum(links.values()), options.dynamics == "coupled"
-    kept = size if options.reduction == "none" else min(size, (_count(options.modes, size) + 6) * len(links))
+    few = coupled and not isinstance(options.modes, int)  # coupled's own choice of shapes
+    count = _SHAPES if few else _count(options.modes, size)
+    kept = size if options.reduction == "none" and not coupled else min(size, (count + 6) * len(links))
     whole = options.dynamics in ("rigid", "quasistatic") or coupled
     rows = options.steps + 1 if whole else min(options.steps, MAX_STORED) + 1
     row = _NUMBER * (scalars + (0 if options.dynamics == "rigid" else 3 * kept))
