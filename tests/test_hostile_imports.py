@@ -1,11 +1,13 @@
 """Finite elements that no program would write: importing them gives finite numbers or an error, in time."""
 
+import numpy as np
 import pytest
 from import_fuzz import Mutants, examine, lattice
 from scene_fuzz import broken
 from scipy.io import mmwrite
 from scipy.sparse import csc_array
 
+from kaneflex.fem.matrices import read_market
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.support.errors import Fault
 
@@ -26,7 +28,31 @@ def test_every_format_is_imported_as_it_stands(mutants):
 
 def test_mutated_imports_are_read_or_refused(mutants):
     """500 with `make extremes`."""
-    assert broken(mutants, [*range(60), 101, 122], limit=20.0, examine=examine) == []
+    assert broken(mutants, [*range(60), 101, 122, 2003], limit=20.0, examine=examine) == []
+
+
+@pytest.mark.parametrize("symmetry", ["general", "symmetric", "skew-symmetric"])
+@pytest.mark.parametrize("kind", [float, int])
+@pytest.mark.parametrize("full", [False, True])
+def test_matrix_market_files_are_read_as_scipy_reads_them(full, kind, symmetry, tmp_path):
+    A = np.random.default_rng(3).integers(-9, 10, (6, 6)).astype(kind)
+    A = {"general": A, "symmetric": A + A.T, "skew-symmetric": A - A.T}[symmetry]
+    A[0, 5] = A[5, 0] = 0
+    file = tmp_path / "a.mtx"
+    mmwrite(file, A if full else csc_array(A), comment="of a test\n", symmetry=symmetry)
+    assert (read_market(str(file)).toarray() == A).all()
+
+
+@pytest.mark.parametrize("body", [
+    "3 3 2\n1 1 2E- 3\n2 2 1.0", "3 3 1\n0 1 1.0\n", "3 3 1\n1 4 1.0\n", "3 3 1\n1.5 1 1.0\n", "3 3 2\n1 1 1.0\n",
+    "3 3 1\n1 1\n", "3 3 1\n1 1 1.0 2.0\n", "3 3 1\n1 1 1.0\n2 2 1.0\n", "3 3 1\n1 1 x", "3 3", "", "-3 3 1\n1 1 1.0\n",
+])  # fmt: skip
+def test_torn_matrix_market_files_are_refused(body, tmp_path):
+    """SciPy reads beyond the end of the first one, and the process ends."""
+    file = tmp_path / "a.mtx"
+    file.write_text(f"%%MatrixMarket matrix coordinate real symmetric\n%\n{body}")
+    with pytest.raises(Fault, match=r"a\.mtx is no Matrix Market file: .*Export it anew"):
+        read_market(str(file))
 
 
 @pytest.mark.parametrize("spatial", [False, True])

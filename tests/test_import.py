@@ -173,7 +173,7 @@ def odd_files():
     doubled = numbers.copy()
     doubled[1, 0] = 3.0
     np.savetxt("twice-numbered.txt", doubled, fmt="%.9g")
-    Path("torn.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n3 3 9\n1 1 1.0\n")
+    Path("torn.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n3675 3675 9\n1 1 1.0\n")
     K = mmread("rod-stiffness.mtx").tolil()
     K[0, 7] += 1e9
     mmwrite("lopsided.mtx", K.tocsr(), symmetry="general")

@@ -19,7 +19,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
-from scipy.io import mminfo, mmread
+from scipy.io import mminfo
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from kaneflex.fem.modal_files import has_modes, read_modes
@@ -122,14 +122,53 @@ def read_market(path: str, shapes: Collection[tuple[int, int]] = (), wanted: str
     """The matrix of a Matrix Market file, by its first line of one of these shapes. Raises Fault, or OSError."""
     check_file(Path(path), LARGEST)
     try:
-        rows, columns, _, layout, *_ = mminfo(path)
+        rows, columns, entries, layout, field, symmetry = mminfo(path)
         if shapes and (rows, columns) not in shapes:
             raise Fault(f"{path} has the shape {(rows, columns)}, {wanted}", _FREE)
+        if field == "complex":
+            raise Fault(f"{path} holds complex numbers", "Export real ones")
         if layout == "array":
             _check_full(path, rows * columns)
-        return csc_array(mmread(path))
+        with Path(path).open(encoding="utf-8", errors="replace") as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a file without entries
+            numbers = (line for line in file if line.strip() and line[0] != "%")
+            next(numbers)  # the size
+            body = np.loadtxt(numbers, ndmin=2)
+        return _of_market(body, (rows, columns), None if layout == "array" else entries, field == "pattern", symmetry)
     except (ValueError, TypeError, OverflowError) as error:
+        if isinstance(error, Fault):
+            raise
         raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
+
+
+def _of_market(
+    body: np.ndarray, shape: tuple[int, int], entries: int | None, pattern: bool, symmetry: str
+) -> csc_array:
+    """The matrix of the numbers below the head of a Matrix Market file; ``entries`` is None of a full one.
+
+    SciPy's own reader reads beyond the end of a file whose lines are torn, and ends the process.
+    """
+    lower = symmetry != "general"
+    if entries is None:
+        each = np.ones(shape[::-1])  # column after column
+        columns, rows = np.nonzero(np.triu(each, symmetry == "skew-symmetric") if lower else each)
+        values, entries = body.ravel(), len(rows)
+    else:
+        body = body if body.size else np.zeros((0, 2 if pattern else 3))
+        if body.shape[1] != (2 if pattern else 3):
+            raise ValueError(f"lines of {body.shape[1]} numbers")
+        at = body[:, :2]
+        if (at != at.round()).any() or at.min(initial=1) < 1 or (at > shape).any():
+            raise ValueError("a row or a column is none of the matrix")
+        rows, columns = at.T.astype(np.int64) - 1
+        values = np.ones(len(at)) if pattern else body[:, 2]
+    if len(values) != entries:
+        raise ValueError(f"{len(values)} entries, not {entries}")
+    found = csc_array(coo_array((values, (rows, columns)), shape))
+    if not lower:
+        return found
+    mirrored = found.T - diags_array(found.diagonal())
+    return csc_array(found - mirrored if symmetry == "skew-symmetric" else found + mirrored)
 
 
 def _check_full(path: str, count: int) -> None:
