@@ -435,7 +435,7 @@ def main() -> None:
     started, seeds = time.monotonic(), range(first, first + count)
     with tempfile.TemporaryDirectory() as folder:
         if runs:
-            found = broken(Runs(Path(folder)), seeds, 120.0, run_shortly)
+            found = broken(Runs(Path(folder)), seeds, 600.0, run_shortly)  # the first ones compile
         else:
             found = broken(Mutants(Path(folder)), seeds, limit=60.0, examine=partial(examine, placed=True))
     what = "short runs" if runs else "mutated scenes"
