@@ -75,8 +75,8 @@ def drawn(scene: Scene, seed: int) -> Renaming:
 
     joints = dict(scene.raw.get("joints", {}))  # those with a clearance, too
     of = {"bodies": names(_BODIES, scene.bodies, "link"), "joints": names(_JOINTS, joints, "pin_mass")}
-    words = [word.format(body=draw.choice([*of["bodies"].values()]), joint=draw.choice([*of["joints"].values()] or _JOINTS))
-             for word in _WORDS]  # fmt: skip
+    named = [[*of["bodies"].values()], [*of["joints"].values()] or _JOINTS]
+    words = [word.format(body=draw.choice(named[0]), joint=draw.choice(named[1])) for word in _WORDS]
     words = [*dict.fromkeys(word for word in words if word not in _SPRINGS)]
     of["masses"] = names([*of["bodies"].values(), *words], scene.masses, "m")
     of["loads"] = names(words, scene.loads, "f")

@@ -19,6 +19,9 @@ from kaneflex.support.errors import SceneError
 _LOOKED_AT, _TOO_FAR, _FEW = 6, 0.01, 32
 """Modes whose frequencies are compared with a mesh of twice the elements, the change that is said, and elements of a
 link beyond which none is looked for."""
+_RIGID = 1e-6
+"""Share of the highest frequency, by the matrices' diagonals, below which one is that of a rigid mode: its square is a
+difference of numbers that are rounded at 1e-16."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +114,10 @@ def mesh_hint(found: Modes) -> str:
         return ""
     counts = [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]
     exact = modes(with_settings(model.scene, counts), min(_LOOKED_AT, len(found.frequencies))).frequencies
-    change = abs(found.frequencies[: len(exact)] - exact) / exact.clip(min=1e-6 * exact[-1])
+    t = model.reference_time
+    highest = math.sqrt((model.K_s(t).diagonal() / model.M(t).diagonal()).max()) / (2.0 * math.pi)
+    least = max(1e-6 * exact[-1], _RIGID * highest)
+    change = abs(found.frequencies[: len(exact)].clip(min=least) / exact.clip(min=least) - 1.0)
     if (change < _TOO_FAR).all():
         return ""
     mode = int((change > _TOO_FAR).argmax())
