@@ -24,6 +24,44 @@ def test_without_growth_it_is_the_uniform_element(shear):
         assert (found.matrix.xreplace(limit) - expected.matrix).expand().is_zero_matrix, found.name
 
 
+def tapered_by_hand(a, b, L):
+    """Mass matrix and bending stiffness of an element whose mass per length, or E I, goes from a to b linearly.
+
+    By hand: integrals of Hermite's cubics and of linear functions; u, v, theta of either node.
+    """
+    mass, bending = np.zeros((6, 6)), np.zeros((6, 6))
+    for (i, j), share in {
+        (0, 0): L * (3 * a + b) / 12, (0, 3): L * (a + b) / 12, (3, 3): L * (a + 3 * b) / 12,
+        (1, 1): L * (10 * a + 3 * b) / 35, (1, 2): L**2 * (15 * a + 7 * b) / 420, (1, 4): 9 * L * (a + b) / 140,
+        (1, 5): -(L**2) * (7 * a + 6 * b) / 420, (2, 2): L**3 * (5 * a + 3 * b) / 840,
+        (2, 4): L**2 * (6 * a + 7 * b) / 420, (2, 5): -(L**3) * (a + b) / 280, (4, 4): L * (3 * a + 10 * b) / 35,
+        (4, 5): -(L**2) * (7 * a + 15 * b) / 420, (5, 5): L**3 * (3 * a + 5 * b) / 840,
+    }.items():  # fmt: skip
+        mass[i, j] = mass[j, i] = share
+    for (i, j), share in {
+        (1, 1): 6 * (a + b) / L**3, (1, 2): 2 * (2 * a + b) / L**2, (1, 4): -6 * (a + b) / L**3,
+        (1, 5): 2 * (a + 2 * b) / L**2, (2, 2): (3 * a + b) / L, (2, 4): -2 * (2 * a + b) / L**2, (2, 5): (a + b) / L,
+        (4, 4): 6 * (a + b) / L**3, (4, 5): -2 * (a + 2 * b) / L**2, (5, 5): (a + 3 * b) / L,
+    }.items():  # fmt: skip
+        bending[i, j] = bending[j, i] = share
+    return mass, bending
+
+
+def test_mass_and_bending_stiffness_of_a_tapered_element_by_hand():
+    """Every entry of the derived matrices; one that is off by a thousandth is seen."""
+    a, b, L = 1.3, 0.4, 0.7
+    given = {"rho_A": (a + b) / 2, "rho_A_rise": b - a, "E_I": (a + b) / 2, "E_I_rise": b - a, "length": L}
+    numbers = {PARAMETERS[name]: value for name, value in given.items()}
+    terms = {term.name: term.matrix for term in beam_element(rotary=False, shear=False, varying=True).terms}
+    for name, expected in zip(("mass", "bending_stiffness"), tapered_by_hand(a, b, L), strict=True):
+        found = np.array(terms[name].xreplace(numbers), float)
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14, err_msg=name)
+        for entry in zip(*np.nonzero(found), strict=True):
+            wrong = found.copy()
+            wrong[entry] *= 1.001
+            assert not np.allclose(wrong, expected, rtol=1e-12, atol=1e-14)
+
+
 CANTILEVER = """
 schema = 1
 [bodies.beam]
