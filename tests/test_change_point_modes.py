@@ -1,6 +1,15 @@
-"""At a change point there are no modes: a run does without them and says so, who asks for them is told where else."""
+"""Change points: rigid loops pass them on the branch of their velocities; modes and standing there are refused."""
 
+import numpy as np
+import pytest
 from command_line import cli, refused, unrendered
+from scipy.integrate import solve_ivp
+
+from kaneflex import simulate
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.scene import scene_of
+from kaneflex.solve.loading import load
+from kaneflex.support.errors import SceneError
 
 PARALLELOGRAM = """
 schema = 1
@@ -41,3 +50,99 @@ def test_modes_of_a_change_point_are_refused_with_the_cure(tmp_path):
     file = tmp_path / "scene.toml"
     file.write_text(PARALLELOGRAM)
     refused(cli("modes", file), "solve.mode_angle = '0 deg'", "Choose another place")
+
+
+def ladder(count: int, tolerance: float, integrator: str = "radau") -> dict:
+    """IFToMM's benchmark A02: count + 1 vertical cranks of 1 m, joined by couplers of 1 m; tip speed 1 m/s."""
+    bar, couplers = {"length": 1.0, "mass": "1 kg"}, range(count)
+    joints = {f"A{k}": {"revolute": [f"ground.P{k}", f"crank{k}.start"]} for k in range(count + 1)}
+    for k in couplers:
+        joints[f"B{k}"] = {"revolute": [f"crank{k}.end", f"coupler{k}.start"]}
+        joints[f"C{k}"] = {"revolute": [f"coupler{k}.end", f"crank{k + 1}.end"], "branch": "+"}
+    return {
+        "schema": 1, "gravity": [0, "-9.81 m/s^2"], "ground": {f"P{k}": [float(k), 0] for k in range(count + 1)},
+        "bodies": {f"crank{k}": bar for k in range(count + 1)} | {f"coupler{k}": bar for k in couplers},
+        "joints": joints, "drives": {"A0": {"free": True, "angle": "90 deg", "initial_speed": "-1 rad/s"}},
+        "sensors": {f"phi{k}": {"position": f"A{k}", "component": "angle"} for k in range(count + 1)},
+        "solve": {
+            "preset": "coupled", "duration": "10 s", "steps": 1000, "errors": "none", "tolerance": tolerance,
+            "integrator": integrator,
+        },
+    }  # fmt: skip
+
+
+def one_degree_of_freedom(count: int, times: np.ndarray) -> np.ndarray:
+    """Angle of all cranks: couplers translate, so that (n + 1)/3 + n = inertia [kg m^2], (n + 1)/2 + n kg at 1 m."""
+    inertia, moment = (count + 1) / 3 + count, ((count + 1) / 2 + count) * 9.81
+    found = solve_ivp(
+        lambda t, y: [y[1], -moment * np.cos(y[0]) / inertia], (0.0, times[-1]), [np.pi / 2, -1.0], "DOP853", times,
+        rtol=3e-14, atol=1e-14,
+    )  # fmt: skip
+    return found.y[0]
+
+
+@pytest.mark.parametrize(
+    ("count", "tolerance", "integrator"),
+    [(1, 1e-12, "radau"), (3, 1e-9, "radau"), (3, 1e-9, "gauss"), (8, 1e-6, "radau"), (8, 1e-10, "radau")],
+)
+def test_loops_that_become_singular_together_go_on_as_they_move(count, tolerance, integrator):
+    """The cranks pass the horizontal 27 times; the other branch there is metres off."""
+    solution = simulate(load(scene_of(ladder(count, tolerance, integrator))))
+    assert solution.outcome is Outcome.COMPLETED
+    exact = one_degree_of_freedom(count, np.asarray(solution.times))
+    for k in range(count + 1):
+        off = np.ravel(solution.series[f"phi{k}"].values) - exact
+        assert abs(off).max() < 100 * tolerance
+
+
+FOUR_BAR = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+ground = {{P = [{ground}, 0]}}
+[bodies]
+crank = {{length = {crank}, mass = "1 kg"}}
+coupler = {{length = {coupler}, mass = "1 kg"}}
+rocker = {{length = {rocker}, mass = "1 kg"}}
+[joints]
+A = {{revolute = ["ground", "crank.start"]}}
+B = {{revolute = ["crank.end", "coupler.start"]}}
+D = {{revolute = ["ground.P", "rocker.start"]}}
+C = {{revolute = ["coupler.end", "rocker.end"], branch = "+"}}
+[drives]
+A = {{{drive}}}
+[sensors]
+phi = {{position = "A", component = "angle"}}
+psi = {{position = "D", component = "angle"}}
+[solve]
+preset = "{preset}"
+duration = "3 s"
+steps = 300
+errors = "none"
+"""
+BARS = {"crank": 1.0, "coupler": 3.0, "rocker": 2.5, "ground": 4.5}
+
+
+def test_a_linkage_that_stands_at_its_change_point_is_named():
+    drive = 'speed = "0 rpm", angle = "180 deg"'
+    with pytest.raises(SceneError, match=r"singular position.*A = 180 deg.*coupler and rocker lie on one line"):
+        load(scene_of(FOUR_BAR.format(**BARS, drive=drive, preset="rigid")))
+
+
+def test_a_change_point_of_unequal_bars_keeps_the_energy():
+    """At 180 deg; where the motion is interpolated nothing but the energy knows that it is the right one."""
+    drive = 'free = true, angle = "90 deg", initial_speed = "4 rad/s"'
+    solution = simulate(load(scene_of(FOUR_BAR.format(**BARS, drive=drive, preset="coupled") + "tolerance = 1e-11")))
+    assert solution.outcome is Outcome.COMPLETED
+    assert np.ptp(solution.series["phi"].values) > 3 * 2 * np.pi  # it turns, and passes more than three times
+    assert solution.energy.drift < 1e-9
+
+
+@pytest.mark.parametrize("preset", ["rigid", "coupled"])
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_a_linkage_of_any_size_closes(scale, preset):
+    bars = {name: scale * length for name, length in BARS.items()} | {"ground": 4.0 * scale}
+    solution = simulate(load(scene_of(FOUR_BAR.format(**bars, drive='speed = "20 rpm"', preset=preset))))
+    psi = np.ravel(solution.series["psi"].values)
+    phi = np.ravel(solution.series["phi"].values)
+    off = np.hypot(4.0 + 2.5 * np.cos(psi) - np.cos(phi), 2.5 * np.sin(psi) - np.sin(phi)) - 3.0
+    assert abs(off).max() < 1e-9

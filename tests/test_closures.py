@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from newton_euler import imbalance, motion_of, place
 
+from kaneflex.mechanism.position_analysis import place as placed
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.scene import Scene, read_scene
+from kaneflex.scene import Scene, read_scene, scene_of
 from kaneflex.scene.quantities import Address
+from kaneflex.support.errors import SceneError
 
 # Offset, tilted guide, mass centres off their axes, loads by law and by value in body axes, gravity.
 SLIDER = """
@@ -187,3 +189,26 @@ def test_branch_chooses_the_side(folder):
         )
         d, v = foot - near, far - near
         assert (np.sign(d[0] * v[1] - d[1] * v[0]) == sign).all()
+
+
+def test_a_cylinder_whose_ends_keep_their_distance_is_named():
+    """Both turn about the same pivot: the eyes of the cylinder stay 0.5 m apart wherever the lever stands."""
+    with pytest.raises(SceneError, match=r"barrel, rod, lever can still move together.*cylinder") as refusal:
+        placed(scene_of("""
+schema = 1
+[bodies]
+barrel = {length = "0.3 m", mass = "5 kg"}
+rod = {length = "0.4 m", mass = "5 kg"}
+lever = {length = "1 m", mass = "20 kg"}
+[joints]
+foot = {revolute = ["ground", "lever.start"]}
+base = {revolute = ["ground", "barrel.start"]}
+cylinder = {prismatic = ["barrel.start", "rod.start"], direction = [1, 0]}
+eye = {revolute = ["rod.end", "lever.mid"], near = {lever = "60 deg"}}
+[drives]
+cylinder = {law = "0.1"}
+[solve]
+preset = "rigid"
+duration = "1 s"
+"""))
+    assert refusal.value.key == "joints.eye"

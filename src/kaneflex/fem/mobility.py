@@ -90,7 +90,7 @@ def mobility_by_rank(mechanism: NumericMechanism, courses: Courses) -> int:
     instants = sorted({round(share * (count - 1)) for share in (0.0, 0.13, 0.29, 0.41, 0.58, 0.77)})
     poses = {GROUND: np.zeros(3)} | {name: course[:, instants] for name, course in courses.items()}
     jacobian = Constraints(mechanism, {}).jacobian(poses, bodies, joints)
-    jacobian[..., 2::3] /= mechanism.size
+    jacobian = _scaled(jacobian, mechanism.size)
     ranks = np.linalg.matrix_rank(jacobian, tol=_HELD * np.linalg.norm(jacobian, 2, axis=(1, 2)))
     return 3 * len(bodies) - int(ranks.max())
 
@@ -173,7 +173,7 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
         jacobian = np.vstack([jacobian.reshape(-1, 3 * len(bodies)), np.eye(3 * len(bodies))[own : own + 3]])
     if not names:
         return ()
-    jacobian[:, 2::3] /= mechanism.size
+    jacobian = _scaled(jacobian, mechanism.size)
     if _is_regular(jacobian):
         return ()
     order = list(range(len(names)))
@@ -239,6 +239,13 @@ def _by_chance(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
                 held.add(first)
         held.add(next((name for name in poses if name not in held), GROUND))
     return poses
+
+
+def _scaled(jacobian: np.ndarray, size: float) -> np.ndarray:
+    """Rows of one length, with angles in sizes of the mechanism: ranks then do not depend on the unit of length."""
+    jacobian[..., 2::3] /= size
+    lengths = np.linalg.norm(jacobian, axis=-1, keepdims=True)
+    return jacobian / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def _is_regular(rows: np.ndarray) -> bool:

@@ -15,6 +15,8 @@ SWEEP = 720
 _LOCKED, _NEAR, _TOUCHED = 1e-3, 1e-2, 1e-7
 """Margins of a loop, squares of the sine of its transmission angle: below which one that can't go on is said to lock,
 below which its least value is looked for, and below which it has reached its limit."""
+_SINGULAR = 1e-14
+"""The same below which it is rounding, a hundred times that of a square of a length."""
 
 
 def check_closure(mechanism: Mechanism, motion: RigidKinematics, horizon: float) -> None:
@@ -39,9 +41,17 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
             )  # fmt: skip
     for name in _margins(rigid):
         closes = rigid[name] > 0.0
-        if closes.all():
+        if (rigid[name] > _SINGULAR).all():
             continue
         joint = mechanism.joints[name.removesuffix(".closure")]
+        if closes.all():
+            at = stand(mechanism, rigid, int(np.argmin(rigid[name])))
+            raise SceneError(
+                f"joints.{joint.name}", joint.written_branch,
+                f"a singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces have no "
+                "finite value and two branches meet",
+                f"Change the lengths, or {_elsewhere(mechanism)}",
+            )  # fmt: skip
         raise SceneError(
             f"joints.{joint.name}", joint.written_branch,
             f"the loop can't close: at {stand(mechanism, rigid, int(np.argmin(closes)))} {apart(joint)}",

@@ -89,6 +89,13 @@ class Constraints:
             found[..., row] = value
         return found
 
+    def units(self, joints: Sequence[str]) -> np.ndarray:
+        """What counts as one in the residuals: the mechanism's size [m], 1 rad in angles."""
+        parts, driven = self.mechanism.joints, self.driven(joints)
+        angles = [row == "moment" for name in joints for row in parts[name].rows]
+        angles += [not parts[name].slides for name in driven]
+        return np.where(angles, 1.0, self.mechanism.size)
+
     def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
         """Derivatives of the residuals by x, y, phi of some bodies, (rows, 3 bodies), or (n, rows, 3 bodies)."""
         stands, column = _stands(poses), {name: 3 * k for k, name in enumerate(bodies)}

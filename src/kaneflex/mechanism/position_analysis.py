@@ -25,6 +25,8 @@ from kaneflex.support.errors import SceneError
 
 _STARTS = 400
 """Places from which a group of bodies is closed before it counts as one that can't close."""
+_FEW = 2
+"""Assemblies of a loop that may be singular by chance."""
 _ITERATIONS = 60
 """Of each of them."""
 _IN_VAIN = 60
@@ -35,6 +37,10 @@ _CLOSED = 1e-9
 """Largest gap of a closed joint, in sizes of the mechanism; angles in rad."""
 _ROUNDING = 1e-16
 """The same of a joint that no further step brings closer."""
+_LEAST_DAMPING = 1e-14
+"""Of Levenberg and Marquardt's method: what keeps its equations regular where the mechanism is singular."""
+_OPEN = 1e-6
+"""Share of the largest singular value of the constraints' derivatives below which they leave something open."""
 _PARALLEL = 1e-9
 """Sine of the angle between two guides below which they have one direction."""
 _GROUND = np.zeros(3)
@@ -220,12 +226,34 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
         if in_vain > _IN_VAIN:
             break
     if assemblies:
+        _check_held(constraints, assemblies, group, joints, closing)
         chosen = _nearest(closing, assemblies, group)
         return {name: chosen[name] for name in group}
     at = ", ".join(f"{name} = {mechanism.joints[name].written(value)}" for name, value in constraints.drives.items())
     raise SceneError(
         f"joints.{closing.name}", closing.written_branch,
         f"the linkage can't close at {at}: {', '.join(group)}", "Change the lengths, or where its drives stand",
+    )  # fmt: skip
+
+
+def _check_held(
+    constraints: Constraints, assemblies: Sequence[Poses], group: tuple[str, ...], joints: Sequence[str], closing: Joint
+) -> None:
+    """Raise SceneError where a loop closes at many places, and at each of them leaves its bodies free to move on."""
+    if len(assemblies) <= _FEW:
+        return
+    size, units = constraints.mechanism.size, constraints.units(joints)
+    scale = np.tile([size, size, 1.0], len(group))
+    for poses in assemblies[: _FEW + 1]:
+        J = constraints.jacobian(poses, group, joints) * scale / units[:, None]
+        sizes = np.linalg.svd(J, compute_uv=False)
+        if sizes[-1] > _OPEN * sizes[0]:
+            return
+    raise SceneError(
+        f"joints.{closing.name}", None,
+        f"where the loop that it closes is closed, {', '.join(group)} can still move together: the drives do not hold "
+        "them, as a cylinder whose two ends keep their distance holds nothing",
+        "Move an end of the cylinder, or another joint of the loop",
     )  # fmt: skip
 
 
@@ -237,7 +265,7 @@ def _assembled(
     Of each the sum of squares is made small by the method of Levenberg (1944) and Marquardt (1963).
     """
     size = constraints.mechanism.size
-    scale = np.tile([size, size, 1.0], len(group))
+    scale, units = np.tile([size, size, 1.0], len(group)), constraints.units(joints)
 
     def with_group(x: np.ndarray) -> dict[str, np.ndarray]:
         return {**poses, **{name: x[3 * k : 3 * k + 3] for k, name in enumerate(group)}}
@@ -247,21 +275,21 @@ def _assembled(
         count = min(at_once, _STARTS - first)
         low, high = np.array([-size, -size, -math.pi]), np.array([size, size, math.pi])
         x = random.uniform(low, high, (count, len(group), 3)).reshape(count, -1).T
-        damping, residuals = np.full(count, 1e-2), constraints.residuals(with_group(x), joints)
+        damping, residuals = np.full(count, 1e-2), constraints.residuals(with_group(x), joints) / units
         for _ in range(_ITERATIONS):
-            J = constraints.jacobian(with_group(x), group, joints) * scale
+            J = constraints.jacobian(with_group(x), group, joints) * scale / units[:, None]
             A = np.swapaxes(J, 1, 2) @ J
             lifted = damping * np.trace(A, axis1=1, axis2=2) / len(x)
             A += lifted[:, None, None] * np.eye(len(x))
             step = np.linalg.solve(A, np.einsum("nrc,nr->nc", J, residuals)[..., None])[..., 0]
             nearer = x - (scale * step).T
-            left = constraints.residuals(with_group(nearer), joints)
+            left = constraints.residuals(with_group(nearer), joints) / units
             better = (left**2).sum(axis=1) < (residuals**2).sum(axis=1)
             x, residuals = np.where(better, nearer, x), np.where(better[:, None], left, residuals)
-            damping = np.where(better, 0.1 * damping, np.minimum(10.0 * damping, 1e3))
-            if not (better & (abs(residuals).max(axis=1) > _ROUNDING * max(size, 1.0))).any():
+            damping = np.clip(np.where(better, 0.1, 10.0) * damping, _LEAST_DAMPING, 1e3)
+            if not (better & (abs(residuals).max(axis=1) > _ROUNDING)).any():
                 break
-        closed = abs(residuals).max(axis=1) <= _CLOSED * max(size, 1.0)
+        closed = abs(residuals).max(axis=1) <= _CLOSED
         yield from (with_group(place) for place in x.T[closed])
 
 

@@ -24,10 +24,11 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64
 
-from kaneflex.multibody import bending, contact_search, contacts, holds, slopes, sticking, yielding
+from kaneflex.multibody import bending, change_points, contact_search, contacts, holds, slopes, sticking, yielding
 from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
 from kaneflex.multibody.coefficients import TABLE, basis
-from kaneflex.multibody.loops import NEAR, close, follow, follow_on, mend, middle, project_now, worn
+from kaneflex.multibody.dependents import worn
+from kaneflex.multibody.loops import NEAR, close, crosses, follow, follow_on, mend, middle, project_now
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.rows import copy, give, row_size, works_at
 from kaneflex.multibody.tables import (
@@ -39,11 +40,12 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED = range(10)
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED, STRAYED = range(11)
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
 independent, where contacts change over and over without time between, where other contacts rest than before,
-where no way to stick or slip agrees with what friction there is, after a change where it is to come back there."""
+where no way to stick or slip agrees with what friction there is, after a change where it is to come back
+there, where loops close on another branch."""
 _NEAR, _CLOSE = 1e-3, 1e-5
 """Errors allowed that may be left of a step's equations. Gauss' method keeps the energy only as far as they are solved,
 what rubs or touches is balanced by its powers in the stages, and replayed steps are compared with each other."""
@@ -76,10 +78,10 @@ def _factors(m, table, t, h, here, A, B, sloped):
     """
     apart()
     plan, w = m.plan, m.w
-    n = plan[COORDINATES]
+    n, step = plan[COORDINATES], h * change_points.begin(m, t, h)
     for k in range(n):
-        w[plan[Y] + k] = here[1 + k] + 0.5 * h * (here[1 + n + k] + 0.25 * h * here[1 + 2 * n + k])
-    prescribe(m, t + 0.5 * h)
+        w[plan[Y] + k] = here[1 + k] + step * (here[1 + n + k] + 0.5 * step * here[1 + 2 * n + k])
+    prescribe(m, t + step)
     if not close(m, NEAR):
         return False
     yielding.let_yield(m, h, here)
@@ -120,6 +122,8 @@ def _stage(m, table, t, h, i, here):
     if not follow_on(m, t + c * h, NEAR):
         return False
     demand(m, t + c * h)
+    if not change_points.project(m, t + c * h, i):
+        return False
     copy(w, plan[ACCEL], of + n * i, n)
     count = courses(m)
     for k in range(count):
@@ -262,14 +266,11 @@ def _error(m, table, h, here, A):
 
 @njit(**OPTIONS)
 def _finish(m, table, h, end, here, A):
-    """Take the step: leave ``here`` at its end, works included; False at a singular state."""
+    """Take the step: leave ``here`` at its end, works included; SINGULAR, or STRAYED where it is on another branch."""
     apart()
     plan, w = m.plan, m.w
     n, r, of = plan[COORDINATES], plan[REACTIONS], plan[STAGE_A]
     yielding.notice_jams(m, here[0], h * table.real[0], A)
-    for i in range(3):
-        for k in range(plan[WORKS]):
-            here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
     b_1, b_2 = table.b_1, table.b_2
     w_0, w_1, w_2 = basis(table.nodes, 1.0, 0), basis(table.nodes, 1.0, 1), basis(table.nodes, 1.0, 2)
     for k in range(n):
@@ -283,13 +284,21 @@ def _finish(m, table, h, end, here, A):
         w[plan[NOW] + k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
     bending.bent_at_end(m, table, h, here)
     if not follow(m, end):
-        return False
-    if not sticking.keep(m, end, h, A) or (table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1)):
-        return False
+        return SINGULAR
+    if change_points.strays(m, table, h, here):
+        return STRAYED
+    change_points.end(m, end, h)
+    if not sticking.keep(m, end, h, A):
+        return SINGULAR
+    if not change_points.react_at_end(m, end) and table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1):
+        return SINGULAR
+    for i in range(3):
+        for k in range(plan[WORKS]):
+            here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
     copy(w, plan[STAGE_A], plan[LAST_A], 3 * n)
     copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
     give(m, end, here)
-    return True
+    return DONE
 
 
 @njit(**ENTRY)
@@ -381,7 +390,12 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             if found >= contact_search.AGAIN:
                 continue
         at_once = found == contact_search.AT_ONCE
-        solved = contact_search.back(m, here) if at_once else _finish(m, table, h, end, here, A)
+        finished = DONE if at_once else _finish(m, table, h, end, here, A)
+        if finished == STRAYED and not replayed:
+            counts[1] += 1
+            wanted, length, trial = 0.4 * h, 0.0, 0.0
+            continue
+        solved = contact_search.back(m, here) if at_once else finished == DONE
         if not at_once:
             counts[0] += 1
             length, ends[taken] = h, end
@@ -403,7 +417,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
         if touching and contact_search.others_rest(m):
             status = RESTED
             break
-        if control[6] == 0.0 and worn(m):
+        if control[6] == 0.0 and not crosses(m, here[0]) and worn(m):
             status = TURNED
             break
         if control[8] == 2.0:

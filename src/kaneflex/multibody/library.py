@@ -22,6 +22,7 @@ from kaneflex.multibody import (
     acting,
     bending,
     bristles,
+    change_points,
     closed_factors,
     coefficients,
     collocation,
@@ -30,6 +31,7 @@ from kaneflex.multibody import (
     contact_search,
     contacts,
     dense_lu,
+    dependents,
     hold_powers,
     holds,
     impulses,
@@ -55,12 +57,12 @@ from kaneflex.multibody.tables import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANI
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(
-    acting.__file__, bending.__file__, bristles.__file__, closed_factors.__file__, coefficients.__file__,
-    collocation.__file__, complementarity.__file__, contact.__file__, contact_numbers.__file__,
-    contact_search.__file__, contacts.__file__, dense_lu.__file__, friction.__file__, hold_powers.__file__,
-    holds.__file__, impulses.__file__, inner.__file__, joints.__file__, loops.__file__, powers.__file__,
-    recursion.__file__, reduction.__file__, rigid_contacts.__file__, rigid_friction.__file__, rows.__file__,
-    slopes.__file__, stand_ins.__file__, step_curve.__file__, sticking.__file__, switching.__file__,
+    acting.__file__, bending.__file__, bristles.__file__, change_points.__file__, closed_factors.__file__,
+    coefficients.__file__, collocation.__file__, complementarity.__file__, contact.__file__, contact_numbers.__file__,
+    contact_search.__file__, contacts.__file__, dense_lu.__file__, dependents.__file__, friction.__file__,
+    hold_powers.__file__, holds.__file__, impulses.__file__, inner.__file__, joints.__file__, loops.__file__,
+    powers.__file__, recursion.__file__, reduction.__file__, rigid_contacts.__file__, rigid_friction.__file__,
+    rows.__file__, slopes.__file__, stand_ins.__file__, step_curve.__file__, sticking.__file__, switching.__file__,
     tables.__file__, tree.__file__, unfolding.__file__, yielding.__file__,
 )  # fmt: skip
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES

@@ -19,23 +19,23 @@ from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.rows import copy
 from kaneflex.multibody.stand_ins import of_holds
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BENDS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_OF, CUT, CUTS, CUT_OF, CUT_ROWS, DEMAND,
-    DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, HOLDS, INBOARD, JACOBIAN, JACOBIANS, JOINT, JOINT_ROWS,
-    KEPT, LAST, LED, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT,
-    PIVOTS, POINT, PRISMATIC, RATE, REACTION, REACTIONS, REVOLUTE, ROW_AT, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS,
-    SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y, YIELDING, apart, kernel, larger, of_body, turned,
+    ACCEL, ACTS, AT, BENDS, BODIES, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, CUT_ROWS,
+    DEMAND, DEPENDENT, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, LAST, LED,
+    LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PASSING, PIVOTS, POINT,
+    PRISMATIC, RATE, REACH, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE,
+    SWITCH, WHAT, WHEN, W_NOW, Y, YIELDING, apart, kernel, larger, of_body, turned,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, that is not worth another one."""
+EXACT = 1e-12
+"""The same beside a change point, where rates and accelerations are far less exact than places."""
+SIDES = 6
+"""Places on either side of a change point, equally far from each other, between which the motion is interpolated."""
 NEAR = 1e-6
 """Correction of one that is small enough in a stage: the next would be its square, and the gradients that it was found
 by, wrong by as much, find what is missing of rates that are nearly known."""
-
-
-WORN = 8.0
-"""How much more than an independent coordinate a dependent one may move, both in what counts as one in them."""
 
 
 @once
@@ -109,20 +109,11 @@ def gradients(m):
 
 
 @njit(**OPTIONS)
-def orientation(m):
-    """Sign of the determinant of the kept rows' derivatives by dependent coordinates, by the factors of these."""
-    plan, sign = m.plan, 1.0
-    for k in range(plan[KEPT]):
-        if (m.w[plan[LOOP] + (plan[KEPT] + 1) * k] < 0.0) != (m.pivots[plan[LOOP_PIVOTS] + k] != k):
-            sign = -sign
-    return sign
-
-
-@njit(**OPTIONS)
 def close(m, near):
     """Put the dependent coordinates where the loops close (Newton); False where they don't.
 
-    ``near``: a correction after which no other one is asked for; that may be larger than CLOSED, or 0.
+    ``near``: a correction after which no other one is asked for; that may be larger than CLOSED, or 0. Below zero
+    places are as exact as rounding allows: corrections are asked for until one is less than EXACT.
     """
     apart()
     plan, w = m.plan, m.w
@@ -141,7 +132,7 @@ def close(m, near):
             i = plan[plan[DEPENDENT] + k]
             w[plan[Y] + i] += w[plan[SIDE] + k]
             size = larger(size, abs(w[plan[SIDE] + k]) / w[plan[MEASURE] + i])
-        if size < CLOSED:
+        if size < (EXACT if near < 0.0 else CLOSED):
             return True
         if not size < 1e3 or (turn > 8 and size > before):
             return False
@@ -157,18 +148,34 @@ def close(m, near):
 @njit(**OPTIONS)
 def follow(m, t):
     """Everything moves as the independent coordinates say, dependent ones included; False: a loop doesn't close."""
-    for k in range(m.plan[KEPT]):
-        i = m.plan[m.plan[DEPENDENT] + k]
-        m.w[m.plan[RATE] + i] = m.w[m.plan[ACCEL] + i] = 0.0
+    if not crosses(m, t):  # where rates say on which branch
+        for k in range(m.plan[KEPT]):
+            i = m.plan[m.plan[DEPENDENT] + k]
+            m.w[m.plan[RATE] + i] = m.w[m.plan[ACCEL] + i] = 0.0
     return follow_on(m, t, 0.0)
 
 
 @njit(**OPTIONS)
 def follow_on(m, t, near):
     """The same where rates and accelerations of dependent coordinates are nearly known; ``near``: see :func:`close`."""
+    prescribe(m, t)
+    if crosses(m, t):
+        return _follow_across(m, t)
+    return _follow_here(m, -1.0 if m.pivots[PASSING] else near)
+
+
+@njit(**OPTIONS)
+def crosses(m, t):
+    """Whether the loops are as good as singular at t [s], as on their way through a change point."""
+    w, shared = m.w, m.plan[CROSSING]
+    return abs(t - w[shared + WHEN]) < w[shared + REACH]
+
+
+@njit(**OPTIONS)
+def _follow_here(m, near):
+    """The same where prescribed coordinates are in place."""
     apart()
     plan, w = m.plan, m.w
-    prescribe(m, t)
     if not close(m, near):
         return False
     count = plan[KEPT]
@@ -192,6 +199,85 @@ def follow_on(m, t, near):
 
 
 @njit(**OPTIONS)
+def _follow_across(m, t):
+    """The same close to a change point, where the loops' equations are singular and the motion through it is smooth.
+
+    Dependent coordinates, their rates, accelerations and derivatives by all coordinates are interpolated (Lagrange)
+    between places on either side of it where the equations are regular, on the line along the rates.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    n, count, kept, reach = plan[COORDINATES], plan[KEPT], plan[CROSSING] + CHANGE_POINT, w[plan[CROSSING] + REACH]
+    sums, here = kept + 3 * n, (t - w[plan[CROSSING] + WHEN]) / reach
+    copy(w, plan[Y], kept, n)
+    copy(w, plan[RATE], kept + n, n)
+    copy(w, plan[ACCEL], kept + 2 * n, n)
+    for k in range((3 + n) * count):
+        w[sums + k] = 0.0
+    for k in range(-SIDES, SIDES + 1):
+        if k == 0:
+            continue
+        weight = 1.0
+        for j in range(-SIDES, SIDES + 1):
+            if j != k and j != 0:
+                weight *= (here - j) / (k - j)
+        shift = reach * (k - here)
+        for i in range(n):
+            w[plan[Y] + i] = w[kept + i] + shift * w[kept + n + i]
+        copy(w, kept + n, plan[RATE], n)
+        copy(w, kept + 2 * n, plan[ACCEL], n)
+        if not _follow_here(m, -1.0):
+            return False
+        _add_dependent(m, sums, weight)
+    copy(w, kept, plan[Y], n)
+    copy(w, kept + n, plan[RATE], n)
+    copy(w, kept + 2 * n, plan[ACCEL], n)
+    for r in range(count):
+        i = plan[plan[DEPENDENT] + r]
+        w[plan[Y] + i], w[plan[RATE] + i] = w[sums + 3 * r], w[sums + 3 * r + 1]
+        w[plan[ACCEL] + i] = w[sums + 3 * r + 2]
+    deform(m)
+    place(m, 0)
+    move(m, 0)
+    accelerate(m, 0)
+    cut_rows(m)
+    return True
+
+
+@njit(**OPTIONS)
+def _add_dependent(m, sums, weight):
+    """Add places, rates and accelerations of dependent coordinates, and their derivatives by all coordinates."""
+    apart()
+    plan, w = m.plan, m.w
+    n, count = plan[COORDINATES], plan[KEPT]
+    for r in range(count):
+        i = plan[plan[DEPENDENT] + r]
+        w[sums + 3 * r] += weight * w[plan[Y] + i]
+        w[sums + 3 * r + 1] += weight * w[plan[RATE] + i]
+        w[sums + 3 * r + 2] += weight * w[plan[ACCEL] + i]
+    for i in range(n):
+        for r in range(count):
+            w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
+        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        for r in range(count):
+            w[sums + 3 * count + n * r + i] -= weight * w[plan[SIDE] + r]
+
+
+@njit(**OPTIONS)
+def reduce_across(m):
+    """Have independent coordinates ask for what the dependent ones do, by the derivatives of these close to a change
+    point: no reaction is needed for that."""
+    apart()
+    plan, w = m.plan, m.w
+    n, count = plan[COORDINATES], plan[KEPT]
+    derivatives = plan[CROSSING] + CHANGE_POINT + 3 * n + 3 * count
+    for r in range(count):
+        asked = w[plan[DEMAND] + plan[plan[DEPENDENT] + r]]
+        for i in range(n):
+            w[plan[DEMAND] + i] += asked * w[derivatives + n * r + i]
+
+
+@njit(**OPTIONS)
 def stand(m, t):
     """Everything moves as all coordinates say, which close the loops already."""
     apart()
@@ -201,84 +287,6 @@ def stand(m, t):
     move(m, 0)
     accelerate(m, 0)
     cut_rows(m)
-
-
-@njit(**OPTIONS)
-def _largest(m, row):
-    """Of the derivatives at ``row``, by what counts as one in each coordinate."""
-    size = 0.0
-    for i in range(m.plan[COORDINATES]):
-        size = larger(size, abs(m.w[row + i]) * m.w[m.plan[MEASURE] + i])
-    return size
-
-
-@once
-@njit(**OPTIONS)
-def _outgrown(m):
-    """Whether a cut's row that is dropped follows from the kept ones by far more of one of them than there is of it.
-
-    Where two of them come to say the same, a third one that follows from both no longer does.
-    """
-    apart()
-    plan, w = m.plan, m.w
-    count, n = plan[KEPT], plan[COORDINATES]
-    out, most = plan[GRADIENT] + n * count, 0.0
-    for r in range(count):
-        most = larger(most, _largest(m, plan[GRADIENT] + n * r))
-    for cut in range(plan[CUTS], plan[HOLDS]):
-        last = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[HOLDS] else plan[JOINT_ROWS]
-        for row in range(m.acts[cut, ROW_AT], last):
-            kept = False
-            for r in range(count):
-                kept = kept or plan[plan[ROW_OF] + r] == row
-            if kept:
-                continue
-            for i in range(n):
-                w[out + i] = 0.0
-            gradient(m, row, cut, plan[BENDS] != 0, out)
-            least = WORN * larger(_largest(m, out), 1e-6 * most)
-            for r in range(count):
-                for k in range(count):
-                    w[plan[SIDE] + k] = 1.0 if k == r else 0.0
-                dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
-                share = 0.0
-                for k in range(count):
-                    share += w[out + plan[plan[DEPENDENT] + k]] * w[plan[SIDE] + k]
-                if abs(share) * _largest(m, plan[GRADIENT] + n * r) > least:
-                    return True
-    return False
-
-
-@njit(**OPTIONS)
-def worn(m):
-    """Whether an independent joint's coordinate should take the place of a dependent one that moves far more than it.
-
-    Where a linkage nears its dead centre the loops no longer determine the coordinates that were chosen far from there;
-    by others they do. Gradients are those of the last closing.
-    """
-    apart()
-    plan, w = m.plan, m.w
-    count, n = plan[KEPT], plan[COORDINATES]
-    if count == 0:
-        return False
-    if count < plan[JOINT_ROWS] and _outgrown(m):
-        return True
-    for b in range(plan[BODIES]):
-        if m.bodies[b, COURSE_OF] >= 0:
-            continue
-        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + m.bodies[b, DOF]):
-            chosen = False
-            for r in range(count):
-                chosen = chosen or plan[plan[DEPENDENT] + r] == i
-                w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
-            if chosen:
-                continue
-            dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
-            for r in range(count):
-                moved = abs(w[plan[SIDE] + r]) / w[plan[MEASURE] + plan[plan[DEPENDENT] + r]]
-                if moved * w[plan[MEASURE] + i] > WORN:
-                    return True
-    return False
 
 
 @njit(**OPTIONS)

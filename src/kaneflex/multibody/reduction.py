@@ -20,7 +20,7 @@ from kaneflex.multibody.tree import demand
 
 @njit(**OPTIONS)
 def react(m):
-    """Put at NOW the reactions of the cuts that leave nothing to ask of the dependent coordinates; False: none do.
+    """Change the reactions of the cuts at NOW so that dependent coordinates ask for nothing; False: none do.
 
     At DEMAND the independent ones then ask for what they ask for all in all.
     """
@@ -40,7 +40,7 @@ def react(m):
     dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
     for r in range(count):
         size = w[plan[SIDE] + r]
-        w[plan[NOW] + plan[plan[ROW_OF] + r]] = size
+        w[plan[NOW] + plan[plan[ROW_OF] + r]] += size
         for i in range(n):
             w[plan[DEMAND] + i] -= size * w[plan[GRADIENT] + n * r + i]
     return True

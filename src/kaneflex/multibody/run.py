@@ -127,6 +127,7 @@ class Run:
         shared = engine.numbers(at.TOUCH, at.SHARED)
         shared[:] = 0.0  # nothing is known of an earlier run
         shared[at.PRECISION], shared[at.EXTENT] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
+        engine.numbers(at.CROSSING, at.CHANGE_POINT)[:] = -math.inf, 0.0, 0.0, -math.inf
         self.largest = np.zeros((2, size))
         engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
         self.touching = tuple(system.mechanism.contacts)

@@ -109,42 +109,46 @@ ROOM, LARGEST = STIFF, ALLOWED
 SHUT, SHIFT = STIFF, VISCOUS
 """Of a contact by Newton's law: whether dependent coordinates keep it closed; what is added to its gap where it left
 another side without a speed. ALLOWED is the force [N] of it that is as good as none."""
+WHEN, REACH, LEAST, PASSED, CHANGE_POINT = range(5)
+"""Of change points: when the next one comes, or the last one came; the time [s] in which the motion leads from there to
+where the loops are regular again, 0 where that is unknown; the least pivot of the cuts' derivatives where the last step
+ended, 0 where it was too close; when the last one was passed. Then room for what is interpolated there."""
 IMPACT_SIZE, MOST_IMPACTS = 10, 256
 """Numbers of an impact that is over: contact, its begin and end, approach speed, separation speed, impulse, peak force,
 energy lost, x and y where it began; after how many Python is to take them. Their count is before them."""
 
 (
     BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
-    CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED,
+    CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING,
     Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
     GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
-    CONTACT, TOUCH, IMPACTS, COMPLEMENT, TOUCHING,
+    CONTACT, TOUCH, CROSSING, IMPACTS, COMPLEMENT, TOUCHING,
     MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, STAGE_H, LAST_A, LAST_R, RESISTING,
     WAYS, SLOPES, VARIED, SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE,
     SLOPE_FORCES, PIVOTS, PAIR_PIVOTS, WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PLAN,
-) = range(89)  # fmt: skip
+) = range(91)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all where some are by Newton's law),
 works, kept rows; whether shapes are among the dependent coordinates; how many bodies, the first ones, no dependent
 coordinate moves. Where in ``acts`` cuts, holds, drives, loads, springs and contacts begin and end; how many contacts
-and holds, and how many loads and springs, the factors to come know, which compiled code counts. Where in ``w`` lie:
-the motion (coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over all
-speeds, cut rows, courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts, forces
-at inboard sections, what every coordinate asks for, powers; gravity, what holds and damps every coordinate, what
-counts as one in it, the errors allowed in it, its rate and its acceleration; what is added to the loads' sizes, then
-to prescribed accelerations; the gradient of the kept rows, its dependent square, their right-hand side, W of the
-sections now. Where in ``plan`` itself: that square's pivots, and of every kept row its number, its cut, its
-dependent coordinate. In ``w`` again: contacts, the holds' numbers before them, what all contacts share, impacts that
-are over, room for what rigid sides exert at one instant; in ``plan`` contacts and holds that the factors know (holds
-by numbers below zero), or contacts that touch; in ``w`` mass matrices and W at the middle of a step, with its
-sections and cut rows; stages' accelerations, reactions, powers and rates of courses, accelerations of holds,
-accelerations and reactions of the last step, and what its stages ask for; gradients of joints' coordinates and
-springs, partial velocities of loads, slopes of loads and springs, sizes of loads elsewhere
-(:mod:`kaneflex.multibody.slopes`). In factors: squares of all bodies, joints, coordinates by unit reactions of the
-kept rows and in the last row the answer, what the reactions do to the cuts, forces, reactions, accelerations that
-holds are to have, what a unit of each load and spring with slopes brings about, their matrix, their forces; in
-``plan``, the pivots of either factors, those loads and springs, the pivots of their matrices."""
+and holds, and how many loads and springs, the factors to come know, which compiled code counts; whether the step is
+beside a change point. Where in ``w`` lie: the motion (coordinates, rates, accelerations), sections, points in their
+bodies' axes, frames, forces over all speeds, cut rows, courses, drives' coordinates and rates, loads' sizes, springs,
+sums, reactions of the cuts, forces at inboard sections, what every coordinate asks for, powers; gravity, what holds and
+damps every coordinate, what counts as one in it, the errors allowed in it, its rate and its acceleration; what is added
+to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows, its dependent square, their right-
+hand side, W of the sections now. Where in ``plan`` itself: that square's pivots, and of every kept row its number, its
+cut, its dependent coordinate. In ``w`` again: contacts, the holds' numbers before them, what all contacts share,
+numbers of change points, impacts that are over, room for what rigid sides exert at one instant; in ``plan`` contacts
+and holds that the factors know (holds by numbers below zero), or contacts that touch; in ``w`` mass matrices and W at
+the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of courses,
+accelerations of holds, accelerations and reactions of the last step, and what its stages ask for; gradients of joints'
+coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of loads elsewhere
+(:mod:`kaneflex.multibody.slopes`). In factors: squares of all bodies, joints, coordinates by unit reactions of the kept
+rows and in the last row the answer, what the reactions do to the cuts, forces, reactions, accelerations that holds are
+to have, what a unit of each load and spring with slopes brings about, their matrix, their forces; in ``plan``, the
+pivots of either factors, those loads and springs, the pivots of their matrices."""
 
 
 class Tables(NamedTuple):

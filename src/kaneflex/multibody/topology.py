@@ -135,6 +135,7 @@ def _lengths(
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
         at.STAGE_H: 3 * holds, at.CONTACT: at.CONTACT_SIZE * (holds + touching),
         at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: loads + 2 * switches,
+        at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,
         at.TOUCH: at.SHARED + n * (touching + holds),
         at.COMPLEMENT: room_of(touching, holds) * bool(plan[at.RIGID]),
         at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + touching) * (touching > 0),

@@ -11,7 +11,8 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody import holds, powers
 from kaneflex.multibody.acting import rests
 from kaneflex.multibody.contacts import stand_closed
-from kaneflex.multibody.loops import bent, follow, gradient, orientation, project_now, stand
+from kaneflex.multibody.dependents import orientation
+from kaneflex.multibody.loops import bent, follow, gradient, project_now, stand
 from kaneflex.multibody.rows import give, row_size, standing, stands, take, works_at
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSES, CUT, CUTS, DRIVES,

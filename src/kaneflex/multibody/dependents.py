@@ -1,0 +1,184 @@
+"""Compiled: how well a mechanism's loops determine the coordinates that were chosen to depend on the others."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody import dense_lu
+from kaneflex.multibody.inner import once
+from kaneflex.multibody.loops import gradient
+from kaneflex.multibody.tables import (
+    BENDS,
+    BODIES,
+    COORDINATES,
+    COURSE_OF,
+    CUT,
+    CUTS,
+    DEPENDENT,
+    DOF,
+    FIRST,
+    GRADIENT,
+    HOLDS,
+    JOINT_ROWS,
+    KEPT,
+    LOOP,
+    LOOP_PIVOTS,
+    MEASURE,
+    OPTIONS,
+    ROW_AT,
+    ROW_OF,
+    ROW_SIZE,
+    SHAPES,
+    SIDE,
+    apart,
+    larger,
+    smaller,
+)  # fmt: skip
+
+WORN = 8.0
+"""How much more than an independent coordinate a dependent one may move, both in what counts as one in them."""
+_SLIGHT = 0.1
+"""Share of the largest derivative by any coordinate: one that is less for all rows is no measure of a pivot."""
+
+
+@njit(**OPTIONS)
+def orientation(m):
+    """Sign of the determinant of the kept rows' derivatives by dependent coordinates, by the factors of these."""
+    plan, sign = m.plan, 1.0
+    for k in range(plan[KEPT]):
+        if (m.w[plan[LOOP] + (plan[KEPT] + 1) * k] < 0.0) != (m.pivots[plan[LOOP_PIVOTS] + k] != k):
+            sign = -sign
+    return sign
+
+
+@njit(**OPTIONS)
+def _largest(m, row):
+    """Of the derivatives at ``row``, by what counts as one in each coordinate."""
+    size = 0.0
+    for i in range(m.plan[COORDINATES]):
+        size = larger(size, abs(m.w[row + i]) * m.w[m.plan[MEASURE] + i])
+    return size
+
+
+@njit(**OPTIONS)
+def _pushes(m, r):
+    """Whether a kept row's reaction is a force, not a moment alone."""
+    k = m.plan[CUT] + ROW_SIZE * m.plan[m.plan[ROW_OF] + r] + 3
+    return m.w[k] != 0.0 or m.w[k + 1] != 0.0
+
+
+@njit(**OPTIONS)
+def margin(m):
+    """Least pivot of the same, as a share of its coordinate's largest derivative: 0 at a singular position."""
+    apart()
+    plan, w, least = m.plan, m.w, 1.0
+    of_forces = of_moments = 1e-300
+    for r in range(plan[KEPT]):
+        size = _largest(m, plan[GRADIENT] + plan[COORDINATES] * r)
+        if _pushes(m, r):
+            of_forces = larger(of_forces, size)
+        else:
+            of_moments = larger(of_moments, size)
+    for k in range(plan[KEPT]):
+        row, i = m.pivots[plan[LOOP_PIVOTS] + k], plan[plan[DEPENDENT] + k]
+        for j in range(k - 1, -1, -1):  # where the row was before rows were exchanged
+            if row == m.pivots[plan[LOOP_PIVOTS] + j]:
+                row = j
+        pushes = _pushes(m, row)
+        size = _SLIGHT * (of_forces if pushes else of_moments)
+        for r in range(plan[KEPT]):
+            if _pushes(m, r) == pushes:
+                derivative = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
+                size = larger(size, abs(derivative) * w[plan[MEASURE] + i])
+        least = smaller(least, w[plan[MEASURE] + i] / (size * abs(w[plan[LOOP] + (plan[KEPT] + 1) * k])))
+    return least
+
+
+@njit(**OPTIONS)
+def determined(m):
+    """Whether bodies are rigid, and no more than one independent coordinate moves the loops."""
+    apart()
+    plan, w, moving, most = m.plan, m.w, 0, 0.0
+    for r in range(plan[KEPT]):
+        most = larger(most, _largest(m, plan[GRADIENT] + plan[COORDINATES] * r))
+    for b in range(plan[BODIES]):
+        if m.bodies[b, SHAPES]:
+            return False
+        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + m.bodies[b, DOF]):
+            moves = False
+            for r in range(plan[KEPT]):
+                derivative = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
+                moves = moves or abs(derivative) * w[plan[MEASURE] + i] > 1e-9 * most  # rounding is less
+            for r in range(plan[KEPT]):
+                moves = moves and plan[plan[DEPENDENT] + r] != i
+            moving += moves
+    return moving <= 1
+
+
+@once
+@njit(**OPTIONS)
+def _outgrown(m):
+    """Whether a cut's row that is dropped follows from the kept ones by far more of one of them than there is of it.
+
+    Where two of them come to say the same, a third one that follows from both no longer does.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    count, n = plan[KEPT], plan[COORDINATES]
+    out, most = plan[GRADIENT] + n * count, 0.0
+    for r in range(count):
+        most = larger(most, _largest(m, plan[GRADIENT] + n * r))
+    for cut in range(plan[CUTS], plan[HOLDS]):
+        last = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[HOLDS] else plan[JOINT_ROWS]
+        for row in range(m.acts[cut, ROW_AT], last):
+            kept = False
+            for r in range(count):
+                kept = kept or plan[plan[ROW_OF] + r] == row
+            if kept:
+                continue
+            for i in range(n):
+                w[out + i] = 0.0
+            gradient(m, row, cut, plan[BENDS] != 0, out)
+            least = WORN * larger(_largest(m, out), 1e-6 * most)
+            for r in range(count):
+                for k in range(count):
+                    w[plan[SIDE] + k] = 1.0 if k == r else 0.0
+                dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+                share = 0.0
+                for k in range(count):
+                    share += w[out + plan[plan[DEPENDENT] + k]] * w[plan[SIDE] + k]
+                if abs(share) * _largest(m, plan[GRADIENT] + n * r) > least:
+                    return True
+    return False
+
+
+@njit(**OPTIONS)
+def worn(m):
+    """Whether an independent joint's coordinate should take the place of a dependent one that moves far more than it.
+
+    Where a linkage nears its dead centre the loops no longer determine the coordinates that were chosen far from there;
+    by others they do. Gradients are those of the last closing.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    count, n = plan[KEPT], plan[COORDINATES]
+    if count == 0:
+        return False
+    if count < plan[JOINT_ROWS] and _outgrown(m):
+        return True
+    for b in range(plan[BODIES]):
+        if m.bodies[b, COURSE_OF] >= 0:
+            continue
+        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + m.bodies[b, DOF]):
+            chosen = False
+            for r in range(count):
+                chosen = chosen or plan[plan[DEPENDENT] + r] == i
+                w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
+            if chosen:
+                continue
+            dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+            for r in range(count):
+                moved = abs(w[plan[SIDE] + r]) / w[plan[MEASURE] + plan[plan[DEPENDENT] + r]]
+                if moved * w[plan[MEASURE] + i] > WORN:
+                    return True
+    return False
