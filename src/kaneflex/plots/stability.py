@@ -36,8 +36,8 @@ def figure(found: Stability) -> Figure:
 def _over_cycle(frequencies: Axes, factors: Axes, found: Stability, x: np.ndarray) -> None:
     factor, unit = readable("Hz", found.frozen.frequencies)
     frequencies.plot(x, factor * found.frozen.frequencies)
-    axes = ", in axes that turn with the links" if turns(found.model) else ""
-    frequencies.set_title(f"frozen natural frequencies{axes}")
+    where = ", in axes that turn with the links" if turns(found.model) else ""
+    frequencies.set_title(f"frozen natural frequencies{where}")
     frequencies.set_ylabel(f"[{unit}]")
     factors.set_title("share of the buckling load, 1 / lambda")
     if found.buckling is not None:
@@ -66,10 +66,10 @@ def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides
         campbell.plot(x, line, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
         _name(campbell, f"{order:g}", x[-1], line[-1], "black", above=False)
     for _, _, speed in swept.critical:
-        at = factor * speed
-        campbell.axvline(at, color="black", linewidth=0.7, linestyle=":")
-        campbell.plot(at, scale * speed / (2.0 * np.pi), "o", color="black", markersize=5, markerfacecolor="white")
-        campbell.annotate(f"{at:.4g} rpm", (at, 0.92), xycoords=campbell.get_xaxis_transform(), xytext=(3, 0),
+        place = factor * speed
+        campbell.axvline(place, color="black", linewidth=0.7, linestyle=":")
+        campbell.plot(place, scale * speed / (2.0 * np.pi), "o", color="black", markersize=5, markerfacecolor="white")
+        campbell.annotate(f"{place:.4g} rpm", (place, 0.92), xycoords=campbell.get_xaxis_transform(), xytext=(3, 0),
                           textcoords="offset points", fontsize=8)  # fmt: skip
     campbell.set_title(_heading(swept))
     campbell.set_ylabel(f"[{unit}]")

@@ -148,9 +148,9 @@ def findings(found: Stability) -> dict[str, str]:
     }
     if found.sweep is not None:
         sentences["speeds"] = _of_speeds(found)
-        sentences["orders"] = _of_orders(found)
+        sentences["orders"] = _of_orders(found.model.scene, found.sweep)
     if found.sweep is not None and any(mode.startswith(FORWARD) for mode in found.sweep.modes):
-        sentences["critical"] = _of_critical(found)
+        sentences["critical"] = _of_critical(found.model.scene, found.sweep)
     return sentences
 
 
@@ -248,9 +248,8 @@ def _of_speeds(found: Stability) -> str:
     return f"from {ends[0]} to {ends[1]}, unstable from {', from '.join(bands)}; {missed}"
 
 
-def _of_orders(found: Stability) -> str:
+def _of_orders(scene: Scene, swept: Sweep) -> str:
     """Speeds at which orders meet frequencies, order by order."""
-    swept, scene = found.sweep, found.model.scene
     where = {"fixed": "fixed axes", "link": "axes that turn with the links"}[swept.axes]
     met: dict[float, list[str]] = {}
     for order, mode, speed in sorted(swept.crossings(), key=lambda each: (each.order, each.speed)):
@@ -261,9 +260,8 @@ def _of_orders(found: Stability) -> str:
     return "; ".join(f"{order:g} meets {', '.join(each)}" for order, each in met.items()) + f" (frequencies in {where})"
 
 
-def _of_critical(found: Stability) -> str:
+def _of_critical(scene: Scene, swept: Sweep) -> str:
     """Critical speeds of a rotor."""
-    swept, scene = found.sweep, found.model.scene
     met = [(scene.written_speed(swept.drive, speed, 4), swept.modes[mode - 1]) for _, mode, speed in swept.critical]
     speeds = [f"{at} ({mode})" for at, mode in met]
     return ", ".join(speeds) if speeds else "no critical speed among these"

@@ -179,7 +179,8 @@ def sweep(
     else:
         modes, frequencies = _followed(whirls, count)
         ranges, axes = [frequencies] * 3, "fixed"
-    return Sweep(drive, speeds, radii, rates, converged, *ranges, bands, tuple(orders), modes, axes)
+    lowest, mean, highest = ranges
+    return Sweep(drive, speeds, radii, rates, converged, lowest, mean, highest, bands, tuple(orders), modes, axes)
 
 
 def _followed(whirls: Sequence[Whirl], count: int) -> tuple[tuple[str, ...], np.ndarray]:
