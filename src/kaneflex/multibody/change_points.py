@@ -42,8 +42,9 @@ from kaneflex.multibody.tables import (
 from kaneflex.multibody.tree import demand
 
 REGULAR = 0.06
-"""Least pivot of loops that are regular. With 0.04 rounding, and with 0.1 the interpolation, costs 1e-9 of the size at
-the change point of a four-bar of 1, 3, 2.5 and 4.5 m; with this neither costs 1e-10."""
+"""Least pivot of loops that are regular: less lets rounding through, more lets the interpolation's error through.
+Measured at the change point of a four-bar of 1, 3, 2.5 and 4.5 m: energy is kept to 5e-11 with it, to 1.6e-9 with 0.08.
+"""
 _BESIDE = 3.0
 """Steps on either side of a change point in which reactions change too fast for the gradients of the factors' place."""
 _FAR = 1.0
