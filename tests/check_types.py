@@ -15,7 +15,7 @@ BASELINE = {
     "fem": 28,
     "integrate": 40,
     "mechanism": 26,
-    "multibody": 49,
+    "multibody": 47,
     "peers": 23,
     "plots": 39,
     "report": 6,

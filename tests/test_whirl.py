@@ -21,7 +21,7 @@ EI = E * np.pi * DIAMETER**4 / 64
 MASS, POLAR, TILTING = 2.0, 0.04, 0.02
 RPM = np.pi / 30
 _SHAFT = f"beam = {{E = {E}, nu = 0.3, rho = 1e-3, section = {{circle = {DIAMETER}}}, elements = 2}}"
-STODOLA = f"""
+ONE_DISC = f"""
 schema = 1
 name = "rotor"
 gravity = [0, 0, 0]
@@ -39,7 +39,7 @@ main = {{speed = "60 rpm", cycle = "360 deg"}}
 preset = "linear"
 start = "periodic"
 """
-JEFFCOTT = STODOLA.replace(f"shaft = {{length = {LENGTH}", f"left = {{length = {LENGTH / 2}")
+JEFFCOTT = ONE_DISC.replace(f"shaft = {{length = {LENGTH}", f"left = {{length = {LENGTH / 2}")
 JEFFCOTT = JEFFCOTT.replace(f"[{POLAR}, {TILTING}, {TILTING}]", "[2e-3, 1e-3, 1e-3]")
 JEFFCOTT = JEFFCOTT.replace("[joints]", f"""right = {{like = "left"}}
 [ground]
@@ -47,7 +47,7 @@ bearing = [{LENGTH}, 0, 0]
 [joints]""").replace("shaft", "left").replace("[drives]", """other = {weld = ["disc.start", "right.start"]}
 bearing = {cylindrical = ["ground.bearing", "right.end"], axis = [1, 0, 0]}
 [drives]""")  # fmt: skip
-FLAT = STODOLA.replace(f"{{circle = {DIAMETER}}}", "{rectangle = [0.012, 0.008]}")
+FLAT = ONE_DISC.replace(f"{{circle = {DIAMETER}}}", "{rectangle = [0.012, 0.008]}")
 
 
 def stodola(speed):
@@ -79,7 +79,7 @@ def rotor(text, speed):
 @pytest.mark.parametrize("rpm", [1, 60, 300, 600, 3000])
 def test_a_disc_at_the_end_of_a_shaft_whirls_as_stodola_says(rpm):
     """Below and above the critical speed of 351.5 rpm, beyond which turning axes see the forward whirl go backwards."""
-    found = whirl(rotor(STODOLA, rpm * RPM))
+    found = whirl(rotor(ONE_DISC, rpm * RPM))
     signed = np.concatenate([-found.of(-1)[::-1], found.of(1)])
     own = signed[abs(signed) < 200.0]  # the rest is of the shaft, whose mass is next to nothing
     assert own == pytest.approx(stodola(rpm * RPM), rel=1e-5)
@@ -90,7 +90,7 @@ def test_a_disc_at_the_end_of_a_shaft_whirls_as_stodola_says(rpm):
 def test_at_the_critical_speed_forward_whirl_is_the_speed():
     """Where turning axes see a deflection that stands still."""
     speed = critical_speed()
-    found = whirl(rotor(STODOLA, speed))
+    found = whirl(rotor(ONE_DISC, speed))
     assert found.of(1)[0] == pytest.approx(speed / (2 * np.pi), rel=1e-4)
 
 
@@ -119,7 +119,7 @@ def test_a_sweep_finds_the_critical_speed_and_not_half_of_it():
 
 def test_the_command_prints_critical_speeds_in_rpm(tmp_path):
     file = tmp_path / "rotor.toml"
-    file.write_text(STODOLA)
+    file.write_text(ONE_DISC)
     done = cli("stability", file, "--speed", "200:500rpm", "--points", "7", "--orders", "1", "-o", tmp_path / "found")
     assert done.exit_code == 0, done.output
     rpm = critical_speed() / RPM
@@ -138,7 +138,7 @@ def test_the_command_prints_critical_speeds_in_rpm(tmp_path):
 def test_what_does_not_whirl_one_way_stays_in_turning_axes_and_says_so(text):
     """A flat shaft, and a blade across the axis: each has modes that fixed axes see at several frequencies."""
     if text == "blade":
-        text = STODOLA.replace("axis = [1, 0, 0]", "axis = [0, 0, 1]")
+        text = ONE_DISC.replace("axis = [1, 0, 0]", "axis = [0, 0, 1]")
     found = rotor(text, 100 * RPM)
     assert whirl(found) is None and turns(found)
     judged = stability(found.given, np.array([100.0, 200.0]) * RPM)

@@ -43,7 +43,7 @@ def read_foreign(
     units : pair of float
         The files' unit of length [m] and of mass [kg]; their unit of time is the second.
     normal : triple of float
-        Of the plane of motion, in the axes of the files; in space the direction nearest to which Z is.
+        Of the plane of motion, in the axes of the files; in space Z is nearest to it.
     spatial : bool
         Whether the body moves in space.
     sections : mapping of str
@@ -62,9 +62,7 @@ def read_foreign(
     modes = read_modes(stiffness) if has_modes(stiffness) else None
     turning = spatial and modes is None
     M = read_matrix(mass, numbers, "m", turning) * weight
-    if M.diagonal().min() < 0.0:
-        node = numbers[M.diagonal().argmin() // (M.shape[0] // len(at))]
-        raise Fault(f"{mass} has a mass below zero at node {node}", "Export it anew")
+    _check_masses(M, mass, numbers)
     K = None if modes is not None else read_matrix(stiffness, numbers, "k", turning) * weight
     chosen = {name: _chosen(path, numbers) for name, path in points.items()}
     _check_points(chosen, numbers)
@@ -79,13 +77,19 @@ def read_foreign(
     M = csc_array(turned @ M @ turned.T)
     bare = Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen, spatial, turn=turn)
     bare = replace(bare, sections=_sections(bare, sections or {}, length))
-    if K is not None:
-        found = replace(bare, K=csc_array(turned @ K @ turned.T))
-    else:
-        assert modes is not None
+    if modes is not None:
         found = _of_modes(bare, modes, stiffness, numbers, turned)
+    else:
+        found = replace(bare, K=csc_array(turned @ K @ turned.T))
     _check(found, mass, stiffness)
     return found
+
+
+def _check_masses(M: csc_array, path: str, numbers: np.ndarray) -> None:
+    """Raise Fault where a node has a mass below zero."""
+    if M.diagonal().min() < 0.0:
+        node = numbers[M.diagonal().argmin() // (M.shape[0] // len(numbers))]
+        raise Fault(f"{path} has a mass below zero at node {node}", "Export it anew")
 
 
 def _check_points(points: Mapping[str, np.ndarray], numbers: np.ndarray) -> None:

@@ -101,7 +101,7 @@ def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
             inner = [as_array(matrix) for matrix in inner]
             dynamic[rows.free] = eigh(*inner, subset_by_index=(0, count - 1))[1]
         else:
-            dynamic[rows.free] = lowest_modes(*inner, count)[1]
+            dynamic[rows.free] = lowest_modes(inner[0], inner[1], count)[1]
     transverse = np.hstack([_static(stiffness, rows.held, rows.free), dynamic])
     transverse = _orthogonal(transverse, stiffness, mass, link.length)
     return Shapes(axial, transverse[:, _STILL.get(rows.frame.kind, 0) :], rows.frame, rows.node)

@@ -310,7 +310,7 @@ def _of_kind(K: Matrix, M: Matrix, rows: np.ndarray, static: list[int], modes: i
     if modes and len(inner):
         own = [matrix[inner][:, inner] for matrix in (K, M)]
         if static:
-            omega, found = lowest_modes(*own, min(modes + _MORE, len(inner)))
+            omega, found = lowest_modes(own[0], own[1], min(modes + _MORE, len(inner)))
             squares = omega**2
         else:  # where what turns freely is singular
             squares, found = eigh(*map(as_array, own))

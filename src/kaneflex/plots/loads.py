@@ -68,7 +68,7 @@ def _over_run(shown: View, sizes: dict[str, np.ndarray]) -> Figure:
         plot_curves(axes, shown.x, curves.items(), unit, title, quantity)
         _mark_peak(axes, shown, [*curves.values()], unit)
     shown.label_x(places[-1])
-    place(places, len(panels))
+    place([*places], len(panels))
     return figure
 
 

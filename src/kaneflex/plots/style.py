@@ -137,6 +137,7 @@ def place(panels: Sequence[Axes], rows: int, columns: int = 1) -> None:
     A layout engine would take a third of the time to draw.
     """
     figure = panels[0].get_figure(root=True)
+    assert figure is not None
     width, height = figure.get_size_inches()
     left, bottom, top, between = 0.85, 0.5, 0.62, 0.4  # inches: tick labels and names of axes; titles
     legends = [text.get_text() for axes in panels if (legend := axes.get_legend()) is not None
