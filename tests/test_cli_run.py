@@ -84,8 +84,16 @@ def test_run_without_output_writes_beside_and_options_win_over_settings():
 
 
 def test_a_frozen_model_reports_how_its_peaks_depend_on_the_angle_at_which_it_is_frozen():
+    """It also says which forces are those of the rigid mechanism: joint forces and torques, not a link's own forces."""
     result = cli("run", "engine-paper", "--no-plots", "-o", "r")
     summary = Summary.model_validate_json(Path("r/summary.json").read_text())
+    labelled = [name for name, entry in summary.sensors.items() if entry.meaning.endswith("rigid mechanism")
+                and not name.endswith("_rigid")]  # fmt: skip
+    assert "crank_torque" in labelled and "rod_force_piston" not in labelled
+    assert f"{', '.join(labelled)} are those of the rigid mechanism" in result.stdout
+    for name in labelled:
+        beside, own = summary.sensors[f"{name}_rigid"], summary.sensors[name]
+        assert (beside.min, beside.max) == (own.min, own.max)
     spread, entry = summary.mode_angle_spread["mid_transverse"], summary.sensors["mid_transverse"]
     # mode_angle 0, the default, is one of the angles
     assert spread.smallest <= max(-entry.min, entry.max) * (1 + 1e-9)
