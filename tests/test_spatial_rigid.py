@@ -103,6 +103,101 @@ duration = 1
         assert np.linalg.matrix_rank(by_twist, 1e-6) == held
 
 
+# ---- joints written by hand ---------------------------------------------------------------------------------------
+
+
+GUIDED = """
+[ground]
+o = [0.3, -0.2, 0.1]
+[bodies]
+base = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0], pin = [0.2, -0.4, 0.7]}}
+once = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
+twice = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
+thrice = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
+block = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0], corner = [0.5, 0.3, -0.6]}}
+[joints]
+hub = {revolute = ["ground.o", "base.o"], axis = [1, 2, 2]}
+along_y = {prismatic = ["base.o", "once.o"], direction = [0, 1, 0]}
+along_z = {prismatic = ["once.o", "twice.o"], direction = [0, 0, 1]}
+on_x = {cylindrical = ["twice.o", "thrice.o"], axis = [1, 0, 0]}
+cardan = {universal = ["thrice.o", "block.o"], axes = [[0, 1, 0], [0, 0, 1]]}
+tested = {%s = ["base.pin", "block.corner"]%s}
+[drives]
+hub = {free = true}
+along_y = {free = true}
+along_z = {free = true}
+on_x = {free = true}
+cardan = {free = true}
+[solve]
+duration = 1
+"""
+AXES = {
+    "revolute": ", axis = [0, 0, 1]", "cylindrical": ", axis = [0, 0, 1]", "prismatic": ", direction = [0, 0, 1]",
+    "universal": ", axes = [[1, 0, 0], [0, 1, 0]]", "spherical": "", "weld": "",
+}  # fmt: skip
+
+
+def joint_by_hand(kind, q):
+    """Rows of a joint between a base and a block that stands at x, y, z and R_x(alpha) R_y(beta) R_z(gamma) in it,
+    with their derivatives by q = (theta, y, z, x, alpha, beta, gamma) and by the twists of both sections.
+
+    By hand, in the base's axes, which the hub turns by theta about n = (1, 2, 2)/3 (Rodrigues). The axes across z are
+    y and -x.
+    """
+    theta, y, z, x, *angles = q
+    (sa, sb, sg), (ca, cb, cg) = np.sin(angles), np.cos(angles)
+    i = np.array([cb * cg, sa * sb * cg + ca * sg, sa * sg - ca * sb * cg])
+    j = np.array([-cb * sg, ca * cg - sa * sb * sg, sa * cg + ca * sb * sg])
+    k = np.array([sb, -sa * cb, ca * cb])
+    arm = 0.5 * i + 0.3 * j - 0.6 * k
+    gap = np.array([x - 0.2, y + 0.4, z - 0.7]) + arm
+    n, none, (e_x, e_y, e_z) = np.array([1, 2, 2]) / 3, np.zeros(3), np.eye(3)
+    of_gap = np.array([e_y, e_z, e_x, np.cross(e_x, arm), np.cross([0, ca, sa], arm), np.cross(k, arm)])
+    c, s = np.cos(theta), np.sin(theta)
+    turned = np.array([v * c + np.cross(n, v) * s + n * (n @ v) * (1 - c) for v in np.eye(3)])
+    meets, by_q = gap @ turned, np.vstack([np.cross(n, gap @ turned), of_gap @ turned]).T
+    meeting = [(meets[r], by_q[r], [-np.eye(3)[r], none, np.eye(3)[r], none]) for r in range(3)]
+
+    def across(axis, of_turn):
+        return axis @ gap, [0, *of_gap @ axis], [-axis @ turned, np.array(of_turn) @ turned, axis @ turned, none]
+
+    sliding = [across(e_y, [gap[2], 0, -gap[0]]), across(-e_x, [0, gap[2], -gap[1]])]
+
+    def square(value, of_angles, of_turn):
+        """An angle that stays right: the second body's turn does what the first one's undoes."""
+        return value, [0, 0, 0, 0, *of_angles], [none, -np.array(of_turn) @ turned, none, np.array(of_turn) @ turned]
+
+    y_k = square(-sa * cb, [-ca * cb, sa * sb, 0], [-ca * cb, 0, sb])
+    x_k = square(-sb, [0, -cb, 0], [0, -ca * cb, -sa * cb])
+    x_j = square(-cb * sg, [0, sb * sg, -cb * cg], [0, sa * cg + ca * sb * sg, sa * sb * sg - ca * cg])
+    z_i = square(
+        sa * sg - ca * sb * cg, [ca * sg + sa * sb * cg, -ca * cb * cg, sa * cg + ca * sb * sg],
+        [sa * sb * cg + ca * sg, -cb * cg, 0],
+    )  # fmt: skip
+    rows = {
+        "revolute": [*meeting, y_k, x_k], "cylindrical": [*sliding, y_k, x_k], "prismatic": [*sliding, x_j, y_k, z_i],
+        "universal": [*meeting, x_j], "spherical": meeting, "weld": [*meeting, x_j, y_k, z_i],
+    }[kind]  # fmt: skip
+    return np.array([[value, *by_q, *np.concatenate(by_twists)] for value, by_q, by_twists in rows])
+
+
+@pytest.mark.parametrize("kind", AXES)
+def test_rows_of_joints_by_hand(tmp_path, kind):
+    """Residuals and both Jacobians at poses drawn by lot, where no joint closes; a thousandth in one entry is seen."""
+    scene = scene_of(tmp_path, GUIDED % (kind, AXES[kind]))
+    system = build_spatial_system(scene, find_spatial_module(scene, lambda stage: None)[0])
+    assert system.coordinates == 7 and list(system.layout.cuts) == ["tested"]
+    for q in np.random.default_rng(SEED).uniform(-1.4, 1.4, (3, 7)):
+        system.place(q)
+        found = np.column_stack([system.work.rows[:, 0], system.work.J, system.work.rows[:, 3:]])
+        expected = joint_by_hand(kind, q)
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-13)
+        for entry in zip(*np.nonzero(expected), strict=True):
+            wrong = found.copy()
+            wrong[entry] *= 1.001
+            assert not np.allclose(wrong, expected, rtol=1e-11, atol=1e-13)
+
+
 def test_rows_of_a_loop_move_as_their_jacobian_says():
     scene = read_scene("spatial-slider-crank")
     system, start, _ = spatial_start(scene)
