@@ -162,6 +162,20 @@ def geometric_2(L):
     )
 
 
+def geometric_3(L):
+    """int s^3 H'^T H' ds: K_g of a tension growing as s^3, as in an element whose mass per length is linear."""
+    return (L**2 / 840) * on_bending(
+        np.array(
+            [
+                [180, 42 * L, -180, -30 * L],
+                [42 * L, 11 * L**2, -42 * L, -11 * L**2],
+                [-180, -42 * L, 180, 30 * L],
+                [-30 * L, -11 * L**2, 30 * L, 65 * L**2],
+            ]
+        )
+    )
+
+
 def geometric(c0, c1, c2, L):
     """K_g of the tension N(s) = c0 + c1 s + c2 s^2, s from the element's first node."""
     return c0 * geometric_0(L) + c1 * geometric_1(L) + c2 * geometric_2(L)

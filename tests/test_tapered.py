@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from closed_forms import geometric_0, geometric_1, geometric_2, geometric_3
 from numpy.polynomial import Polynomial
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
 from kaneflex.derive.beam import beam_element
 from kaneflex.derive.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
+from kaneflex.generated import beam_euler_bernoulli_varying as tapered
 from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.model import Model
 from kaneflex.solve.simulation import solve
@@ -57,6 +59,49 @@ def test_mass_and_bending_stiffness_of_a_tapered_element_by_hand():
         found = np.array(terms[name].xreplace(numbers), float)
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14, err_msg=name)
         for entry in zip(*np.nonzero(found), strict=True):
+            wrong = found.copy()
+            wrong[entry] *= 1.001
+            assert not np.allclose(wrong, expected, rtol=1e-12, atol=1e-14)
+
+
+def gyration_by_hand(a, b, L):
+    """G = int rho A (N_v^T N_u - N_u^T N_v) dx of the same element; by hand, of (1 - s) and s with Hermite's cubics."""
+    upper = np.zeros((6, 6))
+    upper[0, [1, 2, 4, 5]] = 16 * a + 5 * b, L * (2 * a + b), 4 * a + 5 * b, -L * (a + b)
+    upper[3, [1, 2, 4, 5]] = 5 * a + 4 * b, L * (a + b), 5 * a + 16 * b, -L * (a + 2 * b)
+    return L / 60 * (upper.T - upper)
+
+
+def geometric_by_hand(a, b, L, x_0, m_0, S_0):
+    """K_g of a unit P_0, a_x and omega^2: mass up to x is m_0 + a x + (b - a) x^2/(2 L), its first moment
+    S_0 + x_0 (a x + (b - a) x^2/(2 L)) + a x^2/2 + (b - a) x^3/(3 L)."""
+    g_0, g_1, g_2, g_3 = (form(L) for form in (geometric_0, geometric_1, geometric_2, geometric_3))
+    within = a * g_1 + (b - a) / (2 * L) * g_2
+    moment = S_0 * g_0 + x_0 * within + a / 2 * g_2 + (b - a) / (3 * L) * g_3
+    return g_0, m_0 * g_0 + within, -moment
+
+
+@pytest.mark.parametrize("b", [0.4, 1.3, 2.9])
+def test_gyroscopic_and_geometric_matrices_of_a_tapered_element_by_hand(b):
+    """What the generated kernels give, of tension by each of its sources; an entry off by a thousandth is seen."""
+    a, L, x_0, m_0, S_0 = 1.3, 0.7, 0.9, 2.1, 0.8
+    given = {
+        "rho_A": (a + b) / 2, "rho_A_rise": b - a, "E_A": 3.0, "E_A_rise": 0.7, "E_I": 2.0, "E_I_rise": -0.6,
+        "length": L, "x_0": x_0, "m_0": m_0, "S_0": S_0,
+    }  # fmt: skip
+    p, omega, a_x, P_0 = np.array([given[name] for name, *_ in tapered.ELEMENT_PARAMETERS]), 1.7, -2.3, 5.1
+    of_P_0, of_a_x, of_spin = geometric_by_hand(a, b, L, x_0, m_0, S_0)
+    for kernel, s, expected in (
+        (tapered.C, (omega, 0.0, 0.0, 0.0, 0.0), 2 * omega * gyration_by_hand(a, b, L)),
+        (tapered.K_g, (0.0, 0.0, 0.0, 0.0, P_0), P_0 * of_P_0),
+        (tapered.K_g, (0.0, 0.0, a_x, 0.0, 0.0), a_x * of_a_x),
+        (tapered.K_g, (omega, 0.0, 0.0, 0.0, 0.0), omega**2 * of_spin),
+        (tapered.K_g, (omega, 0.6, a_x, 1.9, P_0), P_0 * of_P_0 + a_x * of_a_x + omega**2 * of_spin),
+    ):
+        found = np.zeros((6, 6))
+        kernel(p, np.array(s), found)
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14)
+        for entry in zip(*np.nonzero(expected), strict=True):
             wrong = found.copy()
             wrong[entry] *= 1.001
             assert not np.allclose(wrong, expected, rtol=1e-12, atol=1e-14)
