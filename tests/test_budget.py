@@ -1,0 +1,45 @@
+"""Modules imported and lines executed by a plain run and by `list`, against a budget that only falls."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BUDGET = Path(__file__).parent / "data" / "budget.json"
+RUN = """
+import json, sys
+from pathlib import Path
+
+lines = set()
+
+def line(frame, event, argument):
+    lines.add((frame.f_code.co_filename, frame.f_lineno))
+    return line
+
+def call(frame, event, argument):
+    return line if "kaneflex" in frame.f_globals.get("__name__", "") else None
+
+sys.settrace(call)
+from kaneflex.cli import main
+main({arguments}, standalone_mode=False)
+sys.settrace(None)
+modules = [name for name in sys.modules if name.split(".")[0] == "kaneflex"]
+print(json.dumps({{"modules": len(modules), "lines": len(lines)}}))
+"""
+
+
+@pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="lines are counted as Python 3.11 executes them")
+@pytest.mark.parametrize("command", sorted(json.loads(BUDGET.read_text())))
+def test_a_command_stays_within_its_budget(command, tmp_path):
+    """Kernels are compiled before: compiling runs lines, too."""
+    code = RUN.format(arguments=command.split())
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
+    found, budget = json.loads(done.stdout.splitlines()[-1]), json.loads(BUDGET.read_text())[command]
+    over = {what: (found[what], most) for what, most in budget.items() if found[what] > most}
+    assert not over, f"found, allowed: {over}"
+    slack = {what: (found[what], most) for what, most in budget.items() if found[what] < 0.98 * most}
+    assert not slack, f"lower the budget in {BUDGET.name}; found, allowed: {slack}"
