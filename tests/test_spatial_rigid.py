@@ -198,6 +198,66 @@ def test_rows_of_joints_by_hand(tmp_path, kind):
             assert not np.allclose(wrong, expected, rtol=1e-11, atol=1e-13)
 
 
+def rates_by_hand(gap, angles):
+    """g, g', g'' of the constraints across y and across -x, then of y at right angles to k, -x to k and x to j.
+
+    By hand: the gap and the angles of R_x(alpha) R_y(beta) R_z(gamma), with their rates, are against the first section.
+    """
+    ((sa, sb, sg), (ca, cb, cg)), (a_1, b_1, g_1), (a_2, b_2, g_2) = (np.sin(angles[0]), np.cos(angles[0])), *angles[1:]
+    y_k = (
+        -sa * cb, sa * sb * b_1 - ca * cb * a_1,
+        sa * sb * b_2 - ca * cb * a_2 + sa * cb * (a_1**2 + b_1**2) + 2 * ca * sb * a_1 * b_1,
+    )  # fmt: skip
+    x_k = -sb, -cb * b_1, sb * b_1**2 - cb * b_2
+    x_j = (
+        -cb * sg, sb * sg * b_1 - cb * cg * g_1,
+        sb * sg * b_2 - cb * cg * g_2 + cb * sg * (b_1**2 + g_1**2) + 2 * sb * cg * b_1 * g_1,
+    )  # fmt: skip
+    return np.array([gap[:, 1], -gap[:, 0], y_k, x_k, x_j])
+
+
+def turning_by_hand(angles):
+    """j, k, angular velocity and acceleration of R_x(alpha) R_y(beta) R_z(gamma), all in the axes it starts from."""
+    ((sa, sb, sg), (ca, cb, cg)), (a_1, b_1, g_1), (a_2, b_2, g_2) = (np.sin(angles[0]), np.cos(angles[0])), *angles[1:]
+    omega = [a_1 + sb * g_1, ca * b_1 - sa * cb * g_1, sa * b_1 + ca * cb * g_1]
+    epsilon = [
+        a_2 + sb * g_2 + cb * b_1 * g_1,
+        ca * b_2 - sa * cb * g_2 - sa * a_1 * b_1 - (ca * cb * a_1 - sa * sb * b_1) * g_1,
+        sa * b_2 + ca * cb * g_2 + ca * a_1 * b_1 - (sa * cb * a_1 + ca * sb * b_1) * g_1,
+    ]
+    return np.array([
+        [-cb * sg, ca * cg - sa * sb * sg, sa * cg + ca * sb * sg], [sb, -sa * cb, ca * cb], omega, epsilon,
+    ])  # fmt: skip
+
+
+def test_second_rates_of_constraints_by_hand():
+    """Two sections that move in any way: g, g', g'' of every elementary constraint; a thousandth in one is seen."""
+    rng, cross, (x, y, _) = np.random.default_rng(SEED), np.cross, np.eye(3)
+    for _ in range(4):
+        turned = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        turned *= np.linalg.det(turned)
+        (r, v, a), (omega, epsilon), gap, angles = (rng.uniform(-1.4, 1.4, (n, 3)) for n in (3, 2, 3, 3))
+        j, k, w, w_1 = turning_by_hand(angles) @ turned.T
+        rho, rho_1, rho_2 = gap @ turned.T
+        r_2, v_2 = r + rho, v + rho_1 + cross(omega, rho)
+        a_2 = a + rho_2 + 2 * cross(omega, rho_1) + cross(epsilon, rho) + cross(omega, cross(omega, rho))
+        second = r_2, v_2, a_2, omega + w, epsilon + w_1 + cross(omega, w)
+        sec = np.concatenate([r, v, a, omega, epsilon, *second])
+        axes, found = np.concatenate([turned @ y, -turned @ x, turned @ x, j, k]), np.zeros((8, 15))
+        out = found.ravel()
+        kernels.on_plane(sec, 0, 1, axes, 0, out, 0)
+        kernels.on_plane(sec, 0, 1, axes, 1, out, 15)
+        for row, (one, other) in enumerate(((0, 4), (1, 4), (2, 3)), start=2):
+            kernels.perpendicular(sec, 0, 1, axes, one, other, out, 15 * row)
+        kernels.coincide(sec, 0, 1, out, 75)
+        expected = np.vstack([rates_by_hand(gap, angles), np.array([r_2 - r, v_2 - v, a_2 - a]).T])
+        np.testing.assert_allclose(found[:, :3], expected, rtol=1e-11, atol=1e-13)
+        for entry in np.ndindex(expected.shape):
+            wrong = found[:, :3].copy()
+            wrong[entry] *= 1.001
+            assert not np.allclose(wrong, expected, rtol=1e-11, atol=1e-13)
+
+
 def test_rows_of_a_loop_move_as_their_jacobian_says():
     scene = read_scene("spatial-slider-crank")
     system, start, _ = spatial_start(scene)
