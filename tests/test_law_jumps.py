@@ -171,7 +171,7 @@ def test_a_law_that_turns_is_not_differentiated(tmp_path):
 
 def test_a_joint_with_no_drive_is_refused_where_only_drives_are_known():
     base = read_scene("four-bar-motor")
-    with pytest.raises(SceneError, match="laws know the joints that have a drive: second has none"):
+    with pytest.raises(SceneError, match="laws and tables know the joints that have a drive: second has none"):
         load(with_settings(base, ["loads.motor.law=1 - second", "solve.preset=linear"]))
     with pytest.raises(SceneError, match="unknown name 'third'"):
         with_settings(base, ["loads.motor.law=1 - third"])

@@ -193,7 +193,7 @@ def test_reduced_links_carry_it_too():
         ),
         (
             '{spread_on = "bar", value = 1}',
-            "loads.q.direction: a force without direction. Give it, like direction = [1, 0].",
+            "loads.q.direction: a force without direction. Give it, like direction = [1, 0], in space [1, 0, 0].",
         ),
         (
             '{spread_on = "bar", direction = [0, 1], value = "1 N"}',

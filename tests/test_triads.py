@@ -267,7 +267,7 @@ def test_what_it_refuses(change, message):
 
 def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
     (tmp_path / "near.toml").write_text(
-        'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {near = {crank = "10 deg"}}\n'
+        'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {branch = "none", near = {crank = "10 deg"}}\n'
     )
     with pytest.raises(SceneError, match="the loop that rocker closes moves coupler, follower"):
         place_bodies(read_scene(tmp_path / "near.toml"))

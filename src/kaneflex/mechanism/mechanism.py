@@ -83,14 +83,22 @@ def _made(scene: Scene) -> NumericMechanism:
 
 
 def _way(scene: Scene) -> float:
-    """Size [m] of a mechanism whose bodies have no lengths, so that it goes with the unit of length: how far bodies
-    stand at the start, and how far from their points contacts reach."""
-    found = [math.hypot(*body.free.at) for body in scene.bodies.values() if body.free is not None]
-    found += [abs(drive.start) for name, drive in scene.drives.items() if name in scene.joints and scene.slides(name)]
+    """Size [m] of a mechanism whose bodies have no lengths, so that it goes with the unit of length.
+
+    It is the largest distance between bodies and contacts of the ground at the start, and of contacts on their bodies;
+    where a scene lies does not count.
+    """
+    places = [body.free.at for body in scene.bodies.values() if body.free is not None]
+    found = [abs(drive.start) for name, drive in scene.drives.items() if name in scene.joints and scene.slides(name)]
     for contact in scene.contacts.values():
         if contact.kind != "angle":
-            found += [abs(contact.reach), *(math.hypot(*scene.point(side)) for side in contact.sides)]
-    return max(found, default=0.0)
+            found.append(abs(contact.reach))
+            for side in contact.sides:
+                if side.body == GROUND:
+                    places.append(scene.point(side))
+                else:
+                    found.append(math.hypot(*scene.point(side)))
+    return max([*found, *(math.dist(place, places[0]) for place in places)], default=0.0)
 
 
 def _friction(held: Any) -> Friction:

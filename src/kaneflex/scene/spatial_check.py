@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from kaneflex.scene.quantities import Address
@@ -42,6 +43,8 @@ def refuse_in_space(scene: Scene, key: str, what: str) -> None:
         raise SceneError(key, scene.name, f"{what} only planar scenes so far", "Take a planar scene")
 
 
+_ALONG = math.cos(math.radians(10.0))
+"""Cosine of the angle to a body's x axis up to which a line to slide along goes along the body, not across it."""
 _IN_PLANE = "Give vectors three components, or import the body without --space"
 
 
@@ -139,8 +142,9 @@ def _joints(scene: Scene) -> Iterator[Problem]:
             reason = "a universal joint turns about two axes"
             yield Problem(f"joints.{name}", None, reason, "Give them, like axes = [[0, 1, 0], [0, 0, 1]]")
         rail = scene.bodies.get(joint.addresses[0].body)
-        slides = joint.kind in ("prismatic", "cylindrical") and scene.solve.preset != "rigid"
-        if slides and rail is not None and rail.deforms:
+        way = joint.direction or joint.axis
+        slides = joint.kind in ("prismatic", "cylindrical") and scene.solve.preset != "rigid" and way is not None
+        if slides and rail is not None and rail.deforms and abs(way[0]) > _ALONG * math.hypot(*way):
             reason = "it is elastic, and its line to slide along would stay straight as it bends"
             cure = "Name the other side first, whose line it is then, or weld a rigid body there and let that slide"
             yield Problem(f"joints.{name}.{joint.kind}", str(joint.addresses[0]), reason, cure)

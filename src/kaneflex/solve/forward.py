@@ -13,7 +13,6 @@ from types import ModuleType
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate.by_scipy import IMPLICIT, jacobian_of
 from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
 from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.energy import Energy, rigid_energy
@@ -106,10 +105,9 @@ class _Steps:
             self.evaluations += 1
             return np.concatenate([state[count:], self.accelerations(t, state)])
 
-        tolerance, method = options.forward_tolerance, options.forward_method
-        jac = {"jac": jacobian_of(rates, np.ones(len(start)))} if method in IMPLICIT else {}
-        solver = getattr(scipy.integrate, method)(
-            rates, 0.0, start, duration, rtol=tolerance, atol=_ABSOLUTE * tolerance, **jac
+        tolerance = options.forward_tolerance
+        solver = getattr(scipy.integrate, options.forward_method)(
+            rates, 0.0, start, duration, rtol=tolerance, atol=_ABSOLUTE * tolerance
         )
         begun, curves, seen = 0.0, [], (0, 0.0)
         while solver.status == "running":

@@ -62,7 +62,7 @@ def simulate(model: Model, progress: Progress | None = None, after: Solution | S
     solution = solve(model, progress, after)
     stopped = () if solution.outcome is Outcome.COMPLETED else (solution.message,)
     for text in (*stopped, *solution.warnings):
-        warnings.warn(text, ValidityWarning, stacklevel=2)
+        warnings.warn(text, ValidityWarning, stacklevel=3)  # beyond the check of arguments
     return solution
 
 
