@@ -254,7 +254,7 @@ def test_states_that_do_not_fit(tmp_path, pendulum):
     crank = run("slider-crank-150-coupled", "solve.duration=1 ms", "solve.steps=10")
     with pytest.raises(SceneError, match=r"its state opens \w+ by .*Continue with the lengths and drives"):
         run("slider-crank-150-coupled", "rod.length=0.35", after=crank)
-    with pytest.raises(SceneError, match=r"after = .*: no results can be read there: there is no such file\. Name the folder"):
+    with pytest.raises(SceneError, match=r"after = .*: no results can be read there: there is no such file\. Name"):
         kaneflex.read_state(tmp_path)
 
 
