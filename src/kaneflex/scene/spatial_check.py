@@ -143,8 +143,9 @@ def _joints(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"joints.{name}", None, reason, "Give them, like axes = [[0, 1, 0], [0, 0, 1]]")
         rail = scene.bodies.get(joint.addresses[0].body)
         way = joint.direction or joint.axis
-        slides = joint.kind in ("prismatic", "cylindrical") and scene.solve.preset != "rigid" and way is not None
-        if slides and rail is not None and rail.deforms and abs(way[0]) > _ALONG * math.hypot(*way):
+        slides = joint.kind in ("prismatic", "cylindrical") and scene.solve.preset != "rigid"
+        along = way is not None and abs(way[0]) > _ALONG * math.hypot(*way)
+        if slides and along and rail is not None and rail.deforms:
             reason = "it is elastic, and its line to slide along would stay straight as it bends"
             cure = "Name the other side first, whose line it is then, or weld a rigid body there and let that slide"
             yield Problem(f"joints.{name}.{joint.kind}", str(joint.addresses[0]), reason, cure)
