@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
@@ -94,3 +95,52 @@ def test_a_bar_of_a_tenth_of_a_micrometre_is_no_massless_one():
         text = BAR.format(size=size, mass=size**3, duration=0.3 * size**0.5)
         found.append(solve(load(text)).series["phi"].values)
     assert found[0] == pytest.approx(found[1], abs=1e-7) and found[2] == pytest.approx(found[1], abs=1e-7)
+
+
+YOKE = """
+schema = 1
+[bodies]
+crank = {length = "50 mm", mass = "1 kg"}
+block = {}
+yoke = {mass = "2 kg"}
+[joints]
+main = {revolute = ["ground", "crank"]}
+rail = {prismatic = ["ground", "yoke"], direction = [1, 0]}
+slot = {prismatic = ["yoke", "block"], direction = [0, 1]}
+pin = {revolute = ["crank.end", "block"]}
+[drives]
+main = DRIVE
+[sensors]
+phi = {position = "main", component = "angle"}
+x = {position = "yoke", component = "x"}
+T = {drive_torque = "main"}
+N = {joint_force = "slot", component = "x"}
+[solve]
+preset = "coupled"
+tolerance = 1e-9
+"""
+
+
+def test_a_massless_block_in_a_guide_turns_with_it():
+    """A Scotch yoke: the loop alone says how its block turns. m x'' pulls at the slot, r sin(phi) from the main pin."""
+    found = solve(load(YOKE.replace("DRIVE", '{speed = "600 rpm", cycle = "360 deg"}'))).series
+    phi, force = np.ravel(found["phi"].values), 2.0 * 0.05 * (20 * np.pi) ** 2
+    assert np.ravel(found["x"].values) == pytest.approx(0.05 * np.cos(phi), abs=1e-12)
+    assert abs(np.ravel(found["N"].values)) == pytest.approx(force * abs(np.cos(phi)), abs=1e-9 * force)
+    torque = 0.05 * force * np.sin(phi) * np.cos(phi)
+    assert np.ravel(found["T"].values) == pytest.approx(torque, abs=1e-9 * 0.05 * force)
+
+
+def test_a_massless_block_of_a_free_crank_resists_nothing():
+    """(I + m r^2 sin^2(phi)) phi'' + m r^2 sin(phi) cos(phi) phi'^2 = 0."""
+    text = YOKE.replace("DRIVE", '{free = true, angle = 0.4, initial_speed = "20 rad/s"}')
+    text = text.replace('T = {drive_torque = "main"}\n', "") + 'duration = "0.5 s"\nsteps = 100\n'
+    found = solve(load(text))
+    of_yoke = 2.0 * 0.05**2
+
+    def rates(t, y):
+        sine, cosine = np.sin(y[0]), np.cos(y[0])
+        return [y[1], -of_yoke * sine * cosine * y[1] ** 2 / (0.05**2 / 3 + of_yoke * sine**2)]
+
+    exact = solve_ivp(rates, (0.0, 0.5), [0.4, 20.0], "DOP853", np.asarray(found.times), rtol=1e-12, atol=1e-12)
+    assert np.ravel(found.series["phi"].values) == pytest.approx(exact.y[0], abs=1e-7)

@@ -13,6 +13,9 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 
 _CHUNK = 1000
 """Steps whose scalars are held at a time."""
+LARGEST_JUMP = 1e-3
+"""Share of the energy turned over that is no error of steps if it gets lost between two instants: ten times what a
+whole run may lose without a warning."""
 _LEAST_TURNED = 1e-3
 """Share of the energy that there is, below which no exchange of it counts as energy turned over: of a torque-free body
 only rounding and the tolerance of the integration change it."""
@@ -42,13 +45,21 @@ class Energy:
         return self.stored - self.stored[0] + self.dissipated - self.supplied
 
     @property
+    def turned(self) -> float:
+        """Largest energy that was turned over, or a small share of what there is."""
+        parts = (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied)
+        largest = max(float(abs(part).max()) for part in (self.kinetic, self.strain))
+        return max(*(float(np.ptp(part)) for part in parts), _LEAST_TURNED * largest)
+
+    @property
     def drift(self) -> float:
-        """Largest gap against the largest energy that was turned over, or a small share of what there is."""
-        turned = max(
-            float(np.ptp(part)) for part in (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied)
-        )
-        turned = max(turned, _LEAST_TURNED * max(float(abs(part).max()) for part in (self.kinetic, self.strain)))
+        """Largest gap against the energy that was turned over."""
+        turned = self.turned
         return float(abs(self.gap).max()) / turned if turned else 0.0
+
+    def jumps(self, share: float = LARGEST_JUMP) -> np.ndarray:
+        """Instants before those at which the gap has changed by more than a share of the energy turned over."""
+        return np.flatnonzero(abs(np.diff(self.gap)) > share * self.turned)
 
 
 def rigid_energy(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarray, pieces: int) -> Energy:

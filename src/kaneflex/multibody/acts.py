@@ -46,18 +46,23 @@ def lend(
     """Section -> the inertia [kg m^2] that its body is lent, to turn freely before its cuts hold it.
 
     A body without inertia that hangs on joints with friction alone, or beside them on a pin at its centre, is no body
-    of a tree; a hold takes back what it is lent. Raises SceneError for one without mass.
+    of a tree, nor is one without mass at the end of a branch, which a cut guide or weld turns; a hold takes back what
+    it is lent. Raises SceneError for one without mass whose joints have friction.
     """
     rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
     starts = np.cumsum([0, *(part.size for part in parts)])
+    blocks = [parts[int(np.searchsorted(starts, fields[at.BLOCK]))] for fields in bodies]
     found: dict[int, float] = {}
-    for fields, (body, joint, child) in zip(bodies, order, strict=True):
+    for fields, block, (body, joint, child) in zip(bodies, blocks, order, strict=True):
         own = [each.name for each in rubbing if body in each.bodies]
         turns = joint is None or joint.kind == "revolute"
-        if not turns or not own or fields[at.SHAPES]:
+        if not turns or fields[at.SHAPES]:
             continue
-        block = parts[int(np.searchsorted(starts, fields[at.BLOCK]))]
         mass, x, y, second = block[:4]
+        if not own:
+            if joint is not None and mass <= 0.0 and second <= 0.0 and _turned_by_cuts(mechanism, order, joint, body):
+                found[index[key_of(joint.sides[child])]] = block[3] = sum(each[0] for each in blocks) * measure**2
+            continue
         if mass <= 0.0:
             raise SceneError(
                 f"bodies.{body}.mass", float(mass),
@@ -69,6 +74,14 @@ def lend(
             found[index[key_of(inboard)]] = mass * measure**2
             block[3] += mass * measure**2
     return found
+
+
+def _turned_by_cuts(mechanism: NumericMechanism, order: Sequence[Branch], inboard: Joint, body: str) -> bool:
+    """Whether a body carries no others in the tree, and a guide or a weld that is cut says how it turns."""
+    drive, taken = mechanism.drives.get(inboard.name), [joint for _, joint, _ in order]
+    others = [joint for joint in mechanism.joints.values() if body in joint.bodies and joint is not inboard]
+    ends = (drive is None or drive.free) and not any(joint in taken for joint in others)
+    return ends and any(joint.kind != "revolute" for joint in others)
 
 
 def _hold_acts(

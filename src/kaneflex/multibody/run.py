@@ -95,10 +95,13 @@ def integrate(
     """
     run = Run(system, q, v, times, method, _NONE if ends is None else ends)
     started = time.perf_counter()
-    outcome, message = run.go(progress, stop)
-    seconds = time.perf_counter() - started
-    ended = (outcome, message, 1e9 * seconds / max(1.0, run.counts[0] + run.counts[1]))
-    found = run.trajectory(run.rows[: run.filled + 1], *ended, np.concatenate([_NONE, *run.ends]))
+    ended = run.go(progress, stop)
+    ns = 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1])
+    found = run.trajectory(run.rows[: run.filled + 1], *ended, ns, np.concatenate([_NONE, *run.ends]))
+    if len(found.energy.jumps()):
+        from kaneflex.multibody.lost_branch import cut  # which few runs need
+
+        found = cut(run, found)
     changes = [row for row in run.changes if times[0] <= row[0] <= times[run.filled]]
     return replace(found, changes=run.trajectory(np.array(changes))) if changes else found
 
@@ -185,8 +188,7 @@ class Run:
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
-            filled = self.rows[before : self.filled + 1]
-            if stop is not None and self.filled > before and stop(self.trajectory(filled)):
+            if stop and self.filled > before and stop(self.trajectory(self.rows[before : self.filled + 1])):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
 

@@ -120,6 +120,12 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
         return
     missing = f"does not close: {energy.drift:.2g} of the energy turned over is missing or too much"
     if options.dynamics == "coupled":
+        if solution.model.coupled is not None and not isinstance(solution.trajectory, Trajectory):
+            from kaneflex.multibody.lost_branch import cause  # which few runs need
+
+            if said := cause(solution.model.coupled, solution.trajectory):
+                yield f"the energy balance {missing}, {said}"
+                return
         lower = f"lower solve.tolerance from {options.tolerance:g}"
         lower += ", or ask for more steps" * (solution.model.coupled is not None)
         yield f"the energy balance {missing}; {lower}"
