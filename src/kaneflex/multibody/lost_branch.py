@@ -35,12 +35,13 @@ def jump(system: CoupledSystem, path: CoupledTrajectory, share: float = LARGEST_
     ``share``: of the energy turned over, by which the balance has to jump.
     """
     suspects = path.energy.jumps(share)
-    if not len(suspects) or not len(_free(system)) or not system.engine.count(at.KEPT):
+    loops = min(system.engine.count(at.JOINT_ROWS), system.engine.count(at.KEPT))  # resting contacts are kept rows, too
+    if not len(suspects) or not len(_free(system)) or not loops:
         return None
     some = np.unique(np.linspace(0, len(path.times) - 1, _INSTANTS).astype(int))
-    loops = _loops(system, path.times[some], path.q[some])
-    scale = np.maximum(abs(loops).max(axis=(0, 2), keepdims=True), 1e-300)
-    regular = _least(system, loops / scale).max()
+    rows = _loops(system, path.times[some], path.q[some])
+    scale = np.maximum(abs(rows).max(axis=(0, 2), keepdims=True), 1e-300)
+    regular = _least(system, rows / scale).max()
     part = np.linspace(0.0, 1.0, _BETWEEN)
     for k in suspects.tolist():
         times = path.times[k] + part * (path.times[k + 1] - path.times[k])
