@@ -37,7 +37,6 @@ def solution(
     """
     import scipy.integrate  # 0.7 s: only where it is used
 
-
     def counted(t: float, y: np.ndarray) -> np.ndarray:
         before[0] += 1
         if before[0] > MOST_EVALUATIONS:
