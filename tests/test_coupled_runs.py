@@ -357,3 +357,18 @@ def test_a_free_joint_is_where_it_went_however_few_instants_are_stored(steps):
     few, many = (solved(scene, f"solve.steps={n}") for n in (steps, 20))
     for name in ("angle", "tip_bend"):
         assert few[name].values[-1] == pytest.approx(many[name].values[-1], rel=1e-6)
+
+
+def test_a_speed_that_no_loop_can_be_followed_at_is_refused():
+    shorter = ("solve.start=quasistatic", "solve.duration=0.3 s", "solve.steps=20")
+    far = scene("engine", *shorter, "drives.main.speed=1e20", "drives.main.cycle=none")
+    with pytest.raises(SceneError, match=r"drives\.main\.speed: .* closed at 3e\+20 places. Give a lower"):
+        kaneflex.load(far)
+
+
+@pytest.mark.filterwarnings("ignore::kaneflex.ValidityWarning")
+def test_masses_too_far_apart_to_still_a_link_leave_its_forces_as_they_are():
+    """Beside a hub of 1e30 kg m^2 nothing turns: the axial force is that of the beam at rest, zero."""
+    hub = "masses.hub_inertia.inertia=1.77e30 kg m^2"
+    solution = solved(scene("spin-up-torque", hub, "solve.duration=0.15 s", "solve.steps=20", "solve.start=zero"))
+    assert all(np.isfinite(series.values).all() for series in solution.series.values())

@@ -137,6 +137,14 @@ def test_quasistatic_leaves_mechanism_modes_to_inertia_relief():
         assert relief @ stiffness @ z == pytest.approx(F, abs=1e-9 * np.abs(F).max())
 
 
+def test_a_free_rod_bends_quasi_statically_against_its_own_inertia():
+    """Force P in the middle, P/L along the rod against it: P L^3 / 48 EI - 5 P L^3 / 384 EI (Timoshenko 1955)."""
+    solution = run("free-rod", "solve.preset=quasistatic", "solve.steps=100")
+    E, I = 210e9, 7008e-12
+    P = 1000 * np.exp(-(((solution.times - 1e-4) / 2e-5) ** 2))
+    assert solution["bow"].values == pytest.approx(P * L**3 / (128 * E * I), rel=1e-6, abs=1e-18)
+
+
 @pytest.mark.parametrize("elements", [100, 300])
 def test_fine_meshes_are_not_taken_for_mechanisms(elements):
     """Their highest frequencies are so high that the lowest ones look like nothing beside them."""

@@ -29,12 +29,15 @@ from kaneflex.multibody.trajectory import by_themselves
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.contract import COURSES
+from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.trajectory import CoupledTrajectory
 
 _FAR = 0.1
 """Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
+_MOST_PLACES = 2_000_000
+"""Places between instants, of some hundred numbers each: two gigabytes at most."""
 _OPENED = 1e-6
 """Largest opening of a joint that is held twice, in rad or sizes of the mechanism."""
 _SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
@@ -203,7 +206,12 @@ class RigidTwin:
         steps = np.ones(len(drives), int)
         if self.engine.count(at.REACTIONS):
             moved = abs(drives - before)[:, places] / self._measure
-            steps = np.maximum(1, np.ceil(np.nan_to_num(moved.max(axis=1, initial=0.0)) / _FAR)).astype(int)
+            between = np.maximum(1.0, np.ceil(np.nan_to_num(moved.max(axis=1, initial=0.0)) / _FAR))
+            if between.sum() > _MOST_PLACES:
+                name = list(self.mechanism.drives)[int(moved.max(axis=0).argmax())]
+                far = f"between its instants the drive moves so far that loops are closed at {between.sum():.3g} places"
+                raise SceneError(f"drives.{name}.speed", None, far, "Give a lower speed or a shorter duration")
+            steps = between.astype(int)
         ends = np.cumsum(steps) - 1
         of = np.repeat(np.arange(len(drives)), steps)
         share = 1.0 - (ends[of] - np.arange(len(of))) / steps[of]

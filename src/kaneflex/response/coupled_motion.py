@@ -150,14 +150,18 @@ class CoupledMotion(Motion):
         """The same states with accelerations and reactions as if no link rang in tension.
 
         The axial shapes are not accelerated, as far as the joints leave it to them: there the axial force is what the
-        rest of the motion asks for, to the square of its frequencies' ratio.
+        rest of the motion asks for, to the square of its frequencies' ratio. Where masses are so far apart that this
+        can't be solved for, the motion as it is.
         """
         t, system = self.trajectory, self.system
         still = np.concatenate([np.arange(system.modal(b).start, system.modal(b).start + axial)
                                 for b, (axial, *_) in system.module.BODIES.items()]).astype(int)  # fmt: skip
         if not len(still):
             return self
-        found = system.held(t.times, t.q, t.v, still, t.standing)
+        try:
+            found = system.held(t.times, t.q, t.v, still, t.standing)
+        except ArithmeticError:
+            return self
         return replace(self, trajectory=replace(t, a=found.a, multipliers=found.reactions))
 
     def body(self, name: str) -> Rates:

@@ -117,6 +117,8 @@ def mechanism_modes(model: Model, t: float) -> int:
     stiff = list(_kept_by_springs(model, rigid))
     rows, shapes = rows + stiff, shapes + [np.zeros(n * len(links))] * len(stiff)
     bodies = map(rigid.first, model.frame.bodies.values())
+    if not rows:  # free links that nothing joins
+        return n * len(links)
     columns = np.unique(np.concatenate([part.nonzero()[1] for part in (*rows, *bodies)]))
     conditions = np.hstack([vstack(rows).toarray()[:, columns], np.array(shapes)])
     sizes = np.linalg.norm(conditions, axis=0)
