@@ -1,4 +1,4 @@
-"""The spatial beam element: Kane's slice against Lagrange's equations, kernels against closed forms and the plane."""
+"""The spatial beam element: the section's rotation, kernels against closed forms and the plane."""
 
 import importlib
 
@@ -10,8 +10,6 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import kaneflex
 from kaneflex.derive import spatial_slice
-from kaneflex.derive.spatial_symbols import MOTION, epsilon, omega, rho_A, rho_I_y, rho_I_z
-from kaneflex.fem.shape_functions import shape_functions
 from kaneflex.support.contract import ELEMENT_KERNELS, beam_module
 from kaneflex.support.spatial_contract import SPATIAL_BEAMS
 
@@ -81,36 +79,6 @@ def test_section_rotation_is_a_rotation_to_second_order_and_turns_at_its_angular
     assert tangent[1] == plain[theta[2]] and tangent[2] == -plain[theta[1]]
 
 
-def test_slice_obeys_lagranges_equations():
-    """d/dt dT/dq' - dT/dq = 0 of T to second order, with omega(t) given; the acceleration a of the origin is Kane's."""
-    t = dynamicsymbols._t
-    q, w = dynamicsymbols("u v w theta_x theta_y theta_z"), dynamicsymbols("w_x w_y w_z")
-    theta, spin = sm.Matrix(q[3:]), sm.Matrix(w)
-    at = sm.Matrix([spatial_slice.X, 0, 0]) + sm.Matrix(q[:3])
-    velocity = at.diff(t) + spin.cross(at)
-    R = spatial_slice.section_rotation(*theta)
-    relative = spatial_slice.section_angular_velocity(tuple(theta), tuple(theta.diff(t)))
-    turning = R.T * (spin + sm.Matrix(relative))
-    J = sm.diag(rho_I_y + rho_I_z, rho_I_y, rho_I_z)
-    energy = (rho_A * velocity.dot(velocity) + (turning.T * J * turning)[0]) / 2
-    names = [sm.symbols(f"{name}_0:6") for name in ("q", "d", "a")]
-    plain = {q_i.diff(t, k): names[k][i] for k in (2, 1, 0) for i, q_i in enumerate(q)}
-    plain |= dict(zip([*(w_i.diff(t) for w_i in w), *w], [*epsilon, *omega], strict=True))
-    rest = dict.fromkeys([symbol for of in names for symbol in of], sm.S.Zero)
-    equations = spatial_slice.slice_equations()
-    for i, q_i in enumerate(q):
-        row = (energy.diff(q_i.diff(t)).diff(t) - energy.diff(q_i)).xreplace(plain)
-        for target, variables in zip("KCM", names, strict=True):
-            for j, variable in enumerate(variables):
-                expected = row.diff(variable).xreplace(rest).expand()
-                found = sum(scalar * matrix[i, j] for (of, scalar), matrix in equations.items() if of == target)
-                assert (found - expected).expand() == 0, (target, i, j)
-        load = sum(m * matrix[i, 0] for (of, m), matrix in equations.items() if of == "F" and m not in MOTION[6:])
-        assert (load + row.xreplace(rest).expand()).expand() == 0
-        weight = -rho_A if i < 3 else 0
-        assert [equations["F", MOTION[6 + k]][i, 0] for k in range(3)] == [weight * int(k == i) for k in range(3)]
-
-
 # ---- kernels ----------------------------------------------------------------------------------------------------
 
 
@@ -174,53 +142,6 @@ def test_it_is_the_same_after_a_quarter_turn_about_its_axis(name):
 def _swapped(name: str) -> str:
     """The parameter that stands for the other plane."""
     return "".join({"y": "z", "z": "y"}.get(letter, letter) if f"_{letter}" in name else letter for letter in name)
-
-
-_GAUSS = np.polynomial.legendre.leggauss(6)
-
-
-@pytest.mark.parametrize("name", SPATIAL_BEAMS)
-def test_kernels_are_integrals_of_the_slice(name):
-    """By Gauss's quadrature with the runtime's shape functions, of every slice matrix of Kane's."""
-    p, s = numbers(0)
-    shear, varying = SPATIAL_BEAMS[name]["shear"], SPATIAL_BEAMS[name]["varying"]
-    if not varying:
-        p |= {key: 0.0 for key in p if key.endswith("_rise")}
-    if not shear:
-        p |= {"phi_y": 0.0, "phi_z": 0.0}
-    L = p["length"]
-    symbols = [*MOTION, rho_A, rho_I_y, rho_I_z, spatial_slice.X]
-    totals = {target: sm.zeros(6, 1 if target == "F" else 6) for target in "MCKF"}
-    for (target, scalar), matrix in spatial_slice.slice_equations().items():
-        totals[target] += scalar * matrix
-    totals = {target: sm.lambdify(symbols, total) for target, total in totals.items()}
-    expected = dict.fromkeys(totals, 0.0)
-    for point, weight in zip(*_GAUSS, strict=True):
-        x, w = L * (1 + point) / 2, L * weight / 2
-        N = rows_of_slice(x, p, shear)
-        here = [p[k] + p[f"{k}_rise"] * (x / L - 0.5) for k in ("rho_A", "rho_I_y", "rho_I_z")]
-        for target, function in totals.items():
-            matrix = np.array(function(*(s[str(symbol)] for symbol in MOTION), *here, p["x_0"] + x), dtype=float)
-            expected[target] = expected[target] + w * (N.T @ matrix if target == "F" else N.T @ matrix @ N)
-    found = computed(name, p, s)
-    assert_equal(found["C"], expected["C"])
-    assert_equal(found["K_d"], expected["K"])
-    assert_equal(found["F"], expected["F"][:, 0])
-    expected = expected["M"]
-    for plane, stiffness, flexibility in ((by_hand.V, "E_I_z", "phi_y"), (by_hand.W, "E_I_y", "phi_z")):
-        correction = p["rho_A"] * p[flexibility] * L**4 / (144 * p[stiffness])
-        expected = expected + correction * plane @ found["K_s"] @ plane
-    assert_equal(found["M"], expected)
-
-
-def rows_of_slice(x: float, p: dict[str, float], shear: bool) -> np.ndarray:
-    """u, v, w and the rotations that have inertia at x, over the twelve coordinates."""
-    L = p["length"]
-    in_y = shape_functions(x, L, p["phi_y"], p["E_I_z_rise"] / p["E_I_z"]) @ by_hand.Y_PLANE.T
-    in_z = shape_functions(x, L, p["phi_z"], p["E_I_y_rise"] / p["E_I_y"]) @ by_hand.Z_PLANE.T
-    twist = np.zeros(12)
-    twist[[3, 9]] = 1 - x / L, x / L
-    return np.array([in_y[0], in_y[1], in_z[1], twist, -in_z[2] * shear, in_y[2] * shear])
 
 
 @pytest.mark.parametrize("name", SPATIAL_BEAMS)

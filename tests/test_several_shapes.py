@@ -1,0 +1,207 @@
+"""Bodies of several shapes, in the plane and in space, against momenta written by hand; products of different shapes.
+
+Shapes are polynomials over a bar and over a cube, integrated by Gauss's quadrature. Momenta are exact to the second
+order in the coordinates (Shabana 2013, Dynamics of Multibody Systems, chapter 5); force, moment and generalised forces
+are their rates in turning axes, the last less the derivative of the kinetic energy.
+"""
+
+import numpy as np
+import pytest
+
+from kaneflex.generated import spatial, spatial_shapes
+from kaneflex.generated.body import kernels
+from kaneflex.multibody.blocks import body_block
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+S, WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
+MU, J_LINE, LENGTH = 1.7, 0.04, 1.3
+"""Mass and rotary inertia per length, length."""
+MOTIONS = np.random.default_rng(24)
+
+
+def assert_equal(found, expected):
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13 * abs(np.asarray(expected)).max())
+
+
+def elasticity(count):
+    """Stiffness of each shape and a full damping matrix."""
+    root = MOTIONS.uniform(-1, 1, (count, count))
+    return MOTIONS.uniform(20.0, 60.0, count), root @ root.T
+
+
+# ---- the plane ----------------------------------------------------------------------------------------------------
+
+
+def bar(axial, transverse):
+    """s = x - x^k/3 and w = x^k for k from 2 over x = X/L, psi = w' and H = int_0^X w' w'^T dX, at S."""
+    x, k = S[:, None], np.arange(2, transverse + 2)
+    along = x - x ** np.arange(2, axial + 2) / 3
+    across, turn = x**k, k * x ** (k - 1) / LENGTH
+    power = k[:, None] + k - 1
+    bow = k[:, None] * k * S[:, None, None] ** power / (power * LENGTH)
+    return along, across, turn, bow
+
+
+def bar_by_hand(axial, transverse, q, v, a, elastic, motion):
+    """Arrays of the bar, what its motion takes and its mass matrix, rows along, across, turn and shapes.
+
+    P = (m v_x + e_x' - omega e_y, m v_y + e_y' + omega e_x), L = I omega + g.q' - v_x e_y + v_y e_x and
+    p = m_qq q' + g omega + e_x,q v_x + e_y,q v_y with the first moments e, the second moment I and g(q).
+    """
+    (a_x, a_y, omega, epsilon), (stiffness, damping) = motion, elastic
+    s, w, psi, H = bar(axial, transverse)
+    dm, dJ, X = WEIGHTS * MU * LENGTH, WEIGHTS * J_LINE * LENGTH, LENGTH * S
+    arrays = {
+        "mass": dm.sum(), "mass_X": dm @ X, "mass_X_X": dm @ X**2, "inertia": dJ.sum(), "mass_s": dm @ s,
+        "mass_w": dm @ w, "mass_X_s": (dm * X) @ s, "mass_X_w": (dm * X) @ w, "inertia_psi": dJ @ psi,
+        "mass_s_s": dm * s.T @ s, "mass_s_w": dm * s.T @ w, "mass_w_w": dm * w.T @ w,
+        "mass_H": np.tensordot(dm, H, 1), "mass_X_H": np.tensordot(dm * X, H, 1),
+        "inertia_psi_psi": dJ * psi.T @ psi, "stiffness": stiffness, "damping": damping,
+    }  # fmt: skip
+    n, b, c = axial + transverse, slice(0, axial), slice(axial, None)
+    h, hq = np.zeros((n, n)), np.zeros((n, n))
+    h[c, c], hq[c, c] = arrays["mass_H"], arrays["mass_X_H"]
+    first_x, first_y, cross = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    first_x[b], first_y[c] = arrays["mass_s"], arrays["mass_w"]
+    cross[b, c] = arrays["mass_s_w"]
+    own, second = np.zeros((n, n)), np.zeros((n, n))
+    own[b, b] = second[b, b] = arrays["mass_s_s"]
+    own[c, c], second[c, c] = arrays["mass_w_w"] + arrays["inertia_psi_psi"], arrays["mass_w_w"] - arrays["mass_X_H"]
+    lever, swept = np.zeros(n), np.zeros(n)
+    lever[b], swept[c] = arrays["mass_X_s"], arrays["mass_X_w"] + arrays["inertia_psi"]
+    m = arrays["mass"]
+    e_x, e_y = arrays["mass_X"] + first_x @ q - q @ h @ q / 2, first_y @ q
+    by_x, turned = first_x - h @ q, swept + (cross.T - cross) @ q
+    inertia, by_q = arrays["mass_X_X"] + arrays["inertia"] + 2 * lever @ q + q @ second @ q, 2 * lever + 2 * second @ q
+    force_x = m * a_x + by_x @ a - v @ h @ v - epsilon * e_y - 2 * omega * first_y @ v - omega**2 * e_x
+    force_y = m * a_y + first_y @ a + epsilon * e_x + 2 * omega * by_x @ v - omega**2 * e_y
+    moment = inertia * epsilon + omega * by_q @ v + turned @ a - a_x * e_y + a_y * e_x
+    shapes = own @ a + turned * epsilon + by_x * a_x + first_y * a_y - omega**2 * by_q / 2
+    shapes += 2 * omega * (cross.T - cross) @ v + stiffness * q + damping @ v
+    mass = np.block([
+        [np.array([[m, 0, -e_y], [0, m, e_x], [-e_y, e_x, inertia]]), np.stack([by_x, first_y, turned])],
+        [np.stack([by_x, first_y, turned], axis=1), own],
+    ])  # fmt: skip
+    return arrays, np.array([force_x, force_y, moment, *shapes]), mass
+
+
+@pytest.mark.parametrize(("axial", "transverse"), [(1, 1), (0, 2), (2, 1), (1, 3)])
+def test_a_bar_of_several_shapes(axial, transverse):
+    """Forces of any motion and mass matrix: axial with transverse shapes, and two or three of a kind."""
+    count, found = axial + transverse, kernels(axial, transverse)
+    elastic, (c, s) = elasticity(count), (np.cos(0.7), np.sin(0.7))
+    turn = np.eye(3 + count)
+    turn[:2, :2] = [[c, -s], [s, c]]
+    for _ in range(3):
+        q, v, a = MOTIONS.uniform(-1, 1, (3, count))
+        motion = MOTIONS.uniform(-1, 1, 4)
+        arrays, forces, mass = bar_by_hand(axial, transverse, q, v, a, elastic, motion)
+        p, out, matrix = body_block(arrays, axial, transverse), np.zeros(3 + count), np.full((3 + count) ** 2, np.nan)
+        x, y = turn[:2, :2] @ motion[:2]
+        found.inverse(p, 0, q, v, a, 0, c, s, motion[2], x, y, motion[3], out, 0)
+        found.inertia(p, 0, q, 0, c, s, matrix, 0)
+        assert_equal(out, turn @ forces)
+        assert_equal(matrix.reshape(mass.shape), turn @ mass @ turn.T)
+
+
+# ---- space --------------------------------------------------------------------------------------------------------
+
+CUBE = np.array(np.meshgrid(S, S, S)).reshape(3, -1).T
+CUBE_WEIGHTS = np.einsum("i,j,k->ijk", WEIGHTS, WEIGHTS, WEIGHTS).ravel()
+
+
+def cube(count):
+    """N (points, count, 3) and G (points, count, count, 3), symmetric, of a unit cube from the origin."""
+    x, y, z = CUBE.T
+    N = np.stack([np.stack(of, axis=1) for of in (
+        (-2 * x * y, x**2 - x * z, x * y), (x * z, y**2 / 2, -(x**2) * z), (z**2 - y, x * y * z, x**3 / 2),
+    )], axis=1)[:, :count]  # fmt: skip
+    G = np.einsum("pjx,pkx->pjk", N, N)[..., None] * np.stack([-x / 2, y * z, -z], axis=1)[:, None, None]
+    return N, G
+
+
+def cube_by_hand(dm, N, G, q, v, b, motion):
+    """What a motion takes of that cube without elasticity, and its mass matrix.
+
+    P = m V + omega x S + S', L = S x V + I omega + g.q', p = n q' + S,q V + g omega; S = int (r + N q + G q q/2) dm,
+    I to the second order and g_j = int (r x N_j + q_k (r x G_jk + N_k x N_j)) dm to the first order.
+    """
+    (omega, a, epsilon), unit, cross, r = motion, np.eye(3), np.cross, CUBE
+    m, moved, bent = dm.sum(), np.einsum("pjx,j->px", N, q), np.einsum("pjkx,j,k->px", G, q, q) / 2
+    S_0 = dm @ (r + moved + bent)
+    by_q = np.einsum("p,pjx->jx", dm, N) + np.einsum("p,pjkx,k->jx", dm, G, q)
+    own = np.einsum("p,pjx,pkx->jk", dm, N, N)
+
+    def product(left, right):
+        """int (left . right 1 - (left right^T + right left^T)/2) dm."""
+        outer = np.einsum("p,px,py->xy", dm, left, right)
+        return np.trace(outer) * unit - (outer + outer.T) / 2
+
+    shapes = range(len(q))
+    grown = np.einsum("pjkx,k->pjx", G, q)
+    inertia = product(r, r) + 2 * product(r, moved + bent) + product(moved, moved)
+    by_shape = [2 * product(r, N[:, j] + grown[:, j]) + 2 * product(moved, N[:, j]) for j in shapes]
+    turned = np.array([dm @ (cross(r, N[:, j] + grown[:, j]) + cross(moved, N[:, j])) for j in shapes])
+    turned_by = np.array([[dm @ (cross(r, G[:, j, k]) + cross(N[:, k], N[:, j])) for k in shapes] for j in shapes])
+    rate, changed = v @ by_q, v @ turned
+    force = m * a + cross(epsilon, S_0) + 2 * cross(omega, rate) + cross(omega, cross(omega, S_0)) + b @ by_q
+    force += np.einsum("p,pjkx,j,k->x", dm, G, v, v)
+    moment = cross(S_0, a) + inertia @ epsilon + sum(v[j] * by_shape[j] for j in shapes) @ omega + b @ turned
+    moment += np.einsum("jkx,j,k->x", turned_by, v, v) + cross(omega, inertia @ omega + changed)
+    rows = by_q @ a + turned @ epsilon + own @ b
+    rows += np.array([-omega @ by_shape[j] @ omega / 2 for j in shapes])
+    # d/dt of g_j(q) omega less the derivative of omega g_k(q) q_k' by q_j
+    rows += np.array([sum((turned_by[j, k] - turned_by[k, j]) @ omega * v[k] for k in shapes) for j in shapes])
+    arm = np.array([[0, -S_0[2], S_0[1]], [S_0[2], 0, -S_0[0]], [-S_0[1], S_0[0], 0]])
+    mass = np.block([
+        [m * unit, -arm, by_q.T], [arm, inertia, turned.T], [by_q, turned, own],
+    ])  # fmt: skip
+    return np.array([*force, *moment, *rows]), mass
+
+
+def sums(dm, N, G, stiffness, damping, cubic):
+    """Numbers of the body behind those of the rigid one: of every shape, of every pair, of every three."""
+    place = {axis: k for k, axis in enumerate("xyz")}
+    pairs = range(N.shape[1])
+
+    def integral(name, j, k):
+        """Of a product that is named like x_N_y of shape j, N_x_N_y or x_G_y of shapes j and k."""
+        *before, letter, axis = name.split("_")
+        first = N[:, j, place[before[1]]] if len(before) == 2 else CUBE[:, place[before[0]]] if before else 1.0
+        functions = G[:, j, k] if letter == "G" else N[:, k]
+        return dm @ (first * functions[:, place[axis]])
+
+    single = [integral(name, j, j) for j in pairs for name in spatial_shapes.SINGLE]
+    both = []
+    for j in pairs:
+        for k in pairs:
+            both += [integral(name, j, k) for name in spatial_shapes.PAIR[:-2]]
+            both += [stiffness[j] * (j == k), damping[j, k]]
+    return [*single, *both, *cubic.ravel()]
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_cube_of_several_shapes(count):
+    """Forces of any motion and mass matrix, with all products of different shapes and a cubic strain energy."""
+    dm, (N, G) = 1.7 * CUBE_WEIGHTS, cube(count)
+    stiffness, damping = elasticity(count)
+    cubic = MOTIONS.uniform(-1, 1, (count, count, count))
+    cubic = sum(cubic.transpose(order) for order in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)))
+    m = dm.sum()
+    rigid = [m, 0.5, 0.5, 0.5, m / 6, m / 6, m / 6, 0.0, 0.0, 0.0]
+    p = np.array([*rigid, *sums(dm, N, G, stiffness, damping, cubic)])
+    for _ in range(3):
+        q, v, b = MOTIONS.uniform(-1, 1, (3, count))
+        w = MOTIONS.uniform(-1, 1, 9)
+        found, size = np.zeros(6 + count), 36 + 6 * count
+        spatial.demand(p, 0, w, 0, found, 0)
+        spatial_shapes.shaped_demand(p, 10, count, w, 0, q, 0, v, 0, b, found, 0, found, 6)
+        matrix = np.zeros(size + count**2)
+        spatial.inertia(p, 0, matrix, 0)
+        spatial_shapes.shaped_inertia(p, 10, count, q, 0, matrix, 0)
+        couples = matrix[36:size].reshape(6, count)
+        whole = np.block([[matrix[:36].reshape(6, 6), couples], [couples.T, matrix[size:].reshape(count, count)]])
+        forces, mass = cube_by_hand(dm, N, G, q, v, b, w.reshape(3, 3))
+        forces[6:] += stiffness * q + damping @ v + np.einsum("jkl,k,l->j", cubic, q, q)
+        assert_equal(found, forces)
+        assert_equal(whole, mass)
