@@ -1,17 +1,29 @@
-"""While numba compiles: operators are what they were, and garbage is collected afterwards as before."""
+"""While numba compiles: operators are what they were, and garbage is collected afterwards as before.
+
+Reading compiled functions does not prepare numba to compile.
+"""
 
 import gc
 import itertools
+import json
+import math
 import operator
+import subprocess
+import sys
+from types import SimpleNamespace
 
 import numba
 import numpy as np
 import pytest
 from numba import types
 from numba.core import event
+from numba.core.caching import FunctionCache
 from numba.core.registry import cpu_target
 from numba.core.types.functions import BaseFunction
 
+from kaneflex.generated.tables import table
+from kaneflex.scene import read_scene
+from kaneflex.solve.loading import load
 from kaneflex.support import quick_compiling
 
 KINDS = (
@@ -104,3 +116,58 @@ def test_what_numba_compiles_for_a_call_is_not_remembered():
     assert np.isnan(found["numpy"](0.0))
     with pytest.raises(ZeroDivisionError):
         found["python"](0.0)
+
+
+READ = """
+import json, math, sys
+import numba, numpy as np
+import kaneflex
+from kaneflex.generated.tables import table
+
+
+@numba.njit
+def later(block):
+    return math.gamma(table(0.4, block, 0)) * block[::2].sum()
+
+
+def prepared():
+    return "numba.np.linalg" in sys.modules
+
+
+model = kaneflex.load(kaneflex.read_scene("engine"))
+kernels = model.kernels
+out, block = np.empty(2 * (len(kernels.coordinates),)), np.array([1.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+kernels.K(1e-3, kernels.parameters, out)
+first, before = table(0.4, block, 0), prepared()
+compiled = later(block)
+kernels.M(1e-3, kernels.parameters, mass := np.empty_like(out))
+print(json.dumps([out.tolist(), mass.tolist(), first, table(0.4, block, 0), compiled, before, prepared()]))
+"""
+
+
+def test_compiled_functions_are_read_without_preparing_to_compile():
+    """Another process that reads them gets the same numbers, and compiles afterwards what calls them."""
+    block, kernels = np.array([1.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), load(read_scene("engine")).kernels
+    stiffness, mass = np.empty((2, *2 * (len(kernels.coordinates),)))
+    kernels.K(1e-3, kernels.parameters, stiffness)
+    kernels.M(1e-3, kernels.parameters, mass)
+    value = table(0.4, block, 0)
+    assert value == pytest.approx(2.0 + 0.4 * (3.0 + 0.4 * (4.0 + 0.4 * 5.0)))
+    done = subprocess.run([sys.executable, "-c", READ], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    *read, compiled, before, after = json.loads(done.stdout)
+    assert read == [stiffness.tolist(), mass.tolist(), value, value]
+    assert compiled == pytest.approx(math.gamma(value) * block[::2].sum())
+    assert (before, after) == (False, True)
+
+
+def test_functions_of_other_packages_are_read_as_numba_reads_them(monkeypatch):
+    """What these need is not known."""
+    asked = []
+    monkeypatch.setattr(cpu_target.target_context, "refresh", lambda: asked.append(True))
+    monkeypatch.setattr(FunctionCache, "_load_overload", lambda self, sig, context: sig)
+    for module, refreshes in (("kaneflex.generated.laws", 0), ("kaneflex_3302ebbbfc4bb91f", 0), ("other", 1)):
+        cache = FunctionCache.__new__(FunctionCache)
+        cache._py_func = SimpleNamespace(__module__=module)
+        assert cache.load_overload("signature", cpu_target.target_context) == "signature"
+        assert len(asked) == refreshes

@@ -3,6 +3,9 @@
 What is compiled is the same. Half of numba's own work is finding out, at every place in a text, what an operator is of
 its types, by asking all that numba knows of the operator until one answers; and the collector of garbage goes through
 objects that live as long as the compiler does again and again.
+
+A compiled function of kaneflex is read from numba's cache without preparing numba to compile, which takes longer than
+reading ten of them. The compiler prepares itself when it has something to compile.
 """
 
 from __future__ import annotations
@@ -16,11 +19,33 @@ from typing import Any
 def use() -> None:
     """Have numba compile so from now on: once in a process."""
     from numba import types
-    from numba.core import event
+    from numba.core import caching, event
 
     function: Any = types.Function
     function.get_call_type = _remembering(function.get_call_type)
     event.register("numba:compile", _seldom_collecting(event.Listener))
+    cache_of_functions: Any = caching.FunctionCache
+    cache_of_functions.load_overload = _reading_only(cache_of_functions.load_overload)
+
+
+def _reading_only(load: Any) -> Any:
+    """``load(cache, sig, context)``, numba's reading of a compiled function, without ``context.refresh()``.
+
+    The refresh imports and registers all that numba can compile. Of this a compiled function needs the symbols of
+    numba's runtime alone, and its caller the type of functions by address, the one type that numba knows only then.
+    Functions of other packages may need more and are read as numba reads them.
+    """
+    import numba.experimental.function_type  # noqa: F401
+    from numba.core.runtime import rtsys
+
+    def load_overload(self, sig, context):
+        if not self._py_func.__module__.startswith("kaneflex"):
+            return load(self, sig, context)
+        rtsys.initialize(context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, context)
+
+    return load_overload
 
 
 def _remembering(find: Any) -> Any:
