@@ -4,12 +4,14 @@ import math
 import re
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 from PIL import Image
 
 from kaneflex.integrate.outcome import Outcome
@@ -19,6 +21,7 @@ from kaneflex.plots.animation import caption_at
 from kaneflex.plots.deformed import figures as figures_of_worst
 from kaneflex.plots.mechanism import outline, rigid_outline, scenery
 from kaneflex.plots.records import reversals, spectrum
+from kaneflex.plots.stress_lines import StressLines
 from kaneflex.plots.style import readable, round_down, save, styled
 from kaneflex.plots.view import FRAMES, view
 from kaneflex.scene import read_scene, with_settings
@@ -344,6 +347,27 @@ def test_the_sixty_frames_of_an_animation_take_at_most_a_megabyte(tmp_path):
     with Image.open(path) as gif:
         assert gif.n_frames == 10
     assert FRAMES == 60 and path.stat().st_size < 1e6 * 10 / FRAMES
+
+
+def test_an_animation_colours_links_by_their_stress_at_each_instant(monkeypatch):
+    """Colours are the solution's own stresses at the drawn instants; links without a section stay blue."""
+    solution = solve(load(read_scene("six-bar")))
+    axes = style.new_figure(3.0, 2.0, "").subplots()
+    ends = np.zeros((2, 5, 2))
+    lines = StressLines(axes, solution, {"rod": ends, "right_rocker": ends}, instants := np.array([10, 200]))
+    for k, instant in enumerate(instants):
+        lines.move(k)
+        expected = [np.interp(np.linspace(0, each.x[-1], 9)[1::2], each.x, each.mises[:, instant])
+                    for each in (solution.stresses["rod"], solution.stresses["right_rocker"])]  # fmt: skip
+        np.testing.assert_allclose(lines.artist.get_array(), lines.factor * np.concatenate(expected))
+        assert lines.artist.get_clim()[1] >= lines.artist.get_array().max()
+    taken = []
+    monkeypatch.setattr(
+        animation, "recording", lambda axes, moving, *rest: taken.append(moving) or nullcontext(lambda: None)
+    )
+    for moved in (solution, solved("engine")):
+        animation.animate(moved, [], 2)
+    assert [any(isinstance(artist, LineCollection) for artist in artists) for artists in taken] == [True, False]
 
 
 def test_a_frame_shows_what_moves_before_what_stands_still(tmp_path):

@@ -1,13 +1,16 @@
-"""The README's examples run as printed, and print what they say."""
+"""The README's scene and Python run as printed, and print what they say."""
 
 import re
 from pathlib import Path
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+SCENE = re.search(r"```toml\n(# crank\.toml\n.*?)```", README, flags=re.DOTALL)[1]
 PYTHON = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
 
 
-def test_the_examples_run_and_print_what_their_comments_say(capsys):
+def test_the_examples_run_and_print_what_their_comments_say(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "crank.toml").write_text(SCENE)
     namespace: dict[str, object] = {}
     for block in PYTHON:
         exec(compile(block, "README.md", "exec"), namespace)
@@ -15,6 +18,11 @@ def test_the_examples_run_and_print_what_their_comments_say(capsys):
     promised = re.findall(r"^print\(.*\)  +# (.*)$", "\n".join(PYTHON), flags=re.MULTILINE)
     assert promised
     assert printed == promised
+
+
+def test_it_is_short_and_its_example_fits_on_a_screen():
+    assert len(README.split()) <= 700
+    assert len(SCENE.splitlines()) == 13 and len(PYTHON[0].splitlines()) == 5  # twelve lines below the file's name
 
 
 def test_every_link_and_picture_exists():

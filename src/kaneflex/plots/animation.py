@@ -14,8 +14,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
+from kaneflex.plots.drawing import MM, Outline, draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
+from kaneflex.plots.stress_lines import StressLines
 from kaneflex.plots.style import new_figure, round_down
 from kaneflex.plots.view import FRAMES, View, angle_name, frames_of, view
 from kaneflex.support.errors import installed, told
@@ -101,7 +102,8 @@ def _gif(file: Path, rate: float) -> Generator[None, np.ndarray, None]:
 def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, seconds: float | None = None) -> None:
     """Write the animation over what :func:`kaneflex.plots.view.view` shows, so many instants of it, into GIF or MP4.
 
-    The title states the factor by which the deformation is enlarged, 1, 2 or 5 times a power of ten.
+    The title states the factor by which the deformation is enlarged, 1, 2 or 5 times a power of ten. Elastic links
+    whose section has a shape are coloured by their stress.
     """
     shown = frames_of(view(solution), frames)
     model, fixed = solution.model, scenery(solution.model)
@@ -118,12 +120,27 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     ghost = draw_outline(axes, still, 0, ghost=True)
     solid = draw_outline(axes, moved, 0)
     caption = axes.set_title(caption_at(shown, 0))
-    with recording(axes, [*ghost, *solid, caption], files, len(shown.instants), seconds) as grab:
+    stressed = _coloured(axes, solution, moved, shown)
+    moving = [*ghost, *solid, caption, *(lines.artist for lines in stressed)]
+    with recording(axes, moving, files, len(shown.instants), seconds) as grab:
         for k in range(len(shown.instants)):
             ghost.move(still, k)
             solid.move(moved, k)
+            for lines in stressed:
+                lines.move(k)
             caption.set_text(caption_at(shown, k))
             grab()
+
+
+def _coloured(axes: Axes, solution: Solution, moved: Outline, shown: View) -> list[StressLines]:
+    """Links coloured by their stress, with the scale beside them; empty where no section has a shape."""
+    lines = {name: MM * moved.links[name] for name in solution.stresses if name in moved.links}
+    if not lines:
+        return []
+    stressed = StressLines(axes, solution, lines, shown.instants)
+    bar = axes.get_figure(root=True).colorbar(stressed.artist, ax=axes, fraction=0.05)  # type: ignore[union-attr]
+    bar.set_label(f"von Mises stress [{stressed.unit}]")
+    return [stressed]
 
 
 def enlargement(shown: View) -> float:

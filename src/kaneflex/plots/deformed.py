@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kaneflex.plots.animation import caption_at, enlargement, title
 from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
+from kaneflex.plots.stress_lines import StressLines
 from kaneflex.plots.style import GREY, new_figure, readable
 from kaneflex.plots.view import View, view
 from kaneflex.support.escaping import picture_text
@@ -104,22 +103,10 @@ def _in_space(figure: Figure, shown: View, factor: float | None) -> tuple[Axes, 
 
 def _colour(figure: Figure, axes: Axes, solution: Solution, instant: int, lines: dict[str, np.ndarray]) -> None:
     """Colour the links' lines (n_points, 2 or 3) by the largest stress of von Mises of each section, with a bar."""
-    stresses = {name: each for name, each in solution.stresses.items() if name in lines}
-    if not stresses:
+    if not solution.stresses.keys() & lines.keys():
         return
-    factor, unit = readable("Pa", *(each.mises[:, instant] for each in stresses.values()))
-    pieces, values = [], []
-    for name, each in stresses.items():
-        points = lines[name]
-        middles = np.linspace(0.0, each.x[-1], 2 * len(points) - 1)[1::2]
-        values.append(factor * np.interp(middles, each.x, each.mises[:, instant]))
-        pieces.append(np.stack([points[:-1], points[1:]], axis=1))
-    kind = Line3DCollection if solution.model.scene.is_spatial else LineCollection
-    coloured = kind([*np.concatenate(pieces)], cmap="turbo", linewidths=4.5, capstyle="round", zorder=3.3)
-    coloured.set_array(np.concatenate(values))
-    coloured.set_clim(0.0, float(np.concatenate(values).max()) or 1.0)
-    axes.add_collection(coloured)
+    coloured = StressLines(axes, solution, {name: each[None] for name, each in lines.items()}, np.array([instant]))
     width = figure.get_size_inches()[0]
     bar = figure.add_axes((1.0 - 0.85 / width, 0.2, 0.16 / width, 0.6))
     bar.set_title("von Mises")
-    figure.colorbar(coloured, cax=bar, label=f"stress [{unit}]")
+    figure.colorbar(coloured.artist, cax=bar, label=f"stress [{coloured.unit}]")
