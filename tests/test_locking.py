@@ -19,7 +19,7 @@ LIMIT = 360 - math.degrees(
 @pytest.fixture(autouse=True)
 def few_evaluations(monkeypatch):
     """All of this is known long before the budget of evaluations is spent."""
-    monkeypatch.setattr("kaneflex.solve.forward._MOST", 100_000)
+    monkeypatch.setattr("kaneflex.integrate.by_scipy._MOST", 100_000)
 
 
 @pytest.mark.parametrize("preset", ["rigid", "stiffened", "coupled"])

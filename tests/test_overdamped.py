@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from kaneflex.integrate import by_scipy
 from kaneflex.scene import with_settings
 from kaneflex.scene.read import scene_of
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
+from kaneflex.support.errors import SceneError
 
 PLANE = """
 schema = 1
@@ -110,3 +112,44 @@ def test_a_light_body_in_space_takes_the_steps_of_its_slow_motion(joint, along, 
         found = solve(model)
         assert abs(found.series["z"].values - closed_form(mass, found.times)[0]).max() < 1e-10
         assert len(model.motion.curve.knots) < 40
+
+
+RIGID = """
+schema = 1
+[bodies]
+z = {mass = "1e-9 kg", inertia = [1e-9, 1e-9, 1e-9]}
+[joints]
+g = {prismatic = ["ground", "z"], direction = [1, 0, 0]}
+[drives]
+g = {free = true}
+[loads]
+f = {force_on = "z", direction = [1, 0, 0], law = "sin(t) - g - g_speed"}
+[sensors]
+z = {position = "g", component = "x"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 20
+errors = "none"
+"""
+FLAT = RIGID.replace(", 0, 0]", ", 0]").replace(", inertia = [1e-9, 1e-9, 1e-9]", "").replace("coupled", "rigid")
+
+
+@pytest.mark.parametrize("mass", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("text", [RIGID, FLAT], ids=["space", "plane"])
+def test_a_rigid_light_body_needs_no_choice_of_a_method(text, mass, monkeypatch):
+    """Where a decay sets the steps of the explicit method, Radau's take its place; at 1e-3 kg they end before that."""
+    paces = []
+    monkeypatch.setattr(by_scipy.Pace, "__init__", lambda self, *given, old=by_scipy.Pace.__init__: (
+        old(self, *given), paces.append(self)
+    )[0])  # fmt: skip
+    found = solve(load(with_settings(scene_of(text), [f"z.mass={mass!r} kg"])))
+    assert abs(found.series["z"].values - closed_form(mass, found.times)[0]).max() < 1e-8
+    assert sum(pace.evaluations for pace in paces) < 12_000
+
+
+def test_a_rigid_motion_in_space_that_is_too_fast_ends_with_advice(monkeypatch):
+    monkeypatch.setattr(by_scipy, "_WINDOW", 500)
+    scene = scene_of(RIGID.replace("- g - g_speed", "- 1e12*g"))
+    with pytest.raises(SceneError, match=r'drives.g: .* evaluations bring it to t = .* of 1 s.*method = "Radau"'):
+        load(scene)

@@ -17,6 +17,18 @@ _NUDGE = float(np.sqrt(np.finfo(float).eps))
 MOST_EVALUATIONS = 1_000_000
 """Evaluations of the rates in one solution: a minute or two of a second opinion."""
 
+_MOST = 5_000_000
+"""Evaluations of the rates in one motion of free joints: some minutes."""
+_WINDOW, _STALLED = 50_000, 1e-4
+"""Evaluations after which a motion that moved on by less than a share of its duration stands still: _MOST of them would
+not bring it to a hundredth of it."""
+SLOW = 'Shorten the duration, raise solve.forward.tolerance, or set solve.forward.method = "Radau"'
+"""Advice where they bring a motion to no end."""
+_STEPS = 500
+"""Steps of an explicit method between which it is looked at for stiffness."""
+_DECAYS = 1e5
+"""Times of the fastest decay in a run beyond which it is stiff from its start."""
+
 Rates = Callable[[float, np.ndarray], np.ndarray]
 Progress = Callable[[float], None]
 
@@ -61,6 +73,45 @@ def solution(
         if progress is not None:
             progress((solver.t - span[0]) / (span[1] - span[0]))
     return scipy.integrate.OdeSolution(times, curves) if curves else None, message
+
+
+class Pace:
+    """The work of a motion of free joints, counted: where it is too much, and where an implicit method takes less."""
+
+    def __init__(self, duration: float) -> None:
+        self.duration, self.evaluations, self.steps, self.seen = duration, 0, 0, (0, 0.0)
+
+    def too_slow(self, t: float) -> bool:
+        """Whether the evaluations so far bring it to no end."""
+        stalled = False
+        if self.evaluations - self.seen[0] > _WINDOW:
+            stalled, self.seen = t - self.seen[1] < _STALLED * self.duration, (self.evaluations, t)
+        return stalled or self.evaluations > _MOST
+
+    def message(self, t: float) -> str:
+        """Problem of a motion that is too slow at t [s]."""
+        return (
+            f"its motion is so fast beside the duration that {self.evaluations} evaluations bring it to t = {t:.6g} s "
+            f"of {self.duration:.6g} s"
+        )
+
+    def stiff(self, solver, sizes: np.ndarray) -> bool:
+        """Whether what decays fast, not accuracy, sets the steps of an explicit solver of scipy's.
+
+        Looked at before the first step and after every _STEPS. An explicit step h is stable for h lambda of some
+        units (3.3 for RK45, 6 for DOP853), with the fastest decay lambda; a step that only accuracy binds resolves it,
+        with h lambda below 1. The first step is none of these: there it counts how often 1/lambda fits the run.
+        """
+        looked, step = self.steps % _STEPS == 0, solver.step_size if self.steps else self.duration / _DECAYS
+        self.steps += 1
+        if type(solver).__name__ in IMPLICIT or not looked:
+            return False
+        J = jacobian_of(solver.fun, sizes)(solver.t, solver.y)
+        if not np.isfinite(J).all():
+            return False
+        values = np.linalg.eigvals(J)
+        fastest = values[abs(values).argmax()]
+        return bool(-fastest.real > abs(fastest.imag) and -fastest.real * step > 1.0)
 
 
 def jacobian_of(rates: Rates, sizes: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.integrate.by_scipy import IMPLICIT, jacobian_of
+from kaneflex.integrate.by_scipy import IMPLICIT, SLOW, Pace, jacobian_of
 from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.coefficients import RADAU, integrals
 from kaneflex.multibody.spatial_bushings import overturned
@@ -36,8 +36,6 @@ _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
 _PIECE = 256
 """Steps between which Python is back, and can be interrupted."""
-_MOST = 5_000_000
-"""Evaluations of the accelerations in a run."""
 
 
 def integrate(
@@ -64,7 +62,8 @@ class Run(Curve):
         self, system: SpatialSystem, options: Options, start: State, share: Share = lambda done: None
     ) -> None:
         self.share = share
-        self.system, self.options, self.start, self.evaluations = system, options, start, 0
+        self.system, self.options, self.start = system, options, start
+        self.pace, self.method = Pace(options.duration), options.forward_method
         self.ends: list[float] = []  # of the curves
         self.curves: list[tuple[Callable[[Any], np.ndarray], State]] = []
         self.knots: list[float] = []  # ends of the steps
@@ -104,7 +103,7 @@ class Run(Curve):
         while steps.t[0] < options.duration:
             rows = np.zeros((_PIECE, step_size(system.coordinates, system.speeds)))
             rows = rows[: system.collocate(choice, steps, times, rows)].copy()
-            self.evaluations += int(control[EVALUATIONS])
+            self.pace.evaluations += int(control[EVALUATIONS])
             control[EVALUATIONS] = 0.0
             if len(rows):
                 self.ends.append(steps.t[0])
@@ -115,8 +114,8 @@ class Run(Curve):
             outcome = int(control[OUTCOME])
             if outcome not in (DONE, GROWN):
                 raise self._stopped(float(steps.t[0]), REASONS[outcome], outcome == OVERTURNED)
-            if self.evaluations > _MOST:
-                raise self._stopped(float(steps.t[0]), f"{self.evaluations} evaluations bring it no further")
+            if self.pace.too_slow(float(steps.t[0])):
+                raise self._stopped(float(steps.t[0]))
             if outcome == GROWN:
                 found, self.first = system.project(float(steps.t[0]), steps.q, steps.u, choice), control[WANTED]
                 better = self._better(found)
@@ -134,22 +133,25 @@ class Run(Curve):
         scale = np.concatenate([
             np.ones(system.coordinates), system.measure[state.choice.independent], [np.inf, np.inf]
         ])  # fmt: skip
-        rates, method = self._rates_of(state), options.forward_method
-        jac = {"jac": jacobian_of(rates, np.where(np.isfinite(scale), scale, 0.0))} if method in IMPLICIT else {}
-        solver = getattr(scipy.integrate, method)(
+        rates, sizes = self._rates_of(state), np.where(np.isfinite(scale), scale, 0.0)
+        jac = {"jac": jacobian_of(rates, sizes)} if self.method in IMPLICIT else {}
+        solver = getattr(scipy.integrate, self.method)(
             rates, state.t, y, options.duration, rtol=tolerance, atol=_ABSOLUTE * tolerance * scale,
             first_step=self.first, **jac,
         )  # fmt: skip
-        state = self._steps(solver, state)
+        state = self._steps(solver, sizes, state)
         left = options.duration - state.t
-        self.first = min(solver.step_size, left) if left > 0.0 else None
+        self.first = min(solver.step_size or solver.h_abs, left) if left > 0.0 else None
         return state
 
-    def _steps(self, solver, state: State) -> State:
-        """Step with one choice of speeds until another is better, or the end; the state there."""
+    def _steps(self, solver, sizes: np.ndarray, state: State) -> State:
+        """Step with one choice of speeds until another one or another method is better, or the end; the state there."""
         found = state
         while solver.status == "running":
             before, self.reason = solver.t, ""
+            if self.pace.stiff(solver, sizes):
+                self.method = "Radau"
+                return found
             try:
                 with np.errstate(all="ignore"):
                     message = solver.step()
@@ -157,8 +159,8 @@ class Run(Curve):
                 message, solver.status = "", "failed"
             if solver.status == "failed" or not np.isfinite(solver.y).all():
                 raise self._stopped(before, self.reason or message or "the rates are not finite there")
-            if self.evaluations > _MOST:
-                raise self._stopped(solver.t, f"{self.evaluations} evaluations bring it no further")
+            if self.pace.too_slow(solver.t):
+                raise self._stopped(solver.t)
             self.share(float(solver.t) / self.options.duration)
             self.ends.append(solver.t)
             self.knots.append(solver.t)
@@ -190,7 +192,7 @@ class Run(Curve):
 
     def _rates_of(self, state: State) -> Callable[[float, np.ndarray], np.ndarray]:
         def rates(t: float, y: np.ndarray) -> np.ndarray:
-            self.evaluations += 1
+            self.pace.evaluations += 1
             try:
                 found = self._projected(t, y, state)
                 if far := overturned(self.system.mechanism, self.system.work.bushings):
@@ -220,6 +222,11 @@ class Run(Curve):
         k = self._steps_of(np.array([t]))[0]
         curve, like = self.curves[k]
         return self._at(t, curve(t), like)
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the accelerations."""
+        return self.pace.evaluations
 
     @property
     def end(self) -> State:
@@ -261,7 +268,7 @@ class Run(Curve):
         works = np.array(self.works).T
         return Energy(*(found[f"{name} energy"] for name in ("kinetic", "strain", "weight")), *works)
 
-    def _stopped(self, t: float, message: str, by_bushing: bool = False) -> SceneError:
+    def _stopped(self, t: float, message: str = "", by_bushing: bool = False) -> SceneError:
         far = overturned(self.system.mechanism, self.system.work.bushings) if by_bushing else None
         if far:
             reason = f"the motion can't go on after t = {t:.6g} s: {far[1]}"
@@ -269,13 +276,15 @@ class Run(Curve):
         free = next((name for name, drive in self.system.scene.drives.items() if drive.kind == "free"), None)
         floating = self.system.mechanism.floating
         key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
+        reason = f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}"
         cure = "Shorten the duration, or change loads or start so that no loop locks"
+        if not message:
+            reason, cure = self.pace.message(t), SLOW
         if len(self.system.modal_speeds):
             cure = (
                 "Give fewer solve.modes, cut bodies that bend this far into several, welded to each other, "
                 "or take preset stiffened"
             )
-        reason = f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}"
         return SceneError(key, None, reason, cure)
 
 

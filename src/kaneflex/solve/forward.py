@@ -13,6 +13,7 @@ from types import ModuleType
 import numpy as np
 from numba import njit
 
+from kaneflex.integrate.by_scipy import SLOW, Pace
 from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
 from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.energy import Energy, rigid_energy
@@ -25,11 +26,6 @@ from kaneflex.support.errors import SceneError
 
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, m and their rates, as a share of the relative one."""
-_MOST = 5_000_000
-"""Evaluations of the accelerations in a run: some minutes."""
-_WINDOW, _STALLED = 50_000, 1e-4
-"""Evaluations after which a run that moved on by less than a share of its duration stands still: _MOST of them would
-not bring it to a hundredth of it."""
 _PIECES = 10
 """Cubics for each stretch of an integrator of eighth order: between its steps it is as exact as on them."""
 _MOST_NUMBERS = 2e7
@@ -91,7 +87,7 @@ class _Steps:
 
     def __init__(self, scene: Scene, module: ModuleType, parameters: np.ndarray, options: Options, accelerations):
         self.scene, self.module, self.parameters, self.options = scene, module, parameters, options
-        self.accelerations, self.evaluations = accelerations, 0
+        self.accelerations, self.pace = accelerations, Pace(options.duration)
         most = max(options.steps, _MOST_NUMBERS / (_COURSES * _PIECES * len(module.FREE)))
         self.shortest = options.duration / most
 
@@ -102,15 +98,16 @@ class _Steps:
         options, duration, count = self.options, self.options.duration, len(self.module.FREE)
 
         def rates(t: float, state: np.ndarray) -> np.ndarray:
-            self.evaluations += 1
+            self.pace.evaluations += 1
             return np.concatenate([state[count:], self.accelerations(t, state)])
 
         tolerance = options.forward_tolerance
-        solver = getattr(scipy.integrate, options.forward_method)(
-            rates, 0.0, start, duration, rtol=tolerance, atol=_ABSOLUTE * tolerance
-        )
-        begun, curves, seen = 0.0, [], (0, 0.0)
+        tolerances = {"rtol": tolerance, "atol": _ABSOLUTE * tolerance}
+        solver = getattr(scipy.integrate, options.forward_method)(rates, 0.0, start, duration, **tolerances)
+        begun, curves = 0.0, []
         while solver.status == "running":
+            if self.pace.stiff(solver, np.ones(2 * count)):
+                solver = scipy.integrate.Radau(rates, solver.t, solver.y, duration, **tolerances)
             before, state = solver.t, solver.y.copy()
             try:
                 with np.errstate(all="ignore"):
@@ -120,10 +117,7 @@ class _Steps:
             if solver.status == "failed" or message is not None or not np.isfinite(solver.y).all():
                 raise self.stopped(before, state, message or "its rates are not finite there")
             curves.append(solver.dense_output())
-            stalled = False
-            if self.evaluations - seen[0] > _WINDOW:
-                stalled, seen = solver.t - seen[1] < _STALLED * duration, (self.evaluations, solver.t)
-            if stalled or self.evaluations > _MOST:
+            if self.pace.too_slow(solver.t):
                 raise self.stopped(solver.t, solver.y)
             if solver.t - begun >= self.shortest or solver.status == "finished":
                 yield _sampled(curves, begun, solver.t)
@@ -131,7 +125,7 @@ class _Steps:
 
     def stopped(self, t: float, state: np.ndarray, message: str | None = None) -> SceneError:
         """Why the motion ends at a time and state; without a message it is too slow."""
-        free, duration = self.module.FREE, self.options.duration
+        free = self.module.FREE
         rigid = standing(self.module, self.parameters, t, state)
         joint = locking(rigid)
         if joint is not None:
@@ -141,12 +135,7 @@ class _Steps:
                 f"drives.{free[0]}", "free", f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}",
                 "Shorten the duration, or change loads or start so that no linkage locks",
             )  # fmt: skip
-        return SceneError(
-            f"drives.{free[0]}", "free",
-            f"its motion is so fast beside the duration that {self.evaluations} evaluations bring it to t = {t:.6g} s "
-            f"of {duration:.6g} s",
-            "Shorten the duration, or raise solve.forward.tolerance",
-        )  # fmt: skip
+        return SceneError(f"drives.{free[0]}", "free", self.pace.message(t), SLOW)
 
 
 def _sampled(curves: list, begun: float, end: float) -> list[tuple[float, np.ndarray]]:
