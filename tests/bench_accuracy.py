@@ -53,7 +53,7 @@ COUPLED_MODELS = {
 }
 HEAD = """# What a run is off by
 
-Runs say what their sensors may be off by: [how](scene.md#what-a-run-is-off-by). Here is that beside the true error, at
+Runs say what their sensors may be off by: [how](scene/solve.md#error-estimates). Here is that beside the true error, at
 first of one-way presets whose rigid motion is prescribed, measured against the scene's finest model (preset
 `stiffened`, four times the elements, all modes, four times the steps by `radau`). *Effectivity* is the estimate over
 the true error, each the largest over the run: 1 is exact, above 1 safe. Sensors whose error is below ten times that of

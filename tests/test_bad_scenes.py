@@ -505,7 +505,7 @@ BAD = {
 
 COUPLE = (
     "Let the joints be free, and couple them by laws of torques and forces in their coordinates and speeds, as "
-    "'Brakes and belts' in docs/scene.md does."
+    "'Brakes and belts' in docs/scene/loads.md does."
 )
 
 

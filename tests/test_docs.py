@@ -1,13 +1,15 @@
-"""docs/scene.md states every key of a scene file with its default and its words, and its examples run."""
+"""docs/scene/ states every key of a scene file with its type, default and an example, and its scenes run."""
 
 import importlib.util
 import json
 import re
 import tomllib
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from kaneflex.integrate.methods import METHODS
 from kaneflex.scene import Scene, json_schema, read_scene, with_settings
@@ -16,12 +18,16 @@ from kaneflex.scene.materials import MATERIALS
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.quantities import RESERVED_NAMES
+from kaneflex.scene.table import SceneTable
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 
-TEXT = (Path(__file__).parent.parent / "docs" / "scene.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parent.parent / "docs"
+PAGES = ("index", "links", "joints", "drives", "loads", "contacts", "friction", "damping", "sensors", "solve", "space",
+         "units")  # fmt: skip
+TEXT = "\n".join((DOCS / "scene" / f"{page}.md").read_text(encoding="utf-8") for page in PAGES)
 HEADING_OF = {
     "Mass": "Masses",
     "Shape": "Sections",
@@ -32,13 +38,19 @@ HEADING_OF = {
     "Spring": "Springs", "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
     "Viscous": "Viscous damping", "Sensor": "Sensors", "Event": "Events", "Solve": "Solve",
     "Contact": "Contacts", "ContactLaw": "Contact laws", "Clearance": "Clearances", "Friction": "Friction",
-    "Rotation": "In space", "Forward": "Forward dynamics", "Start": "Starting from a state",
+    "Rotation": "Rotation", "Forward": "Forward dynamics", "Start": "Starting from a state",
 }  # fmt: skip
 SCHEMA = Scene.model_json_schema(by_alias=True)
 TABLES = {"Scene": SCHEMA, **SCHEMA["$defs"]}
 BLOCKS = re.findall(r"^```toml\n(.*?)^```", TEXT, flags=re.DOTALL | re.MULTILINE)
 SCENES = {re.match(r"# (\S+)\.toml\n", block)[1]: block for block in BLOCKS if "schema = 1" in block}
 FRAGMENTS = [block for block in BLOCKS if "schema = 1" not in block]
+
+
+def models(parent: type = SceneTable) -> dict[str, type]:
+    """The classes of all tables by their names."""
+    children = parent.__subclasses__()
+    return {each.__name__: each for each in children} | {k: v for each in children for k, v in models(each).items()}
 
 
 def section(heading: str) -> str:
@@ -72,7 +84,7 @@ def test_every_key_is_there_and_no_other(table):
 
 @pytest.mark.parametrize("table", HEADING_OF)
 def test_defaults_are_those_of_the_schema(table):
-    for key, (_, default, _) in keys_of(table).items():
+    for key, (_, default, *_) in keys_of(table).items():
         entry = TABLES[table]["properties"][key]
         assert (default == "required") == (key in TABLES[table].get("required", [])), key
         if words(default):
@@ -83,11 +95,24 @@ def test_defaults_are_those_of_the_schema(table):
 
 @pytest.mark.parametrize("table", HEADING_OF)
 def test_words_that_a_key_can_be_are_all_named(table):
-    for key, (kind, _, _) in keys_of(table).items():
+    for key, (kind, *_) in keys_of(table).items():
         entry = TABLES[table]["properties"][key]
         allowed = [choice for option in entry.get("anyOf", [entry]) for choice in option.get("enum", [])]
         if allowed and key not in ("integrator", "reduction"):  # these have tables of their own
             assert sorted(words(kind)) == sorted(allowed), key
+
+
+@pytest.mark.parametrize("table", HEADING_OF)
+def test_examples_are_what_the_keys_take(table):
+    """Each cell of the column `example`, read as TOML and validated as the field's own type."""
+    for key, (_, _, example, _) in keys_of(table).items():
+        value = tomllib.loads(f"value = {words(example)[0]}")["value"]
+        model = models()[table]
+        (name,) = [name for name, field in model.model_fields.items() if (field.alias or name) == key]
+        field, checks = model.model_fields[name], model.__pydantic_decorators__.field_validators.values()
+        if any(name in check.info.fields and check.info.mode == "before" for check in checks):
+            continue  # its unit depends on other entries
+        TypeAdapter(Annotated[field.annotation, "", *field.metadata]).validate_python(value)
 
 
 def test_presets_integrators_and_reductions_are_those_of_the_code():
@@ -118,19 +143,38 @@ def test_the_terms_that_can_be_switched_are_those_of_the_page():
 
 
 def test_materials_functions_and_reserved_names_are_those_of_the_code():
-    table = rows(section("Beams"), "material")
+    table = rows(section("Materials"), "material")
     assert {name: tuple(map(float, numbers)) for name, numbers in table.items()} == MATERIALS
-    laws = re.search(r"the functions (.*?)\. Nothing else", section("Loads"), flags=re.DOTALL)[1]
+    laws = re.search(r"the functions (.*?)\. Nothing else", section("Laws"), flags=re.DOTALL)[1]
     assert sorted(words(laws)) == sorted(FUNCTIONS)
     reserved = re.search(r"can't be names:\n\n(.*?)\n\n", section("Names") + "\n\n", flags=re.DOTALL)[1]
     assert sorted(words(reserved)) == sorted(RESERVED_NAMES)
 
 
-def test_links_within_the_page_lead_somewhere():
-    headings = re.findall(r"^#+ (.*)$", re.sub(r"^```.*?^```", "", TEXT, flags=re.DOTALL | re.MULTILINE), re.MULTILINE)
-    anchors = {heading.lower().replace(" ", "-") for heading in headings}
-    targets = set(re.findall(r"\]\(#([^)]*)\)", TEXT))
-    assert targets and targets <= anchors
+def anchors_of(page: Path) -> set[str]:
+    """Anchors of a page's headings, as the site and a repository's viewer make them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    plain = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE))
+    return {heading.replace(" ", "-") for heading in plain}
+
+
+def test_links_between_the_pages_lead_somewhere():
+    broken = []
+    for page in [*DOCS.rglob("*.md"), DOCS.parent / "README.md"]:
+        text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+        for target in re.findall(r"\]\(([^)\s]+)\)", text):
+            file, _, anchor = target.partition("#")
+            found = page if not file else (page.parent / file)
+            if target.startswith("http"):
+                continue
+            if not found.exists() or (anchor and anchor not in anchors_of(found)):
+                broken.append(f"{page.name}: {target}")
+    assert not broken
+
+
+def test_every_picture_of_the_pages_is_shown():
+    shown = "".join(page.read_text(encoding="utf-8") for page in [*DOCS.rglob("*.md"), DOCS.parent / "README.md"])
+    assert [path.name for path in (DOCS / "pictures").iterdir() if path.name not in shown] == []
 
 
 @pytest.mark.parametrize("fragment", FRAGMENTS, ids=lambda text: text.split("\n")[0].strip("[]").split(" ")[0])
@@ -236,7 +280,7 @@ def test_the_slow_engine_has_no_gas_and_eight_elements(solved):
 
 
 def test_every_name_of_the_architecture_page_is_there():
-    text = (Path(__file__).parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
     names = set(re.findall(r"`(kaneflex(?:\.\w+)+)`", text))
     assert len(names) > 20
     for name in names:

@@ -19,7 +19,7 @@ from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, read_modal_data
 from kaneflex.solve.coupled_linearisation import modes_at_rest
 from kaneflex.support.errors import SceneError
 
-PAGE = (Path(__file__).parent.parent / "docs" / "commands.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parent.parent / "docs" / "modal-data.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

@@ -310,7 +310,7 @@ print([name for name in ("sympy", "kaneflex.derive", "kaneflex.generated.engine"
 
 def test_a_barrel_is_drawn_no_longer_than_it_is():
     """A rail that a body carries ends where the body does, as far as its rider leaves it there."""
-    page = (Path(__file__).parents[1] / "docs/scene.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "docs/scene/drives.md").read_text(encoding="utf-8")
     scene = scene_of(page.partition("# boom.toml\n")[2].partition("```")[0])
     placement = place(scene)
     fixed = rigid_scenery(scene, placement)

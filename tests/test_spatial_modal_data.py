@@ -17,7 +17,7 @@ from kaneflex.scene import read_scene, scene_of
 from kaneflex.scene.modal_data import SPATIAL_ARRAYS, SPATIAL_POINT_ARRAYS, read_modal_data
 from kaneflex.support.errors import SceneError
 
-PAGE = (Path(__file__).parent.parent / "docs" / "commands.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parent.parent / "docs" / "modal-data.md").read_text(encoding="utf-8")
 SCENE = """
 schema = 1
 gravity = [0, -9.81, 0]

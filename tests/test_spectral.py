@@ -305,7 +305,7 @@ def contraction(grid):
     ("name", "unresolved", "resolved"), [("engine", 0.023, 2.84), ("six-bar", 0.009, 0.559)], ids=["engine", "six-bar"]
 )
 def test_corrections_contract_in_every_norm_only_where_resonances_are_weak(name, unresolved, resolved):
-    """Why no error is called certified: as docs/scene.md says, with two modes of a link, on 64 and 192 instants."""
+    """Why no error is called certified: as docs/scene/solve.md, with two modes of a link, on 64 and 192 instants."""
     scene = with_settings(kaneflex.read_scene(name), ["solve.start=periodic", "solve.modes=2"])
     run = run_of(load(scene))
     for instants, expected in ((64, unresolved), (192, resolved)):

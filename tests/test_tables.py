@@ -127,7 +127,7 @@ def test_a_drive_takes_no_interpolation_with_jumps_of_its_speed(tmp_path):
 
 
 def test_what_the_defaults_cost_on_a_smooth_curve():
-    """The numbers of docs/scene.md: every other row of the engine's gas force predicts those between."""
+    """The numbers of docs/scene/units.md: every other row of the engine's gas force predicts those between."""
     table = read_scene("engine").loads["gas"].read_table()
     y = table.y.copy()
     y[0] = y[-1] = (y[0] + y[-1]) / 2

@@ -252,7 +252,7 @@ def _coupling(path: list[str]) -> tuple[str, str] | None:
         return None
     what = "no key couples a joint with another one" if table == "joints" else "a drive's table is over the time"
     cure = "Let the joints be free, and couple them by laws of torques and forces in their coordinates and speeds"
-    return f"unknown key: {what}", f"{cure}, as 'Brakes and belts' in docs/scene.md does"
+    return f"unknown key: {what}", f"{cure}, as 'Brakes and belts' in docs/scene/loads.md does"
 
 
 def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel] = Scene) -> Problem:

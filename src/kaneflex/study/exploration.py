@@ -118,7 +118,7 @@ class Exploration:
             raise SceneError("--vary", None, "nothing varies", "Give a number two ends: --vary main.speed=2000:6000rpm")
         demand_once(("--vary", each.path, tuple(resolved(self.scene.raw, each.path))) for each in self.open)
         if not self.scene.sensors:
-            raise SceneError("sensors", None, "the scene has none to look at", "Give it one, see docs/scene.md")
+            raise SceneError("sensors", None, "the scene has none to look at", "Give it one, see docs/scene/sensors.md")
         unknown = [name for name in self.sensors if name not in self.scene.sensors]
         if unknown:
             cure = nearest(unknown[0], self.scene.sensors)
