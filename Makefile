@@ -4,12 +4,13 @@
 .PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive bench-choice docs wheel lint clean
 
 PYTHON ?= python3
-# EXTRAS=test,peer,cluster,zarr,vtk,docs,bench installs what is optional, too; without it the tests of it skip and say
-# so, and the benchmarks name what is missing.
+# EXTRAS=test,peer,cluster,zarr,docs,bench installs more beside what the tests need; without it the tests of it skip and
+# say so, and the benchmarks name what is missing. What only runs scenes installs none of it.
 EXTRAS ?= test
 BUILD := .build
 BIN := $(BUILD)/venv/bin
 READY := $(BUILD)/venv/ready
+READY_TEST := $(BUILD)/venv/ready-test
 DERIVED := $(BUILD)/derived
 
 # Kernels are compiled once for all targets, and the checkout stays clean.
@@ -18,11 +19,18 @@ export NUMBA_CACHE_DIR := $(CURDIR)/$(BUILD)/numba
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(READY)  ## make the virtual environment in .build/venv, once
+setup: $(READY_TEST)  ## make the virtual environment in .build/venv, once, with what EXTRAS names; run needs less
+
+# Python compiles what is imported, a sixth of what is installed.
+INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(BUILD)/venv
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
+	$(INSTALL) .
+	@touch $@
+
+$(READY_TEST): $(READY)
+	$(INSTALL) '.[$(EXTRAS)]'
 	@touch $@
 
 run: $(READY)  ## run the reference engine; results, summary and pictures in .build/engine
@@ -43,7 +51,7 @@ test: export OPENBLAS_NUM_THREADS := 1
 test: export NUMBA_NUM_THREADS := 1
 # Bytecode is kept, whatever the environment says: pytest takes ten seconds a process to rewrite all assertions.
 test: export PYTHONDONTWRITEBYTECODE :=
-test: $(READY)  ## run the tests
+test: $(READY_TEST)  ## run the tests
 	@echo "compiling the kernels ..."
 	@printf '%s\n' "$(SLOW_PLANAR)" "$(SLOW_SPATIAL)" | xargs -P 2 -L 1 $(BIN)/python tests/compile_kernels.py
 	$(BIN)/pytest -n 2 --dist worksteal
@@ -51,7 +59,7 @@ test: $(READY)  ## run the tests
 extremes: export OMP_NUM_THREADS := 1
 extremes: export OPENBLAS_NUM_THREADS := 1
 extremes: export NUMBA_NUM_THREADS := 1
-extremes: $(READY)  ## run the extremes suite in full into docs/extremes.md; read 20,000 mutated scenes, run 2,000, import 500 meshes
+extremes: $(READY_TEST)  ## run the extremes suite in full into docs/extremes.md; read 20,000 mutated scenes, run 2,000, import 500 meshes
 	$(BIN)/python tests/bench_extremes.py
 	$(BIN)/python tests/scene_fuzz.py 20000
 	$(BIN)/python tests/scene_fuzz.py --runs 2000
@@ -71,30 +79,30 @@ bench bench-quick: export OMP_NUM_THREADS := 1
 bench bench-quick: export OPENBLAS_NUM_THREADS := 1
 bench bench-quick: export NUMBA_NUM_THREADS := 1
 bench bench-quick: export PYTHONPATH := tests
-bench: $(READY)  ## time all against C and other programs into docs/benchmarks.md; SECTIONS="kernels ..." some of it
+bench: $(READY_TEST)  ## time all against C and other programs into docs/benchmarks.md; SECTIONS="kernels ..." some of it
 	$(BIN)/python -m bench $(SECTIONS)
 
-bench-quick: $(READY)  ## check that the kernels are about as fast as hand-written C
+bench-quick: $(READY_TEST)  ## check that the kernels are about as fast as hand-written C
 	$(BIN)/python -m bench --quick
 
-bench-derive: $(READY)  ## time deriving and compiling of chains of links into docs/derive-times.md
+bench-derive: $(READY_TEST)  ## time deriving and compiling of chains of links into docs/derive-times.md
 	$(BIN)/python tests/bench_derive.py
 
-bench-choice: $(READY)  ## compare choices by tolerance with brute force into docs/choice-table.md
+bench-choice: $(READY_TEST)  ## compare choices by tolerance with brute force into docs/choice-table.md
 	$(BIN)/python tests/bench_choice.py
 
 docs: $(READY)  ## build the site of docs/ into .build/site, its notebook run, its links checked
-	$(BIN)/python -c "import myst_nb" 2> /dev/null || $(BIN)/pip install --quiet --editable '.[docs]'
+	$(BIN)/python -c "import myst_nb" 2> /dev/null || $(INSTALL) '.[docs]'
 	$(BIN)/sphinx-build --fail-on-warning --keep-going -q -b html -d $(BUILD)/site-made docs $(BUILD)/site
 	@echo "The site is in $(BUILD)/site/index.html"
 
 wheel: $(READY)  ## build a wheel whose kernels come compiled for this platform into .build/dist; SCENES="engine ..." of some
-	$(BIN)/python -c "import build, wheel" 2> /dev/null || $(BIN)/pip install --quiet --editable '.[package]'
+	$(BIN)/python -c "import build, wheel" 2> /dev/null || $(INSTALL) '.[package]'
 	rm -rf build $(BUILD)/dist
 	$(BIN)/python -m build --no-isolation --outdir $(BUILD)/dist .
 	$(BIN)/python .ci/ship_kernels.py $(BUILD)/dist/*.whl $(SCENES)
 
-lint: $(READY)  ## check the style of the sources, and their types against a baseline that only falls
+lint: $(READY_TEST)  ## check the style of the sources, and their types against a baseline that only falls
 	$(BIN)/ruff check .
 	$(BIN)/python tests/check_types.py
 

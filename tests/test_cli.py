@@ -40,7 +40,7 @@ try:
     main(["--help"])
 except SystemExit:
     pass
-heavy = ("numpy", "numba", "scipy", "sympy", "xarray", "pint", "pydantic", "rich", "matplotlib")
+heavy = ("numpy", "numba", "scipy", "sympy", "xarray", "pint", "pydantic", "matplotlib")
 print([name for name in heavy if name in sys.modules])
 """
     shown = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60)

@@ -3,14 +3,19 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from conftest import absent
 from hostile_names import NAME
 from scene_fuzz import written_toml
 
+from kaneflex import load, scene_of, simulate
 from kaneflex.cli import main
+from kaneflex.report.page import page
+from kaneflex.report.summary import summarise
 
 
 def run(folder, *arguments: str) -> str:
@@ -41,6 +46,29 @@ def test_a_page_holds_the_run_and_asks_no_network(engine):
     assert [axis["label"] for axis in data["axes"]] == ["time [s]", "main [deg]"]
     assert 1500 <= len(side["values"]) < 1700 and len(text) < 2**20
     assert "{{" not in text and not re.search(r"(src|href)=[\"']?https?:", text)
+
+
+@pytest.mark.parametrize(("sensors", "picture", "kept", "too_large"), [
+    (3, 0, ["mechanism", "animation"], ""),
+    (3, 300_000, ["mechanism"], "animation.gif"),
+    (300, 300_000, [], "mechanism.png, animation.gif"),
+])  # fmt: skip
+def test_a_page_has_a_megabyte_at_most(sensors, picture, kept, too_large, tmp_path):
+    """Neither many sensors, each with a peak of its own, nor large pictures make it larger."""
+    own = {f"s{k}": {"displacement": "rod.mid", "component": "y"} for k in range(sensors)}
+    solution = simulate(load(scene_of({"schema": 1, "like": "engine", "name": "many", "sensors": own})))
+    times = np.linspace(0.0, 0.02, len(solution.times))
+    for k, name in enumerate(own):  # 300 curves whose extremes are 600 instants
+        values = np.sin(2e3 * times + k) - 7.0 * (np.arange(len(times)) == 2 * k)
+        solution.series[name] = replace(solution.series[name], values=values)
+    files = [tmp_path / name for name in ("sensors.png", "mechanism.png", "animation.gif")]
+    for file in files:
+        file.write_bytes(bytes(picture))
+    text = page(solution, summarise(solution), files)
+    assert len(text.encode()) <= 1_000_000
+    assert own.keys() <= data_of(text)["sensors"].keys()
+    assert re.findall(r"<figcaption>(\w+)</figcaption>", text) == kept
+    assert (f"Too large for this page: {too_large}." if too_large else "</table>") in text
 
 
 def test_texts_of_a_scene_stay_texts(tmp_path):

@@ -23,21 +23,22 @@ def test_only_a_stage_that_lasts_is_shown(capsys, monkeypatch):
     assert (shown.out, shown.err) == ("", "compiling, first time only ...\n")
 
 
-def test_a_terminal_shows_a_bar_that_moves_and_goes(capsys, monkeypatch):
+def test_a_terminal_shows_a_line_with_the_share_and_takes_it_off(capsys, monkeypatch):
     monkeypatch.setattr(terminal, "_PATIENCE", 0.05)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with terminal.Waiting() as waiting:
         share = waiting.share_of("solving")
         share(0.0)
         deadline = time.monotonic() + 10.0
-        while waiting._task is None and time.monotonic() < deadline:
+        while not waiting._line and time.monotonic() < deadline:
             time.sleep(0.02)
         share(0.25)
-        assert [task.percentage for task in waiting._bar.tasks] == [25.0]
-        bar = waiting._bar
+        share(0.251)
+        terminal.echo("a result")
         waiting.stage("writing")
-        assert bar.tasks == []
-    assert bar.finished and not bar.live.is_started
+    shown = capsys.readouterr()
+    assert shown.err == f"\rsolving ...\rsolving ... 25%\r{' ' * 15}\r"
+    assert shown.out == "a result\n"
 
 
 @pytest.mark.parametrize(

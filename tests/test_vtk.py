@@ -111,5 +111,5 @@ def test_velocities_are_the_rates_of_places(tmp_path, peer):
 def test_meshio_that_is_missing_is_said_before_anything_runs(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "meshio", None)
     monkeypatch.chdir(tmp_path)
-    refused(cli("run", "engine", "--vtk", "-o", "r"), "meshio", "pip install 'kaneflex[vtk]'")
+    refused(cli("run", "engine", "--vtk", "-o", "r"), "meshio", 'pip install "kaneflex[vtk]"')
     assert not Path("r").exists()

@@ -13,6 +13,7 @@ from kaneflex.cli.folders import output_option
 from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
 from kaneflex.support.errors import SceneError
+from kaneflex.support.labelled import needing_xarray
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
@@ -52,6 +53,9 @@ def sweep(
     from kaneflex.study.plan import make_plan
     from kaneflex.study.sweep import sweep as go_through
 
+    if plots:  # before anything is computed
+        with needing_xarray("--plots"):
+            import xarray  # noqa: F401
     plan = make_plan(study)
     solver = _solver(workers, scheduler)
     folder = output or Path(f"{study.stem}-sweep")

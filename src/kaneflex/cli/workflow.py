@@ -28,8 +28,6 @@ SCENE_FILE = "scene.toml"
 REPORT_FILE, TABLE_FILE, VTK_FOLDER = "report.html", "results.csv", "vtk"
 _SAME = 1e-6
 """Share of a sensor's largest value by which two runs of one scene may differ: another machine's rounding."""
-_LARGEST = 2 * 2**20
-"""Bytes of a picture, or an animation, that is still shown in the report."""
 
 
 class Demand(NamedTuple):
@@ -182,8 +180,7 @@ def _report(solution: Solution, summary: Summary, pictures: list[Path], folder: 
     """The run on one page, which stays small enough to be sent."""
     from kaneflex.report.page import page
 
-    shown = [file for file in pictures if file.suffix in (".png", ".gif") and file.stat().st_size < _LARGEST]
-    (folder / REPORT_FILE).write_text(page(solution, summary, shown), encoding="utf-8", newline="\n")
+    (folder / REPORT_FILE).write_text(page(solution, summary, pictures), encoding="utf-8", newline="\n")
 
 
 def _show(
@@ -243,13 +240,13 @@ def draw_again(folder: Path, target: Target) -> list[Path]:
 
 def _demand_same(solution: Solution, folder: Path) -> None:
     """Raise OutputError unless the sensors of a solution are those in the folder's results, to rounding."""
-    from kaneflex.support.labelled import read_dataset
+    from kaneflex.support.labelled import read_labelled
 
     try:
-        read = read_dataset(folder / RESULTS_FILE)
+        read = read_labelled(folder / RESULTS_FILE)
     except Fault as fault:
         raise OutputError(str(folder / RESULTS_FILE), None, fault.reason, "Run the scene again with --plots") from fault
-    before = {name: variable.values for name, variable in read.variables.items() if variable.dtype.kind == "f"}
+    before = {name: entry[1] for name, entry in read.variables.items() if entry[1].dtype.kind == "f"}
     for name, series in solution.series.items():
         found = before.get(name, np.zeros(0))
         if found.shape != series.values.shape or not np.allclose(

@@ -254,8 +254,8 @@ def _punched(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Lab
 
 def _nastran(path: str, first: str, read: Callable):
     """The only matrix that pyYeti reads of a file, or the only one whose name begins so."""
-    cure = "Run: pip install 'kaneflex[nastran]', or give a Matrix Market file"
-    with installed("pyYeti, which reads Nastran's files,", cure, "pyyeti"):
+    instead = "give a Matrix Market file"
+    with installed("pyYeti, which reads Nastran's files,", "nastran", "pyyeti", instead=instead):
         from pyyeti import nastran
     try:
         found = read(nastran)

@@ -137,7 +137,7 @@ def _universal(path: str) -> Modes:
 
 
 def _sets(path: str) -> list[dict[str, Any]]:
-    with installed("pyuff, which reads universal files,", "Run: pip install 'kaneflex[uff]'", "pyuff"):
+    with installed("pyuff, which reads universal files,", "uff", "pyuff"):
         import pyuff
     try:
         found = pyuff.UFF(path).read_sets()

@@ -81,8 +81,7 @@ def _planar_or_spatial(scene: Scene) -> tuple[Callable[..., Any], Callable[..., 
 
 def check(scene: Scene) -> ModuleType:
     """The package exudyn; raise SceneError where it is missing or the scene can't be built there."""
-    cure = 'Install it: pip install "kaneflex[peer]"'
-    with told("--with", "exudyn"), installed("the package exudyn", cure, "exudyn"):
+    with told("--with", "exudyn"), installed("the package exudyn", "peer", "exudyn"):
         import exudyn
     check_buildable(scene)
     return exudyn

@@ -33,8 +33,7 @@ _DRAWN = 0.1
 
 def demand_ffmpeg() -> str:
     """The encoder's file. Raises SceneError where imageio-ffmpeg, which brings one, is not installed."""
-    cure = "Run: pip install 'kaneflex[mp4]', or leave it out"
-    with told("--mp4", None), installed("imageio-ffmpeg", cure, "imageio_ffmpeg"):
+    with told("--mp4", None), installed("imageio-ffmpeg", "mp4", "imageio_ffmpeg", instead="leave it out"):
         from imageio_ffmpeg import get_ffmpeg_exe
     return str(get_ffmpeg_exe())
 

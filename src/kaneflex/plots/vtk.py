@@ -25,7 +25,7 @@ INDEX = "motion.pvd"
 
 def demand_meshio() -> None:
     """Raise SceneError where meshio is not installed."""
-    with told("--vtk", None), installed("meshio", "Run: pip install 'kaneflex[vtk]', or leave it out", "meshio"):
+    with told("--vtk", None), installed("meshio", "vtk", "meshio", instead="leave it out"):
         import meshio  # noqa: F401
 
 

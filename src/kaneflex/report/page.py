@@ -29,8 +29,14 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _TEMPLATE = Path(__file__).with_name("page.html")
-_MOST, _NUMBERS = 1500, 300_000
-"""Instants of a curve at most, and numbers of all curves together: a page of a few megabytes opens at once."""
+_LARGEST = 990_000
+"""Bytes of a page at most, so that it can be sent: a megabyte less the names of pictures that find no room."""
+_MOST, _NUMBERS = 1500, 60_000
+"""Instants of a curve at most, and numbers of all curves together, of 8 to 13 bytes each: half a page."""
+_MORE = 1.25
+"""Instants with the extremes, in those that are allowed without them."""
+_DRAWN_HERE = "sensors"
+"""The picture of what the page itself draws."""
 _KINDS = {".png": "image/png", ".gif": "image/gif"}
 
 
@@ -43,7 +49,7 @@ def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) ->
     summary : Summary
         Of the same run.
     pictures : sequence of Path
-        PNG and GIF files, which become part of it in this order.
+        Of the PNG and GIF files those that find room become part of it, in this order.
     """
     scene = solution.model.scene
     head, rows = sensor_cells(summary) if summary.sensors else ((), [])
@@ -57,10 +63,12 @@ def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) ->
         "modelled": _text(modelled(solution.model)),
         "cost": _text(run_lines(summary)),
         "choice": _choice(summary),
-        "pictures": "".join(_pictures(pictures)),
+        "pictures": "",
         "data": script_data(json.dumps(_data(solution, summary), separators=(",", ":"), allow_nan=False)),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], _TEMPLATE.read_text(encoding="utf-8"))
+    template = _TEMPLATE.read_text(encoding="utf-8")
+    filled["pictures"] = _pictures(pictures, _LARGEST - len(template.encode()) - len("".join(filled.values()).encode()))
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], template)
 
 
 def _text(styled: str) -> str:
@@ -100,12 +108,21 @@ def _choice(summary: Summary) -> str:
     return f"<h2>Why this model</h2><p>Chosen: {settings}</p><table><thead><tr>{head}</tr></thead>{tried}</table>"
 
 
-def _pictures(files: Sequence[Path]) -> Iterator[str]:
+def _pictures(files: Sequence[Path], room: int) -> str:
+    """Pictures of so many bytes at most, then the names of those that are too large."""
+    shown, large = "", list[str]()
     for file in files:
+        if file.suffix not in _KINDS or file.stem == _DRAWN_HERE:
+            continue
         data = base64.b64encode(file.read_bytes()).decode()
         name = html(file.stem.replace("_", " "))
         source = f"data:{_KINDS[file.suffix]};base64,{data}"
-        yield f'<figure><img alt="{name}" src="{source}"><figcaption>{name}</figcaption></figure>'
+        figure = f'<figure><img alt="{name}" src="{source}"><figcaption>{name}</figcaption></figure>'
+        if len(figure.encode()) > room:
+            large.append(html(file.name))
+        else:
+            shown, room = shown + figure, room - len(figure.encode())
+    return shown + f"<p>Too large for this page: {', '.join(large)}.</p>" * bool(large)
 
 
 def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
@@ -129,10 +146,12 @@ def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
 
 
 def _instants(solution: Solution, curves: int) -> np.ndarray:
-    """Indices of the instants that are drawn, with every sensor's extremes among them."""
+    """Indices of the instants that are drawn, with every sensor's extremes among them unless they are too many."""
     series = np.array([each.values for each in solution.series.values()])
     series = series.reshape(len(solution.series), len(solution.times))
-    return thinned(series, min(_MOST, _NUMBERS // max(1, curves)))[0]
+    most = max(2, min(_MOST, _NUMBERS // max(1, curves)))
+    kept = thinned(series, most)[0]
+    return kept[:: max(1, math.ceil(len(kept) / (_MORE * most)))]
 
 
 def _numbers(values: np.ndarray) -> list[float | None]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, SceneError
-from kaneflex.support.labelled import read_dataset
+from kaneflex.support.labelled import read_labelled
 
 if TYPE_CHECKING:
     from kaneflex.multibody.system import CoupledSystem
@@ -96,12 +96,12 @@ def read_state(path: Path | str) -> State:
     path = Path(path)
     cure = "Name the folder of a run of preset coupled, or its results.nc"
     try:
-        found = read_dataset(path / "results.nc" if path.is_dir() else path, ("time", *_OF_STATE))
+        found = read_labelled(path / "results.nc" if path.is_dir() else path, ("time", *_OF_STATE))
     except Fault as fault:
         raise SceneError("after", str(path), f"no results can be read there: {fault.reason}", cure) from fault
     if not any(name in found.variables for name in _OF_STATE):
         raise _none(str(path))
-    each = (found[name].values if name in found.variables else np.zeros(0) for name in (*_OF_STATE, "time"))
+    each = (found.variables[name][1] if name in found.variables else np.zeros(0) for name in (*_OF_STATE, "time"))
     names, q, v, times = each
     numbers = all(each.dtype.kind == "f" for each in (q, v, times)) and names.shape == q.shape == v.shape and times.size
     if not numbers or not np.isfinite([times[-1], *q, *v]).all():

@@ -19,7 +19,7 @@ from kaneflex.response.motion import Motion
 from kaneflex.response.time_statistics import Statistics, statistics_of_all
 from kaneflex.scene import Scene
 from kaneflex.solve.initial import STATE, start_coordinates
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, installed, told
 from kaneflex.support.units import LARGEST
 
 if TYPE_CHECKING:
@@ -309,8 +309,8 @@ class Solution:
     def to_dataframe(self) -> pandas.DataFrame:
         """The sensors as columns over ``time`` [s]; ``attrs`` holds their units by name."""
         values = {name: series.values for name, series in self.series.items()}
-        import pandas
-
+        with told("to_dataframe", None), installed("pandas", "tables", "pandas"):
+            import pandas
         frame = pandas.DataFrame(values, index=pandas.Index(self.times, name="time"))
         frame.attrs["units"] = {name: series.unit for name, series in self.series.items()}
         return frame

@@ -49,8 +49,7 @@ def on_cluster(address: str) -> Callable[[Plan, Sequence[int]], Generator[Record
 
 
 def _connected(address: str) -> Client:
-    cure = "Run: pip install 'kaneflex[cluster]'"
-    with told("--scheduler", address), installed("distributed", cure, "distributed", "dask"):
+    with told("--scheduler", address), installed("distributed", "cluster", "distributed", "dask"):
         from distributed import Client
     try:
         return Client(address, timeout=_CONNECTING, set_as_default=False)

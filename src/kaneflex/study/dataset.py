@@ -107,7 +107,8 @@ _BLOCK = 2**23
 
 def demand_zarr() -> None:
     """Raise SceneError where zarr is not installed."""
-    with told("--format", "zarr"), installed("zarr", "Run: pip install 'kaneflex[zarr]', or take netcdf", "zarr"):
+    with told("--format", "zarr"), installed("zarr", "zarr", "xarray", "zarr", instead="take netcdf"):
+        import xarray  # noqa: F401
         import zarr  # noqa: F401
 
 

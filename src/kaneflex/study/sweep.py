@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from kaneflex.study.records import COMPLETED, Record, solve_points
 from kaneflex.study.store import BEGIN_ANEW, RESULT_FILES, Store, alone, open_store
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, OutputError
-from kaneflex.support.labelled import read_dataset
+from kaneflex.support.labelled import read_dataset, read_labelled
 from kaneflex.support.output_folders import writing
 
 if TYPE_CHECKING:
@@ -68,7 +68,8 @@ class Finished:
     @property
     def dataset(self) -> xarray.Dataset:
         """The dataset, read from its file."""
-        return _read(self.path)
+        with _faults_of(self.path):
+            return read_dataset(self.path)
 
 
 Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
@@ -149,9 +150,10 @@ def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Prog
 _ENDINGS = ("point", "outcome", "reason")
 
 
-def _read(path: Path, names: Sequence[str] = ()) -> xarray.Dataset:
+@contextmanager
+def _faults_of(path: Path) -> Iterator[None]:
     try:
-        return read_dataset(path, names)
+        yield
     except Fault as fault:
         raise OutputError(str(path), None, fault.reason, BEGIN_ANEW) from fault
 
@@ -159,9 +161,10 @@ def _read(path: Path, names: Sequence[str] = ()) -> xarray.Dataset:
 def _finished(store: Store, plan: Plan) -> Finished:
     path = store.result
     assert path is not None
-    found = _read(path, _ENDINGS)
-    if found.attrs.get("study") != plan.digest or not found.variables.keys() >= {*_ENDINGS}:
+    with _faults_of(path):
+        found = read_labelled(path, _ENDINGS)
+    if found.attributes.get("study") != plan.digest or not found.variables.keys() >= {*_ENDINGS}:
         raise OutputError(str(path), None, "it is not the dataset of this study", BEGIN_ANEW)
-    endings = zip(*(found[name].values for name in _ENDINGS), strict=True)
+    endings = zip(*(found.variables[name][1] for name in _ENDINGS), strict=True)
     failures = {int(point): str(reason) for point, outcome, reason in endings if outcome != COMPLETED}
     return Finished(path, len(plan.points), failures)

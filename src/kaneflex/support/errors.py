@@ -49,17 +49,26 @@ def told(key: str, value: object) -> Iterator[None]:
 
 
 @contextmanager
-def installed(said: str, cure: str, *modules: str) -> Iterator[None]:
-    """Around the import of a package that not everyone has, a Fault where it is missing; ``said``: how it is called.
+def installed(said: str, extra: str, *modules: str, instead: str = "") -> Iterator[None]:
+    """Around the import of a package that an extra of kaneflex brings, a Fault where it is missing.
 
-    What it lacks itself, other than these modules, is raised as it is.
+    Parameters
+    ----------
+    said : str
+        Name of the package in the message.
+    extra : str
+    *modules : str
+        What is imported; another module that these lack is raised as it is.
+    instead : str
+        What else the user can do.
     """
     try:
         yield
     except ImportError as error:
         if error.name not in modules:
             raise
-        raise Fault(f"{said} is not installed", cure) from None
+        other = f", or {instead}" if instead else ""
+        raise Fault(f"{said} is not installed", f'Run: pip install "kaneflex[{extra}]"{other}') from None
 
 
 @dataclass(frozen=True)

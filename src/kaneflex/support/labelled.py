@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import csv
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from kaneflex.support.errors import Fault
+from kaneflex.support.errors import Fault, installed, told
 from kaneflex.support.reading import check_file
 
 if TYPE_CHECKING:
@@ -32,8 +33,9 @@ class Labelled(NamedTuple):
     attributes: Mapping[str, Any]
 
     def dataset(self) -> xarray.Dataset:
-        import xarray
-
+        """The same as xarray has it. Raises SceneError where xarray is not installed."""
+        with needing_xarray("dataset"):
+            import xarray
         return xarray.Dataset(*self)
 
     def to_csv(self, path: Path, along: str) -> None:
@@ -75,23 +77,71 @@ class Labelled(NamedTuple):
             _name_coordinates(file, sorted({*auxiliary}.difference(*beside.values())))
 
 
-def read_dataset(path: Path, names: Collection[str] = ()) -> xarray.Dataset:
-    """A written dataset, or those of its variables that have these names. Raises Fault for what is none, or damaged."""
-    import xarray
+@contextmanager
+def needing_xarray(asked: str) -> Iterator[None]:
+    """Around the import of xarray, a SceneError that names what was asked for where it is not installed."""
+    with told(asked, None), installed("xarray", "tables", "xarray", "pandas"):
+        yield
 
-    zarr = path.suffix == ".zarr"
+
+def read_dataset(path: Path, names: Collection[str] = ()) -> xarray.Dataset:
+    """A written dataset, or those of its variables that have these names.
+
+    Raises Fault for what is none, or damaged; SceneError where xarray is not installed.
+    """
+    with needing_xarray("dataset"):
+        import xarray
+    with _reading(path), xarray.open_dataset(path, engine="zarr" if _is_zarr(path) else "scipy") as found:
+        return (found[[name for name in names if name in found.variables]] if names else found).load()
+
+
+def read_labelled(path: Path, names: Collection[str] = ()) -> Labelled:
+    """What a written dataset holds, or those of its variables that have these names; coordinates among the variables.
+
+    netCDF is read without xarray. Raises Fault for what is no dataset, or damaged.
+    """
+    if _is_zarr(path):
+        found = read_dataset(path, names)
+        return Labelled({name: (each.dims, each.values) for name, each in found.variables.items()}, {}, found.attrs)
+    from scipy.io import netcdf_file
+
+    with _reading(path), netcdf_file(path, mmap=True) as file:
+        return _read(file, names)
+
+
+def _is_zarr(path: Path) -> bool:
+    return path.suffix == ".zarr"
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Turn whatever a damaged file makes the libraries raise into a Fault."""
     try:
-        if not zarr:
+        if not _is_zarr(path):
             check_file(path, sys.maxsize)
-        with xarray.open_dataset(path, engine="zarr" if zarr else "scipy") as found:
-            return (found[[name for name in names if name in found.variables]] if names else found).load()
+        yield
     except FileNotFoundError:
         raise Fault("there is no such file", "Give the path of a readable one") from None
     except Fault:
         raise
-    except Exception as error:  # of a damaged file any library that takes part in reading it raises anything
+    except Exception as error:
         said = next(iter(str(error).splitlines()), "") or type(error).__name__
         raise Fault(f"it is damaged or no dataset: {said}", "Restore it from a copy, or make it anew") from error
+
+
+def _read(file: netcdf_file, names: Collection[str]) -> Labelled:
+    """Copies of the variables' values, texts as such, in the byte order of the machine, and the file's attributes."""
+    entries: dict[str, Entry] = {}
+    for name in names or file.variables:
+        if name in file.variables:
+            values, dims = np.ascontiguousarray(file.variables[name].data), file.variables[name].dimensions
+            if values.dtype.kind == "S":
+                texts = values.view(f"S{values.shape[-1]}")[..., 0]
+                entries[name] = (dims[:-1], np.char.decode(texts, "utf-8"))
+            else:
+                entries[name] = (dims, values.astype(values.dtype.newbyteorder("=")))
+    about = {key: each.decode("utf-8") if isinstance(each, bytes) else each for key, each in file._attributes.items()}
+    return Labelled(entries, {}, about)
 
 
 def _variable(file: netcdf_file, name: str, dims: tuple[str, ...], values: np.ndarray) -> object:

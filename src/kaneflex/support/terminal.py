@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import logging
+import shutil
 import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import TYPE_CHECKING
 
 from kaneflex.support.escaping import terminal
-
-if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
 
 LOG = logging.getLogger("kaneflex")
 
@@ -25,6 +22,7 @@ def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
     """Print a text, by which no terminal is told what to do, in letters that it has. No command prints otherwise."""
     import click
 
+    Waiting.wipe()
     stream = sys.stderr if err else sys.stdout
     click.echo(terminal(text, getattr(stream, "encoding", None)), err=err, nl=nl)
 
@@ -35,6 +33,7 @@ def log_warning(text: str) -> None:
     Python's `warnings` are for what the calling code can change, and would show a line of ours. Where nobody has
     configured logging, what stands on stderr is this line alone, as the commands' other warnings.
     """
+    Waiting.wipe()
     LOG.warning("Warning: %s", text)
 
 
@@ -58,17 +57,17 @@ def block(title: str, entries: Mapping[str, str]) -> str:
 class Waiting:
     """Names the stage that is under way, once it has lasted a second.
 
-    A terminal shows a bar that vanishes at the end; anything else gets one line a stage. rich is imported only when
-    something is shown. Where the logger "kaneflex" is to tell (level INFO), it says of every finished stage how long
-    it took, and nothing else is shown; where its own level is higher, nothing is. To be used in a ``with`` statement.
+    A terminal shows one line, which says the finished share and vanishes at the end; anything else gets a line a stage.
+    Where the logger "kaneflex" is to tell (level INFO), it says of every finished stage how long it took, and nothing
+    else is shown; where its own level is higher, nothing is. To be used in a ``with`` statement.
     """
 
+    _line = ""  # what stands on the terminal's last line, of whichever Waiting is under way
+    _lock = threading.RLock()
+
     def __init__(self) -> None:
-        self._lock = threading.RLock()
         self._timer: threading.Timer | None = None
         self._name, self._began = "", 0.0
-        self._bar: Progress | None = None
-        self._task: TaskID | None = None
 
     def __enter__(self) -> Waiting:
         return self
@@ -77,10 +76,6 @@ class Waiting:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._finish_stage()
-        with self._lock:
-            if self._bar is not None:
-                self._bar.stop()
-                self._bar = None
 
     def __call__(self, name: str) -> None:
         self.stage(name)
@@ -102,8 +97,8 @@ class Waiting:
             if self._name != name:
                 self.stage(name)
             with self._lock:
-                if self._task is not None:
-                    self._bar.update(self._task, completed=done, total=1.0)
+                if self._line:
+                    self._draw(f"{name} ... {done:.0%}")
 
         return share
 
@@ -115,26 +110,30 @@ class Waiting:
             self._name = ""
         with self._lock:
             self._timer = None
-            if self._task is not None:
-                self._bar.remove_task(self._task)
-                self._task = None
+            self.wipe()
 
     def _show(self) -> None:
         with self._lock:
             if self._timer is not threading.current_thread():
                 return  # cancelled while it waited for the lock
-            if not sys.stderr.isatty():
-                print(terminal(f"{self._name} ...", sys.stderr.encoding), file=sys.stderr, flush=True)
-                return
-            if self._bar is None:
-                self._bar = _new_bar()
-                self._bar.start()
-            self._task = self._bar.add_task(self._name, total=None)
+            text = f"{self._name} ..."
+            if sys.stderr.isatty():
+                self._draw(text)
+            else:
+                print(terminal(text, sys.stderr.encoding), file=sys.stderr, flush=True)
 
+    @classmethod
+    def wipe(cls) -> None:
+        """Take the line off the terminal, so that something else can be written there."""
+        with cls._lock:
+            if cls._line:
+                cls._draw("")
 
-def _new_bar() -> Progress:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=Console(stderr=True), transient=True)
+    @classmethod
+    def _draw(cls, text: str) -> None:
+        """Write a text over the terminal's last line, with spaces over what is left of the longer one before."""
+        text = terminal(text, sys.stderr.encoding)[: shutil.get_terminal_size().columns - 1]
+        if text != cls._line:
+            end = "" if text else "\r"
+            print(f"\r{text:<{len(cls._line)}}{end}", end="", file=sys.stderr, flush=True)
+            cls._line = text
