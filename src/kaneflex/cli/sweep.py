@@ -13,7 +13,6 @@ from kaneflex.cli.folders import output_option
 from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
 from kaneflex.support.errors import SceneError
-from kaneflex.support.labelled import needing_xarray
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
@@ -52,6 +51,7 @@ def sweep(
     """
     from kaneflex.study.plan import make_plan
     from kaneflex.study.sweep import sweep as go_through
+    from kaneflex.support.labelled import needing_xarray
 
     if plots:  # before anything is computed
         with needing_xarray("--plots"):
