@@ -73,11 +73,14 @@ def named_speeds(system: SpatialSystem) -> list[int]:
             *system.modal_speeds.tolist()]  # fmt: skip
 
 
-def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray]) -> np.ndarray:
+def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray], rank: int | None = None) -> np.ndarray:
     """Smallest singular value, at each of some instants, of the rows by the speeds that no drive prescribes, in the
-    measures of both; as many rows as follow from others at all of these instants are left out."""
+    measures of both; as many rows as follow from others at all of these instants are left out.
+
+    rank: how many rows are left, where that is known, as where loops are not quite closed."""
     sizes = [np.linalg.svd(system.jacobian(q)[:, system.open_speeds], compute_uv=False) for q in rows]
-    rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
+    if rank is None:
+        rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
     return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
 
 

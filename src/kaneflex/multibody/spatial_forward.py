@@ -24,6 +24,7 @@ from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, REASONS
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
+from kaneflex.multibody.spatial_passing import EXACT, Passing
 from kaneflex.multibody.spatial_steps import EVALUATIONS, GROWTH, LONGEST, OUTCOME, ROW, WANTED, step_size, steps_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.scene.options import Options
@@ -70,6 +71,7 @@ class Run(Curve):
         self.first: float | None = None  # step to begin with
         self.growth = _GROWTH  # beyond which other speeds are tried
         self.works = [np.zeros(2)]
+        self.passing = Passing(system, options.forward_method, options.forward_tolerance)
         self.reason = ""  # for which the rates were not known somewhere
         self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
 
@@ -128,7 +130,7 @@ class Run(Curve):
         """The same, of rigid bodies."""
         import scipy.integrate
 
-        options, system, tolerance = self.options, self.system, self.options.forward_tolerance
+        options, system, tolerance = self.options, self.system, self.passing.tolerance
         y = np.concatenate([state.q, state.u[state.choice.independent], self.works[-1]])
         scale = np.concatenate([
             np.ones(system.coordinates), system.measure[state.choice.independent], [np.inf, np.inf]
@@ -141,7 +143,8 @@ class Run(Curve):
         )  # fmt: skip
         state = self._steps(solver, sizes, state)
         left = options.duration - state.t
-        self.first = min(solver.step_size or solver.h_abs, left) if left > 0.0 else None
+        wanted = self.passing.step or solver.step_size or solver.h_abs
+        self.first = min(wanted, left) if left > 0.0 else None
         return state
 
     def _steps(self, solver, sizes: np.ndarray, state: State) -> State:
@@ -164,11 +167,13 @@ class Run(Curve):
             self.share(float(solver.t) / self.options.duration)
             self.ends.append(solver.t)
             self.knots.append(solver.t)
-            self.curves.append((solver.dense_output(), state))
+            curve = solver.dense_output()
+            self.curves.append((curve, state))
             self.works.append(solver.y[-2:].copy())
+            self.passing.foresee(solver, state.choice, curve)
             found = self._at(solver.t, solver.y, state)
             better = self._better(found)
-            if better is not found:
+            if better is not found or self.passing.step:
                 return better
         return found
 
@@ -276,8 +281,11 @@ class Run(Curve):
         free = next((name for name, drive in self.system.scene.drives.items() if drive.kind == "free"), None)
         floating = self.system.mechanism.floating
         key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
-        reason = f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}"
         cure = "Shorten the duration, or change loads or start so that no loop locks"
+        if singular := self.passing.at(t):
+            message = singular
+            cure = f'Take solve.forward = {{method = "DOP853", tolerance = {EXACT:g}}}, or start so that none is passed'
+        reason = f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}"
         if not message:
             reason, cure = self.pace.message(t), SLOW
         if len(self.system.modal_speeds):

@@ -87,6 +87,8 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     warnings = (*model.warnings, *implausible(scene), *ignored)
     if motion.module.FREE and options.dynamics not in ("rigid", "coupled"):
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(motion.module.FREE)))
+    if isinstance(motion.curve, Run):
+        warnings = (*warnings, *motion.curve.passing.warnings)
     if coupled:
         turns = taken_turns(motion, np.linspace(0.0, options.duration, _LOOKED_AT))
         warnings = (*warnings, *_beyond(system, scene), *turns)
