@@ -54,7 +54,9 @@ test: export PYTHONDONTWRITEBYTECODE :=
 test: $(READY_TEST)  ## run the tests
 	@echo "compiling the kernels ..."
 	@printf '%s\n' "$(SLOW_PLANAR)" "$(SLOW_SPATIAL)" | xargs -P 2 -L 1 $(BIN)/python tests/compile_kernels.py
+	@date +%s > $(BUILD)/test-began
 	$(BIN)/pytest -n 2 --dist worksteal
+	@expr $$(date +%s) - $$(cat $(BUILD)/test-began) > $(BUILD)/test-seconds
 
 extremes: export OMP_NUM_THREADS := 1
 extremes: export OPENBLAS_NUM_THREADS := 1

@@ -13,6 +13,7 @@ from bench.rows import Row
 
 DOCS = Path(__file__).parents[2] / "docs"
 SECTIONS = {
+    "latency": latency,
     "kernels": kernels,
     "exudyn": exudyn_runs,
     "precision": precision,
@@ -20,7 +21,6 @@ SECTIONS = {
     "impacts": impacts,
     "scaling": scaling,
     "sweeps": sweeps,
-    "latency": latency,
 }
 
 

@@ -1,79 +1,195 @@
-"""Section: how long a user waits, process by process."""
+"""Section: how long a user waits, for a command, for its first run and for the installation."""
 
 from __future__ import annotations
 
+import json
 import os
+import re
+import resource
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from bench.interleave import interleave
+from bench.interleave import Spread, interleave
 from bench.rows import Row, Target
-from kaneflex.scene import read_scene
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
 
+ROOT = Path(__file__).parents[2]
+FIXED = "sum(k * k % 7 for k in range(4_000_000))"
 TITLE = "Latency"
-ABOUT = """Wall time of whole processes, the interpreter's start included: imports, and `kaneflex run engine --no-plots`
-to its written results. *Cold* finds nothing compiled but Python's own byte code, as after an installation; with
-gravity the engine has a structure that is not shipped, so that its module has to be derived, too. *Cached* finds what
-the run before it left. *Warm* is no process: reading, loading, solving and all sensors where that was done before."""
-COLD, CACHED = Target(5.0, 2.5), Target(1.0, 0.15)
-RUN = ("-m", "kaneflex", "run", "engine", "--no-plots", "--force", "-o")
-GRAVITY = ("--set", "gravity=[0, -9.81]")
-CACHES = {"XDG_CACHE_HOME": "user", "NUMBA_CACHE_DIR": "numba"}
-"""Variables that say where derived modules and compiled kernels are kept."""
-BYTE_CODE = {"PYTHONPYCACHEPREFIX": "byte code", "PYTHONDONTWRITEBYTECODE": ""}
-"""Variables by which the sources are compiled once, wherever they lie and whatever the tests' own process wants."""
-IMPORTS = {"python alone": "", "import kaneflex": "import kaneflex", "import numba": "import numba"}
-ROUNDS, COLD_ROUNDS = 7, 2
+ABOUT = f"""Whole processes on a copy of this checkout, in the processor's seconds, user and system together: other
+programs on the machine add little to these. Only rows named *clock* are seconds of the clock. The ratio is to a fixed
+piece of work, `{FIXED}` in Python, which takes turns with what it is compared with.
+
+- *Install*: `make run` makes an environment and installs the checkout there without bytecode; `pip install` puts a
+  wheel into an empty environment. MB are 10^6 bytes of files that either adds to an empty environment.
+- *Cold* is the first `kaneflex run SCENE --no-plots` on a machine: nothing is compiled but Python's own bytecode. The
+  engine with gravity is not shipped, so that it is derived, too. *From a wheel*: one by `make wheel`, with kernels.
+- *Warm* finds what an earlier run compiled. The README's example is its first one in Python.
+- Lines and modules of kaneflex itself are those of `tests/data/budget.json`, which a test holds against a run."""
+WARM = {
+    "list": 0.4, "check engine": 0.4, "show engine --force -o shown.png": 0.4, "modes engine": 0.4,
+    "run engine --no-plots --force -o warm": 0.5, "run engine --force -o drawn": 2.0,
+}  # fmt: skip
+"""Commands, with the seconds that they may take."""
+COLD = {"engine": 5.0, "four-bar-motor": 8.0, "slider-crank-clearance": 10.0, "spatial-slider-crank-elastic": 10.0}
+OWN = ("engine", "--set", "gravity=[0, -9.81]")
+"""A structure that is not shipped."""
+EXAMPLE, FROM_WHEEL, INSTALL, MEGABYTES, FRESH, SUITE = 0.8, 2.0, 20.0, 450.0, 40.0, 360.0
+LINES, MODULES = 4500, 80
+ROUNDS = 5
+CACHES = {"XDG_CACHE_HOME": "user", "NUMBA_CACHE_DIR": "numba", "MPLCONFIGDIR": "matplotlib"}
+"""Variables that say where derived modules, compiled kernels and the list of fonts are kept."""
+UNSET = ("PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "VIRTUAL_ENV", "EXTRAS", "MAKEFLAGS", "MAKEOVERRIDES", "MAKELEVEL")
+"""Variables of the process that measures, of which a user's processes know nothing."""
+SUITE_SECONDS = ROOT / ".build" / "test-seconds"
+"""Written by `make test`, which takes too long to be run here."""
+
+
+class Spent(NamedTuple):
+    """Seconds of the processor and of the clock."""
+
+    cpu: float
+    clock: float
 
 
 def rows() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        imports = {name: lambda code=code: seconds(folder, "-c", code) for name, code in IMPORTS.items()}
-        race = interleave(imports, ROUNDS)
-        for name in race:
-            yield Row("a process", name, race[name])
-        yield Row("engine", "warm", interleave({"warm": warm}, ROUNDS)["warm"])
-        yield from runs(folder, "engine", (), None)
-        yield from runs(folder, "engine with gravity, not shipped", GRAVITY, COLD)
+        clone = copied(folder / "clone")
+        empty = environment(folder / "empty")
+        yield from fresh_clone(folder, clone, empty)
+        tools = clone / ".build" / "venv" / "bin"
+        yield from cold(folder, tools, "cold", COLD)
+        yield first_run(folder, tools, "cold", "engine with gravity, derived", OWN, None)
+        yield from warm(folder, tools)
+        execute(folder, ["make", "wheel", f"SCENES={' '.join(COLD)}"], clone)
+        (wheel,) = (clone / ".build" / "dist").glob("*.whl")
+        fresh = environment(folder / "fresh")
+        spent, ratio = beside_fixed(folder, [fresh / "bin" / "pip", "install", "--quiet", wheel])
+        yield single("install", "pip install, a wheel", spent.cpu, ratio, Target(INSTALL))
+        yield size("pip install, with bytecode", added(fresh, empty, bytecode=True))
+        yield from cold(folder, fresh / "bin", "cold, from a wheel", dict.fromkeys(COLD, FROM_WHEEL))
+    yield from of_files()
 
 
-def runs(folder: Path, task: str, settings: Sequence[str], cold: Target | None) -> Iterator[Row]:
-    """A run that finds nothing, again and again, then runs that find what the last one left."""
-    command = (*RUN, str(folder / "results"), *settings)
-    # not interleaved: a cold run ends with the caches that the next one must not have
-    first = interleave({"cold": lambda: emptied(folder, command)}, COLD_ROUNDS)["cold"]
-    yield Row(task, "cold", first, None, cold, True, f"{'nothing derived, ' if cold else ''}nothing compiled")
-    again = interleave({"cached": lambda: seconds(folder, *command)}, ROUNDS)["cached"]
-    yield Row(task, "cached", again, None, CACHED, True)
+def fresh_clone(folder: Path, clone: Path, empty: Path) -> Iterator[Row]:
+    """`make run`, first what it installs, then the rest."""
+    install, ratio = beside_fixed(folder, ["make", ".build/venv/ready"], clone)
+    yield single("install", "as make run does", install.cpu, ratio, Target(INSTALL))
+    yield size("as make run does, no bytecode", added(clone / ".build" / "venv", empty, bytecode=False))
+    run = execute(folder, ["make", "run"], clone)
+    yield single("make run on a fresh clone", "clock", install.clock + run.clock, None, Target(FRESH))
+    fixed = execute(folder, [sys.executable, "-c", FIXED]).cpu
+    yield single("make run on a fresh clone", "processor", install.cpu + run.cpu, (install.cpu + run.cpu) / fixed)
 
 
-def warm() -> float:
-    started = time.perf_counter()
-    _ = simulate(load(read_scene("engine"))).series  # computed when it is asked for
-    return time.perf_counter() - started
+def cold(folder: Path, tools: Path, task: str, scenes: Mapping[str, float]) -> Iterator[Row]:
+    for scene, most in scenes.items():
+        yield first_run(folder, tools, task, scene, [scene], Target(most))
 
 
-def emptied(folder: Path, command: Sequence[str]) -> float:
-    """Seconds of a command that finds no cache."""
+def first_run(
+    folder: Path, tools: Path, task: str, name: str, arguments: Sequence[str], target: Target | None
+) -> Row:
     for cache in CACHES.values():
         shutil.rmtree(folder / cache, ignore_errors=True)
-    return seconds(folder, *command)
+    command = [tools / "kaneflex", "run", *arguments, "--no-plots", "--force", "-o", folder / "results"]
+    spent, ratio = beside_fixed(folder, command)
+    return single(task, name, spent.cpu, ratio, target)
 
 
-def seconds(folder: Path, *arguments: str) -> float:
-    """Of a Python process with caches in a folder. Raises RuntimeError with what it said, if it failed."""
-    variables = {name: cache and str(folder / cache) for name, cache in (CACHES | BYTE_CODE).items()}
-    started = time.perf_counter()
-    done = subprocess.run([sys.executable, *arguments], env=os.environ | variables, capture_output=True, text=True)
-    spent = time.perf_counter() - started
+def warm(folder: Path, tools: Path) -> Iterator[Row]:
+    (folder / "crank.toml").write_text(readme("toml"), encoding="utf-8")
+    commands: dict[str, tuple[Sequence[str | Path], Target | None]] = {
+        "the fixed piece of work": ([sys.executable, "-c", FIXED], None),
+        "python alone": ([tools / "python", "-c", ""], None),
+    }
+    for command, most in WARM.items():
+        commands[re.sub(r" --force| -o \S+", "", command)] = ([tools / "kaneflex", *command.split()], Target(most))
+    commands["the README's first example"] = ([tools / "python", "-c", readme("python")], Target(EXAMPLE))
+    reference, *_ = commands
+    race = interleave({name: lambda c=c: execute(folder, c).cpu for name, (c, _) in commands.items()}, ROUNDS)
+    for name, (_, target) in commands.items():
+        yield Row("warm", name, race[name], race.ratio(name, reference), target, target is not None)
+
+
+def of_files() -> Iterator[Row]:
+    """What other checks found."""
+    if SUITE_SECONDS.exists():
+        yield single("make test", "clock, without compiling", float(SUITE_SECONDS.read_text()), None, Target(SUITE))
+    else:
+        yield Row("make test", "clock, without compiling", None, missing="measured by make test, not run here")
+    budget = json.loads((ROOT / "tests" / "data" / "budget.json").read_text(encoding="utf-8"))
+    (found,) = (each for command, each in budget.items() if command.startswith("run engine --no-plots"))
+    for unit, most in {"lines": LINES, "modules": MODULES}.items():
+        yield single("run engine --no-plots", f"{unit} of kaneflex", found[unit], None, Target(most), unit)
+
+
+def single(
+    task: str, name: str, value: float, ratio: float | None = None, target: Target | None = None, unit: str = ""
+) -> Row:
+    """A row of what is measured once, its target one of the value."""
+    return Row(task, name, Spread(value, value, value, 1), ratio, target, target is not None, unit=unit)
+
+
+def size(name: str, found: float) -> Row:
+    return single("install", name, found, None, Target(MEGABYTES), "MB")
+
+
+def readme(language: str) -> str:
+    """Its first example in a language."""
+    return re.search(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)[1]
+
+
+def copied(folder: Path) -> Path:
+    """What git knows of this checkout, or would take: a clone of it, with its changes."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    for file in map(Path, filter(None, listed.stdout.decode().split("\0"))):
+        if (ROOT / file).is_file():
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / file, folder / file)
+    return folder
+
+
+def environment(folder: Path) -> Path:
+    subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+    return folder
+
+
+def added(environment: Path, empty: Path, bytecode: bool) -> float:
+    """Megabytes of an environment beyond those of an empty one."""
+    return megabytes(environment, bytecode) - megabytes(empty, bytecode)
+
+
+def megabytes(folder: Path, bytecode: bool) -> float:
+    """Bytes of files [10^6], each counted once."""
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+    return 1e-6 * sum(path.stat().st_size for path in files if bytecode or path.suffix != ".pyc")
+
+
+def beside_fixed(folder: Path, command: Sequence[str | Path], within: Path | None = None) -> tuple[Spent, float]:
+    """What a command takes, and its ratio to the fixed piece of work before and after it."""
+    fixed = [sys.executable, "-c", FIXED]
+    before, spent, after = execute(folder, fixed), execute(folder, command, within), execute(folder, fixed)
+    return spent, 2.0 * spent.cpu / (before.cpu + after.cpu)
+
+
+def execute(folder: Path, command: Sequence[str | Path], within: Path | None = None) -> Spent:
+    """Run a command whose caches lie in a folder, in which it runs, too, or `within` another one.
+
+    Raises RuntimeError with what it said, if it failed.
+    """
+    kept = {name: value for name, value in os.environ.items() if name not in UNSET}
+    caches = {name: str(folder / cache) for name, cache in CACHES.items()} | {"PIP_CACHE_DIR": str(folder / "pip")}
+    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    done = subprocess.run(command, cwd=within or folder, env=kept | caches, capture_output=True, text=True)
+    clock, after = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
-        raise RuntimeError(f"python {' '.join(arguments)}: {done.stderr}")
-    return spent
+        raise RuntimeError(f"{' '.join(map(str, command))}: {done.stdout}{done.stderr}")
+    return Spent(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, clock)

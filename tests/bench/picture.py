@@ -37,7 +37,8 @@ def kernels(axes: Axes, rows: Rows) -> None:
 
 def whole_runs(title: str) -> Callable[[Axes, Rows], None]:
     def panel(axes: Axes, rows: Rows) -> None:
-        chosen = [row for row in rows if row.time and not row.of_time]
+        compared = {row.task for row in rows if row.ratio is not None}
+        chosen = [row for row in rows if row.time and row.task in compared]
         several = len({row.task for row in chosen}) > 1
         values = [(f"{row.task}: " * several + row.candidate, row.ratio or 1.0, row.candidate) for row in chosen]
         bars(axes, values, title, "time, relative to kaneflex")
@@ -75,8 +76,9 @@ def precision(task: str) -> Callable[[Axes, Rows], None]:
 
 
 def latency(axes: Axes, rows: Rows) -> None:
-    values = [(f"{row.task}: {row.candidate}", row.time.median, row.task.partition(" ")[0]) for row in rows if row.time]
-    bars(axes, values, "Whole processes", "time [s]", logarithmic=False)
+    chosen = [row for row in rows if row.time and not row.unit and row.task.startswith(("cold", "warm"))]
+    values = [(f"{row.task}: {row.candidate}", row.time.median, "kaneflex" if row.target else "") for row in chosen]
+    bars(axes, values, "Whole processes", "processor's time [s]", logarithmic=False)
 
 
 def bars(

@@ -20,8 +20,8 @@ from kaneflex.support.atomic_output import write_text
 HEAD = """# Benchmarks
 
 Times are medians with their quartiles. The candidates of a task take turns, and a ratio is the median of the rounds'
-ratios, so that a machine that slows down slows both. A target is what is aimed at, with what is hoped for in brackets.
-One thread, except for sweeps.
+ratios, so that a machine that slows down slows both. A target is what is aimed at, with what is hoped for in brackets
+where there is such a value. One thread, except for sweeps.
 
 ![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
 """
@@ -102,24 +102,31 @@ def table(rows: Iterable[Row]) -> str:
 
 def cells(row: Row) -> tuple[str, ...]:
     if row.time is None:
-        return (row.task, row.candidate, row.missing, "", "", "", row.differs)
+        return (row.task, row.candidate, row.missing, "", "", target_of(row), row.differs)
     time = row.time
-    scale, unit = unit_of(time.median)
-    quartiles = f"{scale * time.low:.3g} to {scale * time.high:.3g}"
+    scale, unit = (1.0, row.unit) if row.unit else unit_of(time.median)
+    quartiles = f"{scale * time.low:.3g} to {scale * time.high:.3g}" if time.low < time.high else ""
+    digits = ".0f" if time.median * scale >= 1000 else ".3g"
     ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
-    return (row.task, row.candidate, f"{scale * time.median:.3g} {unit}", quartiles, ratio, target_of(row), row.differs)
+    median = f"{scale * time.median:{digits}} {unit}"
+    return (row.task, row.candidate, median, quartiles, ratio, target_of(row), row.differs)
 
 
 def target_of(row: Row) -> str:
-    """Like "<= 1.15 (0.9): met"."""
+    """Like "<= 1.15 (0.9): met"; without a verdict where nothing was measured."""
     if row.target is None:
         return ""
-    limits = (row.target.reach, row.target.dream)
-    if row.of_time:
-        reach, dream = (f"{scale * limit:.3g} {unit}" for limit in limits for scale, unit in [unit_of(limit)])
-    else:
-        reach, dream = (f"{limit:g}" for limit in limits)
-    return f"{'>=' if row.target.at_least else '<='} {reach} ({dream}): {row.verdict()}"
+    reach, *dream = (limit_of(row, limit) for limit in (row.target.reach, row.target.dream) if limit is not None)
+    hoped = f" ({dream[0]})" if dream else ""
+    verdict = row.verdict()
+    return f"{'>=' if row.target.at_least else '<='} {reach}{hoped}{f': {verdict}' if verdict else ''}"
+
+
+def limit_of(row: Row, limit: float) -> str:
+    if not row.of_time:
+        return f"{limit:g}"
+    scale, unit = (1.0, row.unit) if row.unit else unit_of(limit)
+    return f"{scale * limit:.{4 if row.unit else 3}g} {unit}"
 
 
 def unit_of(seconds: float) -> tuple[float, str]:

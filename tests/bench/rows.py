@@ -9,18 +9,18 @@ from bench.interleave import Spread
 
 @dataclass(frozen=True)
 class Target:
-    """A limit of what a row states, its ratio or its time [s]: ``reach`` is aimed at, ``dream`` hoped for.
+    """A limit of what a row states, its ratio or its value: ``reach`` is aimed at, ``dream`` hoped for.
 
     at_least : for ratios that say how many times as fast, where more is better.
     """
 
     reach: float
-    dream: float
+    dream: float | None = None
     at_least: bool = False
 
     def verdict(self, value: float) -> str:
         for limit, name in ((self.dream, "dream"), (self.reach, "met")):
-            if (value >= limit) if self.at_least else (value <= limit):
+            if limit is not None and ((value >= limit) if self.at_least else (value <= limit)):
                 return name
         return "missed"
 
@@ -29,8 +29,9 @@ class Target:
 class Row:
     """One line of a section's table.
 
+    time : the value, seconds unless ``unit`` says otherwise.
     ratio : of this row to its task's reference, as the section's heading says; None for the reference itself.
-    of_time : the target is one of the time, not of the ratio.
+    of_time : the target is one of the value, not of the ratio.
     differs : what is not the same as in the reference, so that the ratio can be judged.
     error : of the candidate's answer, where time is shown over it.
     """
@@ -44,6 +45,7 @@ class Row:
     differs: str = ""
     missing: str = ""
     error: float | None = None
+    unit: str = ""
 
     def verdict(self) -> str | None:
         """Whether the target is met; None where there is none, or nothing was timed."""
