@@ -14,7 +14,7 @@ project = "kaneflex"
 author = copyright = "kaneflex developers"
 release = version_of("kaneflex")
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "sphinx-mathjax-offline"]
-exclude_patterns = ["pictures"]
+exclude_patterns = ["pictures", "data"]
 html_theme = "furo"
 smartquotes = False  # --at is no dash
 html_title = "kaneflex"
@@ -31,4 +31,4 @@ autosummary_generate = False
 
 def setup(app) -> None:
     app.add_directive("equations", site_directives.Equations)
-    app.add_directive("refusals", site_directives.Refusals)
+    app.add_directive("messages", site_directives.Messages)

@@ -1,9 +1,14 @@
-"""Drawings of the documentation: ``python docs/figures.py`` writes them into docs/pictures."""
+"""Pictures of the documentation, written into docs/pictures.
+
+``python docs/figures.py`` makes the drawings, ``python docs/figures.py NAME ...`` some of them, and
+``python docs/figures.py gallery [SCENE ...]`` runs the shipped scenes for the gallery (minutes).
+"""
 
 # ruff: noqa: RUF001, RUF005  (minus signs in drawings; sums of arrays and tuples)
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +18,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, FancyBboxPatch, Polygon, Rectangle
-from PIL import Image
+from PIL import Image, ImageChops, ImageOps
 
 PICTURES = Path(__file__).parent / "pictures"
 BLUE, RED, GREY, GREEN, ORANGE = "#0072B2", "#C0392B", "#888888", "#1E8449", "#D98200"
@@ -518,7 +523,28 @@ def springs() -> None:
     text(three, 0, -0.1, "three stiffnesses along,\nthree about the axes", "white", fontsize=7)
 
 
+def gallery(names: list[str]) -> None:
+    """Picture `mechanism` of each scene's run, 900 pixels wide, and a thumbnail of it."""
+    from kaneflex.cli import main as kaneflex
+
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder:
+            made = Path(folder) / "run"
+            kaneflex(["run", name, "--plots", "mechanism", "-q", "-o", str(made)], standalone_mode=False)
+            whole = Image.open(made / "mechanism.png").convert("RGB")
+        edges = ImageChops.invert(whole).getbbox()
+        whole = ImageOps.expand(whole.crop(edges), 12, "white")
+        for file, wide in ((PICTURES / f"{name}.png", 900), (PICTURES / "thumbs" / f"{name}.png", 220)):
+            small = whole.resize((wide, round(wide * whole.height / whole.width)), Image.Resampling.LANCZOS)
+            small.quantize(96).save(file, optimize=True)
+
+
 def main() -> None:
+    if sys.argv[1:2] == ["gallery"]:
+        from kaneflex import shipped_scenes
+
+        gallery(sys.argv[2:] or list(shipped_scenes()))
+        return
     plt.rcParams.update({"font.size": 9, "svg.hashsalt": "kaneflex"})
     for name, draw in FIGURES.items():
         if sys.argv[1:] and name not in sys.argv[1:]:

@@ -1,4 +1,4 @@
-"""What the site has of the code itself: the equations that are compiled, and every refusal with its cure."""
+"""Parts of the site that come from the code: compiled equations, and error messages by topic."""
 
 from __future__ import annotations
 
@@ -10,13 +10,24 @@ from pathlib import Path
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
+TOPICS = {
+    "Links and bodies": r"scene/(beams|bodies|sections|materials|profile|rotation)|multibody/(stage|shape_families)",
+    "Joints, drives and loops": r"scene/(drive|parts)|mechanism/|multibody/(held_twice|rigid_twin|spatial|counted)",
+    "Loads, laws and springs": r"scene/(law|load|springs|headings|tables)|support/units|solve/law",
+    "Contacts and friction": r"scene/(contact|friction)|solve/contact",
+    "Units, names and files": r"scene/|support/",
+    "Links from finite elements": r"fem/(foreign|matrices|modal|recovery|craig|interface|mobility)|cli/importing",
+    "Solving": r"solve/|multibody/|fem/",
+    "Studies and commands": r"",
+}
+"""Heading -> modules whose errors stand under it, by the first pattern that matches."""
 SOURCES = Path(__file__).parents[1] / "src/kaneflex"
 _WORDS = {"SceneError": 4, "Fault": 2}
 """What is raised of a user's mistake -> how many words it takes: key, value, reason and cure; reason and cure."""
 
 
 class Equations(SphinxDirective):
-    """``{equations} SCENE``: what is compiled of a shipped scene, as `kaneflex equations` prints it."""
+    """``{equations} SCENE``: the compiled equations of a shipped scene, as `kaneflex equations` prints them."""
 
     required_arguments = 1
 
@@ -28,22 +39,28 @@ class Equations(SphinxDirective):
         return self.parse_text_to_nodes(as_markdown(latex(read_scene(self.arguments[0]))), allow_section_headings=True)
 
 
-class Refusals(SphinxDirective):
-    """``{refusals}``: a table of what is refused, of which key, and what cures it."""
+class Messages(SphinxDirective):
+    """``{messages}``: tables of error messages by topic, with the entry concerned and what to do."""
 
     def run(self) -> list[nodes.Node]:
         self.env.note_reread()  # the sources may have changed, where the page has not
-        lines = ["| of | what is said | cure |", "| --- | --- | --- |"]
-        lines += [f"| {' | '.join(map(_cell, row))} |" for row in sorted(set(refusals()))]
-        return self.parse_text_to_nodes("\n".join(lines))
+        found = set(messages())
+        lines = []
+        for topic in TOPICS:
+            rows = sorted(row for of, *row in found if of == topic)
+            lines += [f"\n## {topic}\n", "| entry | problem | what to do |", "| --- | --- | --- |"]
+            lines += [f"| {' | '.join(map(_cell, row))} |" for row in rows]
+        return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
 
 
-def refusals() -> Iterator[tuple[str, str, str]]:
-    """Key, reason and cure of every refusal whose words stand where it is made; ``...`` for what a scene fills in."""
+def messages() -> Iterator[tuple[str, str, str, str]]:
+    """Topic, entry, problem and fix of every error whose text stands where it is raised; ``...`` for what varies."""
     for path in sorted(SOURCES.rglob("*.py")):
+        name = path.relative_to(SOURCES).with_suffix("").as_posix()
+        topic = next(topic for topic, pattern in TOPICS.items() if re.match(pattern, name))
         for made in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(made, ast.FunctionDef):
-                yield from _refused_by(made)
+                yield from ((topic, *row) for row in _refused_by(made))
 
 
 def _refused_by(made: ast.FunctionDef) -> Iterator[tuple[str, str, str]]:

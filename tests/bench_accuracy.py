@@ -1,4 +1,4 @@
-"""The plus-minus of runs beside their true errors, into ``docs/accuracy.md``: ``python tests/bench_accuracy.py``.
+"""Error estimates compared with true errors, into ``docs/accuracy.md``: ``python tests/bench_accuracy.py``.
 
 So are runs under preset coupled, and prices of models beside their runs; ``python tests/bench_accuracy.py coupled`` and
 ``prices`` measure these alone anew, and ``python tests/bench_accuracy.py SCENE ...`` the plus-minus of these scenes
@@ -14,6 +14,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import csv_tables
 import numpy as np
 
 import kaneflex
@@ -51,44 +52,59 @@ COUPLED_MODELS = {
     "linear": ("solve.preset=linear",),
     "stiffened": ("solve.preset=stiffened",),
 }
-HEAD = """# What a run is off by
+COLUMNS = (
+    "scene", "model", "sensors", "largest error, share of the peak", "effectivity: least", "median", "greatest"
+)  # fmt: skip
+PRICES = ("scene", "model", "sensor", "change", "missed")
+PAGE_TEXT = """# Accuracy
 
-Runs say what their sensors may be off by: [how](scene/solve.md#error-estimates). Here is that beside the true error, at
-first of one-way presets whose rigid motion is prescribed, measured against the scene's finest model (preset
-`stiffened`, four times the elements, all modes, four times the steps by `radau`). *Effectivity* is the estimate over
-the true error, each the largest over the run: 1 is exact, above 1 safe. Sensors whose error is below ten times that of
-the finest model, or below 1e-6 of their peak, are left out; so are quasi-static runs of scenes that start from rest, as
-quasi-statics has no vibrations. Where these are about as fast as steps, as those along the rod of `engine-transient`,
-estimates have their size. `python tests/bench_accuracy.py` writes this page.
+Every run estimates the error of its sensors ([how](scene/solve.md#error-estimates)). This page compares estimates
+with true errors. *Effectivity* is the estimate divided by the true error, each the largest over the run: 1 is exact,
+above 1 is safe.
 
-| scene | model | sensors | largest error, share of the peak | effectivity: least | median | greatest |
-| --- | --- | --- | --- | --- | --- | --- |
+## One-way presets
+
+The reference is the scene's finest model: preset `stiffened`, four times the elements, all modes, four times the
+steps by `radau`. Left out are sensors whose error is below ten times that of the reference or below 1e-6 of their
+peak, and quasi-static runs of scenes that start from rest. Vibrations about as fast as the steps, like the axial ones
+of `engine-transient`, have estimates of their own size.
+
+{one_way}
+## Preset coupled
+
+Runs under `coupled`, and one-way runs with the effect of one-way coupling (`solve.errors = "all"`). The reference is
+`coupled` with four times the elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance; its own
+error is taken as a quarter of the change from half its elements and modes. Sensors below ten times that are left out.
+
+{coupled}
+## Prices and runs
+
+[Prices](trade.md#prices) of groups of terms and of coarser meshes, in the sensor that changes most: the change by two
+runs of `stiffened`, and how far the price misses it, as a share of the change. Changes below 1e-5 are left out, since
+runs are solved to 1e-6. Over all rows the price misses by at most 2 % of the change or of a thousandth of the peak.
+
+{prices}
+Made by `python tests/bench_accuracy.py [coupled] [prices]`; do not edit.
 """
 
-COUPLED = """
-## Beside preset coupled
 
-The same of runs under preset `coupled`, and of one-way runs with the share of the one-way coupling, by `solve.errors =
-"all"`. The truth is preset `coupled` with four times the elements and steps, 12 modes of each link (in space 6) and a
-three-hundredth of the tolerance; what it is off by itself is a quarter of what half of its elements and modes change in
-it. Sensors whose error is below ten times that, or below 1e-6 of their peak, are left out: so are forces that ring with
-a phase that no model holds. `python tests/bench_accuracy.py coupled` writes this part.
+def page() -> str:
+    """The text of docs/accuracy.md, of the tables in docs/data."""
+    tables = {"one_way": "accuracy", "coupled": "accuracy-coupled"}
+    filled = {key: by_model(csv_tables.read(name)) + "\n" + csv_tables.shown(name) for key, name in tables.items()}
+    return PAGE_TEXT.format(**filled, prices=csv_tables.shown("accuracy-prices"))
 
-| scene | model | sensors | largest error, share of the peak | effectivity: least | median | greatest |
-| --- | --- | --- | --- | --- | --- | --- |
-"""
-PRICES = """
-## Prices beside runs
 
-What a group of terms, or a coarser mesh, changes in the sensor that it changes most, by a run of preset `stiffened`
-with it and one without, as a share of its peak; and by how much its [price](trade.md#prices) misses that, as a share of
-the change: the largest difference between the two curves. Changes below 1e-5 are left out, as runs are solved to 1e-6.
-`python tests/bench_accuracy.py prices` writes this part. Scenes and models without a row have no prices.
-Quasi-statics is left out, too: its price is K z = F at the instants of its run.
-
-| scene | model | sensor | change | missed |
-| --- | --- | --- | --- | --- |
-"""
+def by_model(rows):
+    """A short table over all scenes."""
+    text = f"| model | scenes | sensors | effectivity: least | median | greatest |\n{'| --- ' * 6}|\n"
+    for model in dict.fromkeys(row[1] for row in rows):
+        found = [row for row in rows if row[1] == model and row[2].isdigit()]
+        least, medians, greatest = ([float(row[k]) for row in found] for k in (4, 5, 6))
+        numbers = (min(least), statistics.median(medians), max(greatest))
+        sensors = sum(int(row[2]) for row in found)
+        text += f"| {model} | {len(found)} | {sensors} | {' | '.join(f'{number:.2f}' for number in numbers)} |\n"
+    return text
 
 
 def settings_of(scene, model):
@@ -126,12 +142,12 @@ def rows(name):
         return
     reason = solved(scene, ()).errors[1]
     if reason:
-        yield f"| `{name}` | as it is | - | - | - | - | {reason} |"
+        yield [f"`{name}`", "as it is", "-", "-", "-", "-", reason]
         return
     truth = finest(scene)
     own, _ = truth.errors
     if truth.outcome is not Outcome.COMPLETED:
-        yield f"| `{name}` | - | - | - | - | - | its finest model: {truth.message} |"
+        yield [f"`{name}`", "-", "-", "-", "-", "-", f"its finest model: {truth.message}"]
         return
     for label, model in MODELS.items():
         if (label == "quasistatic" and scene.solve.start == "zero") or (label == "rigid" and scene.is_frame):
@@ -144,7 +160,7 @@ def row(name, label, found, truth, own):
     """A run's estimates beside a truth that is itself off by ``own`` in each sensor; nothing where none counts."""
     estimates, reason = found.errors
     if reason:
-        yield f"| `{name}` | {label} | - | - | - | - | {reason} |"
+        yield [f"`{name}`", label, "-", "-", "-", "-", reason]
         return
     every = round((len(truth.times) - 1) / (len(found.times) - 1))
     ratios, largest = [], 0.0
@@ -157,8 +173,8 @@ def row(name, label, found, truth, own):
             largest = max(largest, error / size)
     if ratios:
         numbers = (min(ratios), statistics.median(ratios), max(ratios))
-        shown = " | ".join(f"{number:.2f}" for number in numbers)
-        yield f"| `{name}` | {label} | {len(ratios)} | {largest:.1e} | {shown} |"
+        shown = (f"{number:.2f}" for number in numbers)
+        yield [f"`{name}`", label, str(len(ratios)), f"{largest:.1e}", *shown]
 
 
 def coupled_rows(name):
@@ -209,47 +225,33 @@ def price_rows(name):
         if changes.peak_share < 1e-5:  # what a run's own tolerance leaves open
             continue
         missed = abs(run.values[changes.sensor] - priced.values[changes.sensor]).max() / size
-        shares = f"{changes.peak_share:.1e} | {missed / changes.peak_share:.0e}"
-        yield f"| `{name}` | {variant.name} | `{changes.sensor}` | {shares} |"
+        shares = (f"{changes.peak_share:.1e}", f"{missed / changes.peak_share:.0e}")
+        yield [f"`{name}`", variant.name, f"`{changes.sensor}`", *shares]
 
 
-def table(rows_of):
-    """The rows of all shipped scenes, as they come."""
+def table(rows_of, names, kept=()):
+    """The rows of all shipped scenes, of those not named as they were."""
     lines = []
     for name in shipped_scenes():
-        for row in rows_of(name):
-            print(row, flush=True)
+        for row in rows_of(name) if name in names else [row for row in kept if row[0] == f"`{name}`"]:
+            print(*row, sep=" | ", flush=True)
             lines.append(row)
-    return "\n".join(lines) + "\n"
-
-
-def replaced(page, names):
-    """The page with the rows of some scenes measured anew, those of others as they are."""
-    head, _, rest = page.partition(COUPLED)
-    kept = head.removeprefix(HEAD).splitlines()
-    lines = []
-    for name in shipped_scenes():
-        own = rows(name) if name in names else [line for line in kept if line.startswith(f"| `{name}` |")]
-        for row in own:
-            print(row, flush=True)
-            lines.append(row)
-    return HEAD + "\n".join(lines) + "\n" + COUPLED + rest
+    return lines
 
 
 def main() -> None:
-    asked = sys.argv[1:]
+    asked, names = sys.argv[1:], shipped_scenes()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        page = PAGE.read_text(encoding="utf-8")
-        if asked and not {*asked} <= {"coupled", "prices"}:
-            PAGE.write_text(replaced(page, asked), encoding="utf-8")
-            return
-        rest, _, prices = page.partition(PRICES)
-        first, _, coupled = rest.partition(COUPLED)
-        first = first if asked else HEAD + table(rows)
-        coupled = coupled if asked and "coupled" not in asked else table(coupled_rows)
-        prices = prices if asked and "prices" not in asked else table(price_rows)
-        PAGE.write_text(first + COUPLED + coupled + PRICES + prices, encoding="utf-8")
+        if not {*asked} <= {"coupled", "prices"}:
+            csv_tables.write("accuracy", COLUMNS, table(rows, asked, csv_tables.read("accuracy")))
+        elif not asked:
+            csv_tables.write("accuracy", COLUMNS, table(rows, names))
+        if "coupled" in asked or not asked:
+            csv_tables.write("accuracy-coupled", COLUMNS, table(coupled_rows, names))
+        if "prices" in asked or not asked:
+            csv_tables.write("accuracy-prices", PRICES, table(price_rows, names))
+        PAGE.write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What ``run --tolerance`` chooses beside brute force: ``make bench-choice`` writes ``docs/choice-table.md``.
+"""What ``run --tolerance`` chooses compared with brute force: ``make bench-choice`` writes ``docs/choice-table.md``.
 
 Run it on an idle machine; each scene has a process and a time limit of its own, and one that fails leaves its reason.
 ``python tests/bench_choice.py engine spin-up`` measures some scenes anew and leaves the other rows as they are.
@@ -14,6 +14,8 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+
+import csv_tables
 
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.variants import Variant
@@ -52,22 +54,27 @@ CASES: dict[str, tuple[str, tuple[str, ...], tuple[str, ...] | None]] = {
 SECONDS = 20.0
 """For the brute force of a scene: half of it for first runs, the rest for repeats."""
 LIMIT = 240.0
-HEAD = """# Choices beside brute force
+HEAD = """# Choices compared with brute force
 
-For each scene and tolerance the model that `kaneflex run --tolerance` chooses, its largest error against the finest
-reference that converges, the cheapest model of the whole ladder of `kaneflex trade` within the tolerance, as far as
-twenty seconds a case go, and how much longer a run of the chosen one takes (medians of interleaved runs, all models
-once a round). The time to choose includes deriving where a scene's coupled equations were not in the cache.
+For each scene and tolerance: the model that [`kaneflex run --tolerance`](trade.md#by-a-tolerance) chooses, its
+largest error against the finest converged reference, the cheapest model of `kaneflex trade` within the tolerance
+(twenty seconds a case), and the ratio of their run times (medians of interleaved runs). The time to choose includes
+deriving.
 
-| scene | tolerance | chosen | error | cheapest by brute force | time, chosen / cheapest | to choose [s] |
-| --- | --- | --- | --- | --- | --- | --- |
+All 43 choices that could be made are within their tolerance; they take at most 1.57 times as long as the cheapest
+model. For the other 8 no reference converges, and nothing is chosen.
+
 """
+TABLE = "choices"
+COLUMNS = (
+    "scene", "tolerance", "chosen", "error", "cheapest by brute force", "time, chosen / cheapest", "to choose [s]"
+)  # fmt: skip
 FOOT = """
 {date}, {machine}, Python {python}. Made by `make bench-choice`; do not edit.
 """
 
 
-def rows_of(case: str) -> list[str]:
+def rows_of(case: str) -> list[list[str]]:
     """The table's rows of one case."""
     name, settings, sensors = CASES[case]
     scene = with_settings(read_scene(name), settings)
@@ -78,16 +85,16 @@ def rows_of(case: str) -> list[str]:
             choices[tolerance] = choose(scene, tolerance, sensors)
         except SceneError as error:
             reasons[tolerance] = error.reason
-    rows = dict.fromkeys(TOLERANCES, "")
+    rows: dict[float, list[str]] = {}
     rows |= {tolerance: _row(case, tolerance, reason, "", "", "", "") for tolerance, reason in reasons.items()}
     if choices:
         rows |= _beside_brute_force(case, scene, sensors, choices)
-    return list(rows.values())
+    return [rows[tolerance] for tolerance in TOLERANCES]
 
 
 def _beside_brute_force(
     case: str, scene: Scene, sensors: tuple[str, ...], choices: dict[float, Choice]
-) -> dict[float, str]:
+) -> dict[float, list[str]]:
     basis = neutral(scene)
     runs = Runs(basis)
     reference = find_reference(runs, sensors, min(choices))
@@ -118,19 +125,19 @@ def _beside_brute_force(
     return rows
 
 
-def _row(case: str, tolerance: float, *cells: str) -> str:
-    return f"| {' | '.join((case, f'{100 * tolerance:g} %', *cells))} |"
+def _row(case: str, tolerance: float, *cells: str) -> list[str]:
+    return [case, f"{100 * tolerance:g} %", *cells]
 
 
-def rows_in_a_process(case: str) -> list[str]:
+def rows_in_a_process(case: str) -> list[list[str]]:
     """The rows of a case, by a process of its own, or a row with the reason why there are none."""
     command = [sys.executable, __file__, "--one", case]
     try:
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=LIMIT)
     except subprocess.TimeoutExpired:
-        return [f"| {case} | | not within {LIMIT:.0f} s | | | | |"]
+        return [[case, "", f"not within {LIMIT:.0f} s", "", "", "", ""]]
     if done.returncode:
-        return [f"| {case} | | failed, exit code {done.returncode} | | | | |"]
+        return [[case, "", f"failed, exit code {done.returncode}", "", "", "", ""]]
     return json.loads(done.stdout)
 
 
@@ -143,21 +150,16 @@ def main() -> None:
         print(json.dumps(rows_of(arguments.one)))
         return
     started = time.perf_counter()
-    rows = rows_there() if arguments.cases else {}
+    there = csv_tables.read(TABLE) if arguments.cases else []
+    rows = {case: [row for row in there if row[0] == case] for case in CASES}
     for case in arguments.cases or CASES:
         print(f"{time.perf_counter() - started:6.0f} s  {case}", file=sys.stderr)
         rows[case] = rows_in_a_process(case)
-        print("\n".join(rows[case]), file=sys.stderr)
+        print("\n".join(map(" | ".join, rows[case])), file=sys.stderr)
     foot = FOOT.format(
         date=datetime.date.today(), machine=platform.machine(), python=platform.python_version()
     )
-    write_text(PAGE, HEAD + "".join(f"{row}\n" for case in CASES for row in rows.get(case, ())) + foot)
-
-
-def rows_there() -> dict[str, list[str]]:
-    """The page's rows by case."""
-    lines = PAGE.read_text(encoding="utf-8").splitlines()
-    return {case: [line for line in lines if line.startswith(f"| {case} | ")] for case in CASES}
+    write_text(PAGE, HEAD + csv_tables.write(TABLE, COLUMNS, [row for case in CASES for row in rows[case]]) + foot)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import tempfile
 from itertools import product
 from pathlib import Path
 
+import csv_tables
 import numpy as np
 from extreme_cases import CASES, spike_cases
 from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
@@ -21,53 +22,44 @@ CYCLES, STEPS = 1_000_000, 64
 SINGLE = ("engine", "rotating-cantilever")
 HEAD = """# Extremes
 
-What is left of a result where a scene is driven to its limits. Each case has an expectation from elsewhere: a closed
-form, a law of scaling, a limit. It ends in one of three ways, and in no other: within its stated accuracy, with a
-warning, or in a named outcome or refusal that says the reason and the cure. `tests/test_extremes.py` runs the short
-form with the other tests, `make extremes` the full one, which writes this page.
+Scenes driven to their limits, each compared with an independent expectation: a closed form, a scaling law, a limit. A
+case ends within its stated accuracy, with a warning, or with a named outcome or error. `tests/test_extremes.py` runs
+a short form, `make extremes` all of it.
 
-- [Which method survives what](#which-method-survives-what), [what to take from it](#what-to-take-from-it)
-- [A million cycles](#a-million-cycles), [kernels in single precision](#kernels-in-single-precision)
+## Results by method
 
-## Which method survives what
+Columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are integrators of `stiffened`. A number is
+the error relative to the largest expected value; in brackets it exceeds the case's accuracy, and the run warns. A
+word is the outcome. A dash: not meant for the case, or, for `gauss`, displacements as good as those of `radau`.
 
-Columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are the integrators of `stiffened`. A number
-is the error relative to the largest expected value; one in brackets is beyond the case's accuracy, and the run says why
-in a warning. A word is the named end. A dash: the method isn't meant for the case, or, for `gauss`, that its
-displacements are as good as those of `radau`, and no forces are asked for.
+![Errors and outcomes of every case](pictures/extremes.png)
 
-![Errors and named ends of every case](pictures/extremes.png)
 """
 RULES = """
-## What to take from it
+## Conclusions
 
-- **Speeds that are slow beside the vibrations**, steps of thousands of their periods: `radau` and `generalised-alpha`
-  go down to 1e-9 rpm, as `quasistatic` does. Integrators without damping of their own, `gauss` and `newmark`, leave
-  multipliers of one, which rounding then decides: no periodic state is found, and the message says so.
-- **Stiff beside soft links**: the same holds of the stiff link's frequencies.
-- **Forces and accelerations**: what an integrator without damping leaves of vibrations that its steps don't resolve is
-  too small to be seen in displacements, but counts at its stiffness in accelerations, joint and section forces. `radau`
-  and `generalised-alpha` extinguish it; a run by `gauss` or `newmark` warns where its forces by the equations of motion
-  and by the change of velocities part. What many steps add up, as where vibrations from rest lose a little in each, no
-  single one shows: where it could matter, the run is repeated in half steps, and a warning says by how much they part.
-- **`coupled` at speeds that are slow beside the vibrations**: forces are right, but a vibration within the tolerance,
-  1e-9 m at thousands of hertz, is as large as the slow accelerations of 60 rpm; a run at a tenth of the tolerance shows
-  it, and a warning says so. At start `quasistatic` it has no cell: those cases compare one-way
-  presets.
-- **Compression beyond buckling**, as by a piston of 1e8 kg: `stiffened` diverges, since its axial forces are those of
-  the rigid mechanism, and a warning names the buckling load; `linear` doesn't know of it, `coupled` goes through.
-- **Steps beyond the periods**: nothing grows without bounds, a warning names the steps that would do, and only
-  `exact-modal`, of preset `paper`, is still right.
-- **Elements**: rounding grows with about the fourth power of their number, to 1e-4 on 1024.
-- **Dead centres**: what happens there in a fraction of a step is named; the dead centre itself is refused.
-- **`coupled`** lengthens its steps as vibrations die, and so goes down to some 0.01 rpm; far below, rounding decides
-  about the steps, and a cycle takes millions.
+- **Slow motions** (steps of thousands of vibration periods) and **stiff beside soft links**: `radau` and
+  `generalised-alpha` work down to 1e-9 rpm. `gauss` and `newmark`, without numerical damping, have multipliers of one
+  and find no periodic state; the message says so.
+- **Forces and accelerations**: unresolved vibrations are too small to see in displacements, but count in forces.
+  `radau` and `generalised-alpha` damp them; `gauss` and `newmark` warn where forces by the equations of motion and by
+  the change of velocities differ. Where small losses could accumulate, the run is repeated with half steps and a
+  warning states the difference.
+- **`coupled` at low speed**: forces are right, but a vibration within the tolerance (1e-9 m at kilohertz) is as large
+  as the slow accelerations of 60 rpm; a warning says so. It works down to about 0.01 rpm; below, a cycle takes
+  millions of steps.
+- **Compression beyond buckling** (a piston of 1e8 kg): `stiffened` diverges and warns with the buckling load;
+  `linear` does not see it; `coupled` works.
+- **Steps beyond the periods**: nothing grows without bounds, a warning names unstable steps; only `exact-modal`
+  (preset `paper`) stays accurate.
+- **Elements**: rounding grows with about the fourth power of their number, to 1e-4 with 1024.
+- **Dead centres**: what happens within a fraction of a step is named; the dead centre itself is rejected.
 """
 CYCLES_HEAD = f"""
 ## A million cycles
 
-z'' + z = 0 from rest at one, {CYCLES:,} cycles of {STEPS} steps: amplitude gained, phase lost in a cycle, and what of
-the phase after all of them the method's own rational function does not explain.
+$\\ddot z + z = 0$ over {CYCLES:,} cycles of {STEPS} steps: change of amplitude, phase error a cycle, and the final
+phase error that the method's rational function does not explain.
 
 | integrator | amplitude | phase in a cycle [rad] | unexplained [rad] |
 | --- | --- | --- | --- |
@@ -75,8 +67,7 @@ the phase after all of them the method's own rational function does not explain.
 SINGLE_HEAD = """
 ## Kernels in single precision
 
-The generated kernels fill whatever they are given. Largest difference of float32 from float64, over the largest
-entry:
+Largest difference of the generated kernels in float32 from float64, over the largest entry:
 
 """
 FOOT = "\nMade by `make extremes`; do not edit.\n"
@@ -105,17 +96,14 @@ def endings(cases: list[Case]) -> dict[tuple[Case, str], Ending]:
     return found
 
 
-def tables(cases: list[Case], found: dict[tuple[Case, str], Ending]) -> str:
-    """One table a group, in the order of the cases."""
-    text = ""
-    for group in dict.fromkeys(case.group for case in cases):
-        text += f"\n### {group.capitalize()}\n\n| case | within | {' | '.join(METHODS)} |\n"
-        text += "| --- " * (len(METHODS) + 2) + "|\n"
-        for case in cases:
-            if case.group == group:
-                cells = [cell(case, method, found.get((case, method))) for method in METHODS]
-                text += f"| {case.name} | {f'{case.within:.0e}' if case.within else '-'} | {' | '.join(cells)} |\n"
-    return text
+def table(cases: list[Case], found: dict[tuple[Case, str], Ending]) -> str:
+    """Write the table of all cases; returns the text that shows it."""
+    rows = [
+        [case.group, case.name, f"{case.within:.0e}" if case.within else "-",
+         *(cell(case, method, found.get((case, method))) for method in METHODS)]
+        for case in cases
+    ]  # fmt: skip
+    return csv_tables.write("extremes", ["group", "case", "within", *METHODS], rows)
 
 
 def draw(cases: list[Case], found: dict[tuple[Case, str], Ending], path: Path) -> None:
@@ -170,7 +158,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         cases = [*CASES, *spike_cases(Path(folder))]
         found = endings(cases)
-    text = HEAD + tables(cases, found) + RULES + CYCLES_HEAD + drifts() + SINGLE_HEAD + single_precisions() + FOOT
+    text = HEAD + table(cases, found) + RULES + CYCLES_HEAD + drifts() + SINGLE_HEAD + single_precisions() + FOOT
     asked.output.write_text(text, encoding="utf-8", newline="\n")
     picture = asked.output.parent / PICTURE
     picture.parent.mkdir(exist_ok=True)

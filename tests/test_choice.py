@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 import closed_forms as by_hand
+import csv_tables
 import numpy as np
 import pytest
 from command_line import cli, refused
@@ -463,10 +464,8 @@ def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_pa
     refused(cli("derive", "engine", "--sensor", "tip_axial", "-o", tmp_path / "b.py"), "belongs to --tolerance")
 
 
-def test_the_table_beside_brute_force_keeps_what_the_page_says_of_it():
-    page = (Path(__file__).parents[1] / "docs" / "choice-table.md").read_text(encoding="utf-8")
-    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in re.findall(r"^\| .* \|$", page, re.MULTILINE)]
-    rows = [row for row in rows if row[1].endswith("%")]
+def test_the_choices_compared_with_brute_force_are_what_the_page_says_of_them():
+    rows = [row for row in csv_tables.read("choices") if row[1].endswith("%")]
     assert len({row[0] for row in rows}) == 17 and len(rows) == 3 * 17
     chosen = [row for row in rows if row[3]]
     assert len(chosen) >= 30 and all("still changes" in row[2] for row in rows if not row[3])

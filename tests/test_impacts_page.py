@@ -115,5 +115,3 @@ def test_a_tight_joint_is_the_limit_of_a_clearance():
 def test_the_table_has_every_key():
     for name in Poincare.model_fields:
         assert re.search(rf"^\| `{name}` \|", TEXT, flags=re.MULTILINE), name
-    for target in re.findall(r"\]\(([^)#]+)", TEXT):
-        assert (PAGE.parent / target).exists(), target

@@ -1,6 +1,7 @@
 """Results as labelled arrays, as netCDF and in numbers."""
 
 import csv
+import json
 import math
 import re
 import subprocess
@@ -295,6 +296,11 @@ def test_an_angle_that_does_not_name_one_instant_gives_way_to_the_time(scene, se
 def test_documentation_is_that_of_the_code():
     """If this fails: python -m kaneflex.report.summary > docs/summary.md"""
     assert (ROOT / "docs/summary.md").read_text(encoding="utf-8") == documentation()
+
+
+def test_the_schema_beside_it_is_that_of_the_code():
+    """If this fails: python -m kaneflex.report.summary --schema > docs/data/summary.schema.json"""
+    assert json.loads((ROOT / "docs/data/summary.schema.json").read_text(encoding="utf-8")) == json_schema()
 
 
 def test_every_field_of_the_summary_is_described():

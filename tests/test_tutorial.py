@@ -71,11 +71,11 @@ def test_the_page_about_results_runs(tmp_path, monkeypatch, capsys):
     assert promised and capsys.readouterr().out.splitlines() == promised
 
 
-def test_every_refusal_on_the_site_has_a_cure(monkeypatch):
+def test_every_message_on_the_site_has_a_topic_and_a_fix(monkeypatch):
     pytest.importorskip("sphinx", reason="sphinx is not installed; pip install 'kaneflex[docs]'")
     monkeypatch.syspath_prepend(str(DOCS))
-    from site_directives import refusals
+    from site_directives import TOPICS, messages
 
-    found = set(refusals())
-    assert len(found) > 300
-    assert all(reason.strip(". ") and cure.strip(". ") for _, reason, cure in found)
+    found = set(messages())
+    assert len(found) > 300 and {topic for topic, *_ in found} == set(TOPICS)
+    assert all(reason.strip(". ") and cure.strip(". ") for *_, reason, cure in found)

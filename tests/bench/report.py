@@ -1,4 +1,4 @@
-"""Rows to docs/benchmarks.json, and from there to the page and the picture.
+"""Rows to docs/benchmarks.json, and from there to the page, its tables and the picture.
 
 Sections that are measured anew replace what was there, the others stay as they were, each with its date and machine.
 """
@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType
 
+import csv_tables
+
 from bench.interleave import Spread
 from bench.machine import describe
 from bench.picture import draw
@@ -19,9 +21,9 @@ from kaneflex.support.atomic_output import write_text
 
 HEAD = """# Benchmarks
 
-Times are medians with their quartiles. The candidates of a task take turns, and a ratio is the median of the rounds'
-ratios, so that a machine that slows down slows both. A target is what is aimed at, with what is hoped for in brackets
-where there is such a value. One thread, except for sweeps.
+Times are medians with quartiles. The candidates of a task take turns; a ratio is the median of the rounds' ratios, so
+a slow machine affects both. Targets show the required value and, in brackets, a hoped-for one. One thread, except
+for sweeps.
 
 ![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
 """
@@ -65,6 +67,9 @@ def store(docs: Path, name: str, rows: Iterable[Row]) -> None:
 def show(docs: Path, modules: Mapping[str, ModuleType]) -> None:
     """Write the page and the picture of what is stored, in the order of the sections' ``modules``."""
     sections = sections_of(docs, modules)
+    for name, section in sections.items():
+        head, *rows = table(section.rows)
+        csv_tables.write(f"benchmarks-{name}", head, rows, docs)
     write_text(docs / "benchmarks.md", page(sections, modules))
     draw({name: section.rows for name, section in sections.items()}, docs / "pictures" / "benchmarks.png")
 
@@ -76,9 +81,9 @@ def sections_of(docs: Path, modules: Mapping[str, ModuleType]) -> dict[str, Sect
 
 def page(sections: Mapping[str, Section], modules: Mapping[str, ModuleType]) -> str:
     parts = [HEAD]
-    for name, section in sections.items():
+    for name in sections:
         module = modules[name]
-        parts.append(f"\n## {module.TITLE}\n\n{module.ABOUT}\n\n{table(section.rows)}\n")
+        parts.append(f"\n## {module.TITLE}\n\n{module.ABOUT}\n\n{csv_tables.shown(f'benchmarks-{name}')}")
     return "".join(parts) + f"\n## Where and when\n\n{machines(sections, modules)}\n" + FOOT
 
 
@@ -91,13 +96,11 @@ def machines(sections: Mapping[str, Section], modules: Mapping[str, ModuleType])
     return "\n".join(f"- {', '.join(names)}: {where}" for where, names in titles.items())
 
 
-def table(rows: Iterable[Row]) -> str:
-    """The rows in Markdown; a column that is empty throughout is left out."""
+def table(rows: Iterable[Row]) -> list[list[str]]:
+    """Head and rows as text; a column that is empty throughout is left out."""
     lines = [cells(row) for row in rows]
     used = [k for k in range(len(COLUMNS)) if any(line[k] for line in lines)]
-    head = [COLUMNS[k] for k in used]
-    body = [[line[k] for k in used] for line in lines]
-    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(used), *body))
+    return [[line[k] for k in used] for line in (COLUMNS, *lines)]
 
 
 def cells(row: Row) -> tuple[str, ...]:

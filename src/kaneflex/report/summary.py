@@ -1,12 +1,13 @@
 """The summary of a run: what ``summary.json`` holds, and its documentation from the same source.
 
-``python -m kaneflex.report.summary`` prints the documentation that is kept in ``docs/summary.md``.
+``python -m kaneflex.report.summary`` prints ``docs/summary.md``, with ``--schema`` ``docs/data/summary.schema.json``.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
@@ -310,7 +311,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def documentation() -> str:
-    """The text of ``docs/summary.md``: every field, and the JSON Schema."""
+    """The text of ``docs/summary.md``: every field."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
     for table in _TABLES:
         parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
@@ -318,16 +319,14 @@ def documentation() -> str:
             f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"
             for name, field in table.model_fields.items()
         ]
-    schema = json.dumps(json_schema(), indent=2, ensure_ascii=False)
-    parts.append(f"\n## JSON Schema\n\n```json\n{schema}\n```\n")
     return "".join(parts)
 
 
 _HEAD = """# summary.json
 
-`kaneflex run` writes `summary.json` beside `results.nc`. All numbers are SI but for angles of drives, which are in
-degrees, and times of a step in ns, as their names say. This is version {version} of the schema: a field that is added
-leaves the version as it is, a field that goes or changes its meaning raises it.
+`kaneflex run` writes `summary.json` beside `results.nc`. Numbers are in SI, except angles of drives (degrees) and
+times of a step (ns), as their names say. This is version {version} of the [JSON Schema](data/summary.schema.json):
+new fields keep the version, removed or changed ones raise it.
 
 Made by `python -m kaneflex.report.summary`; do not edit.
 """
@@ -353,4 +352,5 @@ def _type_name(kind: Any) -> str:
 
 
 if __name__ == "__main__":
-    print(documentation(), end="")
+    schema = json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+    print(schema if "--schema" in sys.argv else documentation(), end="")
