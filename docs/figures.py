@@ -524,7 +524,7 @@ def springs() -> None:
 
 
 def gallery(names: list[str]) -> None:
-    """Picture `mechanism` of each scene's run, 900 pixels wide, and a thumbnail of it."""
+    """Picture `mechanism` of each scene's run, at most 900 pixels wide, and a thumbnail of it."""
     from kaneflex.cli import main as kaneflex
 
     for name in names:
@@ -534,9 +534,9 @@ def gallery(names: list[str]) -> None:
             whole = Image.open(made / "mechanism.png").convert("RGB")
         edges = ImageChops.invert(whole).getbbox()
         whole = ImageOps.expand(whole.crop(edges), 12, "white")
-        for file, wide in ((PICTURES / f"{name}.png", 900), (PICTURES / "thumbs" / f"{name}.png", 220)):
-            small = whole.resize((wide, round(wide * whole.height / whole.width)), Image.Resampling.LANCZOS)
-            small.quantize(96).save(file, optimize=True)
+        for file, room in ((PICTURES / f"{name}.png", (900, 640)), (PICTURES / "thumbs" / f"{name}.png", (220, 160))):
+            small = ImageOps.contain(whole, room, Image.Resampling.LANCZOS)
+            small.quantize(64).save(file, optimize=True)
 
 
 def main() -> None:

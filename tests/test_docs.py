@@ -174,7 +174,7 @@ def test_links_between_the_pages_lead_somewhere():
 
 def test_every_picture_of_the_pages_is_shown():
     shown = "".join(page.read_text(encoding="utf-8") for page in [*DOCS.rglob("*.md"), DOCS.parent / "README.md"])
-    assert [path.name for path in (DOCS / "pictures").iterdir() if path.name not in shown] == []
+    assert [path.name for path in (DOCS / "pictures").rglob("*.png") if path.name not in shown] == []
 
 
 @pytest.mark.parametrize("fragment", FRAGMENTS, ids=lambda text: text.split("\n")[0].strip("[]").split(" ")[0])
