@@ -223,7 +223,7 @@ def test_run_writes_the_choice_into_the_summary_and_the_scenes_file(engine, cach
     path = tmp_path / "my.toml"
     text = path.read_text()
     monkeypatch.setattr(choice_cache, "choose", lambda *arguments: found)
-    sensors = [word for name in DEFORMED for word in ("--sensor", name)]
+    sensors = [word for name in DEFORMED for word in ("--sensors", name)]
     result = cli("run", path, "--tolerance", "1%", *sensors, "--write-back", "--no-plots", "-o", tmp_path / "out")
     assert result.exit_code == 0
     assert f"Chosen within 1.5 %: {found.model}, found in" in result.stdout
@@ -307,9 +307,9 @@ def test_write_back_keeps_line_ends_mode_and_links(tmp_path):
         (("--tolerance", "1%", "--integrator", "gauss"), ("--integrator = 'gauss'",)),
         (("--tolerance", "1%", "--after", "x"), ("--after = 'x'",)),
         (("--tolerance", "200%"), ("between 0 and 100 %",)),
-        (("--tolerance", "1%", "--sensor", "tip_axia"), ("nearest known one is 'tip_axial'",)),
+        (("--tolerance", "1%", "--sensors", "tip_axia"), ("nearest known one is 'tip_axial'",)),
         (("--tolerance", "1%", "--write-back"), ("a shipped scene is not changed", "kaneflex new")),
-        (("--sensor", "tip_axial"), ("--sensor: belongs to --tolerance",)),
+        (("--sensors", "tip_axial"), ("--sensors: belongs to --tolerance",)),
         (("--write-back",), ("--write-back: belongs to --tolerance",)),
     ],
 )
@@ -437,7 +437,7 @@ def test_a_run_by_tolerance_takes_the_module_without_what_its_model_leaves_out(e
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     loaded = []
     monkeypatch.setattr("kaneflex.solve.loading.load", lambda *a, **k: loaded.append(load(*a, **k)) or loaded[-1])
-    result = cli("run", "engine", "--tolerance", "0.01", "--sensor", "tip_axial", "--no-plots", "-o", tmp_path / "out")
+    result = cli("run", "engine", "--tolerance", "0.01", "--sensors", "tip_axial", "--no-plots", "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output
     (model,) = loaded
     assert not {group for _, group, *_ in model.module.TERMS} & {"spin", "gyroscopic", "euler", "damping"}
@@ -454,14 +454,14 @@ def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_pa
     _, found = engine
     monkeypatch.setattr(choice_cache, "choose", lambda *arguments: found)
     path = tmp_path / "engine.py"
-    result = cli("derive", "engine", "--tolerance", "0.01", "--sensor", "tip_axial", "-o", path)
+    result = cli("derive", "engine", "--tolerance", "0.01", "--sensors", "tip_axial", "-o", path)
     assert result.exit_code == 0 and "201 operations, of 233 with every term\n" in result.stdout
     text = path.read_text()
     head = text[: text.index("import math")]
     assert "M q'' + (K_s + K_g) q = F" in head and "Without the terms spin, gyroscopic, euler, damping." in head
     assert "made by: kaneflex derive SCENE --tolerance SHARE -o FILE.py" in head
     refused(cli("derive", "engine", "--tolerance", "1%", "--coupled", "-o", tmp_path / "b.py"), "--coupled")
-    refused(cli("derive", "engine", "--sensor", "tip_axial", "-o", tmp_path / "b.py"), "belongs to --tolerance")
+    refused(cli("derive", "engine", "--sensors", "tip_axial", "-o", tmp_path / "b.py"), "belongs to --tolerance")
 
 
 def test_the_choices_compared_with_brute_force_are_what_the_page_says_of_them():

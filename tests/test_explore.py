@@ -126,7 +126,7 @@ def test_what_cannot_be_explored_is_refused(tmp_path):
     picture = tmp_path / "explored.png"
     refused(cli("explore", "engine", "-o", picture), "--vary", "nothing varies")
     refused(cli("explore", "engine", "--vary", SPEED, "--vary", "drives.main.speed=1:2rpm", "-o", picture), "twice")
-    refused(cli("explore", "engine", "--vary", SPEED, "--sensor", "crank_torqe", "-o", picture), "crank_torque")
+    refused(cli("explore", "engine", "--vary", SPEED, "--sensors", "crank_torqe", "-o", picture), "crank_torque")
     refused(cli("explore", "engine", "--vary", SPEED, "-o", tmp_path / "explored.txt"), "not a kind of picture")
     assert list(tmp_path.iterdir()) == []
 

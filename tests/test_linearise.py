@@ -305,7 +305,7 @@ def test_what_can_not_be_linearised_is_refused():
 
 def test_command_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    shown = cli("linearise", "engine", "--at", "main=90deg", "--sensor", "tip_axial", "-o", "engine.npz")
+    shown = cli("linearise", "engine", "--at", "main=90deg", "--sensors", "tip_axial", "-o", "engine.npz")
     assert shown.exit_code == 0, shown.output
     assert "24 states, 2 inputs, 1 outputs" in shown.stdout
     with np.load("engine.npz") as found:

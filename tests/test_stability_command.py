@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import cli
+from command_line import cli, refused
 from matplotlib.figure import Figure
 
-from kaneflex.cli.stability import orders_of, speed_range
+from kaneflex.cli.stability import orders_of, range_of, speed_range
 from kaneflex.plots.stability import _over_speed
 from kaneflex.scene import read_scene
 from kaneflex.study.stability.sweep import ORDERS, Sweep
@@ -25,7 +25,7 @@ def columns(path: Path) -> dict[str, list[str]]:
 def test_trap_is_found_and_written(tmp_path):
     """The blade without K_g: unstable above 148.05 rpm, its first frequency at rest (eta = 3.516)."""
     folder = tmp_path / "trap"
-    arguments = ("rotating-cantilever", "--preset", "linear", "--speed", "100:200rpm", "--points", "5")
+    arguments = ("rotating-cantilever", "--preset", "linear", "--vary", "shaft.speed=100:200rpm", "--points", "5")
     result = cli("stability", *arguments, "-o", str(folder))
     assert result.exit_code == 0, result.output
     assert "from 100 rpm to 200 rpm, unstable from 148.05 rpm to 200 rpm" in result.output
@@ -48,6 +48,7 @@ def test_mathieus_scene_says_what_is_wrong_with_it(tmp_path):
     assert result.exit_code == 0, result.output
     assert "unstable: a disturbance grows 4.1561-fold in a period of 3.1416 s" in result.output
     assert "the motion itself is unstable; no disturbance grows faster than by itself with radau" in result.output
+    assert "At the scene's own speed; --vary clock.speed=LOW:HIGH computes a range" in result.output
     assert "beyond the buckling load: 0.5 of the axial forces would do, at clock = 0 deg" in result.output
     assert {path.name for path in (tmp_path / "found").iterdir()} == {"stability.json", "cycle.csv"}
     assert cli("stability", "mathieu", "--no-plots", "-o", str(tmp_path / "found")).exit_code == 2
@@ -60,7 +61,7 @@ def test_mathieus_scene_says_what_is_wrong_with_it(tmp_path):
 def test_a_range_of_speeds(text, low, high, capsys):
     """A plain number is in rad/s, and that is said."""
     assert speed_range(read_scene("engine"), "main", text) == pytest.approx((low, high))
-    told = "--speed 10:20: a plain number is in rad/s, so 190.986 rpm\n"
+    told = "--vary 10:20: a plain number is in rad/s, so 190.986 rpm\n"
     assert capsys.readouterr().err == (told if text == "10:20" else "")
 
 
@@ -71,7 +72,17 @@ def test_a_range_of_speeds(text, low, high, capsys):
 def test_a_range_that_is_none(text, reason):
     with pytest.raises(SceneError, match=reason) as found:
         speed_range(read_scene("engine"), "main", text)
-    assert found.value.key == "--speed"
+    assert found.value.key == "--vary"
+
+
+@pytest.mark.parametrize("text", ["100:200rpm", "crank.speed=1:2", "main.rotation=1:2"])
+def test_only_the_first_drives_speed_varies(text):
+    with pytest.raises(SceneError, match=r"over the speeds of the first drive. Write main.speed=LOW:HIGH"):
+        range_of("main", text)
+
+
+def test_a_number_of_speeds_needs_their_range():
+    refused(cli("stability", "mathieu", "--points", "9"), "--points = 9: belongs to --vary")
 
 
 def test_orders_meet_frequencies():

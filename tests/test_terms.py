@@ -184,7 +184,7 @@ def test_the_picture_of_a_trade_names_presets_and_the_choice(monkeypatch):
 
 def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
     folder = tmp_path / "out"
-    result = cli("terms", "engine", "--sensor", "tip_axial", "--budget", "0.1s", "-o", folder)
+    result = cli("terms", "engine", "--sensors", "tip_axial", "--budget", "0.1s", "-o", folder)
     assert result.exit_code == 0
     assert {path.name for path in folder.iterdir()} == {"terms.csv", "terms.json", "terms.png", "terms.svg"}
     about = json.loads((folder / "terms.json").read_text())

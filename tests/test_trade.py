@@ -181,7 +181,7 @@ def test_what_the_budget_has_no_time_for_is_named():
 
 def test_the_command_writes_its_folder_and_prints_the_choice(tmp_path):
     folder = tmp_path / "out"
-    arguments = ("trade", "engine", "--sensor", "tip_axial", "--budget", "0.3s", "--tolerance", "2%", "-o", folder)
+    arguments = ("trade", "engine", "--sensors", "tip_axial", "--budget", "0.3s", "--tolerance", "2%", "-o", folder)
     result = cli(*arguments)
     assert result.exit_code == 0
     assert {path.name for path in folder.iterdir()} == {"trade.csv", "trade.json", "trade.png", "trade.svg"}
@@ -201,7 +201,7 @@ def test_the_command_writes_its_folder_and_prints_the_choice(tmp_path):
         (("--tolerance", "0"), ("--tolerance", "between 0 and 100 %")),
         (("--tolerance", "1 mm"), ("--tolerance = '1 mm'",)),
         (("--budget", "0s"), ("--budget", "positive time")),
-        (("--sensor", "tip_axia"), ("--sensor = 'tip_axia'", "nearest known one is 'tip_axial'")),
+        (("--sensors", "tip_axia"), ("--sensors = 'tip_axia'", "nearest known one is 'tip_axial'")),
         (("--set", "sensors=none"), ("nothing to measure",)),
     ],
 )

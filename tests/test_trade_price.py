@@ -122,7 +122,7 @@ def test_a_guide_made_tight_closes_as_it_stands():
 def test_the_command_writes_its_folder(tmp_path):
     folder = tmp_path / "out"
     arguments = [part for setting in SHORT for part in ("--set", setting)]
-    result = cli("trade", "slider-crank-clearance", *arguments, "--sensor", "slide", "-o", folder)
+    result = cli("trade", "slider-crank-clearance", *arguments, "--sensors", "slide", "-o", folder)
     assert result.exit_code == 0, result.output
     assert {path.name for path in folder.iterdir()} == {"price.csv", "price.json", "price.png", "price.svg"}
     about = json.loads((folder / "price.json").read_text())
@@ -148,7 +148,7 @@ def test_friction_is_compared_with_none():
 
 def test_what_can_t_be_priced_is_refused(tmp_path):
     assert not has_price(read_scene("engine")) and has_price(read_scene("slider-crank-clearance"))
-    result = cli("trade", "slider-crank-clearance", "--sensor", "slid", "-o", tmp_path / "out")
+    result = cli("trade", "slider-crank-clearance", "--sensors", "slid", "-o", tmp_path / "out")
     refused(result, "no such sensor", "slide")
     scene = with_settings(read_scene("slider-crank-clearance"), [*SHORT, "solve.duration=1 ms", "solve.steps=10"])
     with pytest.raises(SceneError, match="every sensor that counts goes with it"):

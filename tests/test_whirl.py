@@ -120,7 +120,8 @@ def test_a_sweep_finds_the_critical_speed_and_not_half_of_it():
 def test_the_command_prints_critical_speeds_in_rpm(tmp_path):
     file = tmp_path / "rotor.toml"
     file.write_text(ONE_DISC)
-    done = cli("stability", file, "--speed", "200:500rpm", "--points", "7", "--orders", "1", "-o", tmp_path / "found")
+    speeds = ("--vary", "main.speed=200:500rpm", "--points", "7", "--orders", "1")
+    done = cli("stability", file, *speeds, "-o", tmp_path / "found")
     assert done.exit_code == 0, done.output
     rpm = critical_speed() / RPM
     assert f"  critical      {rpm:.4g} rpm (forward whirl 1)\n" in done.output

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from kaneflex.cli.command import command, grouped, names_option
 from kaneflex.cli.compare import compare
 from kaneflex.cli.explore import explore
 from kaneflex.cli.exporting import export
@@ -73,6 +74,12 @@ def _ended_like_interrupted() -> Iterator[None]:
 class _Commands(click.Group):
     """Turns what a user can cure, and Ctrl-C or the system's request to end, into a message and an exit code."""
 
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        grouped(self.commands, formatter)
+
     def invoke(self, ctx: click.Context) -> object:
         try:
             with _ended_like_interrupted():
@@ -98,22 +105,24 @@ def _disk_full(error: OSError) -> str:
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="kaneflex")
 def main() -> None:
-    """Mechanisms with flexible links: from a scene to motion, deformation and forces.
+    """Simulate mechanisms with flexible links: motion, deformation, stresses and joint forces.
 
-    SCENE is the name of a shipped scene (see `kaneflex list`) or the path of a TOML file. Quantities may carry units:
-    "137 mm", "6000 rpm", 90deg. Exit codes: 0 done, 2 something to correct, 3 the run stopped early, 130 interrupted.
+    SCENE is the name of a shipped scene (see `kaneflex list`) or the path of a TOML file. Quantities take units:
+    "137 mm", "6000 rpm", 90deg. Lists take commas: --sensors torque,strain. Ranges take a colon:
+    main.speed=2000:6000rpm. --set PATH=VALUE changes an entry of the scene. Exit codes: 0 done, 2 input to correct,
+    3 the run stopped early, 130 interrupted.
 
     \b
     First steps:
-      kaneflex run engine                          results, summary and pictures in engine-results
-      kaneflex run engine --set rod.elements=1     one number changed
-      kaneflex check my-engine.toml                does it close, what will be solved
+      kaneflex run engine                        results, summary and pictures in engine-results
+      kaneflex run engine --set rod.elements=1   change one number
+      kaneflex new press                         a commented scene of your own, press.toml
     """
 
 
-@main.command("list")
+@command("Inspect", "Scenes, presets and integrators", name="list")
 def list_() -> None:
-    """The shipped scenes, the presets and the integrators."""
+    """List the shipped scenes, the presets and the integrators."""
     from kaneflex.integrate.methods import METHODS
     from kaneflex.scene.parts import PRESETS
     from kaneflex.scene.read import descriptions
@@ -132,7 +141,7 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
         ctx.exit()
 
 
-@main.command()
+@command("Inspect", "Check a scene without solving it")
 @scene_options()
 @click.option(
     "--json-schema", is_flag=True, is_eager=True, expose_value=False, callback=_print_schema,
@@ -140,12 +149,14 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
 )  # fmt: skip
 @gathered(asked=SceneArguments)
 def check(asked: SceneArguments) -> None:
-    """Say what SCENE is and whether it can be run; nothing is solved.
+    """Check every entry of SCENE and close its loops over the range of the drives; nothing is solved.
 
-    Every entry is checked, and the linkage is closed over the whole range of its drives. How far its joints go, how
-    near its loops come to dead centres and how many freedoms it has, by count and by rank, is printed. What a run
-    would warn of is warned of as far as it needs no solution, such as a rod a thousand times its crank or steps too
-    long for its loads; what may be meant is noted. Only a run knows deflections, energy, impacts and errors.
+    Printed are the range of each joint, the distance of the loops to dead centres, and the degrees of freedom by count
+    and by rank. Warnings are those of a run that need no solution, such as steps too long for the loads. Deflections,
+    energy, impacts and errors are known only after a run.
+
+    \b
+      kaneflex check press.toml --set main.speed="200 rpm"
     """
     from kaneflex.report.checked import description, notes, warnings
     from kaneflex.solve.loading import load
@@ -160,14 +171,14 @@ def check(asked: SceneArguments) -> None:
         echo(f"Note: {note}", err=True)
 
 
-@main.command()
+@command("Run", "Solve a scene", renamed={"--sensor": "--sensors"})
 @scene_options()
 @path_option(
     "--after", metavar="RESULTS", help="Continue from the last state of another run's folder (preset coupled)."
 )
-@click.option(
-    "--sensitivities", "parameters", multiple=True, metavar="PATHS",
-    help="Differentiate every sensor by these numbers of the scene: rod.E,rod.I,main.speed. Can be repeated.",
+@names_option(
+    "--sensitivities", "parameters", metavar="PATHS",
+    help="Differentiate every sensor by these numbers of the scene: rod.E,rod.I,main.speed.",
 )  # fmt: skip
 @click.option(
     "--basis", type=click.Choice(["frozen", "recomputed"]), default="frozen", show_default=True,
@@ -177,7 +188,7 @@ def check(asked: SceneArguments) -> None:
     "--tolerance", metavar="SHARE",
     help="Choose the cheapest model that keeps each sensor within a share of its peak, like 1%.",
 )
-@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
+@names_option("--sensors", help="With --tolerance: only these count.")
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
 @folder_options("results", which_pictures)
 @click.option("--vtk", is_flag=True, help='Also write the motion for ParaView; pip install "kaneflex[vtk]" brings it.')
@@ -189,16 +200,18 @@ def run(
 ) -> None:  # fmt: skip
     """Solve SCENE and write report.html, results.nc and .csv, summary.json and pictures into a folder.
 
-    The folder appears when it is complete; a run that fails leaves none. A run that goes unstable keeps what came
-    before, says when and why, and ends with exit code 3. What --tolerance chose is kept in the user's cache; the
-    summary says what it was chosen on.
+    The folder appears when it is complete; a run that fails leaves none. A run that stops early keeps the results up to
+    that instant, says when and why, and ends with exit code 3. The choice of --tolerance is kept in the user's cache.
+
+    \b
+      kaneflex run engine --preset coupled --set rod.elements=4 -o results
     """
     from kaneflex.cli.workflow import Demand, run_into, uncollected
     from kaneflex.report.tables import ending
     from kaneflex.scene.write_back import file_to_write, write_settings
 
     refuse_with_tolerance(tolerance, {"--preset": asked.preset, "--integrator": asked.integrator, "--after": after})
-    demand_tolerance(tolerance, {"--sensor": ", ".join(sensors), "--write-back": write_back})
+    demand_tolerance(tolerance, {"--sensors": ",".join(sensors), "--write-back": write_back})
     if target.vtk:
         from kaneflex.plots.vtk import demand_meshio
 
@@ -218,8 +231,7 @@ def run(
     with uncollected():
         scene = asked.read()
     target = target.named(scene, "results")
-    names = [name.strip() for text in parameters for name in text.split(",")]
-    summary = run_into(scene, target, asked.changes, after, names, basis == "frozen", demand, _print_results)
+    summary = run_into(scene, target, asked.changes, after, list(parameters), basis == "frozen", demand, _print_results)
     echo(f"Written to {target.folder}")
     for warning in summary.warnings:
         echo(f"Warning: {warning}", err=True)
@@ -245,7 +257,7 @@ def _print_results(summary: Summary) -> None:
         echo(chosen_lines(summary.choice))
 
 
-@main.command()
+@command("Run", "Draw more pictures of a finished run")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.argument("kinds", nargs=-1)
 @moving_options
@@ -253,8 +265,8 @@ def plot(folder: Path, kinds: tuple[str, ...], **options: Any) -> None:
     """Draw more pictures of a finished run into its FOLDER.
 
     KINDS are mechanism, sensors, loads, motion, paths, modes, displacements, surfaces, stresses, clearances, spectra,
-    energy and animation; svg adds SVG files, and all, the default, is everything. The run is solved again from the
-    folder's scene.toml, which must give the values in its results.nc.
+    energy and animation; svg adds SVG files; all is the default. The run is solved again from the folder's scene.toml
+    and must give the values of its results.nc.
 
     \b
       kaneflex plot engine-results spectra surfaces
@@ -265,7 +277,7 @@ def plot(folder: Path, kinds: tuple[str, ...], **options: Any) -> None:
         echo(f"Written to {path}")
 
 
-@main.command()
+@command("Inspect", "Natural frequencies and mode shapes")
 @scene_options()
 @at_option
 @click.option("--count", type=Count(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
@@ -278,10 +290,13 @@ def plot(folder: Path, kinds: tuple[str, ...], **options: Any) -> None:
 def modes(
     asked: SceneArguments, at: str | None, count: int | None, as_json: bool, export: Path | None, force: bool
 ) -> None:
-    """Undamped natural frequencies and mode shapes of SCENE at a configuration, from K_s and M alone.
+    """Print undamped natural frequencies and mode shapes of SCENE at one configuration, from K_s and M.
 
-    Shapes are mass-normalised, one column of mode_shapes a mode, one row a coordinate (m or rad). Preset paper adds
-    K_d, as the paper's eq. (99) does.
+    Shapes are mass-normalised; mode_shapes has a column for each mode and a row for each coordinate (m or rad). Preset
+    paper adds K_d, as in the paper's eq. (99).
+
+    \b
+      kaneflex modes engine --at main=90deg --count 6
     """
     from kaneflex.solve.modes import mesh_hint
     from kaneflex.solve.modes import modes as found_modes
@@ -344,9 +359,9 @@ _LOUDNESS = (
     ),
 )  # fmt: skip
 
-for command in (
-    derive, compare, trade, terms, stability, sweep, explore, show, new, linearise, equations, import_link, export,
+for each in (
+    list_, new, check, show, modes, equations, run, plot, compare, sweep, explore, stability, trade, terms, derive,
+    export, linearise, import_link,
 ):  # fmt: skip
-    main.add_command(command)
-for command in main.commands.values():
-    command.params += _LOUDNESS
+    main.add_command(each)
+    each.params += _LOUDNESS

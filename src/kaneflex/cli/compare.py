@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kaneflex.cli.command import command, names_option
 from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
 from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
@@ -22,10 +23,10 @@ if TYPE_CHECKING:
 COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences.csv", "curves.nc"
 
 
-@click.command()
+@command("Study", "Compare models, or with another program")
 @scene_options("settings", "steps")
-@click.option(
-    "--presets", metavar="NAMES",
+@names_option(
+    "--presets", "--preset",
     help="Presets to run, like linear,stiffened,coupled. [default: these three; with --with the scene's own]",
 )  # fmt: skip
 @click.option("--with", "peer", metavar="PROGRAM", help="Build and run SCENE in another program, too: exudyn.")
@@ -38,24 +39,26 @@ COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences
 @folder_options("comparison")
 @gathered(asked=SceneArguments, target=Target)
 def compare(
-    asked: SceneArguments, target: Target, presets: str | None, peer: str | None, peer_elements: int | None,
+    asked: SceneArguments, target: Target, presets: tuple[str, ...], peer: str | None, peer_elements: int | None,
     peer_steps: int | None, against: str | None,
 ) -> None:  # fmt: skip
-    """Run SCENE by several models and say how far apart every sensor is.
+    """Run SCENE by several models and print the differences of every sensor.
 
-    The folder holds differences.csv, comparison.json, curves.nc (every sensor of every model over time) and pictures
-    in which the curves lie over each other. A preset that SCENE can't be run with is left out, with the reason.
-    Exudyn comes with pip install "kaneflex[peer]".
+    The folder holds differences.csv, comparison.json, curves.nc (every sensor of every model over time) and pictures of
+    the curves. A preset that does not support SCENE is left out, with the reason. Exudyn comes with
+    pip install "kaneflex[peer]".
+
+    \b
+      kaneflex compare engine --presets linear,stiffened --against stiffened
     """
     from kaneflex.solve.curves import Resolution
     from kaneflex.study.comparison import compare as side_by_side
 
     scene = asked.read()
-    names = None if presets is None else [part.strip() for part in presets.split(",")]
     resolution = Resolution(peer_elements, peer_steps)
     target = target.named(scene, "comparison")
     comparison = into(
-        target, COMPARISON_FILE, lambda stage: side_by_side(scene, names, against, stage, peer, resolution),
+        target, COMPARISON_FILE, lambda stage: side_by_side(scene, list(presets) or None, against, stage, peer, resolution),
         lambda found, folder: _write(found, asked.changes, folder), "overlay",
     )  # fmt: skip
     echo(difference_table(comparison))

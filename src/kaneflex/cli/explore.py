@@ -7,33 +7,34 @@ from pathlib import Path
 
 import click
 
+from kaneflex.cli.command import command, names_option
 from kaneflex.cli.folders import check_picture, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.terminal import echo
 
 
-@click.command()
+@command("Study", "Change numbers by sliders", renamed={"--sensor": "--sensors"})
 @scene_options()
 @click.option(
     "--vary", "open_", multiple=True, metavar="PATH=LOW:HIGH",
     help="A slider for this entry of the scene, like main.speed=2000:6000rpm or rod.elements=1:8; "
     "ends without a point or a unit mean whole numbers. Can be repeated.",
 )  # fmt: skip
-@click.option(
-    "--sensor", "sensors", multiple=True, metavar="NAME",
-    help="Show this one; can be repeated. [default: the first four kinds]",
-)  # fmt: skip
+@names_option("--sensors", help="Sensors to show. [default: the first four kinds]")
 @output_option("FILE.png", "Write the window as it opens, .png, .svg or .pdf, and open none.")
 @force_option
 @gathered(asked=SceneArguments)
 def explore(
     asked: SceneArguments, open_: tuple[str, ...], sensors: tuple[str, ...], output: Path | None, force: bool
 ) -> None:
-    """Open a window with sliders for a few numbers of SCENE; its sensors follow at once.
+    """Open a window with sliders for some numbers of SCENE; the curves of its sensors follow.
 
-    Every curve is what `kaneflex run` gives for where the sliders stand; pale behind it is the scene as it is. Where
-    that can't be computed, the window says why. When it is closed, the settings of the sliders are printed.
+    Each curve is the result of `kaneflex run` for the sliders' values; the pale curve is the unchanged scene. If a run
+    is not possible, the window says why. When the window closes, the sliders' values are printed as a command.
+
+    \b
+      kaneflex explore engine --vary main.speed=2000:9000rpm
     """
     from kaneflex.study.exploration import Exploration, varied
 

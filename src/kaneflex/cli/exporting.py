@@ -6,24 +6,27 @@ from pathlib import Path
 
 import click
 
+from kaneflex.cli.command import command
 from kaneflex.cli.folders import check_file, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.terminal import Waiting, echo
 
 
-@click.command()
+@command("Export", "Write an FMU (FMI 2 or 3)")
 @scene_options("preset", "settings")
 @click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Version of the standard.")
 @output_option("FILE.fmu", required=True)
 @force_option
 @gathered(asked=SceneArguments)
 def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
-    """Write the linear equations of SCENE as an FMU for other programs' simulations.
+    """Write the linear equations of SCENE as an FMU for model exchange and co-simulation.
 
-    For model exchange and co-simulation: its outputs are the sensors, its inputs the values of constant loads, its
-    parameters speeds and angles of drives. The sources are inside; a C compiler, or the one named in CC, makes the
-    library for this machine.
+    Outputs are the sensors, inputs the values of constant loads, parameters the speeds and angles of drives. The FMU
+    holds its C sources; a C compiler, or the one named in CC, makes the library for this machine.
+
+    \b
+      kaneflex export engine --fmi 3 -o engine.fmu
     """
     from kaneflex.solve.fmu import fmu
 

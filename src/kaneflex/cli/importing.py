@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kaneflex.cli.command import command
 from kaneflex.cli.folders import check_file, force_option, output_option
 from kaneflex.cli.number_types import Count, Real
 from kaneflex.cli.scene import gathered
@@ -69,7 +70,7 @@ def _number(section: str, text: str) -> float:
     return number
 
 
-@click.command("import")
+@command("Export", "Finite elements to modal data", name="import")
 @click.argument("mass", metavar="MASS")
 @click.argument("stiffness", metavar="STIFFNESS")
 @click.argument("nodes", metavar="NODES")
@@ -110,8 +111,10 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
     CalculiX .mas and .sti, Nastran .op4 and .pch (pip install "kaneflex[nastran]"). NODES is a text file with the
     number and the coordinates of each node, or an input of Abaqus or CalculiX (.inp). STIFFNESS and NODES may be one
     file of modes, MBDyn's .fem or a universal one (.unv, .uff; pip install "kaneflex[uff]"), with --coupling averaged;
-    a .fem with lumped masses is MASS, too.
-    Bodies take the written file as modal_data under preset coupled.
+    a .fem with lumped masses is MASS, too. Bodies take the written file as modal_data under preset coupled.
+
+    \b
+      kaneflex import rod.mas rod.sti rod.inp --point start=bore.txt --point end=pin.txt -o rod.npz
     """
     from kaneflex.fem.craig_bampton import foreign_data
     from kaneflex.fem.missing_flexibility import missing_flexibility

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kaneflex.cli.command import command, names_option
 from kaneflex.cli.folders import check_file, check_picture, force_option, output_option, path_option
 from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathered, read, scene_options
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from kaneflex.solve.statespace import StateSpace
 
 
-@click.command()
+@command("Inspect", "Draw a mechanism and count its freedoms")
 @scene_options("preset", "settings")
 @output_option("FILE.png", "Picture to write: .png, .svg or .pdf. [default: NAME.png]")
 @click.option(
@@ -34,7 +35,10 @@ if TYPE_CHECKING:
 def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], force: bool) -> None:
     """Draw SCENE with its bodies, joints, drives, loads and sensors, and count its degrees of freedom.
 
-    Nothing is derived or solved for it: a scene that can't be run yet can be looked at.
+    Nothing is derived or solved, so that a scene that cannot run yet can be drawn.
+
+    \b
+      kaneflex show press.toml --at main=30deg -o press.svg
     """
     from kaneflex.fem.mobility import count_freedom, mobility_by_rank
     from kaneflex.mechanism.dead_centres import closings
@@ -110,13 +114,18 @@ def _spatial_picture(scene: Scene, at: Mapping[str, float], kind: str) -> bytes:
     return picture(lambda: scheme(scene, motion), kind)
 
 
-@click.command()
+@command("Inspect", "Start a scene of your own")
 @click.argument("name", metavar="NAME")
-@click.option("--like", required=True, metavar="SCENE", help="Shipped scene to start from, see `kaneflex list`.")
+@click.option("--like", metavar="SCENE", help="Shipped scene to start from, see `kaneflex list`. [default: a template]")
 @output_option("FILE.toml", "[default: NAME.toml]")
 @click.option("--force", is_flag=True, help="Replace existing files.")
-def new(name: str, like: str, output: Path | None, force: bool) -> None:
-    """Write a scene of your own to start from, with comments, and the tables that it reads beside it."""
+def new(name: str, like: str | None, output: Path | None, force: bool) -> None:
+    """Write a commented scene of your own to start from, with the tables that it reads beside it.
+
+    \b
+      kaneflex new press
+      kaneflex new press --like four-bar
+    """
     from kaneflex.scene.template import new_scene
 
     path = output or Path(f"{name}.toml")
@@ -126,10 +135,10 @@ def new(name: str, like: str, output: Path | None, force: bool) -> None:
         echo(f"Written to {written}")
 
 
-@click.command()
+@command("Export", "Write a state space at one instant", renamed={"--sensor": "--sensors"})
 @scene_options("preset", "settings")
 @at_option
-@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Output; can be repeated. [default: all]")
+@names_option("--sensors", help="Outputs. [default: all]")
 @output_option("FILE", "File to write: .npz for NumPy, .mat for MATLAB or .mo for Modelica.", required=True)
 @path_option("--bode", metavar="FILE.png", help="Draw magnitudes and phases over the frequency.")
 @force_option
@@ -141,6 +150,9 @@ def linearise(
 
     The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
     outputs (sensors).
+
+    \b
+      kaneflex linearise engine --at main=90deg -o engine.mat --bode bode.png
     """
     from kaneflex.report.tables import poles_table
     from kaneflex.solve.loading import load
@@ -174,20 +186,25 @@ def _bode(system: StateSpace, kind: str) -> bytes:
     return picture(lambda: figure(system), kind)
 
 
-@click.command()
-@click.argument("name", metavar="SCENE")
-@click.option("--latex", "as_latex", is_flag=True, help="As a LaTeX document, the only form there is besides Python.")
+@command("Inspect", "Print the equations as LaTeX")
+@scene_options("preset", "settings")
+@click.option("--latex", is_flag=True, expose_value=False, hidden=True)  # the only form, once had to be said
 @output_option("FILE.tex", "File to write. [default: printed]")
 @force_option
-def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> None:
-    """Print the equations of SCENE that are compiled: the programs of its module, and the element's matrices."""
+@gathered(asked=SceneArguments)
+def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
+    """Print the equations of SCENE as a LaTeX document: the programs of its module and the element's matrices.
+
+    `kaneflex derive` writes the same equations as Python or C.
+
+    \b
+      kaneflex equations engine -o engine.tex
+    """
     from kaneflex.scene.spatial_check import refuse_in_space
 
-    if not as_latex:
-        raise click.UsageError("Say --latex; as Python, the equations are what `kaneflex derive` writes.")
     if output is not None:
         refuse_existing(output, force, "engine.tex")
-    scene = read(name, [])
+    scene = asked.read()
     refuse_in_space(scene, "equations", "equations are printed of")
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
@@ -203,7 +220,7 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
         echo(f"Written to {output}")
 
 
-@click.command()
+@command("Export", "Write the equations as Python or C", renamed={"--sensor": "--sensors"})
 @click.argument("name", metavar="SCENE")
 @output_option("FILE.py", "Module to write; the folder to make with --language c.", required=True)
 @click.option(
@@ -214,7 +231,7 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
 @click.option(
     "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
 )
-@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
+@names_option("--sensors", help="With --tolerance: only these count.")
 @click.option(
     "--set", "changes", multiple=True, metavar="KEY=VALUE",
     help="With --language c: change the scene, as run does. Can be repeated.",
@@ -227,9 +244,13 @@ def derive(
     """Derive the equations of SCENE and write them as a numba module of its own, or as C.
 
     The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
+
+    \b
+      kaneflex derive engine -o engine.py
+      kaneflex derive engine --language c -o engine-c
     """
     if language == "c":
-        _derive_c(name, output, {"--coupled": coupled, "--tolerance": tolerance, "--sensor": sensors}, changes, force)
+        _derive_c(name, output, {"--coupled": coupled, "--tolerance": tolerance, "--sensors": sensors}, changes, force)
         return
     if changes:
         raise click.UsageError("--set goes with --language c: a Python module holds no numbers of the scene.")
@@ -238,7 +259,7 @@ def derive(
 
     check_file(output, "a Python module", ".py", force, ", or take --language c")
     refuse_with_tolerance(tolerance, {"--coupled": coupled or None})
-    demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
+    demand_tolerance(tolerance, {"--sensors": ",".join(sensors)})
     scene, choice, whole = read(name, []), None, ""
     with Waiting() as waiting:
         if tolerance is not None:

@@ -63,13 +63,15 @@ def gathered(**kinds: type) -> Decorator:
     return decorate
 
 
+preset_option = click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`.")
+settings_option = click.option(
+    "--set", "settings", multiple=True, metavar="PATH=VALUE",
+    help='Change an entry of the scene: rod.elements=1, rod.length="140 mm", solve.start=zero, loads.gas=none. '
+    "Can be repeated.",
+)  # fmt: skip
 _OPTIONS = {
-    "preset": click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`."),
-    "settings": click.option(
-        "--set", "settings", multiple=True, metavar="PATH=VALUE",
-        help='Change an entry of the scene: rod.elements=1, rod.length="140 mm", solve.start=zero, loads.gas=none. '
-        "Can be repeated.",
-    ),
+    "preset": preset_option,
+    "settings": settings_option,
     "steps": click.option("--steps", metavar="N", help="Steps per cycle, or per run where there is no cycle."),
     "integrator": click.option("--integrator", metavar="NAME", help="Integrator, see `kaneflex list`."),
 }  # fmt: skip

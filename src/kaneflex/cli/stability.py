@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kaneflex.cli.command import command
 from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
 from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, say_plain, scene_options
@@ -22,28 +23,35 @@ if TYPE_CHECKING:
     from kaneflex.study.stability.report import Stability
 
 LARGEST_ORDER = 1e4
+_POINTS = 41
 STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds.csv"
 
 
-@click.command()
+@command("Study", "Floquet, buckling, Campbell diagram")
 @scene_options("preset", "settings")
 @click.option(
-    "--speed", metavar="LOW:HIGH",
-    help="Speeds of the first drive to go through, like 0:12000rpm; plain numbers are SI.",
+    "--vary", metavar="DRIVE.speed=LOW:HIGH",
+    help="Speeds of the first drive, like main.speed=0:12000rpm; plain numbers are SI.",
 )  # fmt: skip
-@click.option("--points", type=Count(min=2), default=41, show_default=True, help="How many speeds.")
+@click.option("--speed", hidden=True)  # as --vary without the drive's name, in versions before
+@click.option("--points", type=Count(min=2), help="With --vary: how many speeds. [default: 41]")
 @click.option(
     "--orders", metavar="LIST", default="1,2,3,4,5,6", show_default=True,
     help="Multiples of the drive's turns in Campbell's diagram, like 0.5,1,1.5.",
 )  # fmt: skip
 @folder_options("stability")
 @gathered(asked=SceneArguments, target=Target)
-def stability(asked: SceneArguments, target: Target, speed: str | None, points: int, orders: str) -> None:
-    """Judge the stability of SCENE's periodic motion and say a sentence on each finding.
+def stability(
+    asked: SceneArguments, target: Target, vary: str | None, speed: str | None, points: int | None, orders: str
+) -> None:
+    """Judge the stability of SCENE's periodic motion, with one sentence for each finding.
 
-    Floquet multipliers, frozen frequencies over the cycle, buckling, the largest stable step of each integrator,
-    conditioning; with --speed also unstable bands and Campbell's diagram. The folder holds stability.json, cycle.csv,
-    speeds.csv and a picture.
+    Findings are Floquet multipliers, frozen frequencies over the cycle, buckling, the largest stable step of each
+    integrator and conditioning; with --vary also unstable bands and the Campbell diagram. The folder holds
+    stability.json, cycle.csv, speeds.csv and a picture.
+
+    \b
+      kaneflex stability engine --vary main.speed=1000:12000rpm --points 9
     """
     from kaneflex.report.presentation import block
     from kaneflex.study.stability.report import stability as judged
@@ -51,11 +59,28 @@ def stability(asked: SceneArguments, target: Target, speed: str | None, points: 
 
     multiples, scene, speeds = orders_of(orders), asked.read(), None
     if speed is not None:
-        speeds = speeds_between(*speed_range(scene, check_sweep(scene), speed), points)
+        echo("Warning: --speed LOW:HIGH is now called --vary DRIVE.speed=LOW:HIGH", err=True)
+    if vary is not None:
+        speed = range_of(check_sweep(scene), vary)
+    if speed is not None:
+        speeds = speeds_between(*speed_range(scene, check_sweep(scene), speed), points or _POINTS)
+    elif points is not None:
+        raise SceneError("--points", points, "belongs to --vary", "Add --vary DRIVE.speed=LOW:HIGH, or leave it out")
     target = target.named(scene, "stability")
     found = into(target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage, multiples), _write, "stability")
+    if speeds is None:
+        echo(f"At the scene's own speed; --vary {next(iter(scene.drives), 'DRIVE')}.speed=LOW:HIGH computes a range")
     echo(block("stability", found.findings))
     echo(f"Written to {target.folder}")
+
+
+def range_of(drive: str, text: str) -> str:
+    """LOW:HIGH of "DRIVE.speed=LOW:HIGH". Raises SceneError for any other entry of the scene."""
+    path, equals, ends = text.partition("=")
+    if not equals or path.strip() not in (f"{drive}.speed", f"drives.{drive}.speed"):
+        cure = f"Write {drive}.speed=LOW:HIGH, like {drive}.speed=0:12000rpm"
+        raise SceneError("--vary", text, "stability is computed over the speeds of the first drive", cure)
+    return ends
 
 
 def orders_of(text: str) -> tuple[float, ...]:
@@ -79,14 +104,14 @@ def speed_range(scene: Scene, drive: str, text: str) -> tuple[float, float]:
     unit = re.search(r"[^0-9.eE+\-\s].*$", high)
     if unit is not None and re.search(r"[^0-9.eE+\-\s]", low) is None:
         low = f"{low} {unit[0]}"
-    cure = "Write like 0:12000rpm"
+    cure = "Write like main.speed=0:12000rpm"
     if not colon:
-        raise SceneError("--speed", text, "not of the form LOW:HIGH", cure)
+        raise SceneError("--vary", text, "not of the form LOW:HIGH", cure)
     dimension = SPEED if scene.slides(drive) else ANGULAR_SPEED
-    ends = [quantity("--speed", part, dimension, text) for part in (low, high)]
+    ends = [quantity("--vary", part, dimension, text) for part in (low, high)]
     if not 0.0 <= ends[0] < ends[1]:
-        raise SceneError("--speed", text, "not two rising speeds from zero on", cure)
-    say_plain("--speed", text, high, dimension.unit, scene.written_speed(drive, ends[1]))
+        raise SceneError("--vary", text, "not two rising speeds from zero on", cure)
+    say_plain("--vary", text, high, dimension.unit, scene.written_speed(drive, ends[1]))
     return ends[0], ends[1]
 
 

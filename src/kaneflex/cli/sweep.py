@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kaneflex.cli.command import command
 from kaneflex.cli.folders import output_option
 from kaneflex.cli.number_types import Count
-from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
+from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY, SceneArguments, gathered, preset_option, settings_option
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
 
@@ -24,8 +25,8 @@ _QUIET = 2.0
 """Seconds between two lines about the progress."""
 
 
-@click.command()
-@click.argument("study", metavar="STUDY.toml", type=click.Path(path_type=Path))
+@command("Study", "Run a scene over ranges of parameters")
+@click.argument("name", metavar="STUDY.toml")
 @output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
 @click.option("--workers", type=Count(min=1), help="Solve in so many processes of this machine.")
 @click.option(
@@ -36,18 +37,27 @@ _QUIET = 2.0
     "--format", "form", type=click.Choice(["netcdf", "zarr"]), default="netcdf", show_default=True,
     help='What to write; pip install "kaneflex[zarr]" brings the second.',
 )  # fmt: skip
-@click.option("--plots", is_flag=True, help="Draw every sensor over the first parameter, and Poincare sections.")
+@settings_option
+@preset_option
+@click.option(
+    "--plots/--no-plots", default=True, show_default=True,
+    help="Draw every sensor over the first parameter, and Poincare sections.",
+)  # fmt: skip
 @click.option("--force", is_flag=True, help="Begin anew what an earlier sweep left in its folder.")
+@gathered(asked=SceneArguments)
 @click.pass_context
 def sweep(
-    ctx: click.Context, study: Path, output: Path | None, workers: int | None, scheduler: str | None, form: str,
-    plots: bool, force: bool,
+    ctx: click.Context, asked: SceneArguments, output: Path | None, workers: int | None, scheduler: str | None,
+    form: str, plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Run one scene at many points of its parameters, into one labelled dataset.
 
-    STUDY.toml names the scene and what varies in it: lists, ranges and samples. The folder gets sweep.nc with every
-    sensor's smallest, largest, rms and mean value at each point. Interrupted, the same command goes on where it
-    stopped. A point that fails is recorded with its reason; if all of them fail, the exit code is 3.
+    STUDY.toml names the scene and what varies in it: lists, ranges and samples. The folder gets sweep.nc with the
+    smallest, largest, rms and mean value of every sensor at each point. After an interruption the same command
+    continues. A failed point is recorded with its reason; if all points fail, the exit code is 3.
+
+    \b
+      kaneflex sweep speeds.toml --workers 4 --set rod.elements=4
     """
     from kaneflex.study.plan import make_plan
     from kaneflex.study.sweep import sweep as go_through
@@ -56,7 +66,8 @@ def sweep(
     if plots:  # before anything is computed
         with needing_xarray("--plots"):
             import xarray  # noqa: F401
-    plan = make_plan(study)
+    study = Path(asked.name)
+    plan = make_plan(study, asked.changes)
     solver = _solver(workers, scheduler)
     folder = output or Path(f"{study.stem}-sweep")
     try:

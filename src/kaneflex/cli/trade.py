@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from kaneflex.cli.command import command, names_option
 from kaneflex.cli.folders import Decorator, Target, folder_options, into, together, write_csv, write_json
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
 from kaneflex.support.errors import SceneError
@@ -29,24 +30,27 @@ _UNKNOWN = "What is not known of it"
 def _options(ending: str) -> Decorator:
     """What both commands take; ``ending`` is that of their folder."""
     return together(
-        scene_options("settings"),
+        scene_options("preset", "settings"),
         click.option("--tolerance", default="1%", metavar="SHARE", help="Error of each sensor.", show_default=True),
         click.option("--budget", default="60s", metavar="TIME", help="For running and timing.", show_default=True),
-        click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Count this one. Can be repeated."),
+        names_option("--sensors", help="Sensors that count. [default: all]"),
         folder_options(ending),
         gathered(asked=SceneArguments, target=Target),
     )
 
 
-@click.command()
+@command("Study", "Rank models by error and run time", renamed={"--sensor": "--sensors"})
 @_options("trade")
 def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
-    """Rank models of SCENE by error and time, and name the cheapest within the tolerance.
+    """Recommend the cheapest model of SCENE within a tolerance, and rank the others by error and run time.
 
-    Presets, elements of each link, modes, steps, integrators and single terms left out are tried against the scene's
-    own finest model, whose error is estimated first. The folder holds trade.csv, trade.json and a picture. Of a scene
-    with clearances or friction, which only preset coupled takes, it says what these change in each sensor instead:
-    price.csv, price.json and a picture.
+    Models differ in preset, elements, modes, steps, integrator and single terms. The reference is the scene's finest
+    model, whose own error is estimated first. The folder holds trade.csv, trade.json and a picture. Scenes with
+    clearance or friction run under preset coupled only: for them the command prints the effect of each clearance and
+    friction on every sensor, in price.csv, price.json and a picture.
+
+    \b
+      kaneflex trade engine --tolerance 1% --sensors mid_transverse,rod_mid_strain
     """
     from kaneflex.study.trade.price import has_price, price
     from kaneflex.study.trade.ranking import trade as ranked
@@ -57,21 +61,24 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
         _close(folder, priced.left_out)
         return
     found, folder = _weighed("trade", ranked, trade_data, asked, target, limits)
+    echo(choice_line(found))
     echo(trade_table(found))
     echo(reference_lines(found))
-    echo(choice_line(found))
     _close(folder, found.left_out)
 
 
-@click.command()
+@command("Study", "Error and cost of each group of terms", renamed={"--sensor": "--sensors"})
 @_options("terms")
 def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
-    """Say what each group of terms costs SCENE, what changes without it, and whether the tolerance needs it.
+    """Print the cost of each group of terms of SCENE, its effect on the sensors, and whether the tolerance needs it.
 
-    By its price, one linear solve on the harmonics, where the motion is periodic and linear and that decides; by a run
-    else. Every group is left out of preset stiffened alone: spin, gyroscopic, Euler and geometric terms, damping, axial
-    deformation, each load, dynamics, two-way coupling and what else the scene has. The folder holds terms.csv,
-    terms.json and a picture.
+    Each group is left out of preset stiffened, one at a time: spin, gyroscopic, Euler and geometric terms, damping,
+    axial deformation, each load, dynamics, two-way coupling and others that the scene has. Where the motion is periodic
+    and linear, the effect follows from one linear solve; otherwise from a run. The folder holds terms.csv, terms.json
+    and a picture.
+
+    \b
+      kaneflex terms engine --tolerance 0.1%
     """
     from kaneflex.study.trade.terms import terms as left_out
 

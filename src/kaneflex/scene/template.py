@@ -1,4 +1,4 @@
-"""A scene of the user's own to start from: the text of a shipped one, with the tables that it reads."""
+"""A scene of the user's own to start from: a commented template, or a shipped scene with the tables that it reads."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from kaneflex.scene import shipped_scenes
 from kaneflex.support.atomic_output import refuse_existing, write_text
 from kaneflex.support.errors import SceneError, nearest
 
+_TEMPLATE = Path(__file__).with_name("template.toml")
 _HEADER = """\
-# {name}: a scene of your own, started from the shipped scene {like}. Change it, then
+# {name}: a scene of your own, started from the {like}. Change it, then
 #   kaneflex show {file} -o {name}.png     draws it and counts its degrees of freedom
 #   kaneflex check {file}                  checks every entry, and that it closes
 #   kaneflex run {file}                    solves it; results in {name}-results
@@ -22,15 +23,15 @@ name = "{name}"
 """
 
 
-def new_scene(name: str, like: str, path: Path, force: bool = False) -> list[Path]:
-    """Write the text of a shipped scene with its CSV tables beside it.
+def new_scene(name: str, like: str | None, path: Path, force: bool = False) -> list[Path]:
+    """Write the template, or the text of a shipped scene with its CSV tables beside it.
 
     Parameters
     ----------
     name : str
         The new scene's.
-    like : str
-        A shipped scene.
+    like : str or None
+        A shipped scene; None: the template, a slider-crank with an elastic rod.
     path : Path
         The scene's file to be; its tables go into the same folder.
     force : bool
@@ -49,16 +50,17 @@ def new_scene(name: str, like: str, path: Path, force: bool = False) -> list[Pat
         If a file is there already, or can't be written; nothing is written then.
     """
     shipped = shipped_scenes()
-    if like not in shipped:
+    if like is not None and like not in shipped:
         raise SceneError("--like", like, "no shipped scene of that name", nearest(like, shipped))
     if name in shipped:
         raise SceneError("name", name, "a shipped scene has this name", "Choose another name")
     if not name.replace("-", "_").isidentifier():
         raise SceneError("name", name, "not a name", "Use letters, digits, - and _, a letter first")
-    source = shipped[like]
+    source = _TEMPLATE if like is None else shipped[like]
+    origin = "template, a slider-crank with an elastic rod" if like is None else f"shipped scene {like}"
     text = source.read_text(encoding="utf-8")
     tables = {path.parent / table: source.parent / table for table in _tables(text)}
-    texts = {path: _HEADER.format(name=name, like=like, file=path) + text}
+    texts = {path: _HEADER.format(name=name, like=origin, file=path) + text}
     for target, table in tables.items():
         content = table.read_text(encoding="utf-8")
         if not target.is_file() or target.read_text(encoding="utf-8", errors="replace") != content:

@@ -122,7 +122,7 @@ class Exploration:
         unknown = [name for name in self.sensors if name not in self.scene.sensors]
         if unknown:
             cure = nearest(unknown[0], self.scene.sensors)
-            raise SceneError("--sensor", unknown[0], "the scene has no such sensor", cure)
+            raise SceneError("--sensors", unknown[0], "the scene has no such sensor", cure)
 
     @cached_property
     def _variants(self) -> Variants:

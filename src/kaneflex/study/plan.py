@@ -102,10 +102,10 @@ class Plan:
         return digest(self.scene, self.files, list(self.points.values()), kept)
 
 
-def make_plan(given: Path | str | Mapping[str, Any]) -> Plan:
+def make_plan(given: Path | str | Mapping[str, Any], more: Sequence[str] = ()) -> Plan:
     """The plan of a study's file, or of its tables, whose ``scene`` may also be a Scene.
 
-    Files that tables name stand relative to the current folder.
+    Files that tables name stand relative to the current folder, as do those of ``more``: settings beside the study's.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def make_plan(given: Path | str | Mapping[str, Any]) -> Plan:
         study, folder = read_study(given), Path(given).resolve().parent
     _check_memory(study)
     read = _named(study.scene, folder) if own is None else own
-    settings = _settings(study, folder)
+    settings = [*_settings(study.settings, folder), *_settings(more, Path.cwd())]
     scene = with_settings(read, settings) if settings else read
     points = [{key: _whole_path(key, value, folder) for key, value in point.items()} for point in points_of(study)]
     for key, value in points[0].items():
@@ -170,10 +170,10 @@ def setting(path: str, value: Value) -> str:
     return f"{path}={json.dumps(value, ensure_ascii=False)}"
 
 
-def _settings(study: Study, folder: Path) -> list[str]:
-    """The settings of a study, with whole paths of files."""
+def _settings(given: Sequence[str], folder: Path) -> list[str]:
+    """Settings with whole paths of files."""
     settings = []
-    for text in study.settings:
+    for text in given:
         key, equals, value = text.partition("=")
         whole = _whole_path(key.strip(), value.strip().strip("\"'"), folder)
         settings.append(setting(key, whole) if equals and names_file(key.strip()) else text)

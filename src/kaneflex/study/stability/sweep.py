@@ -128,7 +128,7 @@ def check_sweep(scene: Scene) -> str:
     name, drive = next(iter(scene.drives.items()), (None, None))
     if drive is None or drive.kind != "constant speed":
         reason = "the first drive has no constant speed that could be varied"
-        raise SceneError("--speed", None, reason, "Leave --speed out, or give that drive a speed and a cycle")
+        raise SceneError("--vary", None, reason, "Leave --vary out, or give that drive a speed and a cycle")
     return name
 
 

@@ -162,7 +162,7 @@ def check_sensors(scene: Scene, sensors: Sequence[str] | None) -> None:
         raise SceneError("sensors", None, "the scene has none: there is nothing to measure", "Give it a sensor")
     for name in sensors or ():
         if name not in scene.sensors:
-            raise SceneError("--sensor", name, "the scene has no such sensor", nearest(name, scene.sensors))
+            raise SceneError("--sensors", name, "the scene has no such sensor", nearest(name, scene.sensors))
 
 
 def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:

@@ -1,0 +1,91 @@
+"""Conventions of the command line: groups, one-line help, lists, ranges, earlier spellings, a template, JSON."""
+
+import json
+import re
+
+import pytest
+from command_line import cli
+
+from kaneflex.cli import main
+from kaneflex.cli.command import GROUPS
+
+COMMANDS = sorted(main.commands)
+WIDTH = 45
+"""Characters of a line of `kaneflex --help` that a terminal of 80 always has room for."""
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_help_lists_every_command_once_by_its_group_on_one_line():
+    shown = cli("--help").stdout
+    assert [group for group in re.findall(r"^(\w+):$", shown, re.MULTILINE) if group != "Options"] == list(GROUPS)
+    lines = shown[shown.index(GROUPS[0]) :].splitlines()
+    assert sorted(line.split()[0] for line in lines if line.startswith("  ")) == COMMANDS
+    assert all(len(each.short_help) <= WIDTH for each in main.commands.values())
+    assert "..." not in "".join(lines)
+
+
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name != "list"])
+def test_help_of_a_command_has_one_sentence_and_an_example(command):
+    shown = cli(command, "--help").stdout
+    sentence = shown.split("\n\n")[1]
+    assert sentence.strip().endswith(".")
+    assert f"    kaneflex {command} " in shown
+
+
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("list", "new", "plot", "derive", "import")])
+def test_commands_of_a_scene_take_settings_and_a_preset(command):
+    shown = cli(command, "--help").stdout
+    assert "--set PATH=VALUE" in shown and "--preset" in shown
+
+
+def test_lists_take_commas_or_are_repeated_and_the_earlier_spelling_still_works():
+    arguments = ("linearise", "engine", "-o")
+    for number, (names, said) in enumerate([
+        (("--sensors", "mid_transverse,crank_torque"), ""),
+        (("--sensors", "mid_transverse", "--sensors", "crank_torque"), ""),
+        (("--sensor", "mid_transverse", "--sensor=crank_torque"), "Warning: --sensor is now called --sensors\n"),
+    ]):  # fmt: skip
+        found = cli(*arguments, f"{number}.npz", *names)
+        assert found.exit_code == 0 and "2 outputs" in found.stdout
+        assert set(found.stderr.splitlines(True)) <= {said}
+
+
+def test_a_new_scene_without_a_model_is_the_commented_template():
+    made = cli("new", "press")
+    assert made.stdout == "Written to press.toml\n"
+    checked = cli("check", "press.toml")
+    assert checked.exit_code == 0 and "press: Slider-crank with an elastic rod" in checked.stdout
+    assert not checked.stderr
+    ran = cli("run", "press.toml", "--no-plots", "--json")
+    assert ran.exit_code == 0 and not ran.stderr
+    rod = json.loads(ran.stdout)["sensors"]["rod_strain"]
+    assert 1e-5 < rod["max"]["value"] < 1e-3
+
+
+def test_a_sweep_takes_settings():
+    with open("study.toml", "w", encoding="utf-8") as file:
+        file.write('scene = "engine"\nsettings = ["solve.steps=36"]\n[parameters]\n"main.speed" = ["3000 rpm"]\n')
+    found = cli("sweep", "study.toml", "--no-plots", "--set", "rod.length=30 mm", "--preset", "rigid")
+    assert found.exit_code == 3 and "Point 0: joints.bore" in found.stderr
+
+
+TABLES = {
+    "list": ("scenes", "presets", "integrators"),
+    "check engine": ("bodies", "degrees of freedom", "warnings", "notes"),
+    "show engine": ("bodies", "degrees of freedom", "warnings", "notes"),
+    "modes engine": ("frequencies_hz",),
+    "stability mathieu --no-plots": ("findings",),
+    "linearise engine -o engine.npz": ("poles", "states", "inputs", "outputs"),
+    "compare engine --presets rigid,linear --no-plots": ("differences",),
+}
+
+
+@pytest.mark.parametrize("words", TABLES)
+def test_a_table_is_also_json(words):
+    found = cli(*words.split(), "--json")
+    assert found.exit_code == 0
+    assert set(TABLES[words]) <= set(json.loads(found.stdout))
