@@ -296,7 +296,7 @@ def test_interrupting_a_process_that_starts_is_no_traceback():
 import sys
 class Interrupting:
     def find_spec(self, name, path=None, target=None):
-        if name == "kaneflex.cli.trade":
+        if name == "kaneflex.cli.scene":
             raise KeyboardInterrupt
 sys.meta_path.insert(0, Interrupting())
 from kaneflex.cli import main

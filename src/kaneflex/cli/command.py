@@ -1,21 +1,59 @@
-"""Commands by the groups of ``kaneflex --help``, options that take lists, and spellings of earlier versions."""
+"""Commands with earlier spellings of their options, and options that take lists and numbers."""
 
 from __future__ import annotations
 
+import json
+import logging
+import os
+import re
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
+from functools import partial
 from typing import Any
 
 import click
 
-from kaneflex.support.terminal import echo
+from kaneflex.support.terminal import LOG, echo
+from kaneflex.support.units import plain_number
 
-GROUPS = ("Inspect", "Run", "Study", "Export")
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+
+
+def _tell(ctx: click.Context, level: int) -> None:
+    """Log from that level on, as long as the command lasts."""
+    ctx.call_on_close(partial(LOG.setLevel, LOG.level))
+    LOG.setLevel(level)
+
+
+def _say_less(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        nowhere = ctx.with_resource(open(os.devnull, "w", encoding="utf-8"))
+        ctx.with_resource(redirect_stdout(nowhere))
+        _tell(ctx, logging.WARNING)
+
+
+def _say_more(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        logging.basicConfig(format="%(message)s")
+        _tell(ctx, logging.INFO)
+
+
+_LOUDNESS = (
+    click.Option(
+        ["-q", "--quiet"], is_flag=True, is_eager=True, expose_value=False, callback=_say_less,
+        help="Print only what is wrong: errors and warnings.",
+    ),
+    click.Option(
+        ["-v", "--verbose"], is_flag=True, is_eager=True, expose_value=False, callback=_say_more,
+        help="Say on stderr what each stage was and how long it took.",
+    ),
+)  # fmt: skip
 
 
 class Command(click.Command):
-    """A command of a group, which also takes its options as an earlier version spelled them, with a warning."""
+    """A command, which also takes its options as an earlier version spelled them, with a warning."""
 
-    group = ""
     renamed: Mapping[str, str] = {}
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -29,20 +67,19 @@ class Command(click.Command):
         return super().parse_args(ctx, words)
 
 
-def command(
-    group: str, short: str, name: str | None = None, renamed: Mapping[str, str] | None = None
-) -> Callable[[Callable[..., None]], Command]:
-    """Decorator of a command: one of GROUPS, its line in ``kaneflex --help``, and new names of options by old ones."""
+def command(name: str | None = None, renamed: Mapping[str, str] | None = None) -> Callable[..., Command]:
+    """Decorator of a command; new names of its options by old ones."""
 
     def decorate(function: Callable[..., None]) -> Command:
-        made = click.command(name, cls=Command, short_help=short)(function)
-        made.group, made.renamed = group, renamed or {}
+        made = click.command(name, cls=Command)(function)
+        made.renamed = renamed or {}
+        made.params += _LOUDNESS
         return made
 
     return decorate
 
 
-def names_option(*names: str, metavar: str = "NAMES", help: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def names_option(*names: str, help: str, metavar: str = "NAMES") -> Decorator:
     """An option that takes names with commas between them, and can be repeated."""
 
     def split(ctx: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
@@ -51,9 +88,24 @@ def names_option(*names: str, metavar: str = "NAMES", help: str) -> Callable[[Ca
     return click.option(*names, multiple=True, metavar=metavar, help=help, callback=split)
 
 
-def grouped(commands: Mapping[str, Any], formatter: click.HelpFormatter) -> None:
-    """Write the commands into a help page, group by group."""
-    for group in GROUPS:
-        rows = [(name, each.short_help or "") for name, each in commands.items() if each.group == group]
-        with formatter.section(group):
-            formatter.write_dl(rows)
+def print_json(data: object) -> None:
+    """Print plain data as JSON."""
+    echo(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+class Count(click.IntRange):
+    """A whole number within bounds, in plain digits: Python also reads 1_000 and digits of other scripts."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, str) and re.fullmatch(r"[+-]?[0-9]+", value.strip()) is None:
+            self.fail(f"{value!r} is not a valid integer.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class Real(click.FloatRange):
+    """A finite number, within bounds where they are given."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, str) and plain_number(value) is None:
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return super().convert(value, param, ctx)

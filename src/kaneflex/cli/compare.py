@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import command, names_option
+from kaneflex.cli.command import Count, command, json_option, names_option, print_json
 from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
-from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.terminal import echo
 
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences.csv", "curves.nc"
 
 
-@command("Study", "Compare models, or with another program")
+@command()
 @scene_options("settings", "steps")
 @names_option(
     "--presets", "--preset",
@@ -37,10 +36,11 @@ COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences
     help="The one that the others are measured against. [default: the other program, else the last]",
 )  # fmt: skip
 @folder_options("comparison")
+@json_option
 @gathered(asked=SceneArguments, target=Target)
 def compare(
     asked: SceneArguments, target: Target, presets: tuple[str, ...], peer: str | None, peer_elements: int | None,
-    peer_steps: int | None, against: str | None,
+    peer_steps: int | None, against: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Run SCENE by several models and print the differences of every sensor.
 
@@ -57,12 +57,16 @@ def compare(
     scene = asked.read()
     resolution = Resolution(peer_elements, peer_steps)
     target = target.named(scene, "comparison")
+    names = list(presets) or None
     comparison = into(
-        target, COMPARISON_FILE, lambda stage: side_by_side(scene, list(presets) or None, against, stage, peer, resolution),
+        target, COMPARISON_FILE, lambda stage: side_by_side(scene, names, against, stage, peer, resolution),
         lambda found, folder: _write(found, asked.changes, folder), "overlay",
     )  # fmt: skip
-    echo(difference_table(comparison))
-    echo(f"Written to {target.folder}")
+    if as_json:
+        print_json(comparison_data(comparison, asked.changes))
+    else:
+        echo(difference_table(comparison))
+    echo(f"Written to {target.folder}", err=as_json)
     for model, curves in comparison.curves.items():
         for note in curves.notes:
             echo(f"{model}: {note}", err=True)
@@ -72,20 +76,24 @@ def compare(
         echo(f"Left out: {model}: {reason}", err=True)
 
 
-def _write(comparison: Comparison, settings: Sequence[str], folder: Path) -> None:
-    from kaneflex.study.differences import Difference
-
-    rows = [asdict(entry) for entry in comparison.differences]
-    about = {
+def comparison_data(comparison: Comparison, settings: Sequence[str]) -> dict[str, object]:
+    """Content of comparison.json."""
+    return {
         "scene": comparison.scene.name,
         "settings": list(settings),
         "against": comparison.against,
-        "differences": rows,
+        "differences": [asdict(entry) for entry in comparison.differences],
         "notes": {model: list(curves.notes) for model, curves in comparison.curves.items()},
         "not_compared": {model: dict(curves.missing) for model, curves in comparison.curves.items()},
         "left_out": dict(comparison.left_out),
     }
-    write_json(folder / COMPARISON_FILE, about)
+
+
+def _write(comparison: Comparison, settings: Sequence[str], folder: Path) -> None:
+    from kaneflex.study.differences import Difference
+
+    write_json(folder / COMPARISON_FILE, comparison_data(comparison, settings))
+    rows = [asdict(entry) for entry in comparison.differences]
     write_csv(folder / DIFFERENCES_FILE, [field.name for field in fields(Difference)], rows)
     comparison.labelled.to_netcdf(folder / CURVES_FILE)
 

@@ -14,7 +14,7 @@ from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.terminal import echo
 
 
-@command("Study", "Change numbers by sliders", renamed={"--sensor": "--sensors"})
+@command(renamed={"--sensor": "--sensors"})
 @scene_options()
 @click.option(
     "--vary", "open_", multiple=True, metavar="PATH=LOW:HIGH",

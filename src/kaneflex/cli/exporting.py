@@ -13,7 +13,7 @@ from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.terminal import Waiting, echo
 
 
-@command("Export", "Write an FMU (FMI 2 or 3)")
+@command()
 @scene_options("preset", "settings")
 @click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Version of the standard.")
 @output_option("FILE.fmu", required=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from kaneflex.cli.number_types import Count, Real
+from kaneflex.cli.command import Count, Decorator, Real
 from kaneflex.support.atomic_output import refuse_existing
 from kaneflex.support.errors import OutputError
 from kaneflex.support.output_folders import file_stem, whole_folder, writing
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 _PICTURES = (".png", ".svg", ".pdf")
 
-Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
 
 

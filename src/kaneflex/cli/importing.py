@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import command
+from kaneflex.cli.command import Count, Real, command, json_option, print_json
 from kaneflex.cli.folders import check_file, force_option, output_option
-from kaneflex.cli.number_types import Count, Real
 from kaneflex.cli.scene import gathered
 from kaneflex.support.errors import Fault, told
 from kaneflex.support.terminal import echo
@@ -70,7 +69,7 @@ def _number(section: str, text: str) -> float:
     return number
 
 
-@command("Export", "Finite elements to modal data", name="import")
+@command(name="import")
 @click.argument("mass", metavar="MASS")
 @click.argument("stiffness", metavar="STIFFNESS")
 @click.argument("nodes", metavar="NODES")
@@ -103,8 +102,11 @@ def _number(section: str, text: str) -> float:
 @click.option("--damping", type=Real(0.0, 1.0), default=0.0, help="Ratio of every shape's.")
 @output_option("FILE.npz", required=True)
 @force_option
+@json_option
 @gathered(elements=Elements)
-def import_link(elements: Elements, modes: int, coupling: str, damping: float, output: Path, force: bool) -> None:
+def import_link(
+    elements: Elements, modes: int, coupling: str, damping: float, output: Path, force: bool, as_json: bool
+) -> None:
     """Write modal data of a body from the finite elements of another program.
 
     MASS and STIFFNESS are files of the free body, two or three translations of each node: Matrix Market, Abaqus .mtx,
@@ -119,7 +121,7 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
     from kaneflex.fem.craig_bampton import foreign_data
     from kaneflex.fem.missing_flexibility import missing_flexibility
     from kaneflex.fem.spatial_foreign import spatial_foreign_data
-    from kaneflex.report.tables import imported_table
+    from kaneflex.report.tables import imported_shapes, imported_table
 
     check_file(output, "a file of arrays", ".npz", force)
     with told("import", None):
@@ -133,5 +135,10 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
         echo(f"Warning: {missing}. {cure}.", err=True)
     for doubt in link.doubts:
         echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)
-    echo(imported_table(data))
-    echo(f"Written to {output}")
+    if as_json:
+        mass, centre, inertia = data.rigid
+        body = {"length": data.length, "mass": mass, "centre": centre, "inertia": inertia}
+        print_json({**body, "frequencies_hz": imported_shapes(data)[1]})
+    else:
+        echo(imported_table(data))
+    echo(f"Written to {output}", err=as_json)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import command, names_option
+from kaneflex.cli.command import command, json_option, names_option, print_json
 from kaneflex.cli.folders import check_file, check_picture, force_option, output_option, path_option
 from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathered, read, scene_options
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
@@ -19,11 +19,14 @@ from kaneflex.support.output_folders import file_stem, whole_folder
 from kaneflex.support.terminal import Waiting, echo
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from kaneflex.report.presentation import Blocks
     from kaneflex.scene import Scene
     from kaneflex.solve.statespace import StateSpace
 
 
-@command("Inspect", "Draw a mechanism and count its freedoms")
+@command()
 @scene_options("preset", "settings")
 @output_option("FILE.png", "Picture to write: .png, .svg or .pdf. [default: NAME.png]")
 @click.option(
@@ -31,8 +34,9 @@ if TYPE_CHECKING:
     help="Place, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. [default: as the run starts]",
 )  # fmt: skip
 @force_option
+@json_option
 @gathered(asked=SceneArguments)
-def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], force: bool) -> None:
+def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], force: bool, as_json: bool) -> None:
     """Draw SCENE with its bodies, joints, drives, loads and sensors, and count its degrees of freedom.
 
     Nothing is derived or solved, so that a scene that cannot run yet can be drawn.
@@ -40,48 +44,51 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     \b
       kaneflex show press.toml --at main=30deg -o press.svg
     """
+    from kaneflex.plots.style import picture
+    from kaneflex.report.presentation import as_json as blocks_as_json
+    from kaneflex.report.presentation import parts, printed
+
+    scene = asked.read()
+    path = output or Path(f"{file_stem(scene.name)}.png")
+    check_picture(path, force, "mechanism.png")
+    at = dict(configuration(scene, text) for text in places)
+    blocks, notes = parts(scene), list[str]()
+    try:
+        drawn = _in_space(scene, at, blocks) if scene.is_spatial else _in_plane(scene, at, blocks, notes)
+    except SceneError:
+        echo(printed(scene, blocks), err=as_json)  # what is known says why it can't be placed
+        raise
+    write_bytes(path, picture(drawn, path.suffix[1:]))
+    echo(blocks_as_json(scene, blocks, warnings=[], notes=notes) if as_json else printed(scene, blocks))
+    for note in notes:
+        echo(f"Note: {note}", err=True)
+    echo(f"Written to {path}", err=as_json)
+
+
+def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list[str]) -> Callable[[], Figure]:
+    """Picture of a mechanism in the plane; adds its freedoms and the range of its joints, and notes."""
     from kaneflex.fem.mobility import count_freedom, mobility_by_rank
     from kaneflex.mechanism.dead_centres import closings
     from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.mechanism.position_analysis import place
     from kaneflex.mechanism.reach import followed, reach_lines
     from kaneflex.mechanism.tight_start import as_it_starts
-    from kaneflex.report.presentation import block, closing_lines, mobility_lines, parts
+    from kaneflex.plots.scheme import scheme
+    from kaneflex.report.presentation import closing_lines, mobility
 
-    scene = asked.read()
-    path = output or Path(f"{file_stem(scene.name)}.png")
-    check_picture(path, force, "mechanism.png")
-    at = dict(configuration(scene, text) for text in places)
-    echo(parts(scene))
-    if scene.is_spatial:
-        write_bytes(path, _spatial_picture(scene, at, path.suffix[1:]))
-        echo(f"Written to {path}")
-        return
-    elastic = _elastic_count(scene)
-    count = count_freedom(mechanism_of(scene))
-    try:
-        scene = as_it_starts(scene)
-        placement = place(scene, at)
-    except SceneError:
-        echo(mobility_lines(count, elastic))  # what says why it can't be placed
-        raise
+    elastic, count = _elastic_count(scene), count_freedom(mechanism_of(scene))
+    blocks |= mobility(count, elastic)
+    scene = as_it_starts(scene)
+    placement = place(scene, at)
     here = {name: pose[:, None] for name, pose in placement.poses.items()}
     courses = here if at else followed(scene, placement)
-    by_rank = None if scene.is_frame else mobility_by_rank(mechanism_of(scene), courses)
-    echo(mobility_lines(count, elastic, by_rank))
     if not scene.is_frame:
+        blocks |= mobility(count, elastic, mobility_by_rank(mechanism_of(scene), courses))
         several = len(next(iter(courses.values()))[0]) > 1
         found = closings(scene, courses)
-        lines = reach_lines(scene, courses) | closing_lines(found)
-        echo(block("over the run" if several else "where it is shown", lines))
-        for each in found:
-            if each.note:
-                echo(f"Note: {each.note}", err=True)
-    from kaneflex.plots.scheme import scheme
-    from kaneflex.plots.style import picture
-
-    write_bytes(path, picture(lambda: scheme(scene, placement), path.suffix[1:]))
-    echo(f"Written to {path}")
+        blocks["over the run" if several else "where it is shown"] = reach_lines(scene, courses) | closing_lines(found)
+        notes += [each.note for each in found if each.note]
+    return lambda: scheme(scene, placement)
 
 
 def _elastic_count(scene: Scene) -> int | None:
@@ -101,20 +108,19 @@ def _elastic_count(scene: Scene) -> int | None:
         return None
 
 
-def _spatial_picture(scene: Scene, at: Mapping[str, float], kind: str) -> bytes:
-    """The picture of a mechanism in space as it starts; says how many freedoms it has."""
+def _in_space(scene: Scene, at: Mapping[str, float], blocks: Blocks) -> Callable[[], Figure]:
+    """Picture of a mechanism in space as it starts; adds its freedoms."""
     from kaneflex.plots.spatial import refuse_places, scheme
-    from kaneflex.plots.style import picture
-    from kaneflex.report.presentation import spatial_mobility_lines
+    from kaneflex.report.presentation import spatial_mobility
     from kaneflex.solve.spatial_loading import spatial_start
 
     refuse_places(at)
     system, start, motion = spatial_start(scene)
-    echo(spatial_mobility_lines(system, start.choice))
-    return picture(lambda: scheme(scene, motion), kind)
+    blocks |= spatial_mobility(system, start.choice)
+    return lambda: scheme(scene, motion)
 
 
-@command("Inspect", "Start a scene of your own")
+@command()
 @click.argument("name", metavar="NAME")
 @click.option("--like", metavar="SCENE", help="Shipped scene to start from, see `kaneflex list`. [default: a template]")
 @output_option("FILE.toml", "[default: NAME.toml]")
@@ -135,17 +141,19 @@ def new(name: str, like: str | None, output: Path | None, force: bool) -> None:
         echo(f"Written to {written}")
 
 
-@command("Export", "Write a state space at one instant", renamed={"--sensor": "--sensors"})
+@command(renamed={"--sensor": "--sensors"})
 @scene_options("preset", "settings")
 @at_option
 @names_option("--sensors", help="Outputs. [default: all]")
 @output_option("FILE", "File to write: .npz for NumPy, .mat for MATLAB or .mo for Modelica.", required=True)
 @path_option("--bode", metavar="FILE.png", help="Draw magnitudes and phases over the frequency.")
 @force_option
+@json_option
 @gathered(asked=SceneArguments)
 def linearise(
-    asked: SceneArguments, at: str | None, sensors: tuple[str, ...], output: Path, bode: Path | None, force: bool
-) -> None:
+    asked: SceneArguments, at: str | None, sensors: tuple[str, ...], output: Path, bode: Path | None, force: bool,
+    as_json: bool,
+) -> None:  # fmt: skip
     """Write the elastic equations of SCENE at one instant as a state space.
 
     The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
@@ -171,12 +179,17 @@ def linearise(
     system.save(output)
     if bode is not None and drawn is not None:
         write_bytes(bode, drawn)
-    echo(poles_table(system))
-    echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
+    if as_json:
+        poles = [{"real": pole.real, "imag": pole.imag} for pole in system.poles.tolist()]
+        names = {"states": system.states, "inputs": system.inputs, "outputs": system.outputs}
+        print_json({"scene": scene.name, "poles": poles, **{key: list(value) for key, value in names.items()}})
+    else:
+        echo(poles_table(system))
+        echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
     left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
     if left_out and not sensors:
         echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
-    echo(f"Written to {output}" + (f" and {bode}" if bode is not None else ""))
+    echo(f"Written to {output}" + (f" and {bode}" if bode is not None else ""), err=as_json)
 
 
 def _bode(system: StateSpace, kind: str) -> bytes:
@@ -186,7 +199,7 @@ def _bode(system: StateSpace, kind: str) -> bytes:
     return picture(lambda: figure(system), kind)
 
 
-@command("Inspect", "Print the equations as LaTeX")
+@command()
 @scene_options("preset", "settings")
 @click.option("--latex", is_flag=True, expose_value=False, hidden=True)  # the only form, once had to be said
 @output_option("FILE.tex", "File to write. [default: printed]")
@@ -220,7 +233,7 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
         echo(f"Written to {output}")
 
 
-@command("Export", "Write the equations as Python or C", renamed={"--sensor": "--sensors"})
+@command(renamed={"--sensor": "--sensors"})
 @click.argument("name", metavar="SCENE")
 @output_option("FILE.py", "Module to write; the folder to make with --language c.", required=True)
 @click.option(

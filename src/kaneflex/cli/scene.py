@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from kaneflex.cli.folders import Decorator, together
+from kaneflex.cli.command import Decorator
+from kaneflex.cli.folders import together
 from kaneflex.support.errors import SceneError, nearest, told
 from kaneflex.support.terminal import echo
 
@@ -63,9 +65,20 @@ def gathered(**kinds: type) -> Decorator:
     return decorate
 
 
-preset_option = click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`.")
+def completed(kind: str) -> Callable[..., Any]:
+    """Completion of :mod:`kaneflex.cli.completion`, which is imported when the shell asks."""
+
+    def complete(ctx: click.Context, parameter: click.Parameter, begun: str) -> Any:
+        return getattr(import_module("kaneflex.cli.completion"), kind)(ctx, parameter, begun)
+
+    return complete
+
+
+preset_option = click.option(
+    "--preset", metavar="NAME", shell_complete=completed("presets"), help="Named model, see `kaneflex list`."
+)
 settings_option = click.option(
-    "--set", "settings", multiple=True, metavar="PATH=VALUE",
+    "--set", "settings", multiple=True, metavar="PATH=VALUE", shell_complete=completed("entries"),
     help='Change an entry of the scene: rod.elements=1, rod.length="140 mm", solve.start=zero, loads.gas=none. '
     "Can be repeated.",
 )  # fmt: skip
@@ -73,7 +86,9 @@ _OPTIONS = {
     "preset": preset_option,
     "settings": settings_option,
     "steps": click.option("--steps", metavar="N", help="Steps per cycle, or per run where there is no cycle."),
-    "integrator": click.option("--integrator", metavar="NAME", help="Integrator, see `kaneflex list`."),
+    "integrator": click.option(
+        "--integrator", metavar="NAME", shell_complete=completed("integrators"), help="Integrator, see `kaneflex list`."
+    ),
 }  # fmt: skip
 """By the fields of :class:`SceneArguments`."""
 at_option = click.option(
@@ -82,9 +97,12 @@ at_option = click.option(
 )  # fmt: skip
 
 
+scene_argument = click.argument("name", metavar="SCENE", shell_complete=completed("scenes"))
+
+
 def scene_options(*names: str) -> Decorator:
     """SCENE and what can be changed in it: by all options, or by those of these names."""
-    return together(click.argument("name", metavar="SCENE"), *(_OPTIONS[name] for name in names or _OPTIONS))
+    return together(scene_argument, *(_OPTIONS[name] for name in names or _OPTIONS))
 
 
 def read(name: str, settings: list[str]) -> Scene:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import command
+from kaneflex.cli.command import Count, command, json_option, print_json
 from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
-from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, say_plain, scene_options
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
@@ -27,7 +26,7 @@ _POINTS = 41
 STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds.csv"
 
 
-@command("Study", "Floquet, buckling, Campbell diagram")
+@command()
 @scene_options("preset", "settings")
 @click.option(
     "--vary", metavar="DRIVE.speed=LOW:HIGH",
@@ -40,10 +39,12 @@ STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds
     help="Multiples of the drive's turns in Campbell's diagram, like 0.5,1,1.5.",
 )  # fmt: skip
 @folder_options("stability")
+@json_option
 @gathered(asked=SceneArguments, target=Target)
 def stability(
-    asked: SceneArguments, target: Target, vary: str | None, speed: str | None, points: int | None, orders: str
-) -> None:
+    asked: SceneArguments, target: Target, vary: str | None, speed: str | None, points: int | None, orders: str,
+    as_json: bool,
+) -> None:  # fmt: skip
     """Judge the stability of SCENE's periodic motion, with one sentence for each finding.
 
     Findings are Floquet multipliers, frozen frequencies over the cycle, buckling, the largest stable step of each
@@ -68,6 +69,9 @@ def stability(
         raise SceneError("--points", points, "belongs to --vary", "Add --vary DRIVE.speed=LOW:HIGH, or leave it out")
     target = target.named(scene, "stability")
     found = into(target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage, multiples), _write, "stability")
+    if as_json:
+        print_json(found.as_data())
+        return
     if speeds is None:
         echo(f"At the scene's own speed; --vary {next(iter(scene.drives), 'DRIVE')}.speed=LOW:HIGH computes a range")
     echo(block("stability", found.findings))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import command
+from kaneflex.cli.command import Count, command
 from kaneflex.cli.folders import output_option
-from kaneflex.cli.number_types import Count
 from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY, SceneArguments, gathered, preset_option, settings_option
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
@@ -25,7 +25,7 @@ _QUIET = 2.0
 """Seconds between two lines about the progress."""
 
 
-@command("Study", "Run a scene over ranges of parameters")
+@command()
 @click.argument("name", metavar="STUDY.toml")
 @output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
 @click.option("--workers", type=Count(min=1), help="Solve in so many processes of this machine.")
@@ -40,15 +40,15 @@ _QUIET = 2.0
 @settings_option
 @preset_option
 @click.option(
-    "--plots/--no-plots", default=True, show_default=True,
-    help="Draw every sensor over the first parameter, and Poincare sections.",
+    "--plots/--no-plots", default=None,
+    help="Draw every sensor over the first parameter, and Poincare sections. [default: where xarray is installed]",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Begin anew what an earlier sweep left in its folder.")
 @gathered(asked=SceneArguments)
 @click.pass_context
 def sweep(
     ctx: click.Context, asked: SceneArguments, output: Path | None, workers: int | None, scheduler: str | None,
-    form: str, plots: bool, force: bool,
+    form: str, plots: bool | None, force: bool,
 ) -> None:  # fmt: skip
     """Run one scene at many points of its parameters, into one labelled dataset.
 
@@ -66,6 +66,8 @@ def sweep(
     if plots:  # before anything is computed
         with needing_xarray("--plots"):
             import xarray  # noqa: F401
+    elif plots is None:
+        plots = find_spec("xarray") is not None
     study = Path(asked.name)
     plan = make_plan(study, asked.changes)
     solver = _solver(workers, scheduler)

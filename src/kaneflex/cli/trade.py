@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from kaneflex.cli.command import command, names_option
-from kaneflex.cli.folders import Decorator, Target, folder_options, into, together, write_csv, write_json
+from kaneflex.cli.command import Decorator, command, json_option, names_option, print_json
+from kaneflex.cli.folders import Target, folder_options, into, together, write_csv, write_json
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
@@ -35,11 +35,12 @@ def _options(ending: str) -> Decorator:
         click.option("--budget", default="60s", metavar="TIME", help="For running and timing.", show_default=True),
         names_option("--sensors", help="Sensors that count. [default: all]"),
         folder_options(ending),
+        json_option,
         gathered(asked=SceneArguments, target=Target),
     )
 
 
-@command("Study", "Rank models by error and run time", renamed={"--sensor": "--sensors"})
+@command(renamed={"--sensor": "--sensors"})
 @_options("trade")
 def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Recommend the cheapest model of SCENE within a tolerance, and rank the others by error and run time.
@@ -56,18 +57,12 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     from kaneflex.study.trade.ranking import trade as ranked
 
     if has_price(asked.read()):
-        priced, folder = _weighed("trade", price, price_data, asked, target, limits, "price")
-        echo(price_table(priced))
-        _close(folder, priced.left_out)
-        return
-    found, folder = _weighed("trade", ranked, trade_data, asked, target, limits)
-    echo(choice_line(found))
-    echo(trade_table(found))
-    echo(reference_lines(found))
-    _close(folder, found.left_out)
+        _weigh("trade", price, price_data, price_table, asked, target, limits, "price")
+    else:
+        _weigh("trade", ranked, trade_data, _trade_text, asked, target, limits)
 
 
-@command("Study", "Error and cost of each group of terms", renamed={"--sensor": "--sensors"})
+@command(renamed={"--sensor": "--sensors"})
 @_options("terms")
 def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Print the cost of each group of terms of SCENE, its effect on the sensors, and whether the tolerance needs it.
@@ -82,21 +77,26 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """
     from kaneflex.study.trade.terms import terms as left_out
 
-    found, folder = _weighed("terms", left_out, terms_data, asked, target, limits)
-    echo(terms_table(found))
+    _weigh("terms", left_out, terms_data, _terms_text, asked, target, limits)
+
+
+def _trade_text(found: Trade) -> str:
+    return f"{choice_line(found)}\n{trade_table(found)}\n{reference_lines(found)}"
+
+
+def _terms_text(found: Terms) -> str:
     full = found.full
     step = f"{full.ns_per_step:.0f} ns a step, rigid motion and start included"
-    echo(f"Stiffened with all of them: {full.operations} operations, {step}")
-    _close(folder, found.left_out)
+    return f"{terms_table(found)}\nStiffened with all of them: {full.operations} operations, {step}"
 
 
-def _weighed(
-    ending: str, question: Callable[..., Weighed], data: Callable[[Weighed], Data], asked: SceneArguments,
-    target: Target, limits: Mapping[str, Any], picture: str | None = None,
-) -> tuple[Weighed, Path]:  # fmt: skip
-    """What a question to the models of a scene found, and the folder that holds it as a table and as JSON.
+def _weigh(
+    ending: str, question: Callable[..., Weighed], data: Callable[[Weighed], Data], text: Callable[[Weighed], str],
+    asked: SceneArguments, target: Target, limits: Mapping[str, Any], picture: str | None = None,
+) -> None:  # fmt: skip
+    """Answer a question about the models of a scene: print it, and write it into a folder as a table and as JSON.
 
-    ``limits``: the options tolerance, budget and sensors.
+    ``limits``: the options tolerance, budget, sensors and as_json.
     """
     from kaneflex.support.units import TIME
 
@@ -104,21 +104,26 @@ def _weighed(
     scene = asked.read()
     target, files = target.named(scene, ending), picture or ending
 
-    def write(found: Weighed, folder: Path) -> None:
+    def whole(found: Weighed) -> Data:
         own, rows = data(found)
         about = {"scene": found.scene.name, "settings": list(asked.changes), "tolerance": found.tolerance}
-        write_json(folder / f"{files}.json", {**about, **own, "left_out": dict(found.left_out)})
+        return {**about, **own, "left_out": dict(found.left_out)}, rows
+
+    def write(found: Weighed, folder: Path) -> None:
+        own, rows = whole(found)
+        write_json(folder / f"{files}.json", own)
         write_csv(folder / f"{files}.csv", list(rows[0]), rows)
 
     def ask(stage: Callable[[str], None]) -> Weighed:
         return question(scene, share, seconds, limits["sensors"] or None, stage)
 
-    return into(target, f"{files}.json", ask, write, files), target.folder
-
-
-def _close(folder: Path, left_out: Mapping[str, str]) -> None:
-    echo(f"Written to {folder}")
-    for thing, reason in left_out.items():
+    found, as_json = into(target, f"{files}.json", ask, write, files), limits["as_json"]
+    if as_json:
+        print_json(whole(found)[0])
+    else:
+        echo(text(found))
+    echo(f"Written to {target.folder}", err=as_json)
+    for thing, reason in found.left_out.items():
         echo(f"Left out: {thing}: {reason}", err=True)
 
 

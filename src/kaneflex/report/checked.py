@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from kaneflex.multibody.spatial_motion import SpatialKinematics, firmness
 from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import build_spatial_system
 from kaneflex.report.presentation import (
-    block,
+    Blocks,
     closing_lines,
     is_followed,
-    mobility_lines,
+    mobility,
     modelled,
-    spatial_mobility_lines,
+    spatial_mobility,
 )
 from kaneflex.scene.plausible import stubby_links
 from kaneflex.solve.initial import start_coordinates
@@ -33,26 +33,35 @@ from kaneflex.support.kept import Kept
 
 _MOST_INSTANTS = 20_000
 """Instants at which stiffness is looked at, however many a run would store."""
+_MOST_NAMES = 12
+"""Coordinates that fit two lines of a terminal."""
 _CLOSINGS: Kept[Model, list[Closing]] = Kept()
 
 
-def description(model: Model) -> str:
-    """What a scene is: one line for each part of the mechanism, then how its loops are held and what is solved."""
+def description(model: Model) -> Blocks:
+    """One line for each part of the mechanism, then how near its loops are to dead centres, and what is solved."""
     equations = {
         "degrees of freedom": str(model.degrees_of_freedom),
-        "coordinates": " ".join((*model.coordinates, *model.shapes_given)) or "none",
-        **({"coordinates of a state": " ".join(start_coordinates(model))} if _bodies_deform(model) else {}),
+        "coordinates": _named((*model.coordinates, *model.shapes_given)),
+        **({"coordinates of a state": _named(start_coordinates(model))} if _bodies_deform(model) else {}),
         **_lowest(model),
         "structure": model.motion.module.STRUCTURE,
         "module": _module(model),
     }
-    blocks = [
-        modelled(model),
-        block("loops over the run" if is_followed(model) else "loops at the start", closing_lines(_closings(model))),
-        _mobility(model),
-        block("equations", equations),
-    ]
-    return "\n".join(filter(None, blocks))
+    return {
+        **modelled(model),
+        "loops over the run" if is_followed(model) else "loops at the start": closing_lines(_closings(model)),
+        **_mobility(model),
+        "equations": equations,
+    }
+
+
+def _named(coordinates: Sequence[str]) -> str:
+    """All coordinates of a small model; the first and the last ones of a larger one."""
+    shown = list(coordinates)
+    if len(shown) > _MOST_NAMES:
+        shown = [*shown[: _MOST_NAMES - 2], "...", shown[-1]]
+    return " ".join(shown) or "none"
 
 
 def _bodies_deform(model: Model) -> bool:
@@ -90,17 +99,17 @@ def _courses(model: Model, times: np.ndarray) -> Courses:
     return courses_of(model.scene, model.motion.at(times))
 
 
-def _mobility(model: Model) -> str:
+def _mobility(model: Model) -> Blocks:
     if isinstance(model.motion, SpatialKinematics):
         system = model.motion.module.system
         if len(system.modal_speeds):  # shapes are no freedoms of joints
             system = build_spatial_system(system.scene, system.module)
-            return spatial_mobility_lines(system, choose(system, start_of(system).q, prefer=True))
+            return spatial_mobility(system, choose(system, start_of(system).q, prefer=True))
         (start,) = system.instants(model.motion.curve.rows(np.zeros(1))).q
-        return spatial_mobility_lines(system, choose(system, start, prefer=True))
+        return spatial_mobility(system, choose(system, start, prefer=True))
     mechanism = mechanism_of(model.scene)
     by_rank = None if mechanism.frame else mobility_by_rank(mechanism, _courses(model, _times(model)))
-    return mobility_lines(count_freedom(mechanism), None, by_rank)
+    return mobility(count_freedom(mechanism), None, by_rank)
 
 
 def _lowest(model: Model) -> dict[str, str]:

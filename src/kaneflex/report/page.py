@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from kaneflex.report.presentation import modelled
+from kaneflex.report.presentation import modelled, printed
 from kaneflex.report.tables import (
     ending,
     more_tables,
@@ -60,7 +60,7 @@ def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) ->
         "head": "".join(f"<th>{html(text)}</th>" for text in head),
         "rows": "".join(map(_row, rows)),
         "more": "".join(_more(summary)),
-        "modelled": _text(modelled(solution.model)),
+        "modelled": _text(printed(solution.model.scene, modelled(solution.model))),
         "cost": _text(run_lines(summary)),
         "choice": _choice(summary),
         "pictures": "",

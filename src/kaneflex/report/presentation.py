@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,16 +33,35 @@ if TYPE_CHECKING:
 
 _LONGEST = 72
 """Characters of a law that are shown."""
-def modelled(model: Model) -> str:
+Blocks = dict[str, Mapping[str, str]]
+"""Texts by their names, under titles."""
+
+
+def printed(scene: Scene, blocks: Blocks) -> str:
+    """A scene's name and description, and below them blocks."""
+    return "\n".join([f"{scene.name}: {scene.description}", *blocks_text(blocks)])
+
+
+def as_json(scene: Scene, blocks: Blocks, **more: object) -> str:
+    """The same as JSON."""
+    plain = {title: {name: text.strip() for name, text in texts.items()} for title, texts in blocks.items() if texts}
+    data = {"scene": scene.name, "description": scene.description, **plain, **more}
+    return json.dumps(data, indent=2, ensure_ascii=False)
+
+
+def blocks_text(blocks: Blocks) -> list[str]:
+    """Blocks as they are printed; those without entries are left out."""
+    return [block(title, texts) for title, texts in blocks.items() if texts]
+
+
+def modelled(model: Model) -> Blocks:
     """The mechanism and the options in force, as they are the same on any machine."""
-    scene = model.scene
-    blocks = [
-        parts(scene),
-        block("assumptions", scene.assumptions),
-        block("over the run" if is_followed(model) else "at the start", _reach(model)),
-        block("options in force", _options(model)),
-    ]
-    return "\n".join(filter(None, blocks))
+    return {
+        **parts(model.scene),
+        "assumptions": model.scene.assumptions,
+        "over the run" if is_followed(model) else "at the start": _reach(model),
+        "options in force": _options(model),
+    }
 
 
 def is_followed(model: Model) -> bool:
@@ -70,18 +90,18 @@ def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
     return found
 
 
-def spatial_mobility_lines(system: SpatialSystem, choice: Choice) -> str:
+def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
     """How many freedoms a mechanism in space has, by the rank of what its joints demand."""
     left, tied = len(choice.independent), len(choice.dependent)
     spare = system.row_count - tied
     free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
-    return block("freedoms", {
+    return {"freedoms": {
         "of the joints": f"{system.speeds} of {', '.join(system.layout.tree)}, which make a tree",
         "closing": f"{system.row_count} constraints of {', '.join(system.layout.cuts) or 'no joint'}"
         + (f", of which {spare} follow from the others" if spare else ""),
         "driven": f"{len(choice.prescribed)}",
         "left": f"{left} to the forces" + (f": {free}" if free else ""),
-    })  # fmt: skip
+    }}  # fmt: skip
 
 
 def _options(model: Model) -> dict[str, str]:
@@ -149,26 +169,24 @@ def at_drive(model: Model) -> str:
     return ", ".join(f"{drive} = {model.scene.written_coordinate(drive, value)}" for drive, value in stands)
 
 
-def parts(scene: Scene) -> str:
-    """What a mechanism is made of, moved and loaded by, and what is measured."""
+def parts(scene: Scene) -> Blocks:
+    """Bodies, joints, loads, sensors and whatever else a mechanism has."""
     closing = () if scene.is_spatial else scene.loop_joints()
-    blocks = [
-        f"{scene.name}: {scene.description}",
-        block("bodies", {name: _body(body) for name, body in scene.bodies.items()}),
-        block("joints", {name: _joint(joint, name in closing) for name, joint in scene.joints.items()}),
-        block("masses", {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()}),
-        block("drives", {name: _drive(scene, name) for name in scene.drives}),
-        block("loads", {name: _load(load) for name, load in scene.loads.items()}),
-        block("springs", {name: _spring(spring) for name, spring in scene.springs.items()}),
-        block("contacts", {name: contact_line(contact) for name, contact in scene.contacts.items()}),
-        block("friction", {name: friction_line(friction) for name, friction in scene.frictions.items()}),
-        block("sensors", {name: scene.meaning_of(sensor) for name, sensor in scene.sensors.items()}),
-        block("events", {name: _event(scene, event) for name, event in scene.events.items()}),
-    ]
-    return "\n".join(filter(None, blocks))
+    return {
+        "bodies": {name: _body(body) for name, body in scene.bodies.items()},
+        "joints": {name: _joint(joint, name in closing) for name, joint in scene.joints.items()},
+        "masses": {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()},
+        "drives": {name: _drive(scene, name) for name in scene.drives},
+        "loads": {name: _load(load) for name, load in scene.loads.items()},
+        "springs": {name: _spring(spring) for name, spring in scene.springs.items()},
+        "contacts": {name: contact_line(contact) for name, contact in scene.contacts.items()},
+        "friction": {name: friction_line(friction) for name, friction in scene.frictions.items()},
+        "sensors": {name: scene.meaning_of(sensor) for name, sensor in scene.sensors.items()},
+        "events": {name: _event(scene, event) for name, event in scene.events.items()},
+    }
 
 
-def mobility_lines(count: Freedom, elastic: int | None, by_rank: int | None = None) -> str:
+def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) -> Blocks:
     """The count of the degrees of freedom; ``elastic`` and ``by_rank``, what the joints leave where the bodies stand,
     are None where that is not known."""
     taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
@@ -187,7 +205,7 @@ def mobility_lines(count: Freedom, elastic: int | None, by_rank: int | None = No
         rows["by rank"] = (by_rank, _overconstrained(by_rank - count.mobility))
     if elastic is not None:
         rows["elastic"] = (elastic, "displacements and rotations of the links, before any reduction to modes")
-    return block("degrees of freedom", {name: f"{number:4d}  {text}".rstrip() for name, (number, text) in rows.items()})
+    return {"degrees of freedom": {name: f"{n:4d}  {text}".rstrip() for name, (n, text) in rows.items()}}
 
 
 def _overconstrained(twice: int) -> str:

@@ -255,8 +255,8 @@ def _rounded(components: np.ndarray) -> str:
     return ", ".join(f"{x:.6g}" if abs(x) > least else "0" for x in components)
 
 
-def imported_table(data: ModalData) -> str:
-    """Mass, centre and inertia of a link from elsewhere, and the frequencies that its shapes have by themselves."""
+def imported_shapes(data: ModalData) -> tuple[str, dict[str, float]]:
+    """Mass, centre and inertia of an imported link, and the frequency [Hz] of each of its shapes alone."""
     a, (mass, centre, inertia) = data.arrays, data.rigid
     told = f"{1e3 * data.length:.6g} mm from start to end, {mass:.6g} kg, its centre "
     if isinstance(inertia, tuple):
@@ -269,7 +269,13 @@ def imported_table(data: ModalData) -> str:
         told += f"{1e3 * centre[0]:.6g} mm from the start, {inertia:.6g} kg m^2 about it"
     names = [f"{kind} {k + 1}" for kind, count in counts for k in range(count)]
     frequencies = np.sqrt(a["stiffness"] / moved) / (2 * math.pi)
-    rows = [(name, f"{hz:.1f}") for name, hz in zip(names, frequencies, strict=True)]
+    return told, dict(zip(names, frequencies.tolist(), strict=True))
+
+
+def imported_table(data: ModalData) -> str:
+    """The same as text."""
+    told, frequencies = imported_shapes(data)
+    rows = [(name, f"{hz:.1f}") for name, hz in frequencies.items()]
     return f"{told}\n{table(('shape', 'Hz'), rows)}"
 
 

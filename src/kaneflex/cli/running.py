@@ -1,0 +1,141 @@
+"""Commands that solve a scene: ``run``, and ``plot`` for more pictures of what was solved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from kaneflex.cli.command import command, json_option, names_option
+from kaneflex.cli.folders import Target, folder_options, moving_options, path_option, which_pictures
+from kaneflex.cli.scene import STOPPED_EARLY, SceneArguments, gathered, scene_options
+from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
+from kaneflex.support.errors import SceneError
+from kaneflex.support.terminal import echo
+
+if TYPE_CHECKING:
+    from kaneflex.report.summary import Summary
+
+
+@dataclass(frozen=True)
+class Choosing:
+    """A model to be chosen: the error allowed, the sensors that count, and whether the scene's file takes it."""
+
+    tolerance: str | None
+    sensors: tuple[str, ...]
+    write_back: bool
+
+
+@command(renamed={"--sensor": "--sensors"})
+@scene_options()
+@path_option(
+    "--after", metavar="RESULTS", help="Continue from the last state of another run's folder (preset coupled)."
+)
+@names_option(
+    "--sensitivities", "parameters", metavar="PATHS",
+    help="Differentiate every sensor by these numbers of the scene: rod.E,rod.I,main.speed.",
+)  # fmt: skip
+@click.option(
+    "--basis", type=click.Choice(["frozen", "recomputed"]), default="frozen", show_default=True,
+    help="Whether modal bases keep their shapes in --sensitivities.",
+)  # fmt: skip
+@click.option(
+    "--tolerance", metavar="SHARE",
+    help="Choose the cheapest model that keeps each sensor within a share of its peak, like 1%.",
+)
+@names_option("--sensors", help="With --tolerance: only these count.")
+@click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
+@folder_options("results", which_pictures)
+@click.option("--vtk", is_flag=True, help='Also write the motion for ParaView; pip install "kaneflex[vtk]" brings it.')
+@moving_options
+@json_option
+@gathered(asked=SceneArguments, target=Target, choosing=Choosing)
+def run(
+    asked: SceneArguments, target: Target, choosing: Choosing, after: Path | None, parameters: tuple[str, ...],
+    basis: str, as_json: bool,
+) -> None:  # fmt: skip
+    """Solve SCENE and write report.html, results.nc and .csv, summary.json and pictures into a folder.
+
+    The folder appears when it is complete; a run that fails leaves none. A run that stops early keeps the results up to
+    that instant, says when and why, and ends with exit code 3. The choice of --tolerance is kept in the user's cache.
+
+    \b
+      kaneflex run engine --preset coupled --set rod.elements=4 -o results
+    """
+    from kaneflex.cli.workflow import Demand, run_into, uncollected
+    from kaneflex.report.tables import ending
+    from kaneflex.scene.write_back import file_to_write, write_settings
+
+    tolerance, sensors = choosing.tolerance, choosing.sensors
+    refuse_with_tolerance(tolerance, {"--preset": asked.preset, "--integrator": asked.integrator, "--after": after})
+    demand_tolerance(tolerance, {"--sensors": ",".join(sensors), "--write-back": choosing.write_back})
+    if target.vtk:
+        from kaneflex.plots.vtk import demand_meshio
+
+        demand_meshio()
+    if target.mp4:
+        from kaneflex.plots.animation import demand_ffmpeg
+
+        if not target.plots:
+            raise SceneError("--mp4", None, "--no-plots draws no animation", "Leave out one of the two")
+        demand_ffmpeg()
+    if target.kinds is not None:
+        from kaneflex.plots import kinds_of
+
+        kinds_of(target.kinds)
+    file = file_to_write(asked.name, asked.changes) if choosing.write_back else None
+    demand = None if tolerance is None else Demand(tolerance_of(tolerance), sensors or None)
+    with uncollected():
+        scene = asked.read()
+    target = target.named(scene, "results")
+    told = _print_summary if as_json else _print_results
+    summary = run_into(scene, target, asked.changes, after, list(parameters), basis == "frozen", demand, told)
+    echo(f"Written to {target.folder}", err=as_json)
+    for warning in summary.warnings:
+        echo(f"Warning: {warning}", err=True)
+    if summary.outcome != "completed":
+        echo(ending(summary), err=True)
+    if file is not None:
+        write_settings(file, summary.choice.settings)
+        echo(f"The model is written into {file}", err=as_json)
+    if summary.outcome != "completed":
+        click.get_current_context().exit(STOPPED_EARLY)
+
+
+def _print_summary(summary: Summary) -> None:
+    echo(summary.model_dump_json(indent=2))
+
+
+def _print_results(summary: Summary) -> None:
+    """The tables of a run, printed before anything is drawn."""
+    from kaneflex.report.tables import more_tables, run_lines, summary_table
+
+    if summary.sensors:
+        echo(summary_table(summary))
+    for _, table in more_tables(summary):
+        echo(table)
+    echo(run_lines(summary))
+    if summary.choice is not None:
+        echo(chosen_lines(summary.choice))
+
+
+@command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("kinds", nargs=-1)
+@moving_options
+def plot(folder: Path, kinds: tuple[str, ...], **options: Any) -> None:
+    """Draw more pictures of a finished run into its FOLDER.
+
+    KINDS are mechanism, sensors, loads, motion, paths, modes, displacements, surfaces, stresses, clearances, spectra,
+    energy and animation; svg adds SVG files; all is the default. The run is solved again from the folder's scene.toml
+    and must give the values of its results.nc.
+
+    \b
+      kaneflex plot engine-results spectra surfaces
+    """
+    from kaneflex.cli.workflow import draw_again
+
+    for path in draw_again(folder, Target(folder, kinds=",".join(kinds) or "all", **options)):
+        echo(f"Written to {path}")
