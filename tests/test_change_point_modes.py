@@ -73,11 +73,11 @@ def ladder(count: int, tolerance: float, integrator: str = "radau") -> dict:
     }  # fmt: skip
 
 
-def one_degree_of_freedom(count: int, times: np.ndarray) -> np.ndarray:
+def one_degree_of_freedom(count: int, times: np.ndarray, speed: float = -1.0) -> np.ndarray:
     """Angle of all cranks: couplers translate, so that (n + 1)/3 + n = inertia [kg m^2], (n + 1)/2 + n kg at 1 m."""
     inertia, moment = (count + 1) / 3 + count, ((count + 1) / 2 + count) * 9.81
     found = solve_ivp(
-        lambda t, y: [y[1], -moment * np.cos(y[0]) / inertia], (0.0, times[-1]), [np.pi / 2, -1.0], "DOP853", times,
+        lambda t, y: [y[1], -moment * np.cos(y[0]) / inertia], (0.0, times[-1]), [np.pi / 2, speed], "DOP853", times,
         rtol=3e-14, atol=1e-14,
     )  # fmt: skip
     return found.y[0]
@@ -94,6 +94,36 @@ def test_loops_that_become_singular_together_go_on_as_they_move(count, tolerance
     exact = one_degree_of_freedom(count, np.asarray(solution.times))
     for k in range(count + 1):
         off = np.ravel(solution.series[f"phi{k}"].values) - exact
+        assert abs(off).max() < 100 * tolerance
+
+
+def beside(raw: dict, other: dict, metres: float) -> dict:
+    """Two mechanisms in one scene, the names of the other one's parts with an x behind."""
+
+    def named(address: str) -> str:
+        body, point = address.split(".")
+        return f"{body}.{point}x" if body == "ground" else f"{body}x.{point}"
+
+    joints = {name: {key: [named(side) for side in value] if key == "revolute" else value
+                     for key, value in joint.items()} for name, joint in other["joints"].items()}  # fmt: skip
+    more = {
+        "ground": {name: [x + metres, y] for name, (x, y) in other["ground"].items()},
+        "bodies": other["bodies"], "joints": joints, "drives": other["drives"],
+        "sensors": {name: sensor | {"position": f"{sensor['position']}x"} for name, sensor in other["sensors"].items()},
+    }  # fmt: skip
+    return raw | {key: raw[key] | {f"{name}x": value for name, value in part.items()} for key, part in more.items()}
+
+
+@pytest.mark.parametrize(("other", "speed", "tolerance"), [(1, -1.0, 1e-9), (2, -3.0, 1e-10)])
+def test_linkages_that_pass_change_points_beside_each_other_go_on_as_they_move(other, speed, tolerance):
+    """Each is moved by a coordinate of its own. The first two were 39 rad off, without a word; the others ended."""
+    raw = ladder(other, tolerance)
+    raw["drives"]["A0"]["initial_speed"] = f"{speed} rad/s"
+    solution = simulate(load(scene_of(beside(ladder(1, tolerance), raw, 5.0))))
+    assert solution.outcome is Outcome.COMPLETED
+    times = np.asarray(solution.times)
+    for name, count, first in [("phi0", 1, -1.0), ("phi1", 1, -1.0), (f"phi{other}x", other, speed)]:
+        off = np.ravel(solution.series[name].values) - one_degree_of_freedom(count, times, first)
         assert abs(off).max() < 100 * tolerance
 
 

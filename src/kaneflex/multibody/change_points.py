@@ -2,7 +2,7 @@
 
 There the cuts' rows lose rank, and reactions have a pole. At a small distance d from there a rounding error of a loop
 is one of 1/d in places, 1/d^2 in rates and 1/d^3 in accelerations. The motion that goes on with its velocities is
-smooth where one coordinate alone moves the loops, and so are the derivatives of dependent coordinates, by which no
+smooth where one coordinate alone moves each loop, and so are the derivatives of dependent coordinates, by which no
 reaction is needed: see :func:`kaneflex.multibody.loops.crosses`. Elastic bodies, whose loops pass such a place bent,
 have no need of that. When the next change point comes is foreseen: the least pivot of the rows
 (:func:`kaneflex.multibody.dependents.margin`) falls in proportion to d.

@@ -10,8 +10,10 @@ from kaneflex.multibody.loops import gradient
 from kaneflex.multibody.tables import (
     BENDS,
     BODIES,
+    CHANGE_POINT,
     COORDINATES,
     COURSE_OF,
+    CROSSING,
     CUT,
     CUTS,
     DEPENDENT,
@@ -37,6 +39,8 @@ from kaneflex.multibody.tables import (
 
 WORN = 8.0
 """How much more than an independent coordinate a dependent one may move, both in what counts as one in them."""
+_MOVED = 1e-6
+"""How much a dependent coordinate moves with an independent one that moves it, both in what counts as one in them."""
 _SLIGHT = 0.1
 """Share of the largest derivative by any coordinate: one that is less for all rows is no measure of a pivot."""
 
@@ -96,23 +100,26 @@ def margin(m):
 
 @njit(**OPTIONS)
 def determined(m):
-    """Whether bodies are rigid, and no more than one independent coordinate moves the loops."""
+    """Whether bodies are rigid, and no more than one independent coordinate moves each dependent one."""
     apart()
-    plan, w, moving, most = m.plan, m.w, 0, 0.0
-    for r in range(plan[KEPT]):
-        most = larger(most, _largest(m, plan[GRADIENT] + plan[COORDINATES] * r))
+    plan, w, count, movers = m.plan, m.w, m.plan[KEPT], m.plan[CROSSING] + CHANGE_POINT
     for b in range(plan[BODIES]):
         if m.bodies[b, SHAPES]:
             return False
-        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + m.bodies[b, DOF]):
-            moves = False
-            for r in range(plan[KEPT]):
-                derivative = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
-                moves = moves or abs(derivative) * w[plan[MEASURE] + i] > 1e-9 * most  # rounding is less
-            for r in range(plan[KEPT]):
-                moves = moves and plan[plan[DEPENDENT] + r] != i
-            moving += moves
-    return moving <= 1
+    for k in range(count):
+        w[movers + k] = 0.0
+    for i in range(plan[COORDINATES]):
+        chosen = False
+        for r in range(count):
+            chosen = chosen or plan[plan[DEPENDENT] + r] == i
+            w[plan[SIDE] + r] = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
+        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        for k in range(0 if chosen else count):
+            one = w[plan[MEASURE] + plan[plan[DEPENDENT] + k]]
+            w[movers + k] += abs(w[plan[SIDE] + k]) * w[plan[MEASURE] + i] > _MOVED * one
+            if w[movers + k] > 1.0:
+                return False
+    return True
 
 
 @once
