@@ -61,11 +61,12 @@ test: $(READY_TEST)  ## run the tests
 extremes: export OMP_NUM_THREADS := 1
 extremes: export OPENBLAS_NUM_THREADS := 1
 extremes: export NUMBA_NUM_THREADS := 1
-extremes: $(READY_TEST)  ## run the extremes suite in full into docs/extremes.md; read 20,000 mutated scenes, run 2,000, import 500 meshes
+extremes: $(READY_TEST)  ## run the extremes suite in full into docs/extremes.md; read 20,000 mutated scenes, run 2,000, import 500 meshes; every case of the tests marked exhaustive
 	$(BIN)/python tests/bench_extremes.py
 	$(BIN)/python tests/scene_fuzz.py 20000
 	$(BIN)/python tests/scene_fuzz.py --runs 2000
 	$(BIN)/python tests/import_fuzz.py 500
+	$(BIN)/pytest -n 2 -m exhaustive --exhaustive
 
 derive: $(READY)  ## derive the modules in generated/ anew
 	$(BIN)/python -m kaneflex.derive

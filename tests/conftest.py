@@ -18,12 +18,35 @@ EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr", "meshio": 
 """Which extra of the package brings what some tests need."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--exhaustive", action="store_true", help="run every case of the tests marked exhaustive")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Run a third of the cases of tests marked exhaustive, always the same ones; `make extremes` runs all of them."""
+    if config.getoption("exhaustive") or any("[" in argument for argument in config.args):
+        return
+    seen: dict[tuple[Path, str], int] = {}
+    left_out = []
+    for item in items:
+        if item.get_closest_marker("exhaustive"):
+            test = item.path, item.originalname
+            seen[test] = seen.get(test, -1) + 1
+            if (seen[test] + seen[test] // 3) % 3:  # another one of each three, for cases often come in rows of as many
+                left_out.append(item)
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        gone = {*left_out}
+        items[:] = [item for item in items if item not in gone]
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """What is derived in tests is kept beside what numba compiles of it, for later sessions, too.
 
     It is kept by the digest of the generator's sources; never for a user, nor from one. What a session chose by its own
     runs (`kaneflex run --tolerance`) the next one chooses anew.
     """
+    config.addinivalue_line("markers", "exhaustive: one law in many cases, of which `make test` runs a third")
     if hasattr(config, "workerinput"):
         return
     os.environ.setdefault("MPLCONFIGDIR", matplotlib.get_cachedir())  # its list of fonts takes seconds to make

@@ -30,13 +30,13 @@ def modules(package: str) -> list[Path]:
 
 
 @cache
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
-def imports(path: Path, at_import_only: bool = False) -> Iterator[str]:
+def imports(path: Path, at_import_only: bool = False) -> tuple[str, ...]:
     """Absolute dotted names that `path` imports; `at_import_only`: less those inside functions."""
-    nodes: list[ast.AST] = [parsed(path)]
+    return tuple(imported(ast.parse(path.read_text(encoding="utf-8")), at_import_only))
+
+
+def imported(tree: ast.AST, at_import_only: bool) -> Iterator[str]:
+    nodes = [tree]
     while nodes:
         node = nodes.pop()
         if isinstance(node, ast.Import):
@@ -57,25 +57,29 @@ def python(code: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True, timeout=300)
 
 
-@pytest.mark.parametrize("path", modules("kaneflex.generated"), ids=lambda path: path.stem)
-def test_generated_imports_only_python_numpy_numba_with_its_llvm_and_its_siblings(path):
-    found = [name for name in imports(path) if not within(name, "numpy", "numba", "llvmlite", "kaneflex.generated")]
-    assert [name for name in found if name.split(".")[0] not in sys.stdlib_module_names] == []
+def foreign(package: str, *allowed: str) -> list[tuple[str, str]]:
+    """File and name of what a package imports besides Python's own and these."""
+    found = ((path.name, name) for path in modules(package) for name in imports(path))
+    return [
+        (file, name) for file, name in found
+        if not within(name, *allowed) and name.split(".")[0] not in sys.stdlib_module_names
+    ]  # fmt: skip
 
 
-@pytest.mark.parametrize("path", modules("kaneflex.derive"), ids=lambda path: path.stem)
-def test_derive_imports_sympy_the_scene_and_the_contract(path):
-    ours = ("derive", "mechanism", "scene", "support")
-    allowed = ("sympy", *(f"kaneflex.{name}" for name in ours))
-    # `from kaneflex import x` yields the bare package too
-    found = [name for name in imports(path) if name != "kaneflex" and not within(name, *allowed)]
-    assert [name for name in found if name.split(".")[0] not in sys.stdlib_module_names] == []
+def test_generated_imports_only_python_numpy_numba_with_its_llvm_and_its_siblings():
+    assert foreign("kaneflex.generated", "numpy", "numba", "llvmlite", "kaneflex.generated") == []
 
 
-@pytest.mark.parametrize("path", modules("kaneflex"), ids=lambda path: str(path.relative_to(ROOT / "src")))
-def test_runtime_never_imports_sympy_and_derive_only_inside_functions(path):
-    assert [name for name in imports(path) if within(name, "sympy")] == []
-    assert [name for name in imports(path, at_import_only=True) if within(name, "kaneflex.derive")] == []
+def test_derive_imports_sympy_the_scene_and_the_contract():
+    ours = (f"kaneflex.{name}" for name in ("derive", "mechanism", "scene", "support"))
+    found = foreign("kaneflex.derive", "sympy", *ours)
+    assert [(file, name) for file, name in found if name != "kaneflex"] == []  # `from kaneflex import x` yields it too
+
+
+def test_runtime_never_imports_sympy_and_derive_only_inside_functions():
+    for path in modules("kaneflex"):
+        assert [name for name in imports(path) if within(name, "sympy")] == [], path
+        assert [name for name in imports(path, at_import_only=True) if within(name, "kaneflex.derive")] == [], path
 
 
 @pytest.mark.parametrize("package", FOLDERS)

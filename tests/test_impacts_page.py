@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from command_line import cli
+from command_line import cli, unrendered
 from runs import run
 
 from kaneflex.study.poincare import Poincare
@@ -31,6 +31,7 @@ def row(start: str) -> list[float]:
 def outputs(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
+        unrendered(patch)
         for text in blocks("toml"):
             Path(text.split()[1]).write_text(text)
         yield [cli(*shlex.split(line)[1:]) for text in blocks("sh") for line in text.splitlines()]
