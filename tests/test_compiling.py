@@ -8,6 +8,7 @@ import itertools
 import json
 import math
 import operator
+import pickle
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -22,6 +23,12 @@ from numba.core.registry import cpu_target
 from numba.core.types.functions import BaseFunction
 
 from kaneflex.generated.tables import table
+from kaneflex.integrate import fourier
+from kaneflex.mechanism.position_analysis import place
+from kaneflex.multibody import engine
+from kaneflex.multibody.rigid_twin import build_twin
+from kaneflex.multibody.system import build_system
+from kaneflex.multibody.tables import CONTACT_MECHANISM
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
 from kaneflex.support import quick_compiling
@@ -118,11 +125,58 @@ def test_what_numba_compiles_for_a_call_is_not_remembered():
         found["python"](0.0)
 
 
+def test_a_kernel_that_compiled_code_calls_is_compiled_with_it_and_not_by_itself():
+    """By itself it is compiled when Python calls it."""
+    kernel = numba.njit(table.py_func)
+    block = np.array([1.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+
+    @numba.njit
+    def doubled(x, p):
+        return 2.0 * kernel(x, p, 0)
+
+    expected = 2.0 + 0.4 * (3.0 + 0.4 * (4.0 + 0.4 * 5.0))
+    assert doubled(0.4, block) == pytest.approx(2.0 * expected)
+    assert not kernel.overloads
+    assert kernel(0.4, block, 0) == pytest.approx(expected)
+    assert len(kernel.overloads) == 1
+
+
+def test_parts_of_the_spectral_solver_are_optimised_with_their_callers():
+    """No machine code is made of them by themselves."""
+
+    @numba.njit
+    def counted(blocks):
+        return fourier._stages(blocks)
+
+    assert counted(48) == 3
+    for part in fourier._stages.overloads.values():
+        assert part.library._compiled_object is None
+
+
+def test_a_rigid_twin_has_no_library_of_its_own(monkeypatch):
+    """It uses that of its mechanism, though it has none of the contacts: a second one takes as long to compile."""
+    scene = read_scene("slider-crank-clearance")
+    system, _ = build_system(scene, lambda stage: None)
+    asked = []
+    monkeypatch.setattr(engine, "library", lambda handed: asked.append(handed))
+    twin = build_twin(scene, system, place(scene))
+    for each in (system.engine, twin.engine, pickle.loads(pickle.dumps(twin.engine))):
+        each._entries  # noqa: B018 - which asks for the library
+    assert len(asked) == 3
+    assert set(asked) == {CONTACT_MECHANISM}
+
+
 READ = """
 import json, math, sys
 import numba, numpy as np
 import kaneflex
 from kaneflex.generated.tables import table
+from kaneflex.integrate import fourier
+from kaneflex.mechanism.position_analysis import place
+from kaneflex.multibody import engine
+from kaneflex.multibody.rigid_twin import build_twin
+from kaneflex.multibody.system import build_system
+from kaneflex.multibody.tables import CONTACT_MECHANISM
 
 
 @numba.njit

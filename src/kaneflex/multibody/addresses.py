@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numba.types import FunctionType, float64
 
-from kaneflex.multibody.inner import compiling
 from kaneflex.multibody.tables import Handle
+from kaneflex.support.inner import compiling
 
 
 @cache

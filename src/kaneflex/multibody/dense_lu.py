@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.inner import once
 from kaneflex.multibody.tables import IN_ORDER, OPTIONS, apart, magnitude
+from kaneflex.support.inner import once
 
 _DEFINITE = 1e-13
 """Least pivot of a definite matrix, as a share of what was on its diagonal."""

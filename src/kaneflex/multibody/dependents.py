@@ -5,7 +5,6 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody import dense_lu
-from kaneflex.multibody.inner import once
 from kaneflex.multibody.loops import gradient
 from kaneflex.multibody.tables import (
     BENDS,
@@ -36,6 +35,7 @@ from kaneflex.multibody.tables import (
     larger,
     smaller,
 )  # fmt: skip
+from kaneflex.support.inner import once
 
 WORN = 8.0
 """How much more than an independent coordinate a dependent one may move, both in what counts as one in them."""

@@ -43,6 +43,8 @@ class Engine:
         The module's PARAMETERS with its tables.
     real, pair : ndarray
         Room for factors.
+    shared : Handed, optional
+        The kind of mechanism whose library it uses, where this is not its own kind.
     """
 
     tables: at.Tables
@@ -52,6 +54,7 @@ class Engine:
     p: np.ndarray
     real: np.ndarray
     pair: np.ndarray
+    shared: at.Handed | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """All but addresses and views, which another process has others of."""
@@ -369,11 +372,18 @@ class Engine:
         """Call one of the library's entries with this engine's handle; arrays and handles go by their addresses."""
         return self._entries[function](self._handle.address, *map(by_address, values))
 
+    @property
+    def handed(self) -> at.Handed:
+        """The kind of mechanism that its library is compiled for."""
+        if self.shared is not None:
+            return self.shared
+        if len(self.holds):
+            return at.HOLD_MECHANISM
+        return at.CONTACT_MECHANISM if len(self.contacts) else at.MECHANISM
+
     @cached_property
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:
-        if len(self.holds):
-            return library(at.HOLD_MECHANISM)
-        return library(at.CONTACT_MECHANISM if len(self.contacts) else at.MECHANISM)
+        return library(self.handed)
 
     @cached_property
     def _handle(self) -> Handle:

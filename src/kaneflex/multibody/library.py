@@ -35,7 +35,6 @@ from kaneflex.multibody import (
     hold_powers,
     holds,
     impulses,
-    inner,
     loops,
     powers,
     recursion,
@@ -54,6 +53,7 @@ from kaneflex.multibody import (
     yielding,
 )  # fmt: skip
 from kaneflex.multibody.tables import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, OUTER, Handed
+from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(

@@ -14,7 +14,7 @@ from numba import njit
 from kaneflex.multibody import dense_lu, holds
 from kaneflex.multibody.acting import meet
 from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
-from kaneflex.multibody.inner import once
+from kaneflex.support.inner import once
 from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.rows import copy
 from kaneflex.multibody.stand_ins import of_holds

@@ -342,4 +342,5 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     place = np.array([[start.drives[name], 0.0, 0.0] for name in drives])
     p = told.parameters(place.reshape(1, -1), np.zeros((1, len(mechanism.loads))))
     engine = build_engine(placed, module, Blocks(scene, {}, {}, {}), p)
+    engine = replace(engine, shared=system.engine.handed)  # one library for both: compiling another takes as long again
     return RigidTwin(mechanism, system, CoupledSystem(module, engine, placed, {}, {}), start)

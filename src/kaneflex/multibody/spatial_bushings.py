@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit
 
 from kaneflex.mechanism.spatial import SpatialMechanism
-from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_vectors import add_cross, less
 from kaneflex.multibody.tables import OPTIONS, apart
+from kaneflex.support.inner import once
 
 FORCE, MOMENT, ENERGY, POWER, ANGLE = 0, 3, 6, 7, 8
 """Where in a row what a bushing opposes begins, along and about its axes [N, N m]; energy [J], dissipated power [W],

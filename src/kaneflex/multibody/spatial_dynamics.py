@@ -15,7 +15,6 @@ import numpy as np
 from numba import njit
 
 from kaneflex.multibody import dense_lu
-from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_forces import demand, push
 from kaneflex.multibody.spatial_kinematics import accelerate, move, partials, place
 from kaneflex.multibody.spatial_tables import (
@@ -36,6 +35,7 @@ from kaneflex.multibody.spatial_tables import (
 )  # fmt: skip
 from kaneflex.multibody.spatial_vectors import add_cross
 from kaneflex.multibody.tables import OPTIONS, apart, larger, together
+from kaneflex.support.inner import once
 
 _MOST = 30
 """Newton steps to close a loop; from the last instant it takes two or three."""

@@ -13,11 +13,11 @@ from numba import njit
 
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
-from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_bushings import FORCE, MOMENT, cushion
 from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED, Tables
 from kaneflex.multibody.spatial_vectors import add_cross, less, times
 from kaneflex.multibody.tables import OPTIONS, address, apart, together
+from kaneflex.support.inner import once
 
 _OWN, _PAIR = len(laws.BODY), len(shape_laws.PAIR)
 """Numbers of a rigid body, behind which those of its shapes are, and of a pair of these."""

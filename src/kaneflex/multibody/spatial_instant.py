@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_dynamics import accelerations, close, tie
 from kaneflex.multibody.spatial_forces import deforming
 from kaneflex.multibody.spatial_kinematics import accelerate, goes, stands
 from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, address, apart, kernel
+from kaneflex.support.inner import once
 
 CLOSED = 1e-7
 """How far off rows may be that follow from others, in rad or sizes of the mechanism."""

@@ -13,7 +13,6 @@ from numba import njit
 
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
-from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_tables import (
     AT,
     AXIS,
@@ -41,6 +40,7 @@ from kaneflex.multibody.spatial_tables import (
 from kaneflex.multibody.spatial_vectors import add_cross, less, times
 from kaneflex.multibody.spatial_work import SECTION
 from kaneflex.multibody.tables import OPTIONS, apart
+from kaneflex.support.inner import once
 
 
 @njit(**OPTIONS)

@@ -15,7 +15,6 @@ from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody import (
     coefficients,
     dense_lu,
-    inner,
     spatial_bushings,
     spatial_collocation,
     spatial_dynamics,
@@ -36,6 +35,7 @@ from kaneflex.multibody.spatial_instant import DONE, GROWN, OPEN, complete, cour
 from kaneflex.multibody.spatial_kinematics import partials, place
 from kaneflex.multibody.spatial_stiffness import powers
 from kaneflex.multibody.tables import OPTIONS, OUTER, apart, larger
+from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
 _FAR = 0.05

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.inner import once
 from kaneflex.multibody.tables import OPTIONS, apart
+from kaneflex.support.inner import once
 
 
 @once

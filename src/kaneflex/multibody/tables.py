@@ -21,7 +21,7 @@ from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, inf
 from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, int64, void
 
-from kaneflex.multibody.inner import Inner
+from kaneflex.support.inner import Inner
 
 _AS_WRITTEN = {"nsz", "arcp", "contract", "afn"}
 """What the compiler may do to a sum without changing the order of its terms."""

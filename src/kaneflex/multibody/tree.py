@@ -13,7 +13,7 @@ from numba import njit
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.acting import act, push, rest_rows
-from kaneflex.multibody.inner import once
+from kaneflex.support.inner import once
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, AT, BLOCK, BODIES, CONTACTS, COURSE, COURSES, COURSE_AT, COURSE_OF, CUT, CUTS, CUT_ROWS, DEFORM,
     DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, HOLDS, INBOARD, INPUT, INVERSE, JOINT, JOINTS, LAST,

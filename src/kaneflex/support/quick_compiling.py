@@ -19,11 +19,12 @@ from typing import Any
 def use() -> None:
     """Have numba compile so from now on: once in a process."""
     from numba import types
-    from numba.core import caching, event
+    from numba.core import caching, dispatcher, event
 
     function: Any = types.Function
     function.get_call_type = _remembering(function.get_call_type)
     event.register("numba:compile", _seldom_collecting(event.Listener))
+    _compile_parts_within_callers(dispatcher.Dispatcher)
     cache_of_functions: Any = caching.FunctionCache
     cache_of_functions.load_overload = _reading_only(cache_of_functions.load_overload)
 
@@ -46,6 +47,26 @@ def _reading_only(load: Any) -> Any:
             return self._load_overload(sig, context)
 
     return load_overload
+
+
+def _compile_parts_within_callers(dispatcher: Any) -> None:
+    """Have generated kernels that a compiled function calls compiled as parts of it, see :mod:`support.inner`.
+
+    By itself a kernel is optimised and cached as well, and gets an entry from Python: twice the work, for nothing
+    unless Python calls it, too. Then it is compiled for that.
+    """
+    from kaneflex.support.inner import Inner
+
+    @cache
+    def part(kernel: Any) -> Any:
+        if not kernel.py_func.__module__.startswith(("kaneflex.generated.", "kaneflex_")):
+            return kernel
+        options = kernel.targetoptions | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        return type(kernel)(kernel.py_func, targetoptions=options, pipeline_class=Inner)
+
+    template, overload = dispatcher.get_call_template, dispatcher.get_overload
+    dispatcher.get_call_template = lambda kernel, args, kws: template(part(kernel), args, kws)
+    dispatcher.get_overload = lambda kernel, sig: overload(part(kernel), sig)
 
 
 def _remembering(find: Any) -> Any:
