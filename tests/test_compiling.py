@@ -42,6 +42,7 @@ ROW, MATRIX, PAIR = types.float64[::1], types.float64[:, ::1], types.UniTuple(ty
 @pytest.fixture(autouse=True)
 def quick():
     quick_compiling.use()
+    quick_compiling.prepare()
 
 
 @pytest.mark.parametrize("often", [(700, 10, 10), (0, 10, 10)])

@@ -8,7 +8,7 @@ from numba import njit
 from numba.extending import overload
 
 from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, less, load, store, transpose
-from kaneflex.support.inner import Inner
+from kaneflex.support.inner import PART
 
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
@@ -16,10 +16,7 @@ ZERO, ONE, TWO, THREE, FOUR = (np.uint64(k) for k in range(5))
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2  # how a loop ended
 SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
-# Only compiled code calls these functions, so they are optimised with their callers and not by themselves.
-compiled = njit(
-    error_model="numpy", fastmath=FASTMATH, no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=Inner
-)
+compiled = njit(error_model="numpy", fastmath=FASTMATH, **PART)
 # Compiled into the loop that calls them: a call costs as much as a small solve, for numba hands over seven words an
 # array. That is why they take what they read one by one, however many: a tuple of it would be made at each step.
 inlined = njit(inline="always", error_model="numpy", fastmath=FASTMATH)

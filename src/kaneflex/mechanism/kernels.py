@@ -24,11 +24,10 @@ from numba.types import WrapperAddressProtocol
 
 from kaneflex.mechanism.affine import Affine, Monomial, coefficients, numbered_entries
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.support.inner import Inner
+from kaneflex.support.inner import PART
 
 compiled = njit(cache=True, error_model="numpy")
-# Only the compiled functions call these, so they are optimised with their callers and not by themselves.
-part = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=Inner)
+part = njit(error_model="numpy", **PART)
 SUMS = ("M", "C", "K", "K_s", "K_d", "K_c", "K_g", "F", "positions", "inverse_dynamics")
 """What p holds a sum for, in the order of their heads in ``pattern``."""
 _M, _C, _K, _K_S, _K_D, _K_C, _K_G, _F, _POSITIONS, _INVERSE = (np.uint64(k) for k in range(len(SUMS)))

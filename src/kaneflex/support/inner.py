@@ -49,6 +49,10 @@ class Inner(CompilerBase):
         return [passes]
 
 
+PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": Inner}
+"""Options of a function that only compiled functions call: it is optimised with them and not by itself."""
+
+
 def once(dispatcher):
     """Compile a function once for all integers, where numba does so for every constant that a caller gives it."""
     of_types = dispatcher.get_call_template

@@ -18,15 +18,22 @@ from typing import Any
 @cache
 def use() -> None:
     """Have numba compile so from now on: once in a process."""
+    from numba.core import caching, event
+
+    event.register("numba:compile", _while_compiling(event.Listener))
+    cache_of_functions: Any = caching.FunctionCache
+    cache_of_functions.load_overload = _reading_only(cache_of_functions.load_overload)
+
+
+@cache
+def prepare() -> None:
+    """Change how numba compiles: before the first function that a process compiles."""
     from numba import types
-    from numba.core import caching, dispatcher, event
+    from numba.core.dispatcher import Dispatcher
 
     function: Any = types.Function
     function.get_call_type = _remembering(function.get_call_type)
-    event.register("numba:compile", _seldom_collecting(event.Listener))
-    _compile_parts_within_callers(dispatcher.Dispatcher)
-    cache_of_functions: Any = caching.FunctionCache
-    cache_of_functions.load_overload = _reading_only(cache_of_functions.load_overload)
+    _compile_parts_within_callers(Dispatcher)
 
 
 def _reading_only(load: Any) -> Any:
@@ -55,18 +62,18 @@ def _compile_parts_within_callers(dispatcher: Any) -> None:
     By itself a kernel is optimised and cached as well, and gets an entry from Python: twice the work, for nothing
     unless Python calls it, too. Then it is compiled for that.
     """
-    from kaneflex.support.inner import Inner
+    from kaneflex.support.inner import PART
 
     @cache
     def part(kernel: Any) -> Any:
         if not kernel.py_func.__module__.startswith(("kaneflex.generated.", "kaneflex_")):
             return kernel
-        options = kernel.targetoptions | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        return type(kernel)(kernel.py_func, targetoptions=options, pipeline_class=Inner)
+        options = kernel.targetoptions | PART
+        return type(kernel)(kernel.py_func, pipeline_class=options.pop("pipeline_class"), targetoptions=options)
 
-    template, overload = dispatcher.get_call_template, dispatcher.get_overload
-    dispatcher.get_call_template = lambda kernel, args, kws: template(part(kernel), args, kws)
-    dispatcher.get_overload = lambda kernel, sig: overload(part(kernel), sig)
+    for name in ("get_call_template", "get_overload"):
+        find = getattr(dispatcher, name)
+        setattr(dispatcher, name, lambda kernel, *types, find=find: find(part(kernel), *types))
 
 
 def _remembering(find: Any) -> Any:
@@ -100,13 +107,14 @@ def _remembering(find: Any) -> Any:
     return get_call_type
 
 
-def _seldom_collecting(listener: Any) -> Any:
-    """What changes the collector's thresholds while numba compiles, and back."""
+def _while_compiling(listener: Any) -> Any:
+    """A listener that prepares numba, and changes the collector's thresholds while numba compiles."""
 
-    class SeldomCollecting(listener):
+    class WhileCompiling(listener):
         deep = 0
 
         def on_start(self, event: Any) -> None:
+            prepare()
             if self.deep == 0:
                 self.often = gc.get_threshold()
                 gc.set_threshold(*_SELDOM if self.often[0] else self.often)
@@ -117,7 +125,7 @@ def _seldom_collecting(listener: Any) -> Any:
             if self.deep == 0:
                 gc.set_threshold(*self.often)
 
-    return SeldomCollecting()
+    return WhileCompiling()
 
 
 _SELDOM = 50_000, 20, 100
