@@ -35,6 +35,8 @@ _GROWTH = 10.0
 """Largest dependent speed per independent one, in their measures, beyond which others are tried."""
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
+BENT_FAR = "Give fewer solve.modes, cut bodies that bend this far into several, welded to each other"
+"""Advice where the mass matrix, complete to the second order in the shapes, loses its inverse."""
 _PIECE = 256
 """Steps between which Python is back, and can be interrupted."""
 
@@ -289,10 +291,7 @@ class Run(Curve):
         if not message:
             reason, cure = self.pace.message(t), SLOW
         if len(self.system.modal_speeds):
-            cure = (
-                "Give fewer solve.modes, cut bodies that bend this far into several, welded to each other, "
-                "or take preset stiffened"
-            )
+            cure = f"{BENT_FAR}, or take preset stiffened"
         return SceneError(key, None, reason, cure)
 
 

@@ -26,7 +26,7 @@ from kaneflex.multibody.spatial_coupled import (
 from kaneflex.multibody.spatial_curves import Followed, Standing
 from kaneflex.multibody.spatial_cycles import SpatialCycles
 from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
-from kaneflex.multibody.spatial_forward import Run, integrate
+from kaneflex.multibody.spatial_forward import BENT_FAR, Run, integrate
 from kaneflex.multibody.spatial_linear import neighbours
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.multibody.spatial_reactions import open_reactions
@@ -248,7 +248,7 @@ def _slow(system: SpatialSystem, start: State, duration: float) -> State:
         path = followed(residual, np.zeros(len(which)), slope, system.measure[which])
         return balanced(system, start, first_rates(path, inertia, duration))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
-        raise SceneError("solve.start", "quasistatic", str(error), "Start from zero, with damping") from None
+        raise SceneError("solve.start", "quasistatic", str(error), f"{BENT_FAR}, or start from zero") from None
 
 
 def _given(system: SpatialSystem, start: State) -> State:
