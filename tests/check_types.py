@@ -21,7 +21,7 @@ BASELINE = {
     "report": 6,
     "response": 41,
     "scene": 68,
-    "solve": 30,
+    "solve": 28,
     "study": 81,
     "support": 3,
 }

@@ -78,7 +78,7 @@ def closed_form(mass, t):
     return z, a * np.cos(t) - b * np.sin(t) + slow * slow_part + fast * fast_part
 
 
-# Dampers at joints of the tree have always been in the factors: where gauss is asked for there, it stays.
+# Dampers at joints of the tree are in the factors without slopes: where gauss is asked for there, it stays, and warns.
 @pytest.mark.parametrize(
     ("case", "integrator"), [*((case, "radau") for case in CASES), *((case, "gauss") for case in list(CASES)[:-1])]
 )
@@ -97,6 +97,16 @@ def test_a_light_body_takes_the_steps_of_its_slow_motion(case, integrator):
             assert abs(v[:, moved] - np.sin(found.times) + q[:, moved])[1:].max() < 1e-9
         counts.append(found.trajectory.steps + found.trajectory.rejected)
     assert max(counts) < 40 and counts[-1] <= 21, counts
+
+
+@pytest.mark.parametrize(("integrator", "damping", "warned"), [("gauss", 1, 1), ("gauss", 1e-6, 0), ("radau", 1, 0)])
+def test_gauss_against_a_damper_at_a_joint_warns(integrator, damping, warned):
+    """It is A-stable, not L-stable: with 1e-5 kg m^2 rates ring by 2e-7 where Radau's are right to 3e-12."""
+    settings = [f"solve.integrator={integrator}", f"s.damping={damping}", "z.inertia=1e-5", "z.mass=1"]
+    found = solve(load(with_settings(scene_of(PLANE % CASES["spring at a joint"]), settings)))
+    said = [text for text in found.warnings if "lets ring" in text]
+    assert len(said) == warned
+    assert all("fastest decay takes 1e-05 s" in text and "solve.integrator = 'radau'" in text for text in said)
 
 
 @pytest.mark.parametrize(

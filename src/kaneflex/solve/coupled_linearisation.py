@@ -18,6 +18,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.multibody.run import rigid_state
 from kaneflex.multibody.spatial_coupled import CoupledKinematics, balanced
 from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
 from kaneflex.response.sensors import sensor_values
@@ -69,6 +70,21 @@ def _undeformed(model: Model, t: float) -> tuple[SpatialSystem, State]:
         reason = f"where {motion.module.FREE[0]} goes is known from 0 to {end:.6g} s"
         raise SceneError("t", t, reason, "Take an instant of the run, or a longer solve.duration")
     return motion.module.system, motion.undeformed(t)
+
+
+def fastest_decay(model: Model, trajectory: CoupledTrajectory) -> float:
+    """Largest rate [1/s] at which something overdamped dies away about the last state of a planar run; 0 for none."""
+    system, t = model.coupled, float(trajectory.times[-1])
+    assert system is not None
+    engine = prepare(system, t, trajectory.q[-1], trajectory.v[-1])
+    y, v, a = (part[engine.independent].copy() for part in engine.motion[:3])
+    try:
+        found = linear(engine, Instant(t, y, v, a))
+        rates = np.linalg.solve(found.M, -np.hstack([found.K, found.C]))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return 0.0
+    values = np.linalg.eigvals(np.vstack([np.eye(len(y), 2 * len(y), len(y)), rates]))
+    return float(-values.real[abs(values.imag) < abs(values.real)].min(initial=0.0))
 
 
 def inputs(model: Model) -> tuple[str, ...]:

@@ -7,10 +7,14 @@ import math
 import numpy as np
 from pydantic import Field
 
+from kaneflex.integrate.outcome import Trajectory
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 from kaneflex.support.plain_table import PlainTable
 
+FASTEST_DECAY = 20.0
+"""Step of Gauss's method over a time constant from which it leaves a third and more of what decays: its stability
+function (1 + z/2 + z^2/10 + z^3/120)/(1 - z/2 + z^2/10 - z^3/120) is -0.30 at z = -20, and tends to -1."""
 FEWEST_STEPS = 3
 """Steps in a period below which Gauss-Legendre shifts a vibration's phase by 2 % and more of each radian."""
 
@@ -36,7 +40,9 @@ def unresolved(solution: Solution) -> list[UnresolvedMode]:
     worth: omega^2 times the displacement allowed, which a slow mechanism's accelerations may not exceed by far.
     """
     model, trajectory = solution.model, solution.trajectory
-    if model.coupled is None or not model.coupled.shape_columns or trajectory.steps == 0:
+    if model.coupled is None or isinstance(trajectory, Trajectory) or not model.coupled.shape_columns:
+        return []
+    if trajectory.steps == 0:
         return []
     from kaneflex.solve.coupled_linearisation import modes_at_rest
 
@@ -53,3 +59,25 @@ def unresolved(solution: Solution) -> list[UnresolvedMode]:
         frequency = float(omega[mode]) / (2.0 * math.pi)
         found.append(UnresolvedMode(frequency_hz=frequency, shape=shape, steps_per_period=1.0 / (frequency * step)))
     return found
+
+
+def left_by_gauss(solution: Solution) -> list[str]:
+    """A warning where dampers stop something within a step of Gauss's method: that is A-stable, but not L-stable.
+
+    Steps know laws and springs between points by their slopes, and are Radau's where these damp.
+    """
+    model, trajectory = solution.model, solution.trajectory
+    damped = model.scene.damping is not None
+    damped |= any(spring.between is None and any(spring.dampings) for spring in model.scene.springs.values())
+    if isinstance(trajectory, Trajectory) or model.options.integrator != "gauss" or not damped or trajectory.steps == 0:
+        return []
+    from kaneflex.solve.coupled_linearisation import fastest_decay
+
+    step = float(trajectory.times[-1] - trajectory.times[0]) / trajectory.steps
+    fastest = fastest_decay(model, trajectory)
+    if fastest * step < FASTEST_DECAY:
+        return []
+    return [
+        f"solve.integrator = 'gauss' lets ring what is overdamped, by the error allowed: the fastest decay takes "
+        f"{1.0 / fastest:.2g} s, a step {step:.2g} s; take solve.integrator = 'radau'"
+    ]

@@ -376,24 +376,24 @@ def _left_ringing(solution: Solution) -> list[str]:
     omega^2 d. Whether it does is found by a run with a tenth of the tolerance.
     """
     from kaneflex.solve.coupled import longest
-    from kaneflex.solve.unresolved import unresolved
+    from kaneflex.solve.unresolved import left_by_gauss, unresolved
 
-    model, series = solution.model, solution.series
+    model, series, found = solution.model, solution.series, left_by_gauss(solution)
     options, length = model.options, longest(model.scene)
     peaks = [abs(series[name].values).max() * {"m/s^2": 1.0, "rad/s^2": length}[series[name].unit]
             for name, sensor in model.scene.sensors.items() if sensor.kind == "acceleration"]  # fmt: skip
     if not peaks or solution.outcome is not Outcome.COMPLETED:
-        return []
+        return found
     highest = 2.0 * np.pi * max((mode.frequency_hz for mode in unresolved(solution)), default=0.0)
     rings = options.tolerance * length * highest**2 > LARGEST_PART * min(peaks)
     if not rings or nominal_seconds(solution) > LONGEST_SECOND:
-        return []
+        return found
     from kaneflex.solve.simulation import solve
 
     tenth = 0.1 * options.tolerance
     other = solve(replace(model, options=replace(options, tolerance=tenth)))
     parts = _apart(solution, other) if other.outcome is Outcome.COMPLETED else {}
-    return [
+    return found + [
         f"{text}: vibrations smaller than the error allowed count in accelerations; lower solve.tolerance, or take "
         "preset stiffened"
         for text in _part_by(solution, f"at solve.tolerance = {options.tolerance:g} and {tenth:g}", parts)
