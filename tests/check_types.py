@@ -14,7 +14,7 @@ BASELINE = {
     "cli": 2,
     "fem": 28,
     "integrate": 40,
-    "mechanism": 26,
+    "mechanism": 24,
     "multibody": 47,
     "peers": 23,
     "plots": 39,

@@ -77,7 +77,7 @@ def slow_blade(E: float, I: float) -> tuple[str, ...]:
 
 def step_response(solution: Solution) -> float:
     """Constant M, C, K and F from rest: x' = A x + b by the matrix exponential, step by step."""
-    kept = {name: affine.at({n: float(solution.rigid[n][0]) for m in affine.terms for n in m}).toarray()
+    kept = {name: affine.value({n: float(solution.rigid[n][0]) for m in affine.terms for n in m})
             for name, affine in solution.model.kept.items()}  # fmt: skip
     n, times = len(kept["M"]), solution.times
     inverse = np.linalg.inv(kept["M"])

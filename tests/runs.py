@@ -62,7 +62,7 @@ def tables(module: ast.Module) -> dict[str, Any]:
 def at_instant(found: Model, affine: Affine, t: float) -> np.ndarray:
     """A sum of monomial x matrix at time t [s] by its definition, not by the compiled kernels."""
     rigid = found.motion.at(t)
-    return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial}).toarray()
+    return affine.value({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
 
 
 def moments(found: Model, body: str) -> dict[str, np.ndarray]:

@@ -110,7 +110,7 @@ def test_import_kaneflex_is_light(tmp_path):
 
 def test_a_run_pays_for_nothing_that_it_does_not_need(tmp_path):
     """A run of the engine, results written, leaves out what other scenes, commands and files need."""
-    scipy = [f"scipy.{name}" for name in ("optimize", "special", "stats", "sparse.csgraph", "sparse.linalg")]
+    scipy = [f"scipy.{name}" for name in ("io", "linalg", "optimize", "sparse", "special", "stats")]
     others = ("pandas", "dask", "distributed", "zarr", "exudyn", "meshio")
     others += ("kaneflex.multibody.collocation", "kaneflex.plots", "kaneflex.study.plan", "kaneflex.study.records")
     code = f"""

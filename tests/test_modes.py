@@ -114,7 +114,7 @@ def test_guided_rod_and_free_rod():
     engine = model("engine", "rod.elements=8")
     assert frequencies(engine.M(0.0), engine.K_s(0.0))[:2] == pytest.approx([3038, 4548], rel=2e-4)
     rod = engine.links["rod"].part.matrices
-    squares = eigh(rod["K_s"].at({}).toarray(), rod["M"].at({}).toarray(), eigvals_only=True)
+    squares = eigh(rod["K_s"].value({}), rod["M"].value({}), eigvals_only=True)
     assert np.abs(squares[:3]).max() < 1e-6 * squares[3]  # three rigid motions
     assert np.sqrt(squares[3]) / (2 * np.pi) == pytest.approx(6887, rel=2e-4)
 
@@ -123,7 +123,7 @@ def test_euler_load_of_the_rod():
     """774 kN, from the pinned rod's K_s and the K_g of a unit tension."""
     rod = model("engine", "rod.elements=8").links["rod"]
     inner = [k for k in range(rod.part.size) if k % 3 and k not in (1, rod.part.size - 2)]
-    K_s = rod.part.matrices["K_s"].at({}).toarray()[np.ix_(inner, inner)]
+    K_s = rod.part.matrices["K_s"].value({})[np.ix_(inner, inner)]
     K_g = as_array(rod.part.matrices["K_g"].terms[("rod.link.P_0",)])[np.ix_(inner, inner)]
     assert 1 / eigh(K_g, K_s, eigvals_only=True)[-1] == pytest.approx(774e3, rel=1e-3)
 
@@ -210,11 +210,11 @@ def test_modal_damping_depends_on_the_coordinates_away_from_its_angle():
         assert full.equations.size == reduced.equations.size
         for t, same in ((full.reference_time, True), (3e-3, False)):
             here = {name: float(values[0]) for name, values in scalars(full, t).items()}
-            L, reduced_L = (of.frame.maps["rod"].at(here).toarray() for of in (full, reduced))
+            L, reduced_L = (of.frame.maps["rod"].value(here) for of in (full, reduced))
             T = np.linalg.solve(L.T @ L, L.T @ reduced.bases["rod"] @ reduced_L)
             apart = {}
             for name in ("M", "K_s", "C_s"):
-                by_mesh, by_modes = (getattr(of.equations, name).at(here).toarray() for of in (full, reduced))
+                by_mesh, by_modes = (getattr(of.equations, name).value(here) for of in (full, reduced))
                 apart[name] = abs(T.T @ by_mesh @ T - by_modes).max() / abs(by_modes).max()
             assert apart["M"] < 1e-12 and apart["K_s"] < 1e-12
             assert apart["C_s"] < 1e-12 if same or not least else least < apart["C_s"] < 1e-2

@@ -253,7 +253,7 @@ def test_shapes_have_no_momentum_about_axes_that_a_joint_lets_turn(freed):
     text = STRIP.format(joints=f"[joints]\n{PIN}", turned="", modes=3, more=ANGLE, gravity=[0, 0, 0], stub="", start="")
     scene = scene_of(text)
     link = link_of_scene(scene, "strip", 4)
-    basis, M = spatial_shapes(scene, link, 3, (0.0, 0.0, 0.0), freed).basis, link.part.matrices["M"].at({}).toarray()
+    basis, M = spatial_shapes(scene, link, 3, (0.0, 0.0, 0.0), freed).basis, link.part.matrices["M"].value({})
     energies, x = np.einsum("aj,ab,bj->j", basis, M, basis), np.array([[node, 0.0, 0.0] for node in link.nodes])
     for axis, unit in zip("xyz", np.eye(3), strict=True):
         turn = np.hstack([np.cross(unit, x), np.tile(unit, (len(x), 1))]).ravel()

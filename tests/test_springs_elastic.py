@@ -155,8 +155,8 @@ def test_dampers_take_out_what_the_energy_loses():
     z, v, _ = solution.coordinates
     rigid = model.motion.at(0.0)
     names = {name for monomial in model.equations.K_s.terms for name in monomial}
-    K = model.equations.K_s.at({name: float(rigid[name][0]) for name in names}).toarray()
-    M = model.kept["M"].at({name: float(rigid[name][0]) for m in model.kept["M"].terms for name in m}).toarray()
+    K = model.equations.K_s.value({name: float(rigid[name][0]) for name in names})
+    M = model.kept["M"].value({name: float(rigid[name][0]) for m in model.kept["M"].terms for name in m})
     energy = 0.5 * np.einsum("it,ij,jt->t", v, M, v) + 0.5 * np.einsum("it,ij,jt->t", z, K, z)
     speed, late = solution.series["speed"].values, solution.times > 0.1  # the force has died away by then
     lost = np.trapezoid(0.4 * speed[late] ** 2, solution.times[late])

@@ -14,7 +14,7 @@ from kaneflex.scene.tables import Table, evaluate_block, largest_of_block, overs
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import Fault, SceneError
-from kaneflex.support.interpolation import INTERPOLATIONS
+from kaneflex.support.interpolation import INTERPOLATIONS, cubics_through
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, PRESSURE, SPEED, TIME, TORQUE
 
 
@@ -31,6 +31,17 @@ def test_natural_spline_agrees_with_scipy_and_keeps_its_end_values(knots):
     expected = CubicSpline(x, y, bc_type="natural")(inside)
     assert evaluate_block(block, inside) == pytest.approx(expected, abs=1e-13)
     assert evaluate_block(block, [x[0] - 7.3, x[-1] + 7.3]) == pytest.approx([y[0], y[-1]], abs=1e-15)
+
+
+@pytest.mark.parametrize("rows", [3, 4, 5, 10, 30])
+def test_splines_of_any_number_of_rows_agree_with_scipy(knots, rows):
+    """Cyclic reduction halves the rows again and again, with one over or none."""
+    x, y = (each[:rows] for each in knots)
+    natural = CubicSpline(x, y, bc_type="natural").c[::-1].T
+    np.testing.assert_allclose(cubics_through(x, y, "spline", periodic=False), natural, rtol=1e-13, atol=1e-12)
+    y = np.append(y[:-1], y[0])
+    around = CubicSpline(x, y, bc_type="periodic").c[::-1].T
+    np.testing.assert_allclose(cubics_through(x, y, "spline", periodic=True), around, rtol=1e-12, atol=1e-11)
 
 
 def test_periodic_spline_agrees_with_scipy_in_every_period(knots):

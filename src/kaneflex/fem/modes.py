@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from kaneflex.mechanism.affine import Matrix, as_array
 
@@ -41,10 +40,9 @@ def lowest_modes(stiffness: Matrix, mass: Matrix, count: int) -> tuple[np.ndarra
     if count == 0:
         return np.zeros(0), np.zeros((size, 0))
     if size <= _DENSE_UP_TO or count > size // 3:
-        from scipy.linalg import eigh
-
-        squares, shapes = eigh(as_array(stiffness), as_array(mass), subset_by_index=[0, count - 1])
+        squares, shapes = symmetric_modes(as_array(stiffness), as_array(mass), count)
     else:
+        from scipy.sparse import csc_array
         from scipy.sparse.linalg import eigsh
 
         start = np.ones(size)  # a fixed start vector makes the iteration reproducible
@@ -52,6 +50,13 @@ def lowest_modes(stiffness: Matrix, mass: Matrix, count: int) -> tuple[np.ndarra
         order = np.argsort(squares)
         squares, shapes = squares[order], shapes[:, order]
     return np.sqrt(np.maximum(squares, 0.0)), shapes * _signs(shapes)
+
+
+def symmetric_modes(stiffness: np.ndarray, mass: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest omega^2 and mass-normalised shapes by M = L L^T, as LAPACK's dsygvd has them, without importing scipy."""
+    lower = np.linalg.cholesky(mass)
+    squares, turned = np.linalg.eigh(np.linalg.solve(lower, np.linalg.solve(lower, stiffness).T))
+    return squares[:count], np.linalg.solve(lower.T, turned[:, :count])
 
 
 def damping_ratios(given: tuple[float, ...] | str, omega: np.ndarray) -> np.ndarray:

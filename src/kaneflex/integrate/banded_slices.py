@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
 
 from kaneflex.integrate.banded import BAND, MARGIN, NODES, PER_NODE, ROWS, WIDTH
 from kaneflex.integrate.system import AffineSystem
+from kaneflex.support.sparse_rows import rows_of
 
 
 class Runs(NamedTuple):
@@ -83,8 +83,8 @@ def banded_system(system: AffineSystem, c_weight: float, k_weight: float) -> Ban
 
 
 def _entries(system: AffineSystem, name: str) -> _Entries:
-    found = coo_array(getattr(system, name))
-    slot, scalar = found.coords
+    found = getattr(system, name)
+    slot, scalar = rows_of(found), found.indices
     width = 2 * system.half_bandwidth + 1
     return _Entries(slot // width, slot % width - system.half_bandwidth, scalar, found.data)
 
@@ -108,8 +108,8 @@ def _residual(
 ) -> tuple[Runs, list[np.ndarray], int]:
     """Runs of F, -C and -K, what they are multiplied by, and how many numbers that is."""
     place, multiplied, rows = 0, [], []
-    force = coo_array(system.F)
-    i, scalar = force.coords
+    force = system.F
+    i, scalar = rows_of(force), force.indices
     loads = np.unique(scalar)
     multiplied.append(np.array([(k, 0, 1, place + NODES * m) for m, k in enumerate(loads)], np.uint64).reshape(-1, 4))
     rows.append((i, NODES * np.searchsorted(loads, scalar), force.data))

@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from kaneflex.integrate.by_scipy import solution
 from kaneflex.integrate.disturbances import FEWEST, monodromy
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.modal import constants, forces
@@ -302,6 +301,8 @@ def solve_ivp_run(
     progress: Progress | None = None,
 ) -> Trajectory:
     """Integrate with steps chosen by scipy's method and report at every `every`-th step of the stream."""
+    from kaneflex.integrate.by_scipy import solution
+
     if scipy_method not in _METHODS:
         cure = f"Use one of {', '.join(_METHODS)}"
         raise UserError("scipy_method", scipy_method, "unknown to solve_ivp", cure)

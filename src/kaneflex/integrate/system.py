@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
 
+from kaneflex.support.sparse_rows import SparseRows, rows_of
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Rows: TypeAlias = "SparseRows | csr_array"
 _LONGEST_GAP = 4  # zeros worth adding up rather than starting a new run of slots
 _MATRICES = ("M", "C", "K")
 
@@ -56,10 +61,10 @@ class AffineSystem:
 
     n: int
     half_bandwidth: int
-    M: csr_array
-    C: csr_array
-    K: csr_array
-    F: csr_array
+    M: Rows
+    C: Rows
+    K: Rows
+    F: Rows
 
     def __post_init__(self) -> None:
         if not 0 <= self.half_bandwidth < self.n:
@@ -81,7 +86,8 @@ class AffineSystem:
 
     def scalars_of(self, name: str) -> np.ndarray:
         """Indices of the scalars that enter M, C, K or F."""
-        return np.unique(csc_array(getattr(self, name)).nonzero()[1])
+        matrix = getattr(self, name)
+        return np.unique(matrix.indices[matrix.data != 0.0])
 
     def dense(self, name: str, scalars: np.ndarray) -> np.ndarray:
         """M, C or K as an (n, n) array, or F as (n,), at one row of the table, shape (n_scalars,)."""
@@ -99,7 +105,7 @@ class AffineSystem:
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Where the terms of each slot of M, then C, then K, then F end, their scalars and their numbers."""
         matrices = [getattr(self, name) for name in (*_MATRICES, "F")]
-        before = np.cumsum([0, *(matrix.nnz for matrix in matrices)])
+        before = np.cumsum([0, *(matrix.data.size for matrix in matrices)])
         each = [matrix.indptr[1:] + first for matrix, first in zip(matrices, before[:-1], strict=True)]
         ends = np.concatenate([before[:1], *each]).astype(np.uint64)
         what = np.concatenate([matrix.indices for matrix in matrices]).astype(np.uint64)
@@ -116,7 +122,7 @@ class AffineSystem:
         for block, name in enumerate((*_MATRICES, "F")):
             matrix = getattr(self, name)
             used = matrix.data != 0.0
-            slot = _rows_of(matrix)[used]
+            slot = rows_of(matrix)[used]
             if name != "F":
                 rows, columns = self._places_of_slots(slot)
                 slot = layout.base[rows].astype(np.int64) + columns
@@ -125,8 +131,8 @@ class AffineSystem:
             values.append(matrix.data[used])
         return np.concatenate(scalars), np.concatenate(slots), np.concatenate(values)
 
-    def _places(self, matrix: csr_array) -> tuple[np.ndarray, np.ndarray]:
-        return self._places_of_slots(_rows_of(matrix)[matrix.data != 0.0])
+    def _places(self, matrix: Rows) -> tuple[np.ndarray, np.ndarray]:
+        return self._places_of_slots(rows_of(matrix)[matrix.data != 0.0])
 
     def _places_of_slots(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width = 2 * self.half_bandwidth + 1
@@ -184,8 +190,3 @@ def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
     starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
     places = (np.asarray(each, dtype=np.uint64) for each in (starts - first, first, last))
     return Layout(np.uint64(n * copies), np.uint64(lengths.sum()), *places)
-
-
-def _rows_of(matrix: csr_array) -> np.ndarray:
-    """The row of each stored number."""
-    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))

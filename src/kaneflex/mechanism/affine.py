@@ -11,32 +11,45 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.sparse import coo_array, csc_array, csr_array, issparse
+
+from kaneflex.support.sparse_rows import SparseRows
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from scipy.sparse import csr_array
 
 Monomial = tuple[str, ...]
 """Sorted names of scalars, repeated for powers: ("rod.c", "rod.omega", "rod.omega") is c omega^2."""
 
-Matrix: TypeAlias = np.ndarray | csr_array
+Matrix: TypeAlias = "np.ndarray | csr_array"
 _FEW = 10_000
 """Entries up to which a matrix is kept as an array: an operation on a sparse one costs what thousands of entries do."""
 
 
 def kept(matrix: Matrix | list) -> Matrix:
     """The matrix as an array if it is small, else sparse."""
-    if not isinstance(matrix, np.ndarray) and issparse(matrix):
-        return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FEW else csr_array(matrix)
+    if hasattr(matrix, "toarray"):
+        return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FEW else sparse(matrix)
     matrix = np.asarray(matrix, dtype=float)
-    return matrix if matrix.size <= _FEW else csr_array(matrix)
+    return matrix if matrix.size <= _FEW else sparse(matrix)
+
+
+def sparse(matrix: Matrix) -> csr_array:
+    """The matrix by rows, whatever its size."""
+    from scipy.sparse import csr_array  # 0.2 s: only where a matrix is large
+
+    return csr_array(matrix)
 
 
 def from_entries(shape: tuple[int, int], rows: ArrayLike, columns: ArrayLike, values: ArrayLike) -> Matrix:
     """The matrix with these entries, of which those at one place are added up: an array if it is small, else sparse."""
     if shape[0] * shape[1] > _FEW:
-        return csr_array(coo_array((np.ravel(values), (np.ravel(rows), np.ravel(columns))), shape=shape))
+        from scipy.sparse import coo_array
+
+        return sparse(coo_array((np.ravel(values), (np.ravel(rows), np.ravel(columns))), shape=shape))
     matrix = np.zeros(shape)
     np.add.at(matrix, (np.asarray(rows, dtype=int), np.asarray(columns, dtype=int)), values)
     return matrix
@@ -44,8 +57,8 @@ def from_entries(shape: tuple[int, int], rows: ArrayLike, columns: ArrayLike, va
 
 def entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows, columns and values of what is not zero."""
-    if issparse(matrix):
-        matrix = coo_array(matrix)
+    if not isinstance(matrix, np.ndarray):
+        matrix = matrix.tocoo()
         used = matrix.data != 0.0
         return matrix.row[used], matrix.col[used], matrix.data[used]
     rows, columns = np.nonzero(matrix)
@@ -66,19 +79,19 @@ def solve(matrix: Matrix, right: np.ndarray) -> np.ndarray:
     """x of A x = right."""
     if right.dtype == object:  # unknowns, which no library solves for
         return solve(matrix, np.eye(len(right))) @ right
-    if not issparse(matrix):
+    if isinstance(matrix, np.ndarray):
         return np.linalg.solve(matrix, right)
     from scipy.sparse.linalg import splu
 
-    return splu(csc_array(matrix)).solve(right)
+    return splu(matrix.tocsc()).solve(right)
 
 
 def _nothing(shape: tuple[int, int]) -> Matrix:
-    return np.zeros(shape) if shape[0] * shape[1] <= _FEW else csr_array(shape)
+    return np.zeros(shape) if shape[0] * shape[1] <= _FEW else from_entries(shape, (), (), ())
 
 
 def as_array(matrix: Matrix) -> np.ndarray:
-    return matrix.toarray() if issparse(matrix) else matrix
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
 
 @dataclass(frozen=True)
@@ -117,9 +130,9 @@ class Affine:
         terms: dict[Monomial, Matrix] = {}
         large = self.shape[0] * other.shape[1] > _FEW  # of which few entries are not zero, whatever the factors are
         for left, a in self.terms.items():
-            a = csr_array(a) if large else a
+            a = sparse(a) if large else a
             for right, b in other.terms.items():
-                ab = a @ (csr_array(b) if large else b)
+                ab = a @ (sparse(b) if large else b)
                 if _is_there(ab):
                     _add(terms, tuple(sorted(left + right)), ab)
         return Affine((self.shape[0], other.shape[1]), {monomial: kept(ab) for monomial, ab in terms.items()})
@@ -154,11 +167,11 @@ class Affine:
                 _add(terms, rest, matrix if factor == 1.0 else factor * matrix)
         return Affine(self.shape, terms)
 
-    def congruent(self, basis: np.ndarray | csr_array) -> Affine:
+    def congruent(self, basis: Matrix) -> Affine:
         """B^T A B for a constant basis B, term by term."""
         return Affine((basis.shape[1],) * 2, {m: kept(basis.T @ a @ basis) for m, a in self.terms.items()})
 
-    def projected(self, basis: np.ndarray | csr_array) -> Affine:
+    def projected(self, basis: Matrix) -> Affine:
         """B^T A for a constant basis B, term by term (a load in reduced coordinates)."""
         shape = (basis.shape[1], self.shape[1])
         return Affine(shape, {m: kept(basis.T @ a) for m, a in self.terms.items()})
@@ -172,10 +185,6 @@ class Affine:
         factors = (math.prod(sorted(scalars[name] for name in monomial)) for monomial in self.terms)
         parts = (float(factor) * matrix for factor, matrix in zip(factors, self.terms.values(), strict=True))
         return sum(parts, _nothing(self.shape))
-
-    def at(self, scalars: Mapping[str, float]) -> csr_array:
-        """The same matrix, sparse whatever its size."""
-        return csr_array(self.value(scalars))
 
     def pattern(self) -> Matrix:
         """Sum of absolute values: where an entry can be non-zero at some time."""
@@ -202,11 +211,11 @@ def numbered_entries(affine: Affine, monomials: Sequence[Monomial]) -> Entries:
     return Entries(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def coefficients(slot: np.ndarray, found: Entries, shape: tuple[int, int]) -> csr_array:
+def coefficients(slot: np.ndarray, found: Entries, shape: tuple[int, int]) -> SparseRows:
     """Entries by their slots (slots x monomials): its product with the monomials' values is what the slots hold."""
     order = np.lexsort((found.monomials, slot))
     ends = np.cumsum(np.bincount(slot, minlength=shape[0]))
-    return csr_array((found.values[order], found.monomials[order], np.append(0, ends)), shape=shape)
+    return SparseRows(found.values[order], found.monomials[order], np.append(0, ends), shape)
 
 
 def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:

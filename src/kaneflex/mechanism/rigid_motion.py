@@ -8,9 +8,8 @@ from functools import cached_property
 from types import ModuleType
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from kaneflex.mechanism.affine import Affine, Monomial, as_array, coefficients, numbered_entries
+from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, coefficients, numbered_entries
 from kaneflex.mechanism.body_frame import BodyFrame
 
 _MANY = 200
@@ -148,9 +147,9 @@ class RigidMotion:
             total += self.monomial(monomial)[:, None, None] * as_array(matrix)
         return total
 
-    def first(self, affine: Affine) -> csr_array:
+    def first(self, affine: Affine) -> Matrix:
         """An affine matrix at the first time."""
-        return affine.at({name: float(self[name][0]) for monomial in affine.terms for name in monomial})
+        return affine.value({name: float(self[name][0]) for monomial in affine.terms for name in monomial})
 
     def column_of(self, affine: Affine) -> np.ndarray:
         """An affine vector (rows x 1) at all times; returns (rows, n_times)."""

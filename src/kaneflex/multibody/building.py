@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from kaneflex.fem.assembly import (
     ElasticEquations,
@@ -24,10 +23,10 @@ from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
 from kaneflex.fem.links import Link, Part, build_link, craig_bampton, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.fem.springs import place_springs
-from kaneflex.mechanism.affine import Affine, Matrix, entries
+from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
 from kaneflex.mechanism.mechanism import same_mechanism
 from kaneflex.mechanism.rigid_bodies import carried_bodies
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model import REACHED, Model, keep_terms
 from kaneflex.multibody.stage import Stage, count_of_modes
 from kaneflex.scene import Scene
@@ -163,14 +162,14 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     for part, L in placed:
         within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
         if not isinstance(touched, np.ndarray):  # a body's few rows may be an array, its square is none
-            within, motion = csr_array(within), csr_array(motion)
+            within, motion = sparse(within), sparse(motion)
         touched = touched + motion.T @ within @ motion
     before = _half_bandwidth(touched)
     if before <= _NARROW:  # what is narrow keeps the order of its names
         return frame, placed
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    pattern = csr_array(touched)
+    pattern = sparse(touched)
     order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
     if _half_bandwidth(pattern[order][:, order]) >= before:
         return frame, placed
@@ -183,7 +182,7 @@ def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> 
     if set(coordinates) != set(frame.coordinates):
         return frame, placed
     order = [frame.coordinates.index(name) for name in coordinates]
-    swap = Affine.constant(csr_array((np.ones(size), (order, np.arange(size))), shape=(size, size)))
+    swap = Affine.constant(from_entries((size, size), order, np.arange(size), np.ones(size)))
     moved = Frame(
         tuple(coordinates),
         {name: L @ swap for name, L in frame.maps.items()},
@@ -205,17 +204,12 @@ def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> Elast
     size = len(omega)
     zero = Affine.zero(size, size)
     rigid = model.motion.at(model.reference_time)
-    damping = np.diag(np.diag(_at(reduced.C_s, rigid).toarray())) if model.options.damping else np.zeros((size, size))
+    damping = np.diag(rigid.first(reduced.C_s).diagonal()) if model.options.damping else np.zeros((size, size))
     absent = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
-    squares = np.where(omega > 0.0, omega**2, _at(keep_terms(reduced, model.options)["K"], rigid).diagonal())
+    squares = np.where(omega > 0.0, omega**2, rigid.first(keep_terms(reduced, model.options)["K"]).diagonal())
     modal = {"M": np.eye(size), "C_s": damping, "K_s": np.diag(squares)}
     constant = {key: Affine.constant(matrix) for key, matrix in modal.items()}
     return ElasticEquations(reduced.coordinates, F=reduced.F, **constant, **absent)
-
-
-def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
-    """An affine matrix at the first time of a rigid motion."""
-    return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
 
 
 def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -> tuple[float, tuple[str, ...]]:
@@ -313,7 +307,7 @@ def has_modes(model: Model) -> bool:
     if not model.equations.size:
         return False
     rigid = model.motion.at(model.reference_time)
-    return all(np.isfinite(_at(part, rigid).data).all() for part in (model.equations.M, model.equations.K_s))
+    return all(np.isfinite(entries(rigid.first(part))[2]).all() for part in (model.equations.M, model.equations.K_s))
 
 
 def _said_of_reference(model: Model) -> tuple[str, str, str]:
@@ -348,14 +342,14 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
         )  # fmt: skip
     if size and not has_modes(model):
         raise no_modes(model)
-    square = _at(stiffness, rigid)
-    return lowest_modes((square + square.T) * 0.5, _at(model.equations.M, rigid), count)
+    square = rigid.first(stiffness)
+    return lowest_modes((square + square.T) * 0.5, rigid.first(model.equations.M), count)
 
 
 def _with_modal_damping(model: Model, of: Model) -> ElasticEquations:
     """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration, Phi and omega those ``of`` a model."""
     omega, shapes = reference_modes(of, "all")
     zeta = damping_ratios(model.scene.damping.modal.ratio, omega)
-    weighted = _at(model.equations.M, model.motion.at(model.reference_time)) @ shapes
+    weighted = model.motion.at(model.reference_time).first(model.equations.M) @ shapes
     damping = Affine.constant(weighted * (2.0 * zeta * omega) @ weighted.T)
     return replace(model.equations, C_s=model.equations.C_s + damping)

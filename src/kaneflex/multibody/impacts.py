@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.multibody import tables as at
-
 if TYPE_CHECKING:
     from kaneflex.multibody.engine import Engine
 
@@ -96,6 +94,8 @@ def over(names: tuple[str, ...], taken: np.ndarray) -> tuple[Impact, ...]:
 
 def lasting(names: tuple[str, ...], engine: Engine, here: np.ndarray) -> tuple[Impact, ...]:
     """The impacts that go on where a run stands: at a row of it, whose motion the engine has."""
+    from kaneflex.multibody import tables as at
+
     found, works = [], here[len(here) - len(engine.contacts) :]
     for name, work, numbers in zip(names, works, engine.contacts, strict=False):
         if numbers[at.BEGUN_AT]:

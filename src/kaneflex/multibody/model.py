@@ -11,7 +11,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from kaneflex.fem.assembly import ElasticEquations, spin_or_euler
 from kaneflex.fem.coordinate_map import Frame
@@ -29,6 +28,7 @@ from kaneflex.scene.options import Options
 from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import visible
+from kaneflex.support.sparse_rows import SparseRows
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
@@ -309,7 +309,7 @@ def affine_system(kept: Mapping[str, Affine], monomials: Sequence[Monomial]) -> 
     half_bandwidth = max(int(abs(found[name].rows - found[name].columns).max(initial=0)) for name in "MCK")
     width = 2 * half_bandwidth + 1
 
-    def slots(name: str) -> csr_array:
+    def slots(name: str) -> SparseRows:
         each = found[name]
         banded = each.rows * width + each.columns - each.rows + half_bandwidth
         count, slot = (size, each.rows) if name == "F" else (size * width, banded)

@@ -62,7 +62,7 @@ class Shapes:
         whole, beyond = (w.T @ matrix @ w for matrix in tension)
         along = np.zeros(len(w))
         along[0::3] = 1.0
-        return found - (whole - beyond / (along @ link.part.matrices["M"].at({}) @ along))
+        return found - (whole - beyond / (along @ link.part.matrices["M"].value({}) @ along))
 
     def at(self, link: Link, x: float, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """u, v, theta (3, n) and the shortening (n_w, n_w) at x [m] from the start, ``H`` that of the nodes."""

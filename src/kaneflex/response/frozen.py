@@ -139,7 +139,7 @@ def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
     """Warnings where K_s + K_g, or K_s + K_d where the run leaves K_g out, is not positive at some of ``times`` [s]."""
     options, size = model.options, model.equations.size
     if options.dynamics == "frozen":
-        squares = model.kept["K"].at({}).diagonal()
+        squares = model.kept["K"].value({}).diagonal()
         if not squares.min(initial=0.0) < -_NO_FREQUENCY * abs(squares).max(initial=0.0):
             return []
         rate = float(np.sqrt(-squares.min()))

@@ -20,7 +20,7 @@ def recovering(scene: Scene, link: Link, shapes: np.ndarray, data: ModalData) ->
     ``shapes`` (n_nodes c, n): at the nodes. The points are on nodes.
     """
     spatial = data.dimension == 3
-    at_nodes = (link.part.matrices["K_s"].at({}) @ shapes).reshape(len(link.nodes), -1, shapes.shape[1])
+    at_nodes = (link.part.matrices["K_s"].value({}) @ shapes).reshape(len(link.nodes), -1, shapes.shape[1])
     forces = at_nodes if spatial else padded(at_nodes, IN_PLANE, 6)
     nodes = padded(link.nodes[:, None], (0,), 3)
     rows = np.array([section_forces(nodes, forces, x) for x in data.places[:, 0].tolist()])

@@ -27,8 +27,6 @@ from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
-from kaneflex.solve.contact_lines import check_lines
-from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import MAX_STORED, check_memory
@@ -128,6 +126,8 @@ def _moving(
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
     if module.FREE:
+        from kaneflex.solve.forward import integrate_free_joints
+
         share = share_of(progress, "forward dynamics of the rigid mechanism")
         motion, energy = integrate_free_joints(scene, module, motion.parameters, options, share)
     return motion, energy
@@ -175,6 +175,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     from kaneflex.multibody.run import rigid_state
     from kaneflex.multibody.system import build_system, with_stretch
     from kaneflex.multibody.weightless import check_weighty
+    from kaneflex.solve.contact_lines import check_lines
 
     posed, scene = scene, without_poses(scene)
     mechanism = mechanism_of(scene)
@@ -248,6 +249,8 @@ def _twin(scene: Scene, twin: RigidTwin, options: Options) -> RigidKinematics:
 
     parameters = np.zeros(len(twin.PARAMETERS))
     if twin.FREE:
+        from kaneflex.solve.forward import at_initial_speed
+
         parameters = at_initial_speed(scene, twin, parameters, options.duration)
     return TwinKinematics(twin, parameters)
 

@@ -27,7 +27,6 @@ from kaneflex.scene.options import resolve_options
 from kaneflex.solve.error_stages import READ, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.simulation import not_repeated
-from kaneflex.solve.slow_start import slow_start
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.work import seconds_of_steps
 from kaneflex.support.spatial_contract import SPATIAL_NODE
@@ -155,6 +154,8 @@ def _start(richer: Model, near: ElasticMotion, read: Read) -> tuple[np.ndarray, 
     """State that a richer model starts from: where the run does, or near where the cycle of another motion begins."""
     options, own = read.model.options, near.model
     if not read.periodic and "quasistatic" in (options.start, options.dynamics):
+        from kaneflex.solve.slow_start import slow_start
+
         return slow_start(richer)
     basis = richer.modal_basis
     if options.start == "given" and (basis is not None or own.modal_basis is not None or not own.reduced.size):

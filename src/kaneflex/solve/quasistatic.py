@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, vstack
 
 from kaneflex.fem.springs import place_springs
+from kaneflex.mechanism.affine import Matrix, as_array, entries
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 
@@ -120,13 +120,13 @@ def mechanism_modes(model: Model, t: float) -> int:
     if not rows:  # free links that nothing joins
         return n * len(links)
     columns = np.unique(np.concatenate([part.nonzero()[1] for part in (*rows, *bodies)]))
-    conditions = np.hstack([vstack(rows).toarray()[:, columns], np.array(shapes)])
+    conditions = np.hstack([np.vstack([as_array(row) for row in rows])[:, columns], np.array(shapes)])
     sizes = np.linalg.norm(conditions, axis=0)
     conditions /= np.where(sizes > 0.0, sizes, 1.0)
     return conditions.shape[1] - int(np.linalg.matrix_rank(conditions, tol=_DEPENDENT))
 
 
-def _kept_by_springs(model: Model, rigid: RigidMotion) -> Iterator[csr_array]:
+def _kept_by_springs(model: Model, rigid: RigidMotion) -> Iterator[Matrix]:
     """What springs hold: rows of their displacements by the coordinates."""
     if model.scene.is_spatial:
         # springs between points act on nothing that deforms
@@ -146,15 +146,16 @@ def lost_digits(model: Model, t: float) -> float:
     """
     from scipy.linalg import LinAlgError, cholesky_banded
 
-    stiffness = coo_array(model.motion.at(t).first(model.reduced.K_s))
+    stiffness = model.motion.at(t).first(model.reduced.K_s)
     size, diagonal = stiffness.shape[0], stiffness.diagonal()
+    rows, columns, values = entries(stiffness)
     if not diagonal.min() > 0.0:
         return 1.0
-    scaled = stiffness.data / np.sqrt(diagonal[stiffness.row] * diagonal[stiffness.col])
-    upper = stiffness.col >= stiffness.row
-    width = int((stiffness.col - stiffness.row).max(initial=0))
+    scaled = values / np.sqrt(diagonal[rows] * diagonal[columns])
+    upper = columns >= rows
+    width = int((columns - rows).max(initial=0))
     band = np.zeros((width + 1, size))
-    band[width + stiffness.row[upper] - stiffness.col[upper], stiffness.col[upper]] = scaled[upper]
+    band[width + rows[upper] - columns[upper], columns[upper]] = scaled[upper]
     try:
         pivots = cholesky_banded(band)[-1] ** 2
     except LinAlgError:

@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.multibody.cycles import COMPLETED
 from kaneflex.multibody.model import Model
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.memory import MAX_STORED
-from kaneflex.solve.quasistatic import quasistatic
-from kaneflex.solve.slow_start import slow_start
 from kaneflex.solve.solution import Solution
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, ValidityWarning
@@ -97,11 +94,14 @@ def _instants(model: Model) -> np.ndarray:
 def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
     times = _instants(model)
     none = np.zeros((len(times), 0))
-    verdict = COMPLETED if model.coupled_in_space is None else model.coupled_in_space.verdict
-    return Trajectory(times, none, none, none, *verdict, 0.0)
+    if model.coupled_in_space is not None:
+        return Trajectory(times, none, none, none, *model.coupled_in_space.verdict, 0.0)
+    return _completed(times, none, none, none, 0.0)
 
 
 def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
+    from kaneflex.solve.quasistatic import quasistatic
+
     times = _instants(model)
     started = time.perf_counter()
     periodic = model.options.cycles and not_repeated(model) is None
@@ -165,6 +165,8 @@ def run_of(model: Model) -> Run:
     if options.start == "periodic":
         _check_repeats(model)
     if options.start == "quasistatic":
+        from kaneflex.solve.slow_start import slow_start
+
         start = slow_start(model)
     if options.start == "given":
         start = given_state(model)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.body_frame import rotate_back
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import Placement, drive_rates
@@ -202,7 +203,7 @@ def _one_way(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:
     shifts = _inputs(model, rigid)
     readings = _Readings(model, t, chosen)
     by_z, by_v, by_a = readings.by_coordinates()
-    M, C, K = (rigid.first(model.kept[name]).toarray() for name in "MCK")
+    M, C, K = (as_array(rigid.first(model.kept[name])) for name in "MCK")
     units = [*shifts.values()]
     by_state, by_inputs = np.hstack([by_z, by_v]), readings.by_inputs(units)
     F_u = _load_of(model, t, units)

@@ -11,7 +11,6 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import at_least, between_steps
-from kaneflex.solve.contact_lines import off_their_lines
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.solution import Solution
@@ -61,6 +60,8 @@ def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[
     found += [*_parted(solution), *_unbalanced(solution)]
     if coupled:
         found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
+        from kaneflex.solve.contact_lines import off_their_lines
+
         found += [*off_their_lines(solution), *undetermined_frictions(solution)]
     if not len(solution.times):
         return found

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from kaneflex.support.errors import Fault, installed, told
+from kaneflex.support.netcdf import Variable, write_netcdf
 from kaneflex.support.reading import check_file
 
 if TYPE_CHECKING:
@@ -59,8 +60,6 @@ class Labelled(NamedTuple):
         The file is the one that xarray writes of :meth:`dataset`, but that integers beyond 32 bits, which netCDF 3
         does not have, become doubles.
         """
-        from scipy.io import netcdf_file
-
         entries = {**self.variables, **self.coordinates}
         dims = {name: (entry[0],) if isinstance(entry[0], str) else tuple(entry[0]) for name, entry in entries.items()}
         auxiliary = sorted(name for name in self.coordinates if dims[name] != (name,))
@@ -68,13 +67,12 @@ class Labelled(NamedTuple):
         beside = {
             name: [other for other in auxiliary if set(dims[other]) <= set(dims[name])] for name in self.variables
         }
-        with netcdf_file(path, "w", version=2) as file:
-            for name, (_, values, *about) in entries.items():
-                variable = _variable(file, name, dims[name], np.asarray(values))
-                _describe(variable, dict(*about))
-                _name_coordinates(variable, beside.get(name, ()))
-            _describe(file, self.attributes)
-            _name_coordinates(file, sorted({*auxiliary}.difference(*beside.values())))
+        variables = {}
+        for name, (_, values, *about) in entries.items():
+            own, typed, coded = _encoded(dims[name], np.asarray(values))
+            variables[name] = own, typed, {**coded, **dict(*about), **_coordinates(beside.get(name, ()))}
+        without = sorted({*auxiliary}.difference(*beside.values()))
+        write_netcdf(path, variables, {**self.attributes, **_coordinates(without)})
 
 
 @contextmanager
@@ -144,36 +142,20 @@ def _read(file: netcdf_file, names: Collection[str]) -> Labelled:
     return Labelled(entries, {}, about)
 
 
-def _variable(file: netcdf_file, name: str, dims: tuple[str, ...], values: np.ndarray) -> object:
-    """A new variable of the file, with values in a type of netCDF 3 and the attributes that say of which they were."""
-    about: dict[str, Any] = {}
+def _encoded(dims: tuple[str, ...], values: np.ndarray) -> Variable:
+    """A variable of netCDF 3, and the attributes that say of which type its values were."""
     if values.dtype.kind == "U":
         encoded = np.char.encode(values, "utf-8")
         length = encoded.dtype.itemsize
-        values, dims = encoded.view("S1").reshape(*values.shape, length), (*dims, f"string{length}")
-        about = {"_Encoding": "utf-8"}
-    elif values.dtype.kind == "b":
-        values, about = values.astype(np.int8), {"dtype": "bool"}
-    elif values.dtype.kind in "iu":
+        values = encoded.view("S1").reshape(*values.shape, length)
+        return (*dims, f"string{length}"), values, {"_Encoding": "utf-8"}
+    if values.dtype.kind == "b":
+        return dims, values.astype(np.int8), {"dtype": "bool"}
+    if values.dtype.kind in "iu":
         narrow = values.astype(np.int32)
         values = narrow if np.array_equal(narrow, values) else values.astype(np.float64)
-    if values.dtype.kind == "f":
-        about = {"_FillValue": np.nan}
-    for dim, length in zip(dims, values.shape, strict=True):
-        if dim not in file.dimensions:
-            file.createDimension(dim, length)
-    variable = file.createVariable(name, values.dtype, dims)
-    variable[...] = values
-    _describe(variable, about)
-    return variable
+    return dims, values, {"_FillValue": np.nan} if values.dtype.kind == "f" else {}
 
 
-def _describe(owner: object, attributes: Mapping[str, Any]) -> None:
-    """Give a file, or one of its variables, attributes: texts and numbers."""
-    for name, value in attributes.items():
-        setattr(owner, name, value.encode("utf-8") if isinstance(value, str) else np.float64(value))
-
-
-def _name_coordinates(owner: object, names: Collection[str]) -> None:
-    if names:
-        _describe(owner, {"coordinates": " ".join(names)})
+def _coordinates(names: Collection[str]) -> dict[str, str]:
+    return {"coordinates": " ".join(names)} if names else {}
