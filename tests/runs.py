@@ -1,7 +1,7 @@
 """Runs of scenes that several tests look at, those of shipped scenes made once a process; and prescribed ones."""
 
 import ast
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,7 +27,7 @@ class Peak(NamedTuple):
     degrees: float
 
 
-@cache
+@lru_cache(maxsize=64)
 def model(scene: str, *settings: str) -> Model:
     """A shipped scene, or the path of one, with settings of the form path=value."""
     return load(with_settings(read_scene(scene), list(settings)))

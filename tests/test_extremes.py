@@ -1,5 +1,6 @@
 """Extremes in their short form: every case ends within its accuracy or in a named outcome, never in silence."""
 
+import re
 from pathlib import Path
 
 import csv_tables
@@ -14,7 +15,7 @@ from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.scene import scene_of
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.validity import validity_warnings
+from kaneflex.solve.validity import FEWEST_STEPS, few_steps, validity_warnings
 from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parents[1] / "docs" / "extremes.md"
@@ -126,6 +127,14 @@ def test_a_table_whose_curve_overshoots_is_named(tmp_path):
 def test_steps_of_whole_turns_are_named():
     said = between_steps(model("engine", "solve.preset=paper", "main.speed=600000 rpm", "solve.steps=400"))
     assert said[0].startswith("main turns by 360 deg in a step") and "give solve.steps = 5027 or more" in said[0]
+
+
+def test_the_steps_that_are_asked_for_are_enough_and_not_one_too_many():
+    found = model("engine", "solve.preset=paper")
+    (said,) = few_steps(found, 0.5 / found.step)  # two steps in a period
+    wanted = int(re.search(r"give solve\.steps = (\d+) or more", said)[1])
+    assert 2.0 * (wanted - 1) / found.options.steps <= FEWEST_STEPS < 2.0 * wanted / found.options.steps
+    assert few_steps(found, 1.0 / (FEWEST_STEPS * found.step)) == []
 
 
 def test_steps_that_no_run_can_have_are_not_asked_for():

@@ -6,7 +6,7 @@ from runs import model, peaks, run
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
-from kaneflex.fem.modes import lowest_modes
+from kaneflex.fem.modes import lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import as_array
 from kaneflex.multibody.building import reference_modes
 from kaneflex.report.presentation import at_drive
@@ -196,6 +196,13 @@ def test_more_modes_than_coordinates_are_refused():
     K, M = banded_problem(6)
     with pytest.raises(ValueError, match="7 modes of 6"):
         lowest_modes(K, M, 7)
+
+
+def test_rayleigh_damping_has_its_ratio_at_both_frequencies():
+    """(alpha/omega + beta omega)/2, the ratio of a mode at omega."""
+    alpha, beta = rayleigh_coefficients(0.02, 60.0, 400.0)
+    omega = 2.0 * np.pi * np.array([60.0, 400.0])
+    np.testing.assert_allclose((alpha / omega + beta * omega) / 2.0, 0.02, rtol=1e-14)
 
 
 def test_modal_damping_depends_on_the_coordinates_away_from_its_angle():

@@ -268,3 +268,5 @@ def test_shear_of_an_i_section_carries_the_forces():
     assert along[:, 0] == pytest.approx(np.sign(z) * (b / 2 - abs(z)) * (h - f) / (2.0 * numbers.I_z), abs=1e-12)
     assert abs(outline.shear[flange, 2]) == pytest.approx(f / numbers.J)
     assert abs(outline.shear[web, 2]) == pytest.approx(w / numbers.J)
+    # Torsion turns from y to z: along z on the outer side of the upper flange, against y on the web's side at +z.
+    assert (along[:, 2] > 0.0).all() and (outline.shear[web, 2] < 0.0).all()

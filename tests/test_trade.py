@@ -199,6 +199,7 @@ def test_the_command_writes_its_folder_and_prints_the_choice(tmp_path):
     ("arguments", "words"),
     [
         (("--tolerance", "0"), ("--tolerance", "between 0 and 100 %")),
+        (("--tolerance", "100%"), ("--tolerance", "between 0 and 100 %")),
         (("--tolerance", "1 mm"), ("--tolerance = '1 mm'",)),
         (("--budget", "0s"), ("--budget", "positive time")),
         (("--sensors", "tip_axia"), ("--sensors = 'tip_axia'", "nearest known one is 'tip_axial'")),
