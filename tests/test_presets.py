@@ -137,6 +137,12 @@ def test_quasistatic_leaves_mechanism_modes_to_inertia_relief():
         assert relief @ stiffness @ z == pytest.approx(F, abs=1e-9 * np.abs(F).max())
 
 
+def test_stiffnesses_that_rounding_parts_are_named():
+    huge = "lower.beam.section={rectangle=['7.990584395631813e+32 mm', '10 mm']}"
+    with pytest.raises(SceneError, match=r"solve.preset = 'quasistatic': the stiffness matrix is singular to rounding"):
+        run("elastic-double-pendulum", huge, "solve.preset=quasistatic", "solve.duration=20 ms", "solve.steps=20")
+
+
 def test_a_free_rod_bends_quasi_statically_against_its_own_inertia():
     """Force P in the middle, P/L along the rod against it: P L^3 / 48 EI - 5 P L^3 / 384 EI (Timoshenko 1955)."""
     solution = run("free-rod", "solve.preset=quasistatic", "solve.steps=100")

@@ -11,6 +11,7 @@ from kaneflex.fem.springs import place_springs
 from kaneflex.mechanism.affine import Matrix, as_array, entries
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
+from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.spatial_elastic import DeformingKinematics
@@ -49,26 +50,36 @@ def quasistatic(
 def answers(
     model: Model, times: np.ndarray, load: np.ndarray, progress: Callable[[float], None] | None = None
 ) -> np.ndarray:
-    """z of K z = load at each instant [s], both of shape (n_times, n); with inertia relief as :func:`quasistatic`."""
+    """z of K z = load at each instant [s], both of shape (n_times, n); with inertia relief as :func:`quasistatic`.
+
+    Raises SceneError where K is singular.
+    """
     z = np.zeros_like(load)
     size = model.reduced.size
     batch = max(1, _CHUNK // max(size * size, 1))
     relief = mechanism_modes(model, times[0])
     for first in range(0, len(times), batch):
         rows = slice(first, first + batch)
-        if size > LARGEST_DENSE and not relief:
-            z[rows] = solve_banded_at(model, times[rows], load[rows])
-        else:
-            rigid = model.motion.at(times[rows])
-            stiffness = rigid.matrices(model.kept["K"])
-            if relief:
-                elastic, mass = rigid.matrices(model.reduced.K_s), rigid.matrices(model.kept["M"])
-                z[rows] = _relieved(elastic, stiffness, mass, load[rows], relief)
-            else:
-                z[rows] = np.linalg.solve(stiffness, load[rows, :, None])[..., 0]
+        try:
+            z[rows] = _answers_at(model, times[rows], load[rows], relief)
+        except np.linalg.LinAlgError:
+            reason = "the stiffness matrix is singular to rounding: stiffnesses of the links are too far apart"
+            cure = "Give the links sections of similar sizes, or make the stiff one rigid"
+            raise SceneError("solve.preset", model.options.preset, reason, cure) from None
         if progress is not None:
             progress(min(1.0, (first + batch) / len(times)))
     return z
+
+
+def _answers_at(model: Model, times: np.ndarray, load: np.ndarray, relief: int) -> np.ndarray:
+    if model.reduced.size > LARGEST_DENSE and not relief:
+        return solve_banded_at(model, times, load)
+    rigid = model.motion.at(times)
+    stiffness = rigid.matrices(model.kept["K"])
+    if not relief:
+        return np.linalg.solve(stiffness, load[:, :, None])[..., 0]
+    elastic, mass = rigid.matrices(model.reduced.K_s), rigid.matrices(model.kept["M"])
+    return _relieved(elastic, stiffness, mass, load, relief)
 
 
 def solve_banded_at(model: Model, times: np.ndarray, load: np.ndarray) -> np.ndarray:
