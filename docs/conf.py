@@ -24,7 +24,7 @@ nb_execution_mode = "force"  # a notebook that fails is a warning, and warnings 
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 autodoc_preserve_defaults = True
-autodoc_typehints = "none"  # the docstrings have types, shapes and units
+autodoc_typehints = "signature"
 numpydoc_show_class_members = False
 autosummary_generate = False
 

@@ -41,12 +41,11 @@ print(time.perf_counter() - started)
 """
 HEAD = """# Times to derive and to compile
 
-Chains of elastic links, each hinged to the one before: open ones with all joints driven, and closed ones from ground to
-ground, the last two links following the others (`tests/chains.py`). For each the seconds to derive its module, the
-module's size, the arithmetic operations of the kernel `motion` as the equations stand and as they are emitted, with
-common subexpressions shared, and the seconds to compile it, in a process and with a cache of its own. Written out, the
-operations multiply with each link, since each angle is a sum of all before it; shared, each link adds the same number.
-Kernels of the elements do not depend on the number of links.
+Chains of elastic links, each hinged to the one before (`tests/chains.py`): open ones with all joints driven, and closed
+ones from ground to ground, whose last two links follow the others. Operations are those of the kernel `motion`, as the
+equations stand and with common subexpressions shared. Written out they multiply with each link, since each angle is a
+sum of all before it; shared, each link adds the same number. Compiling is measured in a process and with a cache of its
+own. Element kernels do not depend on the number of links.
 
 | chain | links | derive [s] | module [kB] | operations written out | operations shared | compile `motion` [s] |
 | --- | --- | --- | --- | --- | --- | --- |
@@ -66,11 +65,10 @@ print(size, model.seconds["derive"], model.seconds["compile"], found.ns_per_step
 COUPLED_HEAD = """
 ## The coupled equations
 
-The open chains under preset `coupled`, with 1 to 6 modes a link beside the static shapes: coordinates of the tree,
-seconds to derive and to compile the coupled module, in the first row with the engine that all scenes share, and a run
-of 1 s: microseconds a step, steps taken and tried in vain.
+The open chains under preset `coupled`, with 1 to 6 modes a link beside the static shapes. The first row includes
+compiling the engine that all scenes share. Steps are those of a run of 1 s.
 
-| links | modes | coordinates | derive [s] | compile [s] | a step [us] | steps | in vain |
+| links | modes | coordinates | derive [s] | compile [s] | a step [us] | steps | rejected |
 | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 FOOT = """
