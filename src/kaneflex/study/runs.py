@@ -104,7 +104,7 @@ def operations(model: Model) -> int | None:
     """Multiply-adds of its equations, see :class:`Timing`."""
     if model.options.dynamics != "dynamic":
         return None
-    return sum(int(getattr(model.system, name).count_nonzero()) for name in "MCKF")
+    return sum(int(np.count_nonzero(getattr(model.system, name).data)) for name in "MCKF")
 
 
 @dataclass(frozen=True, eq=False)
