@@ -365,6 +365,10 @@ def test_numbers_that_nothing_reads_are_said():
         ("mathieu", ["rigid"], "nothing deforms: solve.reduction = modal is left out"),
         ("double-pendulum", ["rigid", "solve.start=quasistatic", "solve.duration=1 ms"],
          "under preset rigid free joints start as their drives say: solve.start = quasistatic is left out"),
+        ("spatial-slider-crank", ["coupled", "solve.tolerance=1e-6", "solve.forward.tolerance=1e-7"],
+         "rigid bodies in space have solve.forward.tolerance = 1e-07: solve.tolerance = 1e-06 is left out"),
+        ("spatial-slider-crank", ["coupled", "solve.integrator=radau"],
+         "rigid bodies in space are integrated by solve.forward.method = DOP853: solve.integrator = radau is left out"),
     ],
     ids=lambda part: part[0] if isinstance(part, list) else "",
 )  # fmt: skip

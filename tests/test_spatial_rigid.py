@@ -9,13 +9,14 @@ import pytest
 from lifting import TURN, lifted
 from runs import solved
 
-from kaneflex import load, read_scene
+from kaneflex import load, read_scene, simulate
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody import spatial_curves
 from kaneflex.multibody.spatial_system import build_spatial_system
 from kaneflex.multibody.spatial_tables import ROWS, WHAT
 from kaneflex.multibody.spatial_topology import build_tables
+from kaneflex.scene import with_settings
 from kaneflex.solve.spatial_loading import find_spatial_module, spatial_start
 from kaneflex.support.errors import SceneError
 
@@ -351,6 +352,17 @@ def test_a_loop_that_does_not_close_is_named(tmp_path):
     beyond = DEAD_CENTRE.replace("0.5985", "0.7")
     with pytest.raises(SceneError, match=r"joints = 'slide': a loop does not close.*at t = 0\.1.*limit the drives"):
         load(scene_of(tmp_path, beyond)).motion.at(np.linspace(0.0, 1.0, 11))
+
+
+def test_the_tolerance_of_coupled_bounds_rigid_bodies_in_space():
+    """It did nothing, without a word; that of solve.forward comes first where both are given."""
+    settings = ("solve.tolerance=1e-5", "solve.forward.tolerance=1e-5", "solve.tolerance=1e-12")
+    scene = read_scene("spatial-slider-crank")
+    models = [load(with_settings(scene, ("solve.preset=coupled", each))) for each in settings]
+    evaluations = [model.motion.curve.evaluations for model in models]
+    assert evaluations[0] == evaluations[1] < 0.5 * evaluations[2]
+    loose, tight = (simulate(model).energy.drift for model in models[1:])
+    assert 1e-8 < loose < 1e-3 and tight < 1e-10
 
 
 def test_the_top_nutates_between_its_two_angles():

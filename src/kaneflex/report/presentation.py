@@ -12,7 +12,7 @@ import numpy as np
 
 from kaneflex.mechanism.reach import courses_of, instants, reach_lines
 from kaneflex.report.contacts import contact_line, friction_line
-from kaneflex.scene.options import has_term
+from kaneflex.scene.options import has_term, moves_with_links
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.spatial_check import SEVERAL_FREEDOMS
 from kaneflex.support.terminal import block
@@ -113,14 +113,15 @@ def _options(model: Model) -> dict[str, str]:
         "duration": f"{_time(options.duration)}{', one cycle' if options.cycles else ''}",
         "steps": f"{options.steps} {per}, {_time(model.step)} each",
     }
-    if model.module.FREE and dynamics != "coupled":
+    if model.module.FREE and not moves_with_links(model.scene, dynamics):
         shown["forward"] = f"{options.forward_method} for free joints, tolerance {options.forward_tolerance:g}"
     if dynamics == "rigid":
         return shown
     if dynamics == "coupled":
         error = f"error in ten periods of a vibration {options.tolerance:g} of the longest body"
         bounded = f", of {' and '.join(options.bounded)} as much of their largest" if options.bounded else ""
-        shown["integrator"] = f"{options.integrator}, {error}{bounded}"
+        if moves_with_links(model.scene, dynamics):
+            shown["integrator"] = f"{options.integrator}, {error}{bounded}"
         shown["start"] = _STARTS[options.start]
         bodies = model.scene.bodies
         elements = {name: len(link.nodes) - 1 for name, link in model.links.items()}

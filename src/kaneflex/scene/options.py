@@ -152,7 +152,6 @@ def resolve_options(scene: Scene) -> Options:
     dynamics = str(chosen["dynamics"])
     for name, on in solve.terms.items():
         chosen[name] = on and name not in UNUSED_TERMS[dynamics]
-    elastic = any(body.elastic for body in scene.bodies.values())
     modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
     if modal is not None and dynamics not in ("rigid", "coupled"):
         raise SceneError(
@@ -160,7 +159,7 @@ def resolve_options(scene: Scene) -> Options:
             f"preset {solve.preset} takes a link's elements, which modal data don't have",
             "Take preset coupled or rigid, or give the body a beam",
         )  # fmt: skip
-    elastic = elastic or modal is not None
+    elastic = modal is not None or any(body.elastic for body in scene.bodies.values())
     if elastic and scene.is_frame and solve.preset == "rigid":
         raise SceneError(
             "solve.preset", "rigid",
@@ -217,6 +216,11 @@ def _integrator(scene: Scene, dynamics: str) -> str:
 def tolerance_of(scene: Scene, dynamics: str = "coupled") -> float:
     """The scene's, or what it has where it gives none; 0 of dynamics that know none."""
     return scene.solve.tolerance or _TOLERANCES.get(dynamics, 0.0)
+
+
+def moves_with_links(scene: Scene, dynamics: str) -> bool:
+    """Whether the coupled equations move free joints, by ``solve.tolerance``; else scipy does, by ``solve.forward``."""
+    return dynamics == "coupled" and (not scene.is_spatial or any(body.deforms for body in scene.bodies.values()))
 
 
 def without_poses(scene: Scene) -> Scene:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -35,7 +35,7 @@ from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
 from kaneflex.scene import Scene
-from kaneflex.scene.options import Options, acting
+from kaneflex.scene.options import Options, acting, moves_with_links
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.sensors import DRIVE_KINDS
 from kaneflex.solve.initial import given_start, laid_over, shape_dimensions
@@ -66,6 +66,10 @@ _OPEN = 1e-3
 def load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
     """:func:`kaneflex.solve.loading.load` of a mechanism in space."""
     ignored, scene = ignored_of(scene, options), acting(scene, options)
+    if options.dynamics == "coupled" and not moves_with_links(scene, options.dynamics):
+        ignored += tuple(_idle_settings(scene))
+        if "tolerance" not in scene.solve.forward.model_fields_set:
+            options = replace(options, forward_tolerance=scene.solve.tolerance or options.forward_tolerance)
     generated, derived = find_spatial_module(scene, progress)
     coupled = options.dynamics == "coupled"
     if coupled:  # before its shapes are found
@@ -94,6 +98,17 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
         warnings = (*warnings, *_beyond(system, scene), *turns)
     model = replace(model, energy=energy, warnings=warnings)
     return timed(model, started, derived, compiled, integrated)
+
+
+def _idle_settings(scene: Scene) -> Iterator[str]:
+    """What ``solve`` asks for of the coupled equations where rigid bodies have none of them."""
+    solve = scene.solve
+    if solve.tolerance is not None and "tolerance" in solve.forward.model_fields_set:
+        used = f"rigid bodies in space have solve.forward.tolerance = {solve.forward.tolerance:g}"
+        yield f"{used}: solve.tolerance = {solve.tolerance:g} is left out"
+    if solve.integrator is not None:
+        used = f"rigid bodies in space are integrated by solve.forward.method = {solve.forward.method}"
+        yield f"{used}: solve.integrator = {solve.integrator} is left out"
 
 
 def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:

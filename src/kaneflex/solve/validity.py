@@ -11,6 +11,7 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import at_least, between_steps
+from kaneflex.scene.options import moves_with_links
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.solution import Solution
@@ -56,8 +57,7 @@ def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[
     """Warnings about a finished run: a step too long for its lowest mode, deflections too large for the theory."""
     model, coupled = solution.model, solution.model.coupled is not None
     stepped = not getattr(solution.trajectory, "solver", "").startswith("spectral")  # harmonics leave no mode out
-    found = foreseen(model, frequencies, solution.times, stepped)
-    found += [*_parted(solution), *_unbalanced(solution)]
+    found = [*foreseen(model, frequencies, solution.times, stepped), *_parted(solution), *_unbalanced(solution)]
     if coupled:
         found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
         from kaneflex.solve.contact_lines import off_their_lines
@@ -120,16 +120,15 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
     if energy is None or energy.drift <= LARGEST_GAP or _stood(solution):
         return
     missing = f"does not close: {energy.drift:.2g} of the energy turned over is missing or too much"
-    if options.dynamics == "coupled":
+    if moves_with_links(solution.model.scene, options.dynamics):
         if solution.model.coupled is not None and not isinstance(solution.trajectory, Trajectory):
             from kaneflex.multibody.lost_branch import cause  # which few runs need
 
             if said := cause(solution.model.coupled, solution.trajectory):
                 yield f"the energy balance {missing}, {said}"
                 return
-        lower = f"lower solve.tolerance from {options.tolerance:g}"
-        lower += ", or ask for more steps" * (solution.model.coupled is not None)
-        yield f"the energy balance {missing}; {lower}"
+        more = ", or ask for more steps" * (solution.model.coupled is not None)
+        yield f"the energy balance {missing}; lower solve.tolerance from {options.tolerance:g}{more}"
     else:
         lower = f"lower solve.forward.tolerance from {options.forward_tolerance:g}"
         yield f"the energy balance of the rigid mechanism {missing}; {lower}"
