@@ -1,4 +1,7 @@
-"""Modules imported and lines executed by a plain run and by `list`, against a budget that only falls."""
+"""Modules imported and lines executed by a plain run and by `list`, against a budget that only falls.
+
+Also which large packages the quick commands import.
+"""
 
 import json
 import subprocess
@@ -43,3 +46,26 @@ def test_a_command_stays_within_its_budget(command, tmp_path):
     assert not over, f"found, allowed: {over}"
     slack = {what: (found[what], most) for what, most in budget.items() if found[what] < 0.98 * most}
     assert not slack, f"lower the budget in {BUDGET.name}; found, allowed: {slack}"
+
+
+HEAVY = ("matplotlib", "numba", "pandas", "pint", "rich", "scipy.interpolate", "scipy.linalg", "scipy.sparse", "sympy")
+HEAVY += ("xarray", "kaneflex.plots")
+IMPORTED = """
+import sys
+from kaneflex.cli import main
+try:
+    main({arguments}, standalone_mode=False)
+finally:
+    print([name for name in {heavy} if name in sys.modules])
+"""
+
+
+@pytest.mark.parametrize(("command", "used"), [
+    ("list", []), ("check engine", ["numba"]), ("modes engine", ["numba"]),
+    ("show engine -o shown.png", ["matplotlib", "kaneflex.plots"]),
+])  # fmt: skip
+def test_a_command_imports_only_what_it_uses(command, used, tmp_path):
+    code = IMPORTED.format(arguments=command.split(), heavy=HEAVY)
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == str(used)

@@ -10,7 +10,6 @@ import numpy as np
 
 from kaneflex.integrate.disturbances import FEWEST, monodromy
 from kaneflex.integrate.methods import method_named
-from kaneflex.integrate.modal import constants, forces
 from kaneflex.integrate.outcome import Floquet, Outcome, Trajectory
 from kaneflex.integrate.periodic import (
     LONGEST_STEP,
@@ -201,6 +200,8 @@ def set_up(run: Run, progress: Progress | None = None) -> Setup:
     if method.lanes:
         read, constant = partial(one_after_the_other, nodes=len(method.nodes)), None
     else:
+        from kaneflex.integrate.modal import constants, forces
+
         read, constant = partial(forces, system), constants(system)
     times = (run.t0, run.step, method.nodes, run.period_steps)
     stream = CoefficientStream(run.table, system.n_scalars, *times, read, constant)

@@ -251,11 +251,9 @@ class _Follower:
     ) -> np.ndarray | None:
         """The poses at all ``xs`` from those at ``few`` of them, by Newton's method for all at once; None where that
         leads to some that :meth:`_step` would not take one after the other."""
-        from scipy.interpolate import CubicSpline
-
         coordinates = [drives(x) for x in xs]
         constraints = self.constraints({name: np.array([at[name] for at in coordinates]) for name in coordinates[0]})
-        found, last = CubicSpline(few, poses)(np.arange(len(xs))), np.inf
+        found, last = _interpolated(np.array(few), poses, np.arange(len(xs))), np.inf
         moved = np.zeros((len(xs) - 1, found.shape[1]))
         for row, name in enumerate(reversed(constraints.driven(self.joints)), 1):
             moved[:, -row] = np.diff(constraints.drives[name])
@@ -326,3 +324,16 @@ class _Follower:
             name: stress[end - count : end].max() for name, count, end in zip(self.joints, counts, ends, strict=True)
         }
         return max(self.mechanism.loop_joints, key=strain.__getitem__)
+
+
+def _interpolated(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Values (n, columns) at ``x`` by the cubic through those at the four knots around each (Lagrange)."""
+    count = min(4, len(knots))
+    first = np.clip(np.searchsorted(knots, x) - count // 2, 0, len(knots) - count)
+    near = first[:, None] + np.arange(count)
+    total = np.zeros((len(x), values.shape[1]))
+    for k in range(count):
+        others = np.delete(knots[near], k, axis=1)
+        weight = np.prod((x[:, None] - others) / (knots[near[:, k], None] - others), axis=1)
+        total += weight[:, None] * values[near[:, k]]
+    return total

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import BodyFrame, normal
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
-from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.model import Model
+    from kaneflex.response.motion import Motion
 
 _SWEEP, _MOST = 180, 20_000
 """Least and largest number of instants from which the travel along guides and the frame of the picture are found."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from kaneflex.mechanism.contacts import hysteresis, returned
 from kaneflex.scene.contacts import ClearanceContact, Contact
 from kaneflex.scene.friction import Friction
 
@@ -44,6 +43,8 @@ def restitution_line(contact: Contact) -> str:
         return f"newton returns {asked:.3g} at once"
     if asked is None:
         return f"{law} returns 1"
+    from kaneflex.mechanism.contacts import hysteresis, returned
+
     found = returned(hysteresis(law, asked))
     return f"{law} returns {found:.3g}" + ("" if law == "exact" else f", asked for {asked:.3g}")
 
