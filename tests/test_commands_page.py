@@ -3,6 +3,7 @@
 import re
 import shlex
 from pathlib import Path
+from textwrap import dedent
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def test_every_command_runs_and_writes_its_files(outputs):
     files = {path.name for path in Path().iterdir()}
     pictures = {"press.png", "engine.svg", "explored.png", "engine-bode.png"}
     of_engine = {f"engine{end}" for end in (".npz", ".mat", ".tex", "-c", ".fmu")}
-    assert files == pictures | of_engine | {"press.toml", "modal", "motor-c", "moved"}
+    assert files == pictures | of_engine | {"press.toml", "modal", "motor-c", "moved", "engine_model.py"}
     used = {"new", "show", "check", "explore", "linearise", "equations", "derive", "export", "modes", "run"}
     assert {command.split()[1] for command in outputs} == used
 
@@ -78,6 +79,16 @@ def test_check_says_what_the_page_shows(outputs):
     assert len(shown) == 3 and {*shown} <= {*outputs[command].splitlines()}
     limits = re.findall(r"^\| (\w+): .* \| .* \|$", section, flags=re.MULTILINE)
     assert (limits.count("Warning"), limits.count("Note")) == (7, 2) and f"fewer than {FEWEST_STEPS:g}" in section
+
+
+def test_the_model_in_one_file_is_as_the_page_says(outputs, capsys):
+    section = TEXT[TEXT.index("## derive: a model in one file") : TEXT.index("## derive: C\n")]
+    part, program = (dedent(block) for block in re.findall(r"\n\n((?:    .*\n|\n)+)(?=\n?\S)", section))
+    assert part.strip() in Path("engine_model.py").read_text(encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(".")
+        exec(compile(program, "commands.md", "exec"), {})
+    assert float(capsys.readouterr().out) == pytest.approx(0.0, abs=1e-6)  # the crank stands at its dead centre
 
 
 def test_the_file_has_the_names_of_the_table(outputs):

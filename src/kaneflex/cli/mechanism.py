@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -233,12 +234,25 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
         echo(f"Written to {output}")
 
 
+@dataclass(frozen=True)
+class Form:
+    """What ``derive`` writes of a scene."""
+
+    language: str
+    standalone: bool
+    coupled: bool
+
+
 @command(renamed={"--sensor": "--sensors"})
 @click.argument("name", metavar="SCENE")
 @output_option("FILE.py", "Module to write; the folder to make with --language c.", required=True)
 @click.option(
     "--language", type=click.Choice(["python", "c"]), default="python", show_default=True,
     help="c: a folder of portable C11 without allocation, which makes the run without Python, too.",
+)  # fmt: skip
+@click.option(
+    "--standalone", is_flag=True,
+    help="The whole model in one readable file that runs with numpy and numba alone: matrices, modes, sensors.",
 )  # fmt: skip
 @click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
 @click.option(
@@ -247,12 +261,13 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
 @names_option("--sensors", help="With --tolerance: only these count.")
 @click.option(
     "--set", "changes", multiple=True, metavar="KEY=VALUE",
-    help="With --language c: change the scene, as run does. Can be repeated.",
+    help="With --language c or --standalone: change the scene, as run does. Can be repeated.",
 )  # fmt: skip
 @force_option
+@gathered(form=Form)
 def derive(
-    name: str, output: Path, language: str, coupled: bool, tolerance: str | None, sensors: tuple[str, ...],
-    changes: tuple[str, ...], force: bool,
+    name: str, output: Path, form: Form, tolerance: str | None, sensors: tuple[str, ...], changes: tuple[str, ...],
+    force: bool,
 ) -> None:  # fmt: skip
     """Derive the equations of SCENE and write them as a numba module of its own, or as C.
 
@@ -261,12 +276,25 @@ def derive(
     \b
       kaneflex derive engine -o engine.py
       kaneflex derive engine --language c -o engine-c
+      kaneflex derive engine --standalone -o engine_model.py
     """
-    if language == "c":
-        _derive_c(name, output, {"--coupled": coupled, "--tolerance": tolerance, "--sensors": sensors}, changes, force)
+    others = {"--coupled": form.coupled, "--tolerance": tolerance, "--sensors": sensors}
+    if form.language == "c":
+        _derive_c(name, output, {"--standalone": form.standalone, **others}, changes, force)
+        return
+    if form.standalone:
+        _derive_standalone(name, output, others, changes, force)
         return
     if changes:
-        raise click.UsageError("--set goes with --language c: a Python module holds no numbers of the scene.")
+        reason = "a plain Python module holds no numbers of the scene"
+        raise click.UsageError(f"--set goes with --language c or --standalone: {reason}.")
+    _derive_module(name, output, form.coupled, tolerance, sensors, force)
+
+
+def _derive_module(
+    name: str, output: Path, coupled: bool, tolerance: str | None, sensors: tuple[str, ...], force: bool
+) -> None:
+    """The module of a scene's structure, perhaps of the terms that a tolerance keeps."""
     from kaneflex.mechanism.floating_frames import shape_counts
     from kaneflex.scene import with_settings
 
@@ -294,6 +322,27 @@ def derive(
     echo(f"Written to {output}")
 
 
+def _derive_standalone(
+    name: str, output: Path, others: Mapping[str, object], changes: tuple[str, ...], force: bool
+) -> None:
+    """The model of a scene in one file."""
+    from kaneflex.solve.standalone import standalone
+
+    _refuse_others("--standalone", others)
+    check_file(output, "a Python module", ".py", force)
+    with Waiting() as waiting:
+        text = standalone(read(name, list(changes)), waiting)
+    write_text(output, text)
+    echo(f"{text.count(chr(10))} lines written to {output}")
+
+
+def _refuse_others(asked: str, others: Mapping[str, object]) -> None:
+    """Options that don't go with the form that is asked for."""
+    given = [option for option, value in others.items() if value]
+    if given:
+        raise click.UsageError(f"{given[0]} does not go with {asked}.")
+
+
 def _derive_c(
     name: str, output: Path, others: Mapping[str, object], changes: tuple[str, ...], force: bool
 ) -> None:
@@ -302,9 +351,7 @@ def _derive_c(
     from kaneflex.solve.c_model import c_model
     from kaneflex.solve.coupled_in_c import coupled_in_c
 
-    given = [option for option, value in others.items() if value]
-    if given:
-        raise click.UsageError(f"{given[0]} does not go with --language c.")
+    _refuse_others("--language c", others)
     scene = read(name, list(changes))
     with whole_folder(output, mark="CMakeLists.txt", force=force) as partial, Waiting() as waiting:
         coupled = resolve_options(scene).dynamics == "coupled"

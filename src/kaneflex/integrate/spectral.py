@@ -32,9 +32,9 @@ _NEAR = 3.0
 """Times the tolerance that a grid leaves out up to which less than twice as many instants are tried."""
 _MOST_NUMBERS = 4e7
 """In each of the matrices, at all instants: 320 MB."""
-_MODES = 16
+MODES = 16
 """Of the mean equations whose harmonics are solved for; what is left of larger systems follows its loads."""
-_SUBSPACE, _SPARE, _SAMPLES = 4, 4, 16
+_SUBSPACE, SPARE, _SAMPLES = 4, 4, 16
 """Iterations that find these modes, vectors beyond them, and instants whose mean they are of."""
 _CORRECTIONS = 40
 """On one grid, at most."""
@@ -129,7 +129,7 @@ class Grid:
         if ended == TOO_SLOW:
             factor = (left[-1] / left[0]) ** (1.0 / (len(left) - 1))
             reason = f"a correction leaves {factor:.2f} of the remainder"
-        return Orbit(self, vectors[0], len(left) - 1, left[-1], tail, reason)
+        return Orbit(self, vectors[0], ((self.instants, len(left) - 1),), left[-1], tail, reason)
 
 
 def rates(z: np.ndarray, omega: float) -> tuple[np.ndarray, np.ndarray]:
@@ -155,12 +155,12 @@ def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.nda
         return found
 
     shapes = np.eye(n)
-    if n > _MODES:  # about the slowest, by subspace iteration (Bathe 2013)
-        shapes = np.linalg.qr(np.random.default_rng(0).standard_normal((n, min(n, _MODES + _SPARE))))[0]
+    if n > MODES:  # about the slowest, by subspace iteration (Bathe 2013)
+        shapes = np.linalg.qr(np.random.default_rng(0).standard_normal((n, min(n, MODES + SPARE))))[0]
         for _ in range(_SUBSPACE):
             shapes = np.linalg.qr(means(shapes, _SAMPLES)[0])[0]
     matrices = shapes.T @ means(shapes, FEWEST)
-    found = np.linalg.eigh(0.5 * (matrices[0] + matrices[0].T))[1][:, ::-1][:, :_MODES]
+    found = np.linalg.eigh(0.5 * (matrices[0] + matrices[0].T))[1][:, ::-1][:, :MODES]
     return np.ascontiguousarray(shapes @ found), ((found.T @ matrices) * found.T).sum(axis=2)
 
 
@@ -169,7 +169,7 @@ class Orbit:
     """A periodic motion, or where the search for it ended.
 
     grid: the last one; lanes: the motion at its instants, shape (N / LANES, n, LANES)
-    corrections: of all grids
+    grids: instants of all grids on the way, and the corrections on them
     last: the remainder after the last one, as a share of the motion, in the energy norm
     tail: share of the motion in the highest quarter of its harmonics
     reason: why the motion is not found this way, empty where it is
@@ -177,7 +177,7 @@ class Orbit:
 
     grid: Grid
     lanes: np.ndarray
-    corrections: int
+    grids: tuple[tuple[int, int], ...]
     last: float
     tail: float
     reason: str = ""
@@ -195,7 +195,7 @@ class Orbit:
     @property
     def said(self) -> str:
         """How it was found, in words."""
-        corrections = "1 correction leaves" if self.corrections == 1 else f"{self.corrections} corrections leave"
+        corrections = "1 correction leaves" if (n := sum(dict(self.grids).values())) == 1 else f"{n} corrections leave"
         left = f"{self.last:.1e} of the motion, its highest harmonics {self.tail:.1e}"
         return f"spectral: {self.grid.instants} instants of the cycle, {corrections} {left}"
 
@@ -246,11 +246,11 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
 
     Its grid is refined until the highest quarter of the harmonics, and what the corrections left, are below that.
     """
-    instants, corrections, near, before, grid = FEWEST, 0, None, 1.0, None
+    instants, grids, near, before, grid = FEWEST, tuple[tuple[int, int], ...](), None, 1.0, None
     while True:
         grid = Grid.of(system, table, t0, period, instants, grid)
         found = grid.corrected(near, tolerance)
-        corrections += found.corrections
+        grids += found.grids
         if found.reason or found.error <= tolerance:
             break
         fewer = math.log2(max(before / found.tail, 1.0 + 1e-9))  # a resonance may keep the tail of a coarse grid up
@@ -261,6 +261,7 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
         if math.log2(instants) + more > math.log2(MOST) or 2 * grid.sums.size > 3 * _MOST_NUMBERS:
             share = f"{found.tail:.1g} of the motion is in the highest quarter of {instants // 2}"
             reason = f"its harmonics die away too slowly: {share}"
-            return replace(found, corrections=corrections, reason=reason)
+            found = replace(found, reason=reason)
+            break
         near, before, instants = found.lanes, found.tail, round(times * instants)
-    return replace(found, corrections=corrections)
+    return replace(found, grids=grids)
