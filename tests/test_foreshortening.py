@@ -31,6 +31,7 @@ def motion_of(solution, address, kind):
     return np.array([sensor_values(solution.motion, sensor) for sensor in sensors])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "preset"), CASES)
 def test_no_joint_opens(name, preset):
     """To rounding, though the deformation is of any size."""

@@ -21,6 +21,7 @@ ROD, CRANK = '"137 mm"', 'crank = {length = "40 mm", mass = "0.952 kg"}'
 LINE_OF_ROD = ENGINE.read_text().partition(ROD)[0].count("\n") + 1
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("batch", range(BATCHES))
 def test_mutated_scenes_are_read_or_refused(batch, tmp_path):
     """20,000 more with `make extremes`."""

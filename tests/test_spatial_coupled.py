@@ -473,14 +473,14 @@ def test_twist_is_measured_in_radians_whatever_the_size():
             assert abs(other[name].values / unit - expected).max() < 1e-7 * abs(expected).max(), (size, name)
 
 
-@pytest.mark.parametrize("modes", [6, 7, 1000])
+@pytest.mark.parametrize("modes", [2, 3])
 def test_modes_that_the_elements_do_not_have_are_warned_of(modes):
-    settings = ["solve.preset=coupled", "bodies.rod.beam.elements=4", f"solve.modes={modes}"]
+    settings = ["solve.preset=coupled", "bodies.rod.beam.elements=2", f"solve.modes={modes}"]
     model = kaneflex.load(kaneflex.with_settings(kaneflex.read_scene("spatial-slider-crank-elastic"), settings))
     said = [warning for warning in model.warnings if "modes of bending" in warning]
-    if modes == 6:
+    if modes == 2:
         assert said == []
     else:
         (warning,) = said
-        assert warning.startswith("rod has 6 modes of bending in either plane, which solve.modes = ")
-        assert str(modes) in warning and model.motion.module.system.layout.shapes["rod"].count == 24
+        assert warning.startswith("rod has 2 modes of bending in either plane, which solve.modes = ")
+        assert str(modes) in warning and model.motion.module.system.layout.shapes["rod"].count == 12

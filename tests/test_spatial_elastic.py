@@ -53,6 +53,7 @@ def frequencies(M, C, K):
 # ---- the plane, seen otherwise ----------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "preset"),
     [
@@ -370,6 +371,7 @@ def few_steps(name, preset):
     return solved(scene)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("preset", ["quasistatic", "linear", "stiffened"])
 @pytest.mark.parametrize("name", ELASTIC)
 def test_no_joint_opens(name, preset):
