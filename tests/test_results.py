@@ -177,6 +177,11 @@ def test_file_depends_on_neither_clock_nor_place(solution, stored, tmp_path):
     assert str(stored.parent).encode() not in stored.read_bytes()
 
 
+def test_the_summary_counts_elements_as_the_run_has_them():
+    written, overruled = (summarise(run("engine", *more)) for more in ((), ("solve.preset=paper",)))
+    assert written.elements == {"rod": 4} != overruled.elements
+
+
 # ---- the summary ------------------------------------------------------------------------------------------------
 
 

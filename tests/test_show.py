@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from PIL import Image
-from runs import model, short
+from runs import model, run, short
 
 from kaneflex.fem.mobility import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
@@ -17,7 +17,9 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import coordinate_at, drive_rates, place
 from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
 from kaneflex.plots.scheme import scheme
+from kaneflex.plots.spatial import deformed_lines
 from kaneflex.plots.style import picture, styled
+from kaneflex.report.presentation import parts
 from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.support.errors import SceneError
 
@@ -220,6 +222,27 @@ def test_everything_is_named_in_the_drawing(name):
     for drive in scene.drives.values():
         assert drive.kind != "constant speed" or "rpm" in plain or "m/s" in plain
         assert drive.kind != "free" or "free" in plain
+
+
+def test_events_say_which_of_them_end_the_run():
+    met = {"sensor": "mid_transverse", "value": "0.1 mm", "direction": "up"}
+    events = {"seen": met, "met": {**met, "stop": True}}
+    told = parts(scene_of({"schema": 1, "like": "engine", "events": events}))["events"]
+    assert told == {"seen": "mid_transverse passes 0.0001 m upwards",
+                    "met": "mid_transverse passes 0.0001 m upwards, which ends the run"}  # fmt: skip
+
+
+def test_links_in_space_are_drawn_where_their_points_are():
+    """Enlarged once, the rod's end is where its position sensor has it; three times, three displacements away."""
+    motion = run("spatial-slider-crank-elastic", "solve.steps=90").motion
+    frame, (d, *_) = motion.rigid.frame("rod"), motion.displacement("rod", (0.05, 0.0, 0.0))
+    at = np.linspace(0.0, motion.model.links["rod"].length, len(deformed_lines(motion, 1.0)["rod"]))
+    moved = [[np.interp(0.05, at, line[:, i, 7]) for i in range(3)] for line in
+             (deformed_lines(motion, factor)["rod"] for factor in (0.0, 1.0, 3.0))]  # fmt: skip
+    exact = frame.to_global(d[:3])[:, 7]
+    assert abs(exact).max() > 1e-6
+    assert np.subtract(moved[1], moved[0]) == pytest.approx(exact, abs=0.02 * abs(exact).max())
+    assert np.subtract(moved[2], moved[0]) == pytest.approx(3.0 * exact, abs=0.06 * abs(exact).max())
 
 
 def test_labels_cover_neither_each_other_nor_leave_the_picture():

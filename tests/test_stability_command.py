@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from kaneflex.cli.stability import orders_of, range_of, speed_range
 from kaneflex.plots.stability import _over_speed
 from kaneflex.scene import read_scene
-from kaneflex.study.stability.sweep import ORDERS, Sweep
+from kaneflex.study.stability.sweep import ORDERS, Sweep, check_sweep
 from kaneflex.support.errors import SceneError
 
 
@@ -118,3 +118,10 @@ def test_campbells_diagram_names_its_curves():
     assert (named["mode 1"], named["mode 2"]) == ((speeds[0], 10.0), (speeds[4], 40.0))
     assert named["3"] == pytest.approx((speeds[-1], 36.0))
     assert "axes that turn with the links" in campbell.get_title()
+
+
+@pytest.mark.parametrize("name", ["double-pendulum", "pin-ended-cross"])
+def test_without_a_constant_speed_there_is_none_to_vary(name):
+    """Of free joints, and of a frame that nothing drives."""
+    with pytest.raises(SceneError, match="--vary: the first drive has no constant speed"):
+        check_sweep(read_scene(name))
