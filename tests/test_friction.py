@@ -574,3 +574,38 @@ def test_what_sticks_until_the_sides_part_lets_go_whatever_the_unit_of_force():
     for each in found:
         assert each.outcome is Outcome.COMPLETED, each.message
         assert each["turning"].values[-1] == pytest.approx(found[0]["turning"].values[-1], rel=1e-6)
+
+
+def nine_blocks(order) -> str:
+    """Nine blocks, each of which slides on the one before against a dry force of its own; entries in this order."""
+    parts = {
+        "bodies": "b{k} = {{mass = {mass}}}", "drives": "j{k} = {{free = true}}",
+        "joints": 'j{k} = {{prismatic = ["{on}", "b{k}"], direction = [1, 0], friction = {{preload = {held}}}}}',
+        "loads": 'f{k} = {{force_on = "b{k}", direction = [1, 0], value = 1}}',
+        "sensors": 'v{k} = {{velocity = "b{k}", component = "x"}}',
+    }  # fmt: skip
+    values = [{"k": k, "mass": 1 + 0.1 * k, "held": 1 + 0.37 * k, "on": f"b{k - 1}" if k else "ground"} for k in order]
+    rows = [f"[{name}]\n" + "\n".join(row.format(**of) for of in values) for name, row in parts.items()]
+    solve = '[solve]\npreset = "coupled"\nduration = "1 ms"\nsteps = 1\nerrors = "none"\n'
+    return "\n".join(["schema = 1", *rows, solve])
+
+
+def test_nine_blocks_at_rest_choose_who_slips_in_any_order_and_unit():
+    """More than are tried one by one: what sticks bears no more than it can, what slips is dragged by all of that."""
+    random, unit = np.random.default_rng(9), 1e-6
+    scenes = [scene_of(nine_blocks(order)) for order in (range(9), random.permutation(9))]
+    masses, held = 1 + 0.1 * np.arange(9), 1 + 0.37 * np.arange(9)
+    for size in (1.0, unit):
+        small = [f"b{k}.mass={masses[k] * size!r}" for k in range(9)]
+        small += [f"j{k}.friction.preload={held[k] * size!r}" for k in range(9)]
+        for forces in random.uniform(-6.0, 6.0, (4, 9)):
+            settings = [*small, *(f"f{k}.value={float(forces[k]) * size!r}" for k in range(9))]
+            settings = [text.replace("np.float64(", "").replace(")", "") for text in settings]
+            runs = [solve(load(with_settings(scene, settings))) for scene in scenes]
+            assert {run.outcome for run in runs} == {Outcome.COMPLETED}
+            moved, other = (np.array([run.series[f"v{k}"].values[-1] for k in range(9)]) / 1e-3 for run in runs)
+            np.testing.assert_allclose(moved, other, atol=1e-9)
+            borne, slip = np.cumsum((masses * moved - forces)[::-1])[::-1], np.diff(moved, prepend=0.0)
+            assert (abs(borne) <= held * (1 + 1e-6)).all()
+            slips = abs(slip) > 1e-7
+            np.testing.assert_allclose(borne[slips], (-held * np.sign(slip))[slips], rtol=1e-5)
