@@ -185,7 +185,7 @@ def picture(make: Callable[[], Figure], kind: str) -> bytes:
 def readable(unit: str, *values: np.ndarray) -> tuple[float, str]:
     """Factor from the SI ``unit`` and label of the unit in which all of ``values``, NaN left out, are read at ease."""
     largest = max((float(np.fmax.reduce(np.abs(part), axis=None, initial=0.0)) for part in values), default=0.0)
-    choices = _READ_AS[unit]
+    choices = _READ_AS.get(unit, ((unit, 1.0, 0.0),))  # others, as of derivatives, in SI
     if largest == 0.0:
         return choices[0][1], choices[0][0]
     return next((factor, label) for label, factor, least in choices if largest * factor >= least)
