@@ -29,7 +29,7 @@ from kaneflex.solve.standalone_numbers import (
     tables,
     wrapped,
 )
-from kaneflex.solve.standalone_sensors import Texts, foreshortening_text, pair, sensor_text
+from kaneflex.solve.standalone_sensors import Texts, pair, sensor_text
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import visible
 
@@ -70,7 +70,7 @@ def standalone(scene: Scene, progress: Callable[[str], None] = lambda stage: Non
         filled(parts.EQUATIONS, lumps=said.lumps(), H_=", H" * geometric, K_g=parts.K_G * geometric,
                unpacked=parts.UNPACKED if geometric else "M, G, K_s, f = ELEMENTS[link]"),
         *_integration(model, begun),
-        foreshortening_text(said) if model.options.foreshortening else "",
+        _foreshortening(said) if model.options.foreshortening else "",
         sensing,
     ]  # fmt: skip
     text = narrowed(re.sub("\n\n\n\n+", "\n\n\n", "".join(texts)))
@@ -203,6 +203,24 @@ def _runs(pairs: Sequence[tuple[int, int]]) -> Iterator[tuple[str, str]]:
         ends = [(first, last + 1) for first, last in zip(group[0], group[-1], strict=True)]
         at, of = (str(i) if j == i + 1 else f"range({i}, {j})".replace("(0, ", "(") for i, j in ends)
         yield at, of
+
+
+def _foreshortening(texts: Texts) -> str:
+    """What joints hold of each link, and the functions that close them when bent links shorten."""
+    model = texts.model
+    held = {name: sorted(texts.interfaces.held_rows(link.part)) for name, link in model.links.items()}
+    used: set[int] = set()
+    for name, rows in held.items():
+        pattern = as_array(texts.frame.maps[name].pattern())[rows]
+        used |= set(np.flatnonzero(pattern.sum(axis=0)).tolist())
+    used_text = f"USED = {sorted(used)!r}  # and what of z moves that"
+    if len(used) == len(model.coordinates):
+        used_text = "USED = list(range(N))  # and what of z moves that"
+    loose = any(len(rows) < 3 for rows in held.values())
+    functions = filled(parts.FORESHORTENING, undetermined=parts.UNDETERMINED * loose)
+    texts_held = wrapped("HELD = ", (f"{name!r}: {rows!r}" for name, rows in held.items()), "{}",
+                         "  # what joints hold of each link")  # fmt: skip
+    return f"\n\n{texts_held}\n{used_text}\n{functions}"
 
 
 # ---- integration ----

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
-import numpy as np
-
 from kaneflex.multibody.model import Model
 from kaneflex.response.sensors import address_of
 from kaneflex.scene.quantities import Address
@@ -395,21 +393,3 @@ def sensor_text(texts: Texts) -> str:
     )  # fmt: skip
     unwrapped = filled(parts.ANGLES, names=repr(angles)) if angles else ""
     return text + filled(parts.MAIN, angles=unwrapped, reference=repr(float(model.reference_time)))
-
-
-def foreshortening_text(texts: Texts) -> str:
-    """What joints hold of each link, and the functions that close them when bent links shorten."""
-    model = texts.model
-    held = {name: sorted(texts.interfaces.held_rows(link.part)) for name, link in model.links.items()}
-    used: set[int] = set()
-    for name, rows in held.items():
-        pattern = np.asarray(texts.frame.maps[name].pattern())[rows]
-        used |= set(np.flatnonzero(pattern.sum(axis=0)).tolist())
-    used_text = f"USED = {sorted(used)!r}  # and what of z moves that"
-    if len(used) == len(model.coordinates):
-        used_text = "USED = list(range(N))  # and what of z moves that"
-    loose = any(len(rows) < 3 for rows in held.values())
-    functions = filled(parts.FORESHORTENING, undetermined=parts.UNDETERMINED * loose)
-    texts_held = wrapped("HELD = ", (f"{name!r}: {rows!r}" for name, rows in held.items()), "{}",
-                         "  # what joints hold of each link")  # fmt: skip
-    return f"\n\n{texts_held}\n{used_text}\n{functions}"
