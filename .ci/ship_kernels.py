@@ -18,7 +18,8 @@ RECORD = """
 import sys
 from pathlib import Path
 
-from kaneflex import load, read_scene, shipped_scenes, simulate, with_settings
+from kaneflex import shipped_scenes
+from kaneflex.cli import main
 from kaneflex.integrate.methods import METHODS
 from kaneflex.support.shipped_kernels import archive_name, recording
 
@@ -29,9 +30,9 @@ folder, *scenes = sys.argv[1:]
 with recording(Path(folder) / archive_name()):
     for name in scenes or shipped_scenes():
         for settings in ([], *(VARIANTS.get(name, ()) if not scenes else ())):
-            solution = simulate(load(with_settings(read_scene(name), settings)))
-            {each: solution.series[each] for each in solution.keys()}, solution.errors
             print(name, *settings, flush=True)
+            words = [word for each in settings for word in ("--set", each)]
+            main(["run", name, *words, "--no-plots", "--quiet", "--force", "-o", "results"], standalone_mode=False)
 """
 
 

@@ -1,8 +1,9 @@
 """Kernels that an installation brings compiled, so that its first runs don't wait for numba.
 
-Machine code is one processor's. What is shipped is what numba makes it of, LLVM's bitcode of the optimised functions,
-which depends on the platform alone: a tenth of the time makes machine code of it, for this processor, and numba then
-keeps that as if it had compiled the function. Four fifths of compiling are numba's own work, in Python.
+Each function is shipped twice: as machine code, which is used where the processor has the same instructions as the one
+that made it, and as LLVM's bitcode of the optimised function, which depends on the platform alone. On other processors
+machine code is made of the bitcode, in a tenth of the time that compiling takes. numba keeps either as if it had
+compiled the function.
 
 An archive is for one platform and for the versions of Python, numba and llvmlite in its name, and it says of which
 sources it was made. Where anything differs, or nothing was shipped, as in a checkout, functions are compiled.
@@ -45,9 +46,11 @@ def recording(archive: Path) -> Iterator[None]:
         def save_here_too(self, sig, result) -> None:
             save(self, sig, result)
             if _ours(self) and self._impl.check_cachable(result):
-                (name, _, (_, shared)), *rest = result._reduce()
+                (name, _, (machine, shared)), *rest = result._reduce()
                 whole = result.library.serialize_using_bitcode()[-1]
-                kept.writestr(_key(self, sig, result.codegen), dumps((name, whole, shared, rest)))
+                # the last part of numba's tuple are the processor's instructions: its name only tunes the machine code
+                parts = name, result.codegen.magic_tuple()[-1], machine, whole, shared, rest
+                kept.writestr(_key(self, sig, result.codegen), dumps(parts))
 
         FunctionCache._save_overload = save_here_too
         try:
@@ -89,7 +92,7 @@ def _look_here() -> None:
 
 
 def _made(kept: Any, sig: Any, context: Any) -> Any:
-    """A function made of its bitcode, and kept by numba; None where it was not shipped, or can't be read."""
+    """A function that was shipped, and kept by numba; None where it was not shipped, or can't be read."""
     from llvmlite.binding import parse_bitcode
 
     codegen = context.codegen()
@@ -98,8 +101,10 @@ def _made(kept: Any, sig: Any, context: Any) -> Any:
         name = _key(kept, sig, codegen)
         if archive is None or name not in archive.NameToInfo:
             return None
-        library, whole, shared, rest = pickle.loads(archive.read(name))
-        payload = ((library, "object", (codegen._tm.emit_object(parse_bitcode(whole)), shared)), *rest)
+        library, instructions, machine, whole, shared, rest = pickle.loads(archive.read(name))
+        if instructions != codegen.magic_tuple()[-1]:
+            machine = codegen._tm.emit_object(parse_bitcode(whole))
+        payload = ((library, "object", (machine, shared)), *rest)
         found = kept._impl.rebuild(context, payload)
         kept._impl.locator.ensure_cache_path()
         kept._cache_file.save(kept._index_key(sig, codegen), payload)
