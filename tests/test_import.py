@@ -243,6 +243,7 @@ def test_files_in_other_axes_tell_the_same_stresses(recovered):
         ({"waist=0.066": "mid=0.066"}, "section mid at 0.066 is not half-way"),
         ({"waist=0.066": "2x=0.066"}, "'2x' is not a name"),
         ({"waist=0.066": "waist"}, "--section 'waist' gives no value to a name"),
+        ({"waist=0.066": "waist="}, "--section 'waist=' gives no value to a name"),
     ],
 )  # fmt: skip
 def test_what_is_refused_of_sections_and_stresses(odd_files, changed, message):
