@@ -179,6 +179,27 @@ def test_a_linkage_that_stands_at_its_change_point_is_named():
         load(scene_of(FOUR_BAR.format(**BARS, drive=drive, preset="rigid")))
 
 
+def test_a_run_that_starts_at_a_change_point_is_named():
+    """At 180 deg the bars lie on one line; at 0 deg two pins coincide, and what is placed on them locks the crank: the
+    run completed, and began at rest."""
+    raw = ladder(1, 1e-8)
+    raw["drives"]["A0"] |= {"angle": "180 deg", "initial_speed": "-5 rad/s"}
+    solution = simulate(load(scene_of(raw)))
+    assert solution.outcome is Outcome.SINGULAR and len(solution.times) == 1
+    assert "singular position" in solution.message
+    raw["drives"]["A0"]["angle"] = "0 deg"
+    with pytest.raises(SceneError, match=r"drives.A0.initial_speed = -5.*singular position.*Start beside"):
+        simulate(load(scene_of(raw)))
+
+
+def test_a_free_joint_that_stops_at_a_singular_position_is_told_so():
+    """It was said that its motion is too fast, and to raise the tolerance."""
+    raw = ladder(1, 1e-8)
+    raw["solve"] = {"preset": "rigid", "duration": "3 s", "steps": 300, "errors": "none"}
+    with pytest.raises(SceneError, match=r"joints\.C0: .* singular position at t = 0\.708.*Take preset coupled"):
+        load(scene_of(raw))
+
+
 def test_a_change_point_of_unequal_bars_keeps_the_energy():
     """At 180 deg; where the motion is interpolated nothing but the energy knows that it is the right one."""
     drive = 'free = true, angle = "90 deg", initial_speed = "4 rad/s"'

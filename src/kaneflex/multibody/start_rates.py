@@ -36,6 +36,28 @@ def closed(system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> np.ndarray | 
     return system.unfold(system.engine.row(0.0)[None]).q[0] if system.engine.move_on(0.0) else None
 
 
+def check_kept(scene: Scene, system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> None:
+    """Free joints must start as fast as the scene says: where loops lock, they may not let them."""
+    speeds = _initial_speeds(scene)
+    if not speeds or scene.contacts or closed(system, q, v) is None:  # sides that touch may change them at once
+        return
+    moving = system.unfold(system.engine.row(0.0)[None]).v[0]
+    rates = jacobian(system, q, list(speeds))[len(system.constraints) :] @ moving
+    for (name, speed), rate in zip(speeds.items(), rates.tolist(), strict=True):
+        if not abs(rate - speed) <= _MISSED * abs(speed):
+            raise SceneError(
+                f"drives.{name}.initial_speed", speed,
+                f"where the run starts its loops let it move at {rate:.6g} only: one of them locks it, or stands at a "
+                "singular position", "Start beside this position, or give the speed of another joint",
+            )  # fmt: skip
+
+
+def _initial_speeds(scene: Scene) -> dict[str, float]:
+    """Speeds that the scene gives of free joints."""
+    return {name: drive.initial_speed for name, drive in scene.drives.items()
+            if drive.kind == "free" and "initial_speed" in drive.model_fields_set}  # fmt: skip
+
+
 def fitted(
     scene: Scene, system: CoupledSystem, q: np.ndarray, v: np.ndarray, given: Mapping[str, float | str]
 ) -> np.ndarray:
@@ -50,8 +72,7 @@ def fitted(
     measure, frames = system.measure(system.mechanism.size or 1.0), np.zeros(system.size, bool)
     for k in system.start.values():
         frames[k : k + BODY] = True
-    speeds = {name: drive.initial_speed for name, drive in scene.drives.items()
-              if drive.kind == "free" and "initial_speed" in drive.model_fields_set}  # fmt: skip
+    speeds = _initial_speeds(scene)
     rows, wanted = _rows(system, q, measure, list(speeds))
     held, rate = len(system.constraints), v / measure
     words = _Words(given, {name: (measure[k], f"{unit}/s") for k, (name, unit) in enumerate(system.coordinates)})

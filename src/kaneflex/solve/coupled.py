@@ -112,7 +112,10 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
         return _given(model, system, q, v)
     q = unwrapped(model.scene, system, q, first)
     _check_turns(model.scene, system, q)
-    return _slow(model, q, first) if model.options.start == "quasistatic" else (q, v)
+    if model.options.start == "quasistatic":
+        return _slow(model, q, first)
+    start_rates.check_kept(model.scene, system, q, v)
+    return q, v
 
 
 def _given(

@@ -26,6 +26,8 @@ from kaneflex.support.errors import SceneError
 
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, m and their rates, as a share of the relative one."""
+_SINGULAR = 1e-3
+"""Transmission angle [rad], or least singular value of constraints, below which a loop is as good as singular."""
 _PIECES = 10
 """Cubics for each stretch of an integrator of eighth order: between its steps it is as exact as on them."""
 _MOST_NUMBERS = 2e7
@@ -135,7 +137,22 @@ class _Steps:
                 f"drives.{free[0]}", "free", f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}",
                 "Shorten the duration, or change loads or start so that no linkage locks",
             )  # fmt: skip
-        return SceneError(f"drives.{free[0]}", "free", self.pace.message(t), SLOW)
+        return self._singular(t, rigid) or SceneError(f"drives.{free[0]}", "free", self.pace.message(t), SLOW)
+
+    def _singular(self, t: float, rigid: RigidMotion) -> SceneError | None:
+        """Why the motion stands still at a singular position of a loop; None elsewhere."""
+        from kaneflex.mechanism.dead_centres import closings
+        from kaneflex.mechanism.reach import courses_of
+
+        found = [each for each in closings(self.scene, courses_of(self.scene, rigid)) if each.values.min() < _SINGULAR]
+        if not found:
+            return None
+        return SceneError(
+            f"joints.{found[0].name}", None,
+            f"the loop that it closes is at a singular position at t = {t:.6g} s, {found[0].stand}: branches of its "
+            "motion meet there, and joint forces have no finite value",
+            "Take preset coupled, which goes on along a branch, or shorten the duration",
+        )  # fmt: skip
 
 
 def _sampled(curves: list, begun: float, end: float) -> list[tuple[float, np.ndarray]]:
