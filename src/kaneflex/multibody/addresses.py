@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.types import FunctionType, float64
 
 from kaneflex.multibody.tables import Handle
-from kaneflex.support.inner import compiling
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """While numba compiles what takes functions: their types are used without a word."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        yield
 
 
 @cache

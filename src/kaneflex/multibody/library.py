@@ -52,6 +52,7 @@ from kaneflex.multibody import (
     unfolding,
     yielding,
 )  # fmt: skip
+from kaneflex.multibody.addresses import compiling
 from kaneflex.multibody.tables import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, OUTER, Handed
 from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
@@ -122,7 +123,7 @@ def library(mechanism: Handed) -> dict[Any, Callable[..., Any]]:
 
     ``mechanism``: what it is handed; that of a mechanism with contacts, or with holds besides, has functions more.
     """
-    with inner.compiling():
+    with compiling():
         found = _ENTERED[mechanism]()
     of_c: dict[Any, Callable[..., Any]] = {}
     for (function, signature), address in zip(ENTRIES.items(), found, strict=True):

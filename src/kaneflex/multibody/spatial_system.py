@@ -10,7 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
-from kaneflex.multibody.addresses import kernel_address, kernel_of_c
+from kaneflex.multibody.addresses import compiling, kernel_address, kernel_of_c
 from kaneflex.multibody.binding import bind_parameters
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_instant import DONE, Laws, check
@@ -56,7 +56,6 @@ from kaneflex.multibody.spatial_turns import ball_about
 from kaneflex.multibody.spatial_work import Instants, Work, work_of
 from kaneflex.multibody.tables import STRUCTURE_KERNELS
 from kaneflex.scene import Scene
-from kaneflex.support.inner import compiling
 
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
 

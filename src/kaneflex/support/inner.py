@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 
 from numba.core import types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
-from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.core.typed_passes import InlineOverloads, NativeLowering
 from numba.core.untyped_passes import InlineClosureLikes
 
@@ -66,11 +62,3 @@ _NOT_NEEDED = (InlineClosureLikes, InlineOverloads)
 
 def _with_the_caller() -> None:
     """Optimised, and made machine code of, is what encloses this."""
-
-
-@contextmanager
-def compiling() -> Iterator[None]:
-    """While numba compiles what takes functions: their types are used without a word."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        yield
