@@ -9,7 +9,7 @@ import click
 
 from kaneflex.cli.command import Count, command, json_option, print_json
 from kaneflex.cli.folders import path_option
-from kaneflex.cli.scene import SceneArguments, at_option, gathered, scene_options
+from kaneflex.cli.scene import SceneArguments, at_option, gathered, scene_options, uncollected
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import Waiting, echo
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 @command(name="list")
 @json_option
+@uncollected()
 def list_(as_json: bool) -> None:
     """List the shipped scenes, the presets and the integrators."""
     from kaneflex.integrate.methods import METHODS
@@ -51,6 +52,7 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
 )  # fmt: skip
 @json_option
 @gathered(asked=SceneArguments)
+@uncollected()
 def check(asked: SceneArguments, as_json: bool) -> None:
     """Check every entry of SCENE and close its loops over the range of the drives; nothing is solved.
 
@@ -87,6 +89,7 @@ def check(asked: SceneArguments, as_json: bool) -> None:
 )
 @click.option("--force", is_flag=True, help="Replace existing files of --export.")
 @gathered(asked=SceneArguments)
+@uncollected()
 def modes(
     asked: SceneArguments, at: str | None, count: int | None, as_json: bool, export: Path | None, force: bool
 ) -> None:

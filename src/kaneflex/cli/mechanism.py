@@ -12,7 +12,7 @@ import click
 
 from kaneflex.cli.command import command, json_option, names_option, print_json
 from kaneflex.cli.folders import check_file, check_picture, force_option, output_option, path_option
-from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathered, read, scene_options
+from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathered, read, scene_options, uncollected
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.support.atomic_output import refuse_existing, write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 @force_option
 @json_option
 @gathered(asked=SceneArguments)
+@uncollected()
 def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], force: bool, as_json: bool) -> None:
     """Draw SCENE with its bodies, joints, drives, loads and sensors, and count its degrees of freedom.
 

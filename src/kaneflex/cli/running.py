@@ -10,7 +10,7 @@ import click
 
 from kaneflex.cli.command import command, json_option, names_option
 from kaneflex.cli.folders import Target, folder_options, moving_options, path_option, which_pictures
-from kaneflex.cli.scene import STOPPED_EARLY, SceneArguments, gathered, scene_options
+from kaneflex.cli.scene import STOPPED_EARLY, SceneArguments, gathered, scene_options, uncollected
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
@@ -64,7 +64,7 @@ def run(
     \b
       kaneflex run engine --preset coupled --set rod.elements=4 -o results
     """
-    from kaneflex.cli.workflow import Demand, run_into, uncollected
+    from kaneflex.cli.workflow import Demand, run_into
     from kaneflex.report.tables import ending
     from kaneflex.scene.write_back import file_to_write, write_settings
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import wraps
 from importlib import import_module
@@ -154,3 +156,18 @@ def mode_angle(scene: Scene, at: str) -> float:
         cure = f"Give the angle of {first}"
         raise SceneError("--at", at, "a configuration is given by the first drive's angle", cure)
     return angle
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """No garbage collection, now or later, of what is made within.
+
+    Most of it are modules, which live until the end; to look through them again and again for garbage, and once
+    more at the end, takes a third of a warm run.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()

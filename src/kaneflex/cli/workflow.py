@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kaneflex.cli.folders import Target
+from kaneflex.cli.scene import uncollected
 from kaneflex.scene import with_settings
 from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.output_folders import whole_folder, writing
@@ -96,21 +95,6 @@ def run_into(
             pictures = _show(solution, found, partial, target, waiting) if whole else []
             _report(solution, summary, pictures, partial)
     return summary
-
-
-@contextmanager
-def uncollected() -> Iterator[None]:
-    """No garbage collection, now or later, of what is made within.
-
-    Most of it are modules, which live until the end; to look through them again and again for garbage, and once
-    more at the end, takes a third of a warm run.
-    """
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
 
 
 def _choose(scene: Scene, demand: Demand, waiting: Waiting) -> Choice:

@@ -11,7 +11,6 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from kaneflex.scene.check import problems_of
 from kaneflex.scene.fields import known_keys
 from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, given_value
@@ -218,6 +217,8 @@ def file_entries(raw: Mapping[str, Any]) -> dict[str, tuple[dict[str, Any], str]
 
 def _validated(raw: dict[str, Any], source: str, like: Scene | None = None) -> Scene:
     """The scene of its tables; those that it shares with another one are not validated again."""
+    from kaneflex.scene.check import problems_of
+
     try:
         scene = Scene.model_validate(raw if like is None else like.known(raw))
     except ValidationError as error:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.scene.contacts import ClearanceContact
@@ -146,6 +145,10 @@ def check_start(model: Model) -> None:
 def check_apart(model: Model) -> None:
     """Raise SceneError where the two sides of a contact lie in each other at the start, beyond rounding."""
     mechanism, rigid = mechanism_of(model.scene), model.motion.at(0.0)
+    if not mechanism.contacts:
+        return
+    from kaneflex.mechanism.contacts import apart
+
     for name, contact in mechanism.contacts.items():
         first, second = (rigid.frame(side.body) for side in contact.sides)
         if contact.kind == "angle":

@@ -15,8 +15,7 @@ import numpy as np
 Variable = tuple[tuple[str, ...], np.ndarray, Mapping[str, str | float]]
 """Names of its dimensions, values in one of the types of netCDF 3, attributes."""
 _TYPES = {"i1": 1, "S1": 2, "i2": 3, "i4": 4, "f4": 5, "f8": 6}
-_CHARACTERS, _DOUBLE = 2, 6
-_DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
+_CHARACTERS, _DOUBLE, _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 2, 6, 10, 11, 12
 _LARGEST = 2**32 - 1
 """Size in the header of a variable that is larger than this many bytes."""
 
