@@ -19,9 +19,7 @@ Maps = tuple[TimeSegments, np.ndarray, np.ndarray]
 _GROWS = 1e6  # in a cycle, of which rounding becomes 1e-10
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
 _MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
-_FOR_A_STEP, _MOST_OPERATIONS = 300, 1.5e12
-"""Operations of a step of radau for all 2 n states of a banded system, as a multiple of n^2 (the engine's rod of 100
-elements: 4e10 in 6.5 s of a core), and how many a cycle may take: some minutes."""
+_FOR_A_STEP, _MOST_OPERATIONS = 300, 1.5e12  # by n^2: of all 2 n states (engine: 4e10 in 6.5 s of a core); of a cycle
 LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
 _SHARE, _MOST_CYCLES = 1e-4, 100
 """Of what a cycle leaves of a state, that its correction may leave, and cycles that may take."""
@@ -65,13 +63,11 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
     modulus; more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2. A motion whose
     disturbances grow is found, too, unless rounding would leave nothing of it by the end of the cycle.
     """
-    if too_long(setup.system.n, period_steps):
-        raise SceneError(
-            "solve.start", "periodic",
-            f"a periodic motion of {setup.system.n} coordinates in {period_steps} steps follows {2 * setup.system.n} "
-            f"states over a cycle: about {_FOR_A_STEP * period_steps * setup.system.n**2:.1g} operations",
-            "Set solve.reduction = 'craig-bampton' and some solve.modes, take fewer elements, or start from zero",
-        )  # fmt: skip
+    n = setup.system.n
+    if (work := _FOR_A_STEP * period_steps * float(n) ** 2) > _MOST_OPERATIONS:
+        reason = f"its {n} coordinates in {period_steps} steps are {2 * n} states over a cycle: about {work:.1g} operations"
+        cure = "Set solve.reduction = 'craig-bampton' and some solve.modes, take fewer elements, or start from zero"
+        raise SceneError("solve.start", "periodic", reason, cure)
     cycle = over_a_cycle(setup, period_steps)
     if cycle.outcome is not Outcome.COMPLETED:
         return Beginning(None, None, cycle.outcome, cycle.message)
@@ -82,11 +78,6 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(cycle.forced)) - cycle.monodromy, cycle.forced)
     return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message, cycle.segments)
-
-
-def too_long(n: int, period_steps: int) -> bool:
-    """Whether to follow all states of n coordinates over a cycle takes more than some minutes."""
-    return _FOR_A_STEP * period_steps * float(n) ** 2 > _MOST_OPERATIONS
 
 
 def corrected_state(

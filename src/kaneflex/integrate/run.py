@@ -20,7 +20,6 @@ from kaneflex.integrate.periodic import (
     over_a_cycle,
     periodic_state,
     repeated,
-    too_long,
 )
 from kaneflex.integrate.spectral import Orbit, periodic_orbit
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
@@ -130,8 +129,6 @@ def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome,
     moved = monodromy(grid)
     if dies_away(moved):
         return Outcome.COMPLETED, "", partial(_eigenvalues, moved)
-    if too_long(run.system.n, steps):
-        return Outcome.COMPLETED, "whether disturbances grow is not known: they have too many coordinates", None
     cycle = replace(run, method="radau", n_steps=steps)
     judged = periodic_state(set_up(cycle, progress), steps)
     return judged.outcome, judged.message, judged.multipliers
