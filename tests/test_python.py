@@ -1,5 +1,6 @@
 """The package from Python: scenes from tables and text, what values offer, studies as functions, what is logged."""
 
+import inspect
 import logging
 import pickle
 import re
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.io import netcdf_file
 
 import kaneflex
 from kaneflex.cli import main
@@ -93,6 +95,33 @@ def test_reprs_are_a_line_and_a_table_in_a_notebook(engine):
     assert "mid_transverse" in engine._repr_html_()
     odd = kaneflex.with_settings(engine.model.scene, ['description="<b> & co"'])
     assert "&lt;b&gt; &amp; co" in odd._repr_html_()
+
+
+def test_settings_are_also_a_dict(engine):
+    scene = engine.model.scene
+    given = {"rod.length": "140 mm", "rod.elements": 2, "solve.start": "zero", "loads.gas": "none"}
+    found = kaneflex.with_settings(scene, given)
+    same = kaneflex.with_settings(scene, ["rod.length=140 mm", "rod.elements=2", "solve.start=zero", "loads.gas=none"])
+    assert found == same and found.bodies["rod"].length == pytest.approx(0.14)
+    with pytest.raises(kaneflex.SceneError, match=r"rod.lenth = 140 mm|rod.lenth = '140 mm'"):
+        kaneflex.with_settings(scene, {"rod.lenth": "140 mm"})
+
+
+def test_a_solution_writes_what_a_run_writes(engine, tmp_path):
+    engine.to_netcdf(tmp_path / "own.nc")
+    engine.to_csv(tmp_path / "own.csv")
+    assert len(engine) == len(list(engine)) and engine
+    with netcdf_file(tmp_path / "own.nc", mmap=False) as found:
+        np.testing.assert_array_equal(found.variables["mid_transverse"][:], engine.series["mid_transverse"].values)
+    assert (tmp_path / "own.csv").read_text().count("\n") == len(engine.times) + 1
+
+
+def test_names_are_the_public_ones():
+    assert dir(kaneflex) == sorted([*kaneflex.__all__, "__version__"])
+    judged = kaneflex.stability(kaneflex.read_scene("mathieu"))
+    assert repr(judged).startswith("Stability(mathieu") and len(repr(judged)) < 200
+    for name in filter(str.islower, kaneflex.__all__):
+        assert "lambda" not in str(inspect.signature(getattr(kaneflex, name))), name
 
 
 def test_modes_are_those_of_the_command():

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from kaneflex.scene.fields import known_keys
 from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, given_value
-from kaneflex.scene.settings import nested
+from kaneflex.scene.settings import nested, split_setting
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
 from kaneflex.support.escaping import visible
@@ -73,8 +73,8 @@ def scene_of(given: Mapping[str, Any] | str, folder: str | Path = ".") -> Scene:
 
 
 @takes(scene="scene", settings="settings")
-def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
-    """The scene with "path=value" settings, validated anew.
+def with_settings(scene: Scene, settings: Iterable[str] | Mapping[str, Any]) -> Scene:
+    """The scene with settings, {path: value} or a list of "path=value", validated anew.
 
     "rod.elements=1" is short for "bodies.rod.beam.elements=1"; "loads.gas=none" removes what the scene has.
     Raises SceneError: a path that leads nowhere or to several places, a value the scene cannot have.
@@ -82,8 +82,9 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     if isinstance(settings, str):
         raise SceneError("settings", settings, "one text, where a list of settings is wanted", f"Write [{settings!r}]")
     raw = scene.raw
-    for setting in settings:
-        raw = merged(raw, nested(raw, setting))
+    given = settings.items() if isinstance(settings, Mapping) else map(split_setting, settings)
+    for setting in given:
+        raw = merged(raw, nested(raw, *setting))
     return _validated(raw, scene.source, scene)
 
 

@@ -16,17 +16,21 @@ _NAMED = ("bodies", "joints", "drives", "masses", "loads", "springs", "contacts"
 """Top-level tables whose entries users name."""
 
 
-def nested(raw: Mapping[str, Any], setting: str) -> dict[str, Any]:
-    """The setting "path=value" as nested tables, to be merged over `raw`.
-
-    Raises SceneError: no "=", a path that leads nowhere, a short path that means several places.
-    """
+def split_setting(setting: str) -> tuple[str, Any, str]:
+    """Path, value and the value's text of "path=value". Raises SceneError without "=" or path."""
     path, equals, text = setting.partition("=")
-    path = path.strip()
-    if not equals or not path:
+    if not equals or not path.strip():
         raise SceneError("setting", setting, "not of the form path=value", "Write like rod.elements=1")
-    result: Any = _value(text.strip())
-    for key in reversed(resolved(raw, path, text.strip())):
+    return path.strip(), _value(text.strip()), text.strip()
+
+
+def nested(raw: Mapping[str, Any], path: str, value: Any, text: str | None = None) -> dict[str, Any]:
+    """A setting as nested tables, to be merged over `raw`; an error shows the value as ``text``.
+
+    Raises SceneError: a path that leads nowhere, a short path that means several places.
+    """
+    result = value
+    for key in reversed(resolved(raw, path, str(value) if text is None else text)):
         result = {key: result}
     return result
 

@@ -32,7 +32,7 @@ from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import MAX_STORED, check_memory
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
-from kaneflex.support.terminal import share_of
+from kaneflex.support.terminal import share_of, silent
 
 if TYPE_CHECKING:
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
@@ -55,14 +55,14 @@ copyreg.pickle(Model, _pickled)
 
 @takes(scene="scene", progress="function", like="model")
 def load(
-    scene: Scene, progress: Progress = lambda stage: None, like: Model | None = None, pruned: bool = False
+    scene: Scene, progress: Progress | None = None, like: Model | None = None, pruned: bool = False
 ) -> Model:
     """Bind a scene to its generated module.
 
     Parameters
     ----------
     scene : Scene
-    progress : callable
+    progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     like : Model, optional
         Of a similar scene: where the equations are the same they are taken from it, which gives the same model sooner.
@@ -79,7 +79,7 @@ def load(
     SceneError
         If the linkage can't close over the drives' range, or the scene asks for what is not available.
     """
-    return replace(_load(scene, progress, like, pruned), given=scene)
+    return replace(_load(scene, progress or silent, like, pruned), given=scene)
 
 
 def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) -> Model:

@@ -65,8 +65,8 @@ class Modes:
         }
 
 
-@takes(scene="scene", count="whole", stage="function")
-def modes(scene: Scene, count: int | None = None, stage: Callable[[str], None] = lambda name: None) -> Modes:
+@takes(scene="scene", count="whole", progress="function")
+def modes(scene: Scene, count: int | None = None, progress: Callable[[str], None] | None = None) -> Modes:
     """Undamped natural frequencies and mode shapes at ``solve.mode_angle``, from K_s and M alone.
 
     Preset ``paper`` adds K_d, as the paper's eq. (99) does.
@@ -76,7 +76,7 @@ def modes(scene: Scene, count: int | None = None, stage: Callable[[str], None] =
     scene : Scene
     count : int, optional
         How many of the lowest; by default all, MOST_FREQUENCIES at most.
-    stage : callable
+    progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
 
     Raises
@@ -84,7 +84,7 @@ def modes(scene: Scene, count: int | None = None, stage: Callable[[str], None] =
     SceneError
         If the scene can't be loaded, nothing is elastic, or it has fewer modes.
     """
-    model = load(scene, stage)
+    model = load(scene, progress)
     if model.options.dynamics != "coupled":
         number = _count(model, model.equations.size, count)
         omega, shapes = reference_modes(model, number)

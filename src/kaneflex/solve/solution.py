@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, KeysView, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from kaneflex.response.time_statistics import Statistics, statistics_of_all
 from kaneflex.scene import Scene
 from kaneflex.solve.initial import STATE, start_coordinates
 from kaneflex.support.errors import SceneError, installed, told
+from kaneflex.support.terminal import silent
 from kaneflex.support.units import LARGEST
 
 if TYPE_CHECKING:
@@ -83,6 +85,14 @@ class Solution:
         """The names of the sensors."""
         return iter(self.series)
 
+    def __len__(self) -> int:
+        """How many sensors there are."""
+        return len(self.series)
+
+    def __bool__(self) -> bool:
+        """True, also without sensors."""
+        return True
+
     def keys(self) -> KeysView[str]:
         """The names of the sensors, those of ``NAME_rigid`` included, so that ``dict(solution)`` has their series."""
         return self.series.keys()
@@ -129,13 +139,13 @@ class Solution:
         return self.estimated()
 
     def estimated(
-        self, progress: Callable[[float], None] = lambda done: None
+        self, progress: Callable[[float], None] | None = None
     ) -> tuple[Mapping[str, ErrorEstimate], str]:
         """:attr:`errors`; the first time ``progress`` is called with the finished share of the work, 0 to 1."""
         if "_errors" not in vars(self):
             from kaneflex.solve.error_estimates import error_estimates
 
-            vars(self)["_errors"] = error_estimates(self, progress)
+            vars(self)["_errors"] = error_estimates(self, progress or silent)
         found: tuple[Mapping[str, ErrorEstimate], str] = vars(self)["_errors"]
         return found
 
@@ -305,6 +315,14 @@ class Solution:
     def to_xarray(self) -> xarray.Dataset:
         """:attr:`dataset`, by the name that pandas has for it."""
         return self.dataset
+
+    def to_netcdf(self, path: Path | str) -> None:
+        """Write all sensors with their units as results.nc of a run."""
+        self.labelled.to_netcdf(Path(path))
+
+    def to_csv(self, path: Path | str) -> None:
+        """Write all sensors over time as results.csv of a run."""
+        self.labelled.to_csv(Path(path), along="time")
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The sensors as columns over ``time`` [s]; ``attrs`` holds their units by name."""

@@ -16,6 +16,7 @@ from kaneflex.study.differences import Difference, difference
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.labelled import Labelled
+from kaneflex.support.terminal import silent
 
 if TYPE_CHECKING:
     import xarray
@@ -103,7 +104,7 @@ def compare(
     scene: Scene,
     presets: Sequence[str] | None = None,
     against: str | None = None,
-    progress: Progress = lambda stage: None,
+    progress: Progress | None = None,
     peer: str | None = None,
     resolution: Resolution = FINE_ENOUGH,
 ) -> Comparison:
@@ -117,7 +118,7 @@ def compare(
         By default PRESETS_COMPARED; beside another program the scene's own.
     against : str, optional
         The model that the others are measured against; by default the other program, else the last preset that ran.
-    progress : callable
+    progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     peer : str, optional
         Another program that builds and runs the scene, too: "exudyn", or one that is plugged in under PEERS.
@@ -139,6 +140,7 @@ def compare(
     from kaneflex.solve.variants import Variant
     from kaneflex.study.runs import Runs
 
+    progress = progress or silent
     if presets is None:
         presets = PRESETS_COMPARED if peer is None else (scene.solve.preset,)
     check_request(scene, presets, against, () if peer is None else (peer,))

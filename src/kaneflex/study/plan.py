@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.merge import merged
 from kaneflex.scene.read import FILE_KEYS, file_entries
-from kaneflex.scene.settings import demand_once, nested, resolved
+from kaneflex.scene.settings import demand_once, nested, resolved, split_setting
 from kaneflex.study.poincare import Poincare
 from kaneflex.study.sensitivity.parameters import place_of
 from kaneflex.study.study import Point, Study, Value, points_of, read_study, size_of, study_of
@@ -128,7 +128,7 @@ def make_plan(given: Path | str | Mapping[str, Any], more: Sequence[str] = ()) -
     scene = with_settings(read, settings) if settings else read
     points = [{key: _whole_path(key, value, folder) for key, value in point.items()} for point in points_of(study)]
     for key, value in points[0].items():
-        nested(scene.raw, setting(key, value))
+        nested(scene.raw, key, value)
     demand_once((*_set(read, settings), *_varied(scene, study)))
     demand_once(("sensitivities", name, place_of(scene, name)) for name in study.sensitivities)
     for sensor in scene.sensors:
@@ -186,7 +186,7 @@ def _set(scene: Scene, settings: Sequence[str]) -> Iterator[tuple[str, str, tupl
     for text in settings:
         name = text.partition("=")[0].strip()
         yield "settings", name, tuple(resolved(raw, name))
-        raw = merged(raw, nested(raw, text))
+        raw = merged(raw, nested(raw, *split_setting(text)))
 
 
 def _varied(scene: Scene, study: Study) -> Iterator[tuple[str, str, tuple[str, ...]]]:

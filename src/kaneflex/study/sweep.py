@@ -18,6 +18,7 @@ from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.labelled import read_dataset, read_labelled
 from kaneflex.support.output_folders import writing
+from kaneflex.support.terminal import silent
 
 if TYPE_CHECKING:
     import xarray
@@ -86,7 +87,7 @@ def sweep(
     study: Plan | Path | str | Mapping[str, Any],
     folder: Path | str,
     solver: Solver = in_this_process,
-    progress: Callable[[Progress], None] = lambda now: None,
+    progress: Callable[[Progress], None] | None = None,
     force: bool = False,
     form: str = "netcdf",
 ) -> Finished:
@@ -103,7 +104,7 @@ def sweep(
     solver : Solver
         Where the points are solved: in this process; :func:`kaneflex.in_processes` and :func:`kaneflex.on_cluster`
         make others. The results don't depend on it.
-    progress : callable
+    progress : callable, optional
         Called with a Progress at the start and after each point.
     force : bool
         Whether to begin anew in a sweep's folder.
@@ -123,7 +124,7 @@ def sweep(
     with alone(folder):
         store = open_store(folder, plan, force)
         if store.result is None:
-            _complete(plan, store, solver, progress)
+            _complete(plan, store, solver, progress or silent)
             write = {"netcdf": write_netcdf, "zarr": write_zarr}[form]
             with writing(folder):
                 write(plan, store, folder / RESULT_FILES[form])

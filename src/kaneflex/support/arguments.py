@@ -101,7 +101,10 @@ KINDS = {
     "path": Kind("a path", lambda value: isinstance(value, str | os.PathLike), "give a text or a pathlib.Path"),
     "text": Kind("a text", lambda value: isinstance(value, str), "write it in quotes"),
     "texts": Kind("a list of texts", _texts, "write ['...', '...']"),
-    "settings": Kind("a list of settings", lambda value: isinstance(value, str) or _texts(value), "write ['rod.I=1']"),
+    "settings": Kind(
+        "settings", lambda value: isinstance(value, str | Mapping) or _texts(value),
+        "write {'rod.I': '7000 mm^4'} or ['rod.I=1']",
+    ),
     "number": Kind("a number", _number, "give it in SI, without a unit"),
     "whole": Kind("a whole number", _whole, "give one like 4"),
     "numbers": Kind("a list of numbers", _numbers, "give them in SI, like [100.0, 200.0]"),

@@ -37,6 +37,10 @@ def log_warning(text: str) -> None:
     LOG.warning("Warning: %s", text)
 
 
+def silent(stage: object) -> None:
+    """Progress that nobody asked for."""
+
+
 def share_of(progress: Callable[[str], None], name: str) -> Callable[[float], None]:
     """Begin a stage; what then takes its finished share, 0 to 1, where ``progress`` is one to tell, as Waiting is."""
     progress(name)

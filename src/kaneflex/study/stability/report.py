@@ -16,6 +16,7 @@ from kaneflex.solve.loading import load
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.study.stability.sweep import FORWARD, ORDERS, Sweep, check_sweep, sweep
 from kaneflex.support.arguments import takes
+from kaneflex.support.terminal import share_of, silent
 
 FREQUENCIES = 6
 """Lowest frequencies that are followed."""
@@ -45,6 +46,9 @@ class Stability:
     limits: tuple[StepLimit, ...]
     recommended: StepLimit | None
     sweep: Sweep | None
+
+    def __repr__(self) -> str:
+        return f"Stability({self.model.in_short}: {self.findings['motion']})"
 
     @property
     def findings(self) -> dict[str, str]:
@@ -80,9 +84,9 @@ class Stability:
         return _plain(data)
 
 
-@takes(scene="scene", speeds="numbers", stage="function", orders="numbers")
+@takes(scene="scene", speeds="numbers", progress="function", orders="numbers")
 def stability(
-    scene: Scene, speeds: np.ndarray | None = None, stage: Callable[[str], None] = lambda name: None,
+    scene: Scene, speeds: np.ndarray | None = None, progress: Callable[[str], None] | None = None,
     orders: Sequence[float] = ORDERS,
 ) -> Stability:  # fmt: skip
     """Judge the stability of a scene's periodic equations.
@@ -92,7 +96,7 @@ def stability(
     scene : Scene
     speeds : ndarray, optional
         Of the first drive, rising, to be gone through as well [rad/s, or m/s of a guide].
-    stage : callable
+    progress : callable, optional
         Called with the name of each stage.
     orders : sequence of float
         Multiples of that drive's turns that are held against the frequencies, where there are speeds.
@@ -104,6 +108,7 @@ def stability(
     """
     if speeds is not None:
         check_sweep(scene)
+    stage = progress or silent
     model = load(scene, stage)
     stage("multipliers")
     multipliers = floquet_multipliers(model)
@@ -112,8 +117,7 @@ def stability(
     limits = step_limits(model, multipliers)
     swept = None
     if speeds is not None:
-        stage("speeds")
-        swept = sweep(scene, speeds, FREQUENCIES, orders=orders)
+        swept = sweep(scene, speeds, FREQUENCIES, share_of(stage, "speeds"), orders)
     highest = frozen.frequencies.max(axis=0)
     lowest = float(highest[highest > 0.0].min(initial=np.inf)) if highest.any() else 0.0
     best = recommended(limits, lowest)

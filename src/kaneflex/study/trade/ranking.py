@@ -18,6 +18,7 @@ from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral,
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, nearest, refuse
+from kaneflex.support.terminal import silent
 
 _FIRST_RUNS = 0.6
 """Share of the budget after which no further candidate is begun: the rest is for repeats."""
@@ -105,7 +106,7 @@ def trade(
     tolerance: float = 0.01,
     budget: float = 60.0,
     sensors: Sequence[str] | None = None,
-    progress: Progress = lambda stage: None,
+    progress: Progress | None = None,
     candidates: Sequence[Variant] | None = None,
 ) -> Trade:
     """Run a ladder of models on a scene and rank them by error and time.
@@ -121,7 +122,7 @@ def trade(
         Seconds for the candidates and their repeats, after the reference.
     sensors : sequence of str, optional
         Those that count; all by default.
-    progress : callable
+    progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     candidates : sequence of Variant, optional
         The models to try, by default :func:`kaneflex.study.trade.candidates.candidates_of`'s.
@@ -134,7 +135,7 @@ def trade(
     """
     sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
-    runs = Runs(basis, progress)
+    runs = Runs(basis, progress or silent)
     reference = find_reference(runs, sensors, tolerance)
     deadline = time.perf_counter() + budget
     candidates = candidates_of(basis) if candidates is None else candidates

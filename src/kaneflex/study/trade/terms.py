@@ -18,6 +18,7 @@ from kaneflex.study.trade.linear_prices import LinearPrices, decided
 from kaneflex.study.trade.ranking import check_request
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, StoppedEarly
+from kaneflex.support.terminal import silent
 
 _IN_WORDS = {
     "spin": "omega^2", "gyroscopic": "omega", "euler": "epsilon", "geometric": "axial force P",
@@ -141,7 +142,7 @@ def terms(
     tolerance: float = 0.01,
     budget: float = 60.0,
     sensors: Sequence[str] | None = None,
-    progress: Progress = lambda stage: None,
+    progress: Progress | None = None,
     chosen: Sequence[Group] | None = None,
 ) -> Terms:
     """Leave each group of terms out of preset ``stiffened``, one at a time, at the scene's own elements and steps.
@@ -163,7 +164,7 @@ def terms(
     sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
     chosen = groups(basis) if chosen is None else chosen
-    runs, priced = Runs(basis, progress), LinearPrices.of(basis, sensors)
+    runs, priced = Runs(basis, progress or silent), LinearPrices.of(basis, sensors)
     runs.run(STIFFENED)
     prices = {group: None if priced is None else _priced(basis, priced, tolerance, group) for group in chosen}
     effects = [effect for effect in prices.values() if effect is not None]
