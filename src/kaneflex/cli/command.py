@@ -83,7 +83,7 @@ def names_option(*names: str, help: str, metavar: str = "NAMES") -> Decorator:
     """An option that takes names with commas between them, and can be repeated."""
 
     def split(ctx: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(name for text in given for part in text.split(",") if (name := part.strip()))
+        return tuple(part.strip() for text in given for part in text.split(","))
 
     return click.option(*names, multiple=True, metavar=metavar, help=help, callback=split)
 
