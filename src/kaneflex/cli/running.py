@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from kaneflex.cli.choosing import Choosing, chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.cli.command import command, json_option, names_option
 from kaneflex.cli.folders import Target, folder_options, moving_options, path_option, which_pictures
 from kaneflex.cli.scene import STOPPED_EARLY, SceneArguments, gathered, scene_options, uncollected
-from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
-
-
-@dataclass(frozen=True)
-class Choosing:
-    """A model to be chosen: the error allowed, the sensors that count, and whether the scene's file takes it."""
-
-    tolerance: str | None
-    sensors: tuple[str, ...]
-    write_back: bool
 
 
 @command(renamed={"--sensor": "--sensors"})

@@ -10,21 +10,19 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from kaneflex.cli.choosing import UNKNOWN, percent, tolerance_of
 from kaneflex.cli.command import Decorator, command, json_option, names_option, print_json
 from kaneflex.cli.folders import Target, folder_options, into, together, write_csv, write_json
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
-from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.study.differences import Difference
     from kaneflex.study.trade.price import Prices
     from kaneflex.study.trade.ranking import Ranked, Trade
-    from kaneflex.study.trade.record import Choice
     from kaneflex.study.trade.terms import Effect, Terms
 
 Weighed = TypeVar("Weighed", "Trade", "Prices", "Terms")
-_UNKNOWN = "What is not known of it"
 
 
 def _options(ending: str) -> Decorator:
@@ -127,14 +125,6 @@ def _weigh(
         echo(f"Left out: {thing}: {reason}", err=True)
 
 
-def tolerance_of(text: str) -> float:
-    """The share that "1%" or 0.01 means."""
-    from kaneflex.support.units import RATIO
-
-    percent = text.strip().endswith("%")
-    return quantity("--tolerance", text.strip().removesuffix("%"), RATIO, text) * (0.01 if percent else 1.0)
-
-
 def trade_table(found: Trade) -> str:
     """Every model, the cheapest first; "*" on the Pareto front."""
     from kaneflex.report.tables import table
@@ -146,8 +136,8 @@ def trade_table(found: Trade) -> str:
 def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
     cost = entry.cost
     return (
-        "*" if entry in found.front else "", entry.name, entry.worst.sensor, _percent(entry.error),
-        _percent(entry.rms), f"{1e3 * cost.set_up:.3g} ms", f"{cost.ns_per_step:.0f}", str(cost.steps),
+        "*" if entry in found.front else "", entry.name, entry.worst.sensor, percent(entry.error),
+        percent(entry.rms), f"{1e3 * cost.set_up:.3g} ms", f"{cost.ns_per_step:.0f}", str(cost.steps),
         f"{1e3 * cost.total:.3g} ms", "" if cost.spread is None else f"{100 * cost.spread:.0f} %",
         "yes" if found.good_enough(entry) else "no",
     )  # fmt: skip
@@ -166,11 +156,11 @@ def price_table(found: Prices) -> str:
             cells: list[str] = []
             pairs = ((change.peak, change.rms), change.shares, change.doubts)
             for (one, other), share, doubt in zip(*pairs, strict=True):
-                cells += [number(other), number(one), *("" if isnan(x) else _percent(x) for x in (share, doubt))]
+                cells += [number(other), number(one), *("" if isnan(x) else percent(x) for x in (share, doubt))]
             mark = "*" if change.matters(found.tolerance) else " "
             rows.append((f"{mark} {change.sensor}", unit, *cells))
         gone = f"; without it there is no {', '.join(each.gone)}" if each.gone else ""
-        title = f"What the {each.part} changes (*: by more than {_percent(found.tolerance)}){gone}"
+        title = f"What the {each.part} changes (*: by more than {percent(found.tolerance)}){gone}"
         parts.append(f"{title}\n{table(head, rows, left=2)}")
     return "\n\n".join([*parts, _CHAOS])
 
@@ -184,18 +174,18 @@ _CHAOS = (
 def reference_lines(found: Trade) -> str:
     """What the errors are measured against, and what is known of its own."""
     reference = found.reference
-    lines = [f"Against {reference.name}; refining it changed sensors by {_percent(max(reference.refinement.values()))}"]
+    lines = [f"Against {reference.name}; refining it changed sensors by {percent(max(reference.refinement.values()))}"]
     if reference.coupling:
         sensor = max(reference.coupling, key=reference.coupling.__getitem__)
-        lines.append(f"Preset coupled differs from it by up to {_percent(reference.coupling[sensor])}, in {sensor}")
+        lines.append(f"Preset coupled differs from it by up to {percent(reference.coupling[sensor])}, in {sensor}")
     if reference.note:
-        lines.append(f"{_UNKNOWN}: {reference.note}")
+        lines.append(f"{UNKNOWN}: {reference.note}")
     return "\n".join(lines)
 
 
 def choice_line(found: Trade) -> str:
     """The answer: the cheapest model within the tolerance."""
-    chosen, share = found.chosen, _percent(found.tolerance)
+    chosen, share = found.chosen, percent(found.tolerance)
     if chosen is None:
         return f"No model that was run is known to be within {share}"
     settings = " ".join(f"--set {setting}" for setting in found.settings_of(chosen))
@@ -213,7 +203,7 @@ def terms_table(found: Terms) -> str:
 def _effect_row(effect: Effect) -> tuple[str, ...]:
     changes = ("does not run without" if effect.needed else "shows only rounding", "", "")
     if effect.worst is not None:
-        changes = (effect.worst.sensor, _percent(effect.worst.peak_share), _percent(effect.rms))
+        changes = (effect.worst.sensor, percent(effect.worst.peak_share), percent(effect.rms))
     times = ("", "")
     if effect.ns_per_step is not None:
         noise = "" if effect.noise_ns is None else f"{effect.noise_ns:.0f}"
@@ -222,40 +212,6 @@ def _effect_row(effect: Effect) -> tuple[str, ...]:
     needed = "yes" if effect.needed else "no"
     by = "price" if effect.priced else "run"
     return (effect.group.name, effect.group.meaning, needed, by, *changes, operations, *times)
-
-
-def chosen_lines(choice: Choice) -> str:
-    """What --tolerance chose, its worst sensor, and what that was measured against."""
-    sensor = max(choice.errors, key=choice.errors.__getitem__)
-    again = ", as found before" if choice.remembered else f", found in {choice.seconds:.1f} s"
-    settings = " ".join(f"--set {setting}" for setting in choice.settings)
-    note = f"\n  {_UNKNOWN}: {choice.reference_note}" if choice.reference_note else ""
-    judged = [each.priced for each in choice.attempts if each.error is not None]
-    by = ", by its price" if any(each.priced and each.model == choice.model for each in choice.attempts) else ""
-    return (
-        f"Chosen within {_percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
-        f"  {sensor} is {_percent(choice.errors[sensor])} off {choice.reference}{by}, "
-        f"which itself is known to {_percent(max(choice.doubt.values()))}{note}\n"
-        f"  Of {len(judged)} models that were tried {sum(judged)} were priced, {len(judged) - sum(judged)} run"
-    )
-
-
-def refuse_with_tolerance(tolerance: str | None, others: Mapping[str, object]) -> None:
-    """Raise SceneError for an option that says what --tolerance finds."""
-    for option, value in others.items():
-        if tolerance is not None and value is not None:
-            raise SceneError(option, str(value), "the model is what --tolerance chooses", "Leave one of the two out")
-
-
-def demand_tolerance(tolerance: str | None, others: Mapping[str, object]) -> None:
-    """Raise SceneError for an option that only --tolerance gives a meaning."""
-    for option, value in others.items():
-        if tolerance is None and value:
-            raise SceneError(option, None, "belongs to --tolerance", "Add --tolerance 1%, or leave it out")
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if abs(share) < 1 else f"{100 * share:.0f} %"
 
 
 Row = dict[str, object]
