@@ -65,7 +65,7 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
     """
     n = setup.system.n
     if (work := _FOR_A_STEP * period_steps * float(n) ** 2) > _MOST_OPERATIONS:
-        reason = f"its {n} coordinates in {period_steps} steps are {2 * n} states over a cycle: about {work:.1g} operations"
+        reason = f"its {n} coordinates in {period_steps} steps are {2 * n} states a cycle: {work:.1g} operations"
         cure = "Set solve.reduction = 'craig-bampton' and some solve.modes, take fewer elements, or start from zero"
         raise SceneError("solve.start", "periodic", reason, cure)
     cycle = over_a_cycle(setup, period_steps)
