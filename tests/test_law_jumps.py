@@ -162,6 +162,16 @@ def test_jumps_without_an_error_control_are_refused(tmp_path):
     assert moved(tmp_path, "min(hub, 3)", "solve.preset=rigid", "solve.steps=100").outcome is Outcome.COMPLETED
 
 
+def test_an_angle_of_time_jumps_only_where_it_is_cut(tmp_path):
+    """That of a point on a circle about (1, 0) stays on its branch; about the origin it jumps at half a turn."""
+    smooth = "0.1*atan2(0.5*sin(2*t), 1 - 0.5*cos(2*t))"
+    settings = ("solve.preset=rigid", "solve.steps=100")
+    assert moved(tmp_path, smooth, *settings).outcome is Outcome.COMPLETED
+    for cut in ("0.1*atan2(sin(9*t), cos(9*t))", "0.1*atan2(sin(hub), 2 + cos(hub))"):
+        with pytest.raises(SceneError, match=r"atan2.* jumps, which preset rigid would step over"):
+            moved(tmp_path, cut, *settings)
+
+
 def test_a_law_that_turns_is_not_differentiated(tmp_path):
     moved(tmp_path, "0*t")
     scene = with_settings(read_scene(tmp_path / "scene.toml"), ["loads.torque.law=max(0, hub)"])

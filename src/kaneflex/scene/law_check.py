@@ -46,6 +46,17 @@ def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
             raise Fault(reason, "Write a law whose argument stays between -1 and 1, both excluded")
 
 
+def load_jump(scene: Scene, law: Law) -> str | None:
+    """Text of the first part of a load's law that jumps; atan2 of the time alone does so only if it does in the run."""
+    found = law.jumps(smooth=("atan2",))
+    moving = [name for name in scene.law_names() if name != "t"]
+    for _, call, _ in law.calls("atan2") if found is None else ():
+        known = scene.horizon is not None and not call.uses_any(moving)
+        if not known or _first_jump(call, np.linspace(0.0, scene.horizon, _FINE + 1)) is not None:
+            return call.text
+    return found
+
+
 def _first_jump(angle: Law, times: np.ndarray) -> float | None:
     """First time between `times` at which an angle [rad] in t jumps; None where it does nowhere.
 

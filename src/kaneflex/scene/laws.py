@@ -114,9 +114,9 @@ class Law:
         """
         return self._first({name: count for name, count in (_KINKED | _JUMPING).items() if name not in smooth})
 
-    def jumps(self) -> str | None:
+    def jumps(self, smooth: Collection[str] = ()) -> str | None:
         """The same of parts whose value jumps, like `sign(t)`."""
-        return self._first(_JUMPING)
+        return self._first({name: count for name, count in _JUMPING.items() if name not in smooth})
 
     def calls(self, *functions: str) -> list[tuple[str, Law, list[Law]]]:
         """Name, whole call and arguments of every call of one of these functions that varies."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from kaneflex.scene import Scene
 from kaneflex.scene.contact_check import refuse_bristles, refuse_contacts
+from kaneflex.scene.law_check import load_jump
 from kaneflex.support.errors import SceneError, refuse
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def check_laws(scene: Scene, dynamics: str) -> None:
             continue
         given = load.law or load.against
         strange = next((joint for joint in scene.observed if law.uses_any([joint])), None)
-        jump, preset = law.jumps(), scene.solve.preset
+        jump, preset = load_jump(scene, law), scene.solve.preset
         if strange is not None and dynamics != "coupled":
             reason = f"under preset {preset} laws and tables know the joints that have a drive: {strange} has none"
             raise SceneError(key, given, reason, "Take preset coupled, or a joint that has a drive")
