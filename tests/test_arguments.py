@@ -64,8 +64,8 @@ WRONG = [
     ("trade", ("scene", 0.01, "60 s"), " takes a number as budget, not str"),
     ("trade", ("scene", 0.01, 60.0, "angle"), TEXTS + "sensors, not str"),
     ("with_settings", ("engine", []), SCENE + f"str: {READ}"),
-    ("with_settings", ("scene", 3), " takes a list of settings as settings, not int: write ['rod.I=1']"),
-    ("with_settings", ("scene", {"rod.I": 1}), "not dict"),
+    ("with_settings", ("scene", 3), " takes a list or a dict of settings as settings, not int: write {'rod.I'"),
+    ("with_settings", ("scene", {1: "rod.I"}), "not dict"),
     ("with_settings", ("scene", [1]), "not list of int"),
 ]  # fmt: skip
 

@@ -9,7 +9,7 @@ from kaneflex import SceneError
 from kaneflex.fem.mobility import count_freedom
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.report.presentation import parts
+from kaneflex.report.presentation import parts, printed
 from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.contact_law import cylinders
 from kaneflex.scene.options import resolve_options
@@ -297,7 +297,8 @@ def test_one_way_presets_refuse_contacts_and_say_which_one_takes_them(preset):
 def test_a_scene_is_told_with_the_restitution_that_its_laws_return():
     """Lankarani and Nikravesh's law, asked for 0.1, returns 0.665."""
     law = STOP.replace("restitution = 0.5", 'restitution = 0.1, law = "lankarani-nikravesh"')
-    lines = parts(written((STOP, law))).splitlines()
+    scene = written((STOP, law))
+    lines = printed(scene, parts(scene)).splitlines()
     assert "  stop   piston.start before the line through ground.floor, 1e+09 N/m^1.5, " \
         "lankarani-nikravesh returns 0.665, asked for 0.1" in lines  # fmt: skip
     assert "  wrist  circle about piston.start in that about rod.end, clearance 0.5 mm, 1e+09 N/m^1.5, " \

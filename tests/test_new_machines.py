@@ -10,7 +10,7 @@ from runs import solved
 
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.reach import followed
-from kaneflex.report.presentation import parts
+from kaneflex.report.presentation import parts, printed
 from kaneflex.scene import scene_of
 from kaneflex.support.errors import SceneError
 
@@ -137,7 +137,7 @@ def test_a_cylinder_that_dwells_is_followed():
     courses = followed(boom, place(boom))
     eye = 2.5 * np.exp(1j * courses["boom"][2])
     assert abs(eye - (0.6 - 0.4j))[[0, -1]] == pytest.approx([2.0, 2.6], abs=1e-9)
-    assert "closes a loop, boom near 6 deg" in parts(boom)
+    assert "closes a loop, boom near 6 deg" in printed(boom, parts(boom))
 
 
 def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given():

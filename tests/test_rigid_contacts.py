@@ -9,7 +9,7 @@ from test_contact_motion import GROUND, SLIDING, ZERO, G, body, contact, run, sc
 
 from kaneflex import SceneError, load
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.report.presentation import parts
+from kaneflex.report.presentation import parts, printed
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.simulation import solve
@@ -258,7 +258,7 @@ def test_what_a_scene_says_of_newtons_law_is_in_its_check_summary_and_results():
     assert summary.impacts == len(solution.impacts) and summary.rests_since_s == last.begin
     assert (summary.largest_force, summary.lost) == (pytest.approx(G, rel=1e-12), pytest.approx(G, rel=1e-9))
     assert solution.dataset["impact_peak"].values[:-1].tolist() == [0.0] * (len(solution.impacts) - 1)
-    assert "rigid, newton returns 0.2 at once" in parts(solution.model.scene)
+    assert "rigid, newton returns 0.2 at once" in printed(solution.model.scene, parts(solution.model.scene))
 
 
 def test_newtons_law_refuses_what_has_no_meaning_for_rigid_sides():
@@ -361,4 +361,4 @@ def test_backlash_with_rigid_flanks_rattles_by_its_closed_form():
         [resisting * 1.5 * rate for rate in (3, 1.5, 0.75)], rel=1e-9
     )
     assert solution.trajectory.energy.drift < 1e-9
-    assert "play 2 deg, rigid, newton returns 0.5 at once" in parts(solution.model.scene)
+    assert "play 2 deg, rigid, newton returns 0.5 at once" in printed(solution.model.scene, parts(solution.model.scene))

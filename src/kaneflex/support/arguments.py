@@ -102,7 +102,8 @@ KINDS = {
     "text": Kind("a text", lambda value: isinstance(value, str), "write it in quotes"),
     "texts": Kind("a list of texts", _texts, "write ['...', '...']"),
     "settings": Kind(
-        "settings", lambda value: isinstance(value, str | Mapping) or _texts(value),
+        "a list or a dict of settings",
+        lambda value: isinstance(value, str) or _texts(list(value) if isinstance(value, Mapping) else value),
         "write {'rod.I': '7000 mm^4'} or ['rod.I=1']",
     ),
     "number": Kind("a number", _number, "give it in SI, without a unit"),
