@@ -22,10 +22,10 @@ BAD = {
         "dampings: unknown key. The nearest known one is 'damping'."),
     "missing schema": (
         "schema = 1\n", "\n",
-        "schema: missing. Give schema."),
+        "schema: missing. Write schema = 1 first."),
     "other schema": (
         "schema = 1", "schema = 2",
-        "schema = 2: must be 1. Correct it."),
+        "schema = 2: must be 1. Write 1."),
     "wrong dimension": (
         LENGTH, 'length = "137 kg"',
         "bodies.rod.length = '137 kg': 'kg' is not a unit of length. "
@@ -190,7 +190,7 @@ BAD = {
         "Join what hangs, or leave branch out."),
     "branch that is none": (
         'branch = "+"', 'branch = "up"',
-        "joints.bore.branch = 'up': must be '+' or '-'. Correct it."),
+        "joints.bore.branch = 'up': must be '+' or '-'. Write one of these."),
     "guide without direction": (
         "direction = [1, 0], ", "",
         "joints.bore: a prismatic joint slides along a direction. "
@@ -367,7 +367,7 @@ BAD = {
         "solve.modes = 0: too few. Write a whole number of one or more."),
     "unknown method of the forward dynamics": (
         "[solve]", '[solve]\nforward = {method = "RK4"}',
-        "solve.forward.method = 'RK4': must be 'DOP853', 'RK45', 'Radau' or 'LSODA'. Correct it."),
+        "solve.forward.method = 'RK4': must be 'DOP853', 'RK45', 'Radau' or 'LSODA'. Write one of these."),
     "a tolerance of the forward dynamics beyond rounding": (
         "[solve]", "[solve]\nforward = {tolerance = 1e-15}",
         "solve.forward.tolerance = 1e-15: not from 1e-13, where rounding begins, to 1. "
@@ -379,14 +379,25 @@ BAD = {
         "[solve]", '[solve]\nintegrator = "rk4"',
         "solve.integrator = 'rk4': must be 'spectral', 'radau', 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' "
         "or 'scipy'. "
-        "Correct it."),
+        "Write one of these."),
     "gravity as a speed": (
         "schema = 1", 'schema = 1\ngravity = [0, "9.81 m/s"]',
         "gravity = [0, '9.81 m/s']: 'm/s' is not a unit of acceleration. "
         "Write an acceleration like '9.81 m/s^2', or a plain number in m/s^2."),
     "broken TOML": (
         "schema = 1", "schema = ",
-        "scene = 'bad.toml': not TOML: Invalid value (at line 4, column 10). Correct that line."),
+        "scene = 'bad.toml': not TOML: Invalid value (at line 4, column 10). Correct line 4: schema =."),
+    "a unit without quotes": (
+        LENGTH, "length = 137 mm",
+        'scene = \'bad.toml\': line 17 is not TOML: rod = {length = 137 mm, mass = "0.153 kg", beam = {material = '
+        '"steel", I = "7008 mm^4", elements = 4}}. Write a number with a unit in quotes, like "50 mm".'),
+    "a decimal comma in a unit": (
+        LENGTH, 'length = "137,5 mm"',
+        "bodies.rod.length = '137,5 mm': unknown unit ',5 mm'. "
+        "Write a point, as 50.5 mm, where a comma separates decimals."),
+    "a misspelled unit": (
+        LENGTH, 'length = "137 milimeters"',
+        "bodies.rod.length = '137 milimeters': unknown unit 'milimeters'. Write 'mm'."),
     "like an unknown scene": (
         "schema = 1", 'schema = 1\nlike = "engin"',
         "like = 'engin': no shipped scene and no file of that name. The nearest known one is 'engine'."),

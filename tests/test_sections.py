@@ -260,7 +260,8 @@ BAD = {
     ),
     "unknown theory": (
         'section = {circle = 0.01}, theory = "euler"',
-        "bodies.arm.beam.theory = 'euler': must be 'euler-bernoulli', 'rayleigh', 'shear' or 'timoshenko'. Correct it.",
+        "bodies.arm.beam.theory = 'euler': must be 'euler-bernoulli', 'rayleigh', 'shear' or 'timoshenko'. "
+        "Write one of these.",
     ),
     "shear without kappa": (
         'A = 1e-4, I = 1e-9, theory = "timoshenko"',

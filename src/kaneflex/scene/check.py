@@ -295,7 +295,11 @@ _OF_SENSORS: dict[str, Callable[[Scene, str, Sensor], Iterator[Problem]]] = {
 def _horizon(scene: Scene) -> Iterator[Problem]:
     if scene.period is None and scene.solve.duration is None:
         reason = "no drive that turns has a cycle, and there is no duration"
-        yield Problem("solve.duration", None, reason, "Give solve.duration, or a cycle to the drive")
+        cure = "Give solve.duration, or a cycle to the drive"
+        if not scene.drives:
+            reason = "the scene has no drive and no duration"
+            cure = "Give a drive, like drives.main = {speed = '1500 rpm', cycle = '360 deg'}, or solve.duration"
+        yield Problem("solve.duration", None, reason, cure)
     if scene.solve.start == "periodic" and scene.period is None:
         yield Problem("solve.start", "periodic", "no drive that turns has a cycle", "Give the drive a cycle")
     for name, drive in scene.drives.items():

@@ -169,7 +169,9 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
     except RecursionError:
         raise SceneError("scene", name, "lists or tables stand too deep in each other", "Flatten them") from None
     except tomllib.TOMLDecodeError as error:
-        raise SceneError("scene", name, f"not TOML: {error}", "Correct that line") from None
+        from kaneflex.support.mistakes import toml_advice
+
+        raise SceneError("scene", name, *toml_advice(str(error), text)) from None
     except ValueError:  # Python makes no whole number of more than 4300 digits, and names no line
         line, digits = _longest_number(text)
         reason = f"line {line}: a whole number of {digits} digits"
@@ -269,9 +271,10 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
             "unknown key", _place_of(path, model) or nearest(path[-1], known_keys(path[:-1], model))
         )  # fmt: skip
     elif error["type"] == "missing":
-        reason, cure = "missing", f"Give {path[-1]}"
+        reason, cure = "missing", "Write schema = 1 first" if path == ["schema"] else f"Give {path[-1]}"
     elif error["type"] == "literal_error":
-        reason, cure = f"must be {error['ctx']['expected']}", "Correct it"
+        expected = error["ctx"]["expected"]
+        reason, cure = f"must be {expected}", "Write one of these" if " or " in expected else f"Write {expected}"
     elif error["type"] in ("dict_type", "model_type"):
         reason, cure = "not a table", "Write a table, like {key = value}"
     elif error["type"] == "string_type":

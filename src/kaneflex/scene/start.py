@@ -53,7 +53,7 @@ def start_of(value: object) -> object:
             with within("file"):
                 value = merged(_of_file(Path(value["file"])), value)
         return Start.model_validate(value)
-    raise Fault("must be 'zero', 'quasistatic', 'periodic' or a table of a state", "Correct it")
+    raise Fault("must be 'zero', 'quasistatic', 'periodic' or a table of a state", "Write one of these")
 
 
 def _of_file(path: Path) -> dict[str, Any]:

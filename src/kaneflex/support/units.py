@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from tokenize import TokenError
 
-from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.errors import Fault
 
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 """A number as texts may have it: Python's float() also reads 1_000, digits of other scripts, nan and inf."""
@@ -149,7 +149,9 @@ def _factor_by_pint(unit: str, dimension: Dimension) -> float:
     except (PintError, TokenError, AssertionError, AttributeError, SyntaxError, TypeError, ValueError):
         alike = _spelled_otherwise(unit, dimension)
         if alike is None:
-            raise Fault(f"unknown unit {unit!r}", nearest(unit, _SI_OF_COMMON)) from None
+            from kaneflex.support.mistakes import unit_advice
+
+            raise Fault(f"unknown unit {unit!r}", unit_advice(unit, _SI_OF_COMMON)) from None
         if alike[0] in "mM" and unit[0] != alike[0]:  # milli or mega
             raise Fault(f"unknown unit {unit!r}", f"Write {alike!r}: capitals count") from None
         return _SI_OF_COMMON[alike][1]

@@ -1,0 +1,52 @@
+"""Advice for common mistakes in scene files: broken TOML, and units that are misspelled. Imported only for an error."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+
+from kaneflex.support.errors import nearest
+
+_NAMES = {
+    "millimetre": "mm", "millimeter": "mm", "centimetre": "cm", "centimeter": "cm", "metre": "m", "meter": "m",
+    "micrometre": "um", "micrometer": "um", "micron": "um", "kilogram": "kg", "gram": "g", "newton": "N",
+    "kilonewton": "kN", "newtonmetre": "N m", "newtonmeter": "N m", "pascal": "Pa", "megapascal": "MPa",
+    "gigapascal": "GPa", "degree": "deg", "radian": "rad", "second": "s", "millisecond": "ms", "hertz": "Hz",
+    "kilohertz": "kHz", "percent": "%", "revolutionsperminute": "rpm",
+}  # fmt: skip
+_NUMBER = r"[-+]?\d+(?:\.\d+)?"
+
+
+def unit_advice(unit: str, known: Iterable[str]) -> str:
+    """Unit that was probably meant, or the known ones."""
+    if re.match(r",\d", unit):
+        return "Write a point, as 50.5 mm, where a comma separates decimals"
+    word = re.sub(r"[^a-z]", "", unit.lower())
+    close = difflib.get_close_matches(word.removesuffix("s"), _NAMES, 1, 0.75) if len(word) > 2 else []
+    return f"Write {_NAMES[close[0]]!r}" if close else nearest(unit, known)
+
+
+def toml_advice(problem: str, text: str) -> tuple[str, str]:
+    """Reason and cure of a text that is no TOML, by the parser's message."""
+    place = re.search(r"at line (\d+)", problem)
+    lines = text.splitlines()
+    number = int(place[1]) if place else len(lines)
+    line = lines[number - 1].partition("#")[0].strip() if 0 < number <= len(lines) else ""
+    reason = f"line {number} is not TOML: {line}" if line else f"not TOML: {problem}"
+    twice = re.search(r"Cannot declare \((.*?),?\) twice", problem)
+    if twice:
+        name = ".".join(re.findall(r"'(.*?)'", twice[1]))
+        return f"line {number} defines {name} a second time", "Rename one of them, or write their keys under one header"
+    if "Cannot overwrite a value" in problem:
+        return f"{reason}, whose key has a value already", "Give each key once"
+    if re.search(rf"=\s*{_NUMBER}\s*(?:[^\W\d_]|%)", line):
+        return reason, 'Write a number with a unit in quotes, like "50 mm"'
+    if re.search(rf"=\s*{_NUMBER},\d", line):
+        return reason, "Write a decimal point, not a comma"
+    if line.count("{") > line.count("}"):
+        cure = "Write a table in braces on one line, or give it a header like [joints.main] and one key a line"
+        return reason, cure
+    if re.search(r"=\s*[^\W\d]", line):
+        return reason, 'Write a text in quotes, like "steel"'
+    return f"not TOML: {problem}", f"Correct line {number}: {line}"
