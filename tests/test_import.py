@@ -1,5 +1,6 @@
 """Links from finite elements of another program: against that program's own modes, closed forms and a beam."""
 
+import json
 import re
 import tracemalloc
 from dataclasses import replace
@@ -342,6 +343,13 @@ def written_input(name="job.inp", more="", keep=slice(None)):
     rows = [", ".join(f"{x:.9g}" for x in row).rstrip("0, ") if row[3] == 0 else ", ".join(f"{x:.9g}" for x in row)
             for row in np.loadtxt("rod-nodes.txt")[keep]]  # fmt: skip
     Path(name).write_text(more + INPUT.format("\n".join(rows)))
+
+
+def test_the_table_is_also_json():
+    result = cli(*command(**{"rod.npz": "json.npz"}), "--json")
+    assert result.exit_code == 0 and result.stderr.endswith("Written to json.npz\n")
+    found = json.loads(result.stdout)
+    assert found["length"] == pytest.approx(L) and min(found["frequencies_hz"].values()) > 0.0
 
 
 def test_nodes_of_an_input_of_abaqus_or_calculix():
