@@ -105,8 +105,9 @@ wheel: $(READY)  ## build a wheel whose kernels come compiled for this platform 
 	$(BIN)/python -m build --no-isolation --outdir $(BUILD)/dist .
 	$(BIN)/python .ci/ship_kernels.py $(BUILD)/dist/*.whl $(SCENES)
 
-lint: $(READY_TEST)  ## check the style of the sources, and their types against a baseline that only falls
+lint: $(READY_TEST)  ## check the style of the sources; their types and prose against baselines that only fall
 	$(BIN)/ruff check .
+	$(BIN)/python tests/check_prose.py
 	$(BIN)/python tests/check_types.py
 
 clean:  ## remove everything that was built

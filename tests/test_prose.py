@@ -4,12 +4,8 @@ import re
 from pathlib import Path
 
 import pytest
+from check_prose import LONGEST, PHRASES, ROOT, findings, long_sentences, phrases, sentences
 
-ROOT = Path(__file__).parents[1]
-STYLE = (ROOT / "docs" / "style.md").read_text(encoding="utf-8")
-LONGEST = int(re.search(r"no sentence of more than (\d+) words", STYLE)[1])
-PHRASES = [phrase.strip() for row in re.findall(r"^\| ([^|]+) \| [^|]+ \|$", STYLE, re.MULTILINE)[1:]
-           for phrase in row.split(",") if phrase.strip("- ")]  # fmt: skip
 GENERATED = {"benchmarks.md", "summary.md", "changes.md"}
 """Pages whose text stands elsewhere: with the code that measures or describes."""
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -26,19 +22,11 @@ def prose(page: Path) -> str:
     return re.sub(r"`[^`]*`|\$[^$]*\$", "X", text)
 
 
-def sentences(text: str) -> list[str]:
-    paragraphs = re.split(r"\n\s*\n|\n(?=\s*(?:- |\d+\. ))", text)
-    return [part for each in paragraphs for part in re.split(r"(?<=[.!?:;])\s+", " ".join(each.split()))]
-
-
 @pytest.mark.parametrize("page", CHECKED, ids=lambda page: page.stem)
 def test_the_page_is_plain_english(page):
     text = prose(page)
-    words = " ".join(text.split())
-    found = [phrase for phrase in PHRASES if re.search(rf"\b{re.escape(phrase)}\b", words, re.IGNORECASE)]
-    assert not found, "docs/style.md says what to write instead"
-    long = [each for each in sentences(text) if len(re.findall(r"\w[\w'-]*", each)) > LONGEST]
-    assert not long
+    assert not phrases(text), "docs/style.md says what to write instead"
+    assert not long_sentences(text)
 
 
 def test_the_check_sees_phrases_and_long_sentences_but_no_code(tmp_path):
@@ -47,3 +35,15 @@ def test_the_check_sees_phrases_and_long_sentences_but_no_code(tmp_path):
     page.write_text(f"Every sensor has\na plus-minus.\n\n`plus-minus`\n\n{long}. Short.\n\n| plus-minus |\n")
     assert prose(page).count("plus-minus") == 1 and "plus-minus" in PHRASES
     assert max(len(each.split()) for each in sentences(prose(page))) > LONGEST
+
+
+def test_the_check_sees_docstrings_messages_and_help_but_no_code():
+    long = "word " * (LONGEST + 1)
+    source = f"""'''What this module is for.'''
+total = 1
+'''Sum of a plus-minus.'''
+def solve(plus_minus):
+    raise ValueError(f"{{plus_minus}} has no plus-minus `plus-minus`")
+option("--x", help="{long}")
+"""
+    assert [line for line, _ in findings(source)] == [1, 3, 5, 6]
