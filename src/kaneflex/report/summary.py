@@ -34,136 +34,121 @@ SCHEMA_VERSION = 1
 
 
 class Instant(PlainTable):
-    """When something happened."""
+    """Time and drive angle of an event."""
 
     time_s: float = Field(description="time, s")
     drive_deg: float | None = Field(
-        description="angle of the only drive, degrees, within its cycle where it has one; null where it does not name "
-        "one instant: with several drives, or one that slides, swings or turns through more than a cycle"
+        description="angle of the only drive within its cycle, degrees; null if it does not identify one instant"
     )
 
 
 class SensorError(PlainTable):
-    """What a sensor's values may be off by, estimated: the largest error over the run, in SI."""
+    """Error estimate of a sensor by cause: the largest error over the run, in SI."""
 
-    total: float = Field(description="of all that is below together")
-    time: float = Field(description="by the discretisation in time")
-    modes: float = Field(description="by the modes that a reduction, or preset coupled, left out")
-    terms: float = Field(description="by the terms that the preset or the scene left out")
-    elements: float = Field(description="by the elements' length, against elements half as long")
-    coupling: float | None = Field(
-        default=None,
-        description="by the one-way coupling, where options.errors asks for it; null under preset coupled, too",
-    )
+    total: float = Field(description="all parts together")
+    time: float = Field(description="discretisation in time")
+    modes: float = Field(description="modes left out")
+    terms: float = Field(description="terms left out")
+    elements: float = Field(description="length of the elements")
+    coupling: float | None = Field(default=None, description="one-way coupling, if computed")
 
 
 class SensorSummary(PlainTable):
     """A sensor over the stored times, in SI."""
 
     unit: str = Field(description="SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m or 1")
-    meaning: str = Field(description="what is measured, where and in which axes")
+    meaning: str = Field(description="quantity, place and axes")
     min: float = Field(description="smallest value")
     max: float = Field(description="largest value")
-    at_min: Instant = Field(description="where the smallest value was first reached")
-    at_max: Instant = Field(description="where the largest value was first reached")
-    rms: float = Field(description="root of the mean square over time, by the trapezoidal rule")
-    mean: float = Field(description="mean over time, by the trapezoidal rule")
-    plus_minus: SensorError | None = Field(
-        default=None, description="its estimated error; null where none is estimated"
-    )
+    at_min: Instant = Field(description="when first reached")
+    at_max: Instant = Field(description="when first reached")
+    rms: float = Field(description="root mean square over time")
+    mean: float = Field(description="mean over time")
+    plus_minus: SensorError | None = Field(default=None, description="error estimate; null if there is none")
 
 
 class StressSummary(PlainTable):
-    """The largest stress of von Mises in an elastic link, over its length, the outline of its section and the run."""
+    """Largest von Mises stress in an elastic link, over its length, the outline of its section and the run."""
 
-    largest: float = Field(
-        description="Pa; by section forces at equal distances along the link and on both sides of where they jump, "
-        "notches left out"
-    )
+    largest: float = Field(description="Pa, without notches")
     x_m: float = Field(description="distance from the link's start, m")
     at: Instant = Field(description="when")
-    utilisation: float | None = Field(description="its share of the beam's yield_strength; null where none is given")
+    utilisation: float | None = Field(description="share of the beam's yield_strength; null without one")
 
 
 class Timing(PlainTable):
     """Wall time of the stages."""
 
-    derive_s: float = Field(description="deriving the equations, s; 0 where their module existed")
+    derive_s: float = Field(description="deriving the equations, s")
     compile_s: float = Field(description="compiling the kernels or loading them from the cache, s")
-    set_up_s: float = Field(description="everything else before the first step, s")
-    integrate_s: float = Field(description="solving, s; the first time the integrator is compiled in it")
-    ns_per_step: float = Field(description="one step in the compiled loop, ns; 0 where nothing is integrated")
+    set_up_s: float = Field(description="other work before the first step, s")
+    integrate_s: float = Field(description="solving, s, with compiling of the integrator")
+    ns_per_step: float = Field(description="one step in the compiled loop, ns")
 
 
 class Operations(PlainTable):
-    """Arithmetic operations of one call of a kernel."""
+    """Arithmetic operations of one kernel call."""
 
-    written_out: int = Field(description="as the equations stand")
-    shared: int = Field(description="with common subexpressions shared, as emitted")
+    written_out: int = Field(description="before sharing of subexpressions")
+    shared: int = Field(description="as emitted, with shared subexpressions")
 
 
 class EnergyBalance(PlainTable):
-    """Where the energy went, in J, from start to end; but for preset coupled that of the rigid mechanism."""
+    """Energies from start to end, J; of the rigid mechanism unless the preset is coupled."""
 
     stored: float = Field(description="growth of kinetic, strain and potential energy")
     dissipated: float = Field(description="by damping, in contacts and by friction")
     supplied: float = Field(description="by loads and prescribed drives")
-    gap: float = Field(description="largest |stored + dissipated - supplied| at any instant")
-    drift: float = Field(description="the gap against the largest energy turned over")
+    gap: float = Field(description="largest absolute value of stored + dissipated - supplied")
+    drift: float = Field(description="gap relative to the largest energy turned over")
 
 
 class Summary(PlainTable):
-    """What a run was and gave."""
+    """Settings and results of a run."""
 
-    schema_version: Literal[1] = Field(description="raised when a field goes or changes its meaning")
-    kaneflex: str = Field(description="version of kaneflex")
-    scene: str = Field(description="name of the scene")
-    settings: list[str] = Field(description="what the command line changed in the scene, as path=value")
-    structure: str = Field(description="structure hash: names the generated module")
-    preset: str = Field(description="named model the options started from")
-    options: dict[str, Any] = Field(description="every option in force, in SI: kaneflex.scene.options.Options")
+    schema_version: Literal[1] = Field(description="raised when a field is removed or changes its meaning")
+    kaneflex: str = Field(description="version")
+    scene: str = Field(description="name")
+    settings: list[str] = Field(description="changes by the command line, as path=value")
+    structure: str = Field(description="structure hash, part of the name of the generated module")
+    preset: str = Field(description="preset")
+    options: dict[str, Any] = Field(description="all options in SI: kaneflex.scene.options.Options")
     elements: dict[str, int] = Field(description="number of elements of each elastic link")
     outcome: str = Field(description="completed, unstable, singular, no_periodic_state or cascade")
     message: str = Field(description="the outcome in words, with time and reason")
-    solver: str = Field(description="what solved the equations, why, and what it left; empty where nothing was chosen")
-    errors: str = Field(description="why no error of the sensors, or none of the one-way coupling, is estimated")
-    warnings: list[str] = Field(description="what to know before trusting the numbers")
-    duration_s: float = Field(description="time that the stored results cover, s")
+    solver: str = Field(description="solver of the equations, why, and its residual")
+    errors: str = Field(description="why error estimates are missing")
+    warnings: list[str] = Field(description="warnings")
+    duration_s: float = Field(description="stored time, s")
     step_s: float = Field(description="time step, s")
-    steps: int = Field(description="steps asked for")
-    stored: int = Field(description="instants stored, over which the sensors are summed up")
-    sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid is the rigid mechanism's value")
+    steps: int = Field(description="steps requested")
+    stored: int = Field(description="instants stored, over which statistics are computed")
+    sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid is that of the rigid mechanism")
     mode_angle_spread: dict[str, PeakSpread] = Field(
-        description="preset paper: by sensor, how its peak depends on options.mode_angle, at equal angles over a turn; "
-        "empty for equations that are not frozen"
+        description="preset paper: by sensor, range of its peak over options.mode_angle"
     )
     frequencies_hz: list[float] = Field(
-        description="natural frequencies at options.mode_angle, or at the start where the first drive never stands "
-        f"there, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; empty where nothing is elastic"
+        description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, else at the start, Hz"
     )
     degrees_of_freedom: int = Field(
-        description="elastic degrees of freedom before reduction, of bodies with modal data their shapes; of preset "
-        "coupled without elastic links, with bodies that are free or held twice, free coordinates and shapes"
+        description="elastic degrees of freedom before reduction; shapes of modal data; for rigid bodies under "
+        "preset coupled free coordinates"
     )
-    modes_kept: int = Field(description="coordinates solved for: the degrees of freedom where nothing is reduced")
+    modes_kept: int = Field(description="coordinates solved for")
     floquet_multiplier_max: float | None = Field(
-        description="largest modulus of the Floquet multipliers of the steps (unstable above 1); null if not computed"
+        description="largest modulus of the Floquet multipliers (unstable above 1); null if not computed"
     )
     events: dict[str, list[float]] = Field(description="times of the scene's events, s")
-    energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
-    contacts: dict[str, ContactSummary] = Field(description="by name; empty for a scene without contacts")
-    frictions: dict[str, FrictionSummary] = Field(description="by joint or contact; empty for a scene without friction")
-    stresses: dict[str, StressSummary] = Field(
-        description="by elastic link; empty where no section of one has a shape"
-    )
-    unresolved_modes: list[UnresolvedMode] = Field(
-        description="under preset coupled: the modes that its steps do not follow; empty for others"
-    )
-    choice: Choice | None = Field(description="the model that --tolerance chose, with its evidence; null without")
+    energy: EnergyBalance | None = Field(description="preset coupled, or free joints")
+    contacts: dict[str, ContactSummary] = Field(description="by name")
+    frictions: dict[str, FrictionSummary] = Field(description="by joint or contact")
+    stresses: dict[str, StressSummary] = Field(description="by elastic link with a section shape")
+    unresolved_modes: list[UnresolvedMode] = Field(description="preset coupled: modes that its steps do not resolve")
+    choice: Choice | None = Field(description="the model chosen by --tolerance")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
     sensitivities: dict[str, ParameterSensitivity] = Field(
-        description="derivatives of the sensors by parameter; empty for a run that was not asked for any"
+        description="derivatives of the sensors by parameter, if requested"
     )
 
 
@@ -314,7 +299,8 @@ def documentation() -> str:
     """The text of ``docs/summary.md``: every field."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
     for table in _TABLES:
-        parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
+        about = (table.__doc__ or "").splitlines()[0]
+        parts.append(f"\n## {table.__name__}\n\n{about}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
         parts += [
             f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"
             for name, field in table.model_fields.items()
@@ -324,9 +310,8 @@ def documentation() -> str:
 
 _HEAD = """# summary.json
 
-`kaneflex run` writes `summary.json` beside `results.nc`. Numbers are in SI, except angles of drives (degrees) and
-times of a step (ns), as their names say. This is version {version} of the [JSON Schema](data/summary.schema.json):
-new fields keep the version, removed or changed ones raise it.
+`kaneflex run` writes `summary.json` next to `results.nc`. Numbers are in SI, except where a
+name has its unit. This is version {version} of the [JSON Schema](data/summary.schema.json).
 
 Made by `python -m kaneflex.report.summary`; do not edit.
 """

@@ -34,30 +34,25 @@ _STILL = 1e-9
 
 
 class FrictionSummary(PlainTable):
-    """What a friction did over the run."""
+    """Forces and losses of a friction over the run."""
 
-    lost: float = Field(description="energy taken up, J")
-    largest_force: float | None = Field(description="largest force at a stored instant, N; null of a pin")
-    largest_torque: float | None = Field(description="of a pin, largest torque at a stored instant, N m; else null")
-    stuck: float = Field(description="share of the stored instants at which it is stuck")
-    jams_at_s: float | None = Field(
-        description="of a contact, instant at which it first presses the sides into each other, so that rigid ones "
-        "would have no force that agrees, or several (Painlevé's paradox), s; null where it never does"
-    )
+    lost: float = Field(description="energy lost, J")
+    largest_force: float | None = Field(description="largest stored force, N; null for a pin")
+    largest_torque: float | None = Field(description="of a pin: largest stored torque, N m")
+    stuck: float = Field(description="share of the stored instants with sticking")
+    jams_at_s: float | None = Field(description="of a contact: instant of the first jamming (Painlevé's paradox), s")
 
 
 class ContactSummary(PlainTable):
-    """What a contact did over the run."""
+    """Impacts and forces of a contact over the run."""
 
-    impacts: int = Field(description="how often it closed; results.nc lists all of them")
-    fastest_m_s: float | None = Field(description="largest speed of approach, m/s; null without an impact")
+    impacts: int = Field(description="number of closings")
+    fastest_m_s: float | None = Field(description="largest approach speed, m/s; null without an impact")
     largest_force: float | None = Field(description="largest normal force, N; null without an impact")
-    fastest_rad_s: float | None = Field(description="of a flank, speed of approach, rad/s; else null")
-    largest_torque: float | None = Field(description="of a flank, largest torque, N m; else null")
+    fastest_rad_s: float | None = Field(description="backlash: largest approach speed, rad/s")
+    largest_torque: float | None = Field(description="backlash: largest torque, N m")
     lost: float = Field(description="energy lost, J")
-    rests_since_s: float | None = Field(
-        description="instant from which on it stays closed to the end of the run, s; null where it is open there"
-    )
+    rests_since_s: float | None = Field(description="instant from which it stays closed to the end, s")
 
 
 def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:

@@ -20,15 +20,15 @@ FEWEST_STEPS = 3
 
 
 class UnresolvedMode(PlainTable):
-    """A mode at the reference configuration that the steps of a coupled run are too long for.
+    """Mode of the reference configuration that the steps of a coupled run do not resolve.
 
     Steps under control of their error leave out only vibrations that are smaller than the error allowed; what such a
     mode bears of forces is then its static share.
     """
 
     frequency_hz: float = Field(description="natural frequency, Hz")
-    shape: str = Field(description="what moves most in it: stretch or bending of a link")
-    steps_per_period: float = Field(description="mean steps in its period, below 3")
+    shape: str = Field(description="main motion: stretch or bending of a link")
+    steps_per_period: float = Field(description="mean steps per period, below 3")
 
 
 def unresolved(solution: Solution) -> list[UnresolvedMode]:

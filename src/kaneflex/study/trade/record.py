@@ -8,35 +8,34 @@ from kaneflex.support.plain_table import PlainTable
 
 
 class Attempt(PlainTable):
-    """A model that was weighed, or why it was not."""
+    """A model that was tried."""
 
-    model: str = Field(description="its name, as `kaneflex trade` names it")
-    error: float | None = Field(description="largest error of a sensor as a share of its peak; null if it has none")
-    worst_sensor: str | None = Field(description="the sensor with that error")
-    within: bool = Field(description="whether every sensor is within the tolerance, with the reference's doubt on top")
-    priced: bool = Field(description="whether by its price, a correction of another motion, not by a run")
-    reason: str = Field(description="why it was not run to the end, or what it stepped over; empty if neither")
+    model: str = Field(description="name, as in `kaneflex trade`")
+    error: float | None = Field(description="largest error of a sensor as a share of its peak")
+    worst_sensor: str | None = Field(description="sensor with that error")
+    within: bool = Field(description="whether error plus uncertainty of the reference are within the tolerance")
+    priced: bool = Field(description="whether the error is a price and not from a run")
+    reason: str = Field(description="why it was not run, or what it skipped")
 
 
 class Choice(PlainTable):
-    """The cheapest model that keeps a tolerance, and the evidence for it."""
+    """Cheapest model within a tolerance, with errors and reference."""
 
     tolerance: float = Field(description="error allowed of each sensor, as a share of its peak")
-    sensors: list[str] = Field(description="those that count")
-    model: str = Field(description="the chosen model, as `kaneflex trade` names it")
-    settings: list[str] = Field(description="what makes the scene this model, as path=value")
-    dropped: list[str] = Field(description="groups of terms that it leaves out beyond its preset")
+    sensors: list[str] = Field(description="sensors that count")
+    model: str = Field(description="chosen model, as in `kaneflex trade`")
+    settings: list[str] = Field(description="settings of the chosen model, as path=value")
+    dropped: list[str] = Field(description="groups of terms left out beyond the preset")
     errors: dict[str, float] = Field(description="by sensor: largest error as a share of its peak")
-    reference: str = Field(description="the finest model, which errors are measured against")
-    reference_settings: list[str] = Field(description="what makes the scene the reference, as path=value")
-    reference_note: str = Field(description="what is not known of the reference; empty if nothing")
-    doubt: dict[str, float] = Field(description="by sensor: how far the reference itself may be off")
+    reference: str = Field(description="finest model, reference of the errors")
+    reference_settings: list[str] = Field(description="its settings, as path=value")
+    reference_note: str = Field(description="what is unknown about the reference")
+    doubt: dict[str, float] = Field(description="by sensor: uncertainty of the reference")
     indicators: dict[str, float | None] = Field(
-        description="by group of terms: how much the quasi-static displacements change without it, to first order; "
-        "dynamics is the answer's own inertia and damping; speed_ratio the fastest drive's speed over the lowest "
-        "natural frequency, buckling_ratio the largest axial force over a pin-ended link's buckling load; null where "
-        "it can't be said"
+        description="by group of terms: change of the quasi-static displacements without it, to first order; "
+        "speed_ratio: fastest drive speed over lowest natural frequency; buckling_ratio: largest axial "
+        "force over buckling load; null if unknown"
     )
-    attempts: list[Attempt] = Field(description="models in the order in which they were tried")
-    seconds: float = Field(description="wall time of choosing, s")
-    remembered: bool = Field(description="whether the choice was read from the user's cache")
+    attempts: list[Attempt] = Field(description="models in the order of trial")
+    seconds: float = Field(description="wall time of the choice, s")
+    remembered: bool = Field(description="whether the choice was cached")
