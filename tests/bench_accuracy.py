@@ -64,24 +64,23 @@ above 1 is safe.
 
 ## One-way presets
 
-The reference is the scene's finest model: preset `stiffened`, four times the elements, all modes, four times the
-steps by `radau`. Left out are sensors whose error is below ten times that of the reference or below 1e-6 of their
-peak, and quasi-static runs of scenes that start from rest. Vibrations about as fast as the steps, like the axial ones
-of `engine-transient`, have estimates of their own size.
+The reference is preset `stiffened` with four times the elements, all modes and four times the steps by `radau`.
+Sensors whose error is below ten times that of the reference or below 1e-6 of their peak are left out, as are
+quasi-static runs of scenes that start from rest.
 
 {one_way}
 ## Preset coupled
 
-Runs under `coupled`, and one-way runs with the effect of one-way coupling (`solve.errors = "all"`). The reference is
-`coupled` with four times the elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance; its own
-error is taken as a quarter of the change from half its elements and modes. Sensors below ten times that are left out.
+Runs under `coupled`, and one-way runs with `solve.errors = "all"`. The reference is `coupled` with four times the
+elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance; its own error is taken as a quarter of the
+change from half its elements and modes. Sensors below ten times that are left out.
 
 {coupled}
 ## Prices and runs
 
-[Prices](trade.md#prices) of groups of terms and of coarser meshes, in the sensor that changes most: the change by two
-runs of `stiffened`, and how far the price misses it, as a share of the change. Changes below 1e-5 are left out, since
-runs are solved to 1e-6. Over all rows the price misses by at most 2 % of the change or of a thousandth of the peak.
+[Prices](trade.md#prices) of groups of terms and of coarser meshes, in the sensor that changes most: the change between
+two runs of `stiffened`, and the error of the price as a share of it: at most 2 % of the change or of a thousandth of
+the peak. Changes below 1e-5 are left out.
 
 {prices}
 Made by `python tests/bench_accuracy.py [coupled] [prices]`; do not edit.

@@ -41,11 +41,10 @@ print(time.perf_counter() - started)
 """
 HEAD = """# Times to derive and to compile
 
-Chains of elastic links, each hinged to the one before (`tests/chains.py`): open ones with all joints driven, and closed
-ones from ground to ground, whose last two links follow the others. Operations are those of the kernel `motion`, as the
-equations stand and with common subexpressions shared. Written out they multiply with each link, since each angle is a
-sum of all before it; shared, each link adds the same number. Compiling is measured in a process and with a cache of its
-own. Element kernels do not depend on the number of links.
+Chains of elastic links, each hinged to the one before (`tests/chains.py`): open ones with all joints driven, and
+closed ones from ground to ground. Operations are those of the kernel `motion` without and with shared subexpressions.
+Without sharing they multiply with each link; with sharing each link adds the same number. Each is compiled in a new
+process with an empty cache.
 
 | chain | links | derive [s] | module [kB] | operations written out | operations shared | compile `motion` [s] |
 | --- | --- | --- | --- | --- | --- | --- |
@@ -65,8 +64,8 @@ print(size, model.seconds["derive"], model.seconds["compile"], found.ns_per_step
 COUPLED_HEAD = """
 ## The coupled equations
 
-The open chains under preset `coupled`, with 1 to 6 modes a link beside the static shapes. The first row includes
-compiling the engine that all scenes share. Steps are those of a run of 1 s.
+The open chains under preset `coupled`, with 1 to 6 modes a link and the static shapes, over 1 s. The first row
+includes compiling the engine that all scenes share.
 
 | links | modes | coordinates | derive [s] | compile [s] | a step [us] | steps | rejected |
 | --- | --- | --- | --- | --- | --- | --- | --- |

@@ -16,10 +16,9 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import run_of
 
-ABOUT = """*A cycle*: the periodic motion at one of 64 speeds on one core by `integrate`, systems and tables of the
-motion being there. The error is the root mean square of the difference of the rod's first bending mode to 16 times as
-many steps by `gauss`, relative to its own: the largest at four speeds. *spectral* is the motion by its harmonics, with
-what tells whether it is stable, and *its motion* without that; ratios are to `gauss`."""
+ABOUT = """*A cycle*: the periodic motion at one of 64 speeds on one core by `integrate`. The error is the rms difference of the
+rod's first bending mode from 16 times as many steps by `gauss`, the largest at four speeds. *spectral* includes the
+stability check, *its motion* does not; ratios are to `gauss`."""
 SPEEDS, STEPS, FINER = 64, 720, 16
 ROUNDS, BUDGET = 5, 20.0
 BENDING = 1

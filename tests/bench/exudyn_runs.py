@@ -22,12 +22,10 @@ from kaneflex.solve.simulation import solve as solved
 from kaneflex.support.errors import SceneError
 
 TITLE = "Whole runs against Exudyn"
-ABOUT = """Time to an error of 1e-3 (rms of the deflection of an elastic link's middle, of its largest, against each
-program's own converged answer), solving alone; the ratio is to kaneflex. Under preset `stiffened` kaneflex is linear
-about the prescribed motion where Exudyn solves the nonlinear equations with Lagrange multipliers, so that ratio is also
-one of models; preset `coupled` is nonlinear in both, but kaneflex has a link's modes in a floating frame where Exudyn
-has nodes of its own kind everywhere. The periodic motion is found by its harmonics here, with its Floquet multipliers;
-Exudyn starts from the undeformed state and goes on until what is left of that is 1e-4."""
+ABOUT = """Solution time for an rms error of 1e-3 of an elastic link's deflection, against each program's own converged answer;
+the ratio is to kaneflex. Under preset `stiffened` kaneflex is linear about the prescribed motion, so this ratio also
+compares models; `coupled` is nonlinear like Exudyn, but with a link's modes in a floating frame. Periodic motions are
+found by harmonics in kaneflex, and in Exudyn from the undeformed state until 1e-4 of the transient is left."""
 ERROR, ROUNDS = 1e-3, 7
 
 

@@ -23,15 +23,12 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 
 TITLE = "Whole runs against solve_ivp"
-ABOUT = """One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, a static shape and five modes, and
-its damped periodic one, also with all 12 coordinates of 4 elements and all 192 of 64. The equations are the same,
-linear with coefficients of time; errors are rms over the instants, of the largest displacement. kaneflex takes the
-coarsest steps of the quickest method within the error, or finds a periodic motion by its harmonics, to the loosest
-tolerance within it; scipy takes the loosest tolerance, for a periodic motion over as many cycles from rest as it needs.
-*In all* is a call of `integrate` with the table of the motion, of periodic ones with their multipliers; *steps alone*
-its compiled loop. A *lambdified* right-hand side is M, C, K and F by SymPy's lambdify with cse and the scene's numbers,
-solved by NumPy; a *jitted* one is the generated motion with the sums and the solve in numba. The ratio is to kaneflex,
-in all."""
+ABOUT = """One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, and its damped periodic motion also with 12
+and 192 coordinates. The equations are the same; errors are rms over the instants, relative to the largest
+displacement. Each program takes its fastest method and loosest tolerance within the error; scipy reaches a periodic
+motion through as many cycles as it needs. *In all* is a call of `integrate`, *steps alone* its compiled loop. A
+*lambdified* right-hand side is by SymPy's lambdify and NumPy, a *jitted* one by numba. The ratio is to kaneflex, in
+all."""
 SETTINGS = ("solve.start=zero", "solve.modes=5")
 PERIODIC = {"6 coordinates": ("solve.modes=5",), "4 elements": (), "64 elements": ("rod.elements=64",)}
 METHODS = ("newmark", "generalised-alpha", "gauss")

@@ -21,16 +21,14 @@ from bench.rows import Row, Target
 ROOT = Path(__file__).parents[2]
 FIXED = "sum(k * k % 7 for k in range(4_000_000))"
 TITLE = "Latency"
-ABOUT = f"""Whole processes on a copy of this checkout, in the processor's seconds, user and system together: other
-programs on the machine add little to these. Only rows named *clock* are seconds of the clock. The ratio is to a fixed
-piece of work, `{FIXED}` in Python, which takes turns with what it is compared with.
+ABOUT = f"""Processor seconds (user and system) of whole processes on a copy of this checkout; rows named *clock* are wall time.
+The ratio is to a fixed piece of Python, `{FIXED}`.
 
-- *Install*: `make run` makes an environment and installs the checkout there without bytecode; `pip install` puts a
-  wheel into an empty environment. MB are 10^6 bytes of files that either adds to an empty environment.
-- *Cold* is the first `kaneflex run SCENE --no-plots` on a machine: nothing is compiled but Python's own bytecode. The
-  engine with gravity is not shipped, so that it is derived, too. *From a wheel*: one by `make wheel`, with kernels.
-- *Warm* finds what an earlier run compiled. The README's example is its first one in Python.
-- Lines and modules of kaneflex itself are those of `tests/data/budget.json`, which a test holds against a run."""
+- *Install*: `make run` without bytecode, or `pip install` of a wheel, into an empty environment. MB are 10^6 bytes.
+- *Cold*: first `kaneflex run SCENE --no-plots` on a machine, without compiled kernels. The engine with gravity is not
+  shipped and is derived, too. *From a wheel*: a wheel with compiled kernels.
+- *Warm*: kernels were compiled before.
+- Lines and modules of kaneflex are limited by `tests/data/budget.json`."""
 WARM = {
     "list": 0.4, "check engine": 0.4, "show engine --force -o shown.png": 0.4, "modes engine": 0.4,
     "run engine --no-plots --force -o warm": 0.5, "run engine --force -o drawn": 2.0,

@@ -13,9 +13,8 @@ from kaneflex.scene import with_settings
 from kaneflex.support.errors import SceneError
 
 TITLE = "Work over precision"
-ABOUT = """Time of whole runs over their error (rms of the deflection of an elastic link's middle, of its largest,
-against each program's own converged answer), solving alone, as the tolerance falls or the steps grow. kaneflex solves
-preset `coupled` with as many elements as its converged answer has, Exudyn its own nonlinear equations with as many."""
+ABOUT = """Solution time over error (rms deflection of an elastic link's middle against each program's own converged answer) for
+falling tolerances or growing numbers of steps, preset `coupled` against Exudyn, with equal numbers of elements."""
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SLOW = (1e-3, 1e-4, 1e-5, 1e-6)
 """Those of scipy."""

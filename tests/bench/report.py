@@ -21,9 +21,9 @@ from kaneflex.support.atomic_output import write_text
 
 HEAD = """# Benchmarks
 
-Times are medians with quartiles. The candidates of a task take turns; a ratio is the median of the rounds' ratios, so
-a slow machine affects both. Targets show the required value and, in brackets, a hoped-for one. One thread, except
-for sweeps.
+kaneflex compared with hand-written C and other programs. Times are medians with quartiles of interleaved runs; a ratio
+is the median of the rounds' ratios. Targets show the required value and, in brackets, a desired one. One thread,
+except for sweeps.
 
 ![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
 """
@@ -53,7 +53,7 @@ class Section:
 
 
 def read(docs: Path) -> dict[str, dict]:
-    """What is stored so far, section by section."""
+    """Stored sections by name."""
     path = docs / DATA
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
@@ -88,12 +88,17 @@ def page(sections: Mapping[str, Section], modules: Mapping[str, ModuleType]) -> 
 
 
 def machines(sections: Mapping[str, Section], modules: Mapping[str, ModuleType]) -> str:
-    """A line for each day and machine, with the sections that were measured then and there."""
+    """Properties that all measurements share, then a line for each day and machine with its sections and what differs."""
+    described = [set(section.machine.items()) for section in sections.values()]
+    common = set.intersection(*described) if described else set()
     titles: dict[str, list[str]] = {}
     for name, section in sections.items():
-        where = ", ".join(f"{key} {value}" for key, value in section.machine.items())
+        where = ", ".join(f"{key} {value}" for key, value in section.machine.items() if (key, value) not in common)
         titles.setdefault(where, []).append(modules[name].TITLE)
-    return "\n".join(f"- {', '.join(names)}: {where}" for where, names in titles.items())
+    first = next(iter(sections.values()), None)
+    shared = [f"{key} {value}" for key, value in first.machine.items() if (key, value) in common] if first else []
+    lines = [f"- {', '.join(names)}: {where}" for where, names in titles.items()]
+    return "\n".join([f"- All: {', '.join(shared)}", *lines])
 
 
 def table(rows: Iterable[Row]) -> list[list[str]]:

@@ -21,10 +21,9 @@ from kaneflex.study.sweep import Solver, in_this_process
 from kaneflex.study.workers import in_processes
 
 TITLE = "Sweeps"
-ABOUT = f"""Time a point of a sweep of the engine over its speed, 6 coordinates, 720 instants a cycle: reading
-the settings, building the model, the periodic motion and the statistics of every sensor. Counted from a quarter of the
-points on, without the start of the processes; Dask's workers are on the same machine, their chunks last a second.
-*Solving alone* is `simulate` of a model that is there. The ratio is to one process.
+ABOUT = f"""Time per point of a sweep of the engine over its speed, 6 coordinates, 720 instants a cycle, without the start of the
+processes; Dask's workers are on the same machine. *Solving alone* is `simulate` of a loaded model. The ratio is to one
+process.
 
 {cycles.ABOUT}"""
 STUDY = """scene = "engine"
