@@ -22,7 +22,8 @@ from kaneflex.solve.simulation import solve as solved
 from kaneflex.support.errors import SceneError
 
 TITLE = "Whole runs against Exudyn"
-ABOUT = """Solution time for an rms error of 1e-3 of an elastic link's deflection, against each program's own converged answer;
+ABOUT = """\
+Solution time for an rms error of 1e-3 of an elastic link's deflection, against each program's own converged answer;
 the ratio is to kaneflex. Under preset `stiffened` kaneflex is linear about the prescribed motion, so this ratio also
 compares models; `coupled` is nonlinear like Exudyn, but with a link's modes in a floating frame. Periodic motions are
 found by harmonics in kaneflex, and in Exudyn from the undeformed state until 1e-4 of the transient is left."""

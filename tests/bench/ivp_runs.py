@@ -23,7 +23,8 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 
 TITLE = "Whole runs against solve_ivp"
-ABOUT = """One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, and its damped periodic motion also with 12
+ABOUT = """\
+One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, and its damped periodic motion also with 12
 and 192 coordinates. The equations are the same; errors are rms over the instants, relative to the largest
 displacement. Each program takes its fastest method and loosest tolerance within the error; scipy reaches a periodic
 motion through as many cycles as it needs. *In all* is a call of `integrate`, *steps alone* its compiled loop. A

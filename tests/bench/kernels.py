@@ -22,7 +22,8 @@ from kaneflex.generated import slider_crank_150 as generated
 from kaneflex.support.contract import ELEMENT_KERNELS
 
 TITLE = "Kernels"
-ABOUT = """Time of one evaluation. *Beam element*: M, K_s, K_d, K_g, C and F, 114 nonzero numbers, in space 296. *Slider-crank*:
+ABOUT = """\
+Time of one evaluation. *Beam element*: M, K_s, K_d, K_g, C and F, 114 nonzero numbers, in space 296. *Slider-crank*:
 motion and inverse dynamics, 32 numbers. *In a loop*: compiled loop over 16 samples, ratio to hand-written C
 (`tests/bench`, `-O3 -march=native`). *From Python*: one call by the interpreter, ratio to kaneflex. All candidates
 agree to 1e-12 of the largest entry."""

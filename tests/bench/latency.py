@@ -21,7 +21,8 @@ from bench.rows import Row, Target
 ROOT = Path(__file__).parents[2]
 FIXED = "sum(k * k % 7 for k in range(4_000_000))"
 TITLE = "Latency"
-ABOUT = f"""Processor seconds (user and system) of whole processes on a copy of this checkout; rows named *clock* are wall time.
+ABOUT = f"""\
+Processor seconds (user and system) of whole processes on a copy of this checkout; rows named *clock* are wall time.
 The ratio is to a fixed piece of Python, `{FIXED}`.
 
 - *Install*: `make run` without bytecode, or `pip install` of a wheel, into an empty environment. MB are 10^6 bytes.

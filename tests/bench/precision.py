@@ -13,7 +13,8 @@ from kaneflex.scene import with_settings
 from kaneflex.support.errors import SceneError
 
 TITLE = "Work over precision"
-ABOUT = """Solution time over error (rms deflection of an elastic link's middle against each program's own converged answer) for
+ABOUT = """\
+Solution time over error (rms deflection of an elastic link's middle against each program's own converged answer) for
 falling tolerances or growing numbers of steps, preset `coupled` against Exudyn, with equal numbers of elements."""
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SLOW = (1e-3, 1e-4, 1e-5, 1e-6)

@@ -88,7 +88,7 @@ def page(sections: Mapping[str, Section], modules: Mapping[str, ModuleType]) -> 
 
 
 def machines(sections: Mapping[str, Section], modules: Mapping[str, ModuleType]) -> str:
-    """Properties that all measurements share, then a line for each day and machine with its sections and what differs."""
+    """A line of shared properties, then one for each day and machine with its sections."""
     described = [set(section.machine.items()) for section in sections.values()]
     common = set.intersection(*described) if described else set()
     titles: dict[str, list[str]] = {}

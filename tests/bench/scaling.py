@@ -22,7 +22,8 @@ from kaneflex.solve.loading import load
 from kaneflex.study.comparison import compare
 
 TITLE = "Scaling"
-ABOUT = """Time of one step in the compiled loop, of the engine by number of elements, of its rod of 16 elements by number of
+ABOUT = """\
+Time of one step in the compiled loop, of the engine by number of elements, of its rod of 16 elements by number of
 modes, and of open chains by number of links (four elements each). scipy's `solve_banded` of a matrix of that size is
 one part of a step; ratios are to the Newmark step. Then the time of a cycle of the engine with 6 coordinates by number
 of steps, with its error against 46080 steps, and of 10,000 cycles of 720 steps under preset `paper`."""

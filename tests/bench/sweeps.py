@@ -21,7 +21,8 @@ from kaneflex.study.sweep import Solver, in_this_process
 from kaneflex.study.workers import in_processes
 
 TITLE = "Sweeps"
-ABOUT = f"""Time per point of a sweep of the engine over its speed, 6 coordinates, 720 instants a cycle, without the start of the
+ABOUT = f"""\
+Time per point of a sweep of the engine over its speed, 6 coordinates, 720 instants a cycle, without the start of the
 processes; Dask's workers are on the same machine. *Solving alone* is `simulate` of a loaded model. The ratio is to one
 process.
 
