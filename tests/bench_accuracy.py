@@ -56,7 +56,7 @@ COLUMNS = (
     "scene", "model", "sensors", "largest error, share of the peak", "effectivity: least", "median", "greatest"
 )  # fmt: skip
 PRICES = ("scene", "model", "sensor", "change", "missed")
-PAGE_TEXT = """# Accuracy
+PAGE_TEXT = """# Accuracy of results
 
 Every run estimates the error of its sensors ([how](scene/solve.md#error-estimates)). This page compares estimates
 with true errors. *Effectivity* is the estimate divided by the true error, each the largest over the run: 1 is exact,

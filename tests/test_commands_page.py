@@ -92,7 +92,7 @@ def test_the_model_in_one_file_is_as_the_page_says(outputs, capsys):
 
 
 def test_the_file_has_the_names_of_the_table(outputs):
-    state_space = TEXT[TEXT.index("## linearise: a state space") : TEXT.index("## equations: in LaTeX")]
+    state_space = TEXT[TEXT.index("## linearise: a state space") : TEXT.index("## equations: LaTeX")]
     table = re.findall(r"^\| (`.*?) \| ", state_space, flags=re.MULTILINE)
     names = {name for cell in table for name in re.findall(r"`(\w+)`", cell)}
     with np.load("engine.npz") as found:
