@@ -15,7 +15,7 @@ _NUDGE = float(np.sqrt(np.finfo(float).eps))
 """Share of a variable, or of its size, by which it is changed for a difference quotient."""
 
 MOST_EVALUATIONS = 1_000_000
-"""Evaluations of the rates in one solution: a minute or two of a second opinion."""
+"""Evaluations of the rates in one solution: one to two minutes."""
 
 _MOST = 5_000_000
 """Evaluations of the rates in one motion of free joints: some minutes."""

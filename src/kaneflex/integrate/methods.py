@@ -151,7 +151,7 @@ METHODS = {
             "spectral", None, "Fourier collocation over a cycle: periodic motions, by as many harmonics as they need",
             (0.0,), 2, None, None, None,
         ),
-        Method("scipy", None, "scipy.integrate.solve_ivp: slow, a second opinion", (0.0,), 2, None, None, None),
+        Method("scipy", None, "scipy.integrate.solve_ivp: slow, an independent check", (0.0,), 2, None, None, None),
     )
 }  # fmt: skip
 """The methods by name."""

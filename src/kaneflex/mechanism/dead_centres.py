@@ -56,7 +56,7 @@ class Closing:
 
     @property
     def note(self) -> str:
-        """What is to be known of it; empty where it keeps clear of dead centres."""
+        """Warnings and notes; empty away from dead centres."""
         least, at = float(self.values.min()), f"at {self.stand} " if self.stand else ""
         if self.is_angle and least < _NEAR:
             return (

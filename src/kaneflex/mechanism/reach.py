@@ -87,7 +87,7 @@ def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
 
 
 def joint_course(joint: Joint, courses: Courses) -> np.ndarray:
-    """A joint's coordinate over the motion [rad or m], (n,), counted on from within half a turn of zero."""
+    """A joint's coordinate over the motion [rad or m], (n,), continuous from within half a turn of zero."""
     course = coordinate(joint, *(pose_over(courses, side.body).section(side.at) for side in joint.sides))
     return course if joint.slides else course - math.tau * np.round(course[0] / math.tau)
 

@@ -1,4 +1,4 @@
-"""Coupled equations through scipy's Radau: a second opinion, in the independent coordinates."""
+"""Coupled equations through scipy's Radau, an independent check, in the independent coordinates."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class Count:
         )])  # fmt: skip
 
     def _counted(self, t: float, angle: float, rate: float) -> float:
-        """Counted on from the last instant before, by steps between where that is too far."""
+        """Angle continued from the last instant, with steps between if that is too far."""
         while True:
             last = bisect.bisect_right(self.times, t) - 1
             step = t - self.times[last]

@@ -153,7 +153,7 @@ class SpatialRecorder(Recorder):
         return strain_of(self.scene, sensor, self._section(sensor, "ForceLocal")[0], M_y, M_z)
 
     def _coordinate(self, name: str, turns: bool) -> Rates:
-        """Angle of a joint, counted on from where it starts, or its slide, and its rates."""
+        """Angle of a joint, continuous from its start, or its slide, and its rates."""
         joint = self.mechanism.joints[name]
         first, second = (self._frame(side.body, side.at) for side in joint.sides)
         if not turns:

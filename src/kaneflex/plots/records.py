@@ -165,7 +165,7 @@ def _others(solution: Solution) -> list[tuple[str, str, str, list[str], bool]]:
 
 
 def _mark_zones(axes: Axes, shown: View) -> None:
-    """A shade over every zone of impacts, and in the legend how many there are; none where it knocks all the time."""
+    """Shade every zone of impacts and count them in the legend; none under permanent impacts."""
     zones = [zone for zone in impact_zones(shown.solution) if zone[1] >= shown.times[0] and zone[0] <= shown.times[-1]]
     if sum(end - begin for begin, end in zones) > 0.5 * np.ptp(shown.times):
         return

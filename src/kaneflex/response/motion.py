@@ -124,7 +124,7 @@ class Motion(ABC):
         return LinkForces(self.model.scene, self.rigid_forces).section(link, x, after)
 
     def turned(self, body: str) -> np.ndarray:
-        """Angle of a body in the rigid motion [rad], counted on from turn to turn."""
+        """Angle of a body in the rigid motion [rad], continuous over turns."""
         frame = self.rigid.frame(body)
         angle = np.arctan2(frame.s, frame.c)
         if self.whole is None:

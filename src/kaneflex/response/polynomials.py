@@ -42,7 +42,7 @@ class Readings:
     sensors : tuple of str
         In the order of the last sums.
     turned : tuple of str
-        Bodies whose angles in the rigid motion are given, counted on from turn to turn.
+        Bodies whose angles in the rigid motion are given, continuous over turns.
     given, count : int
         Numbers before the one, and in all.
     stages : ndarray (n_systems + 1, 3)

@@ -130,7 +130,7 @@ class SpatialReader(Reader):
         return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
 
     def _joint(self, sensor: Sensor) -> Rates:
-        """Angle of a joint, counted on from turn to turn [rad], or its slide [m], with its rates."""
+        """Angle of a joint, continuous over turns [rad], or its slide [m], with its rates."""
         name = address_of(sensor).body
         joint = spatial_mechanism_of(self.scene).joints[name]
         joint, first, second = joined_frames(cast(SpatialMotion, self.rigid), joint)

@@ -21,7 +21,7 @@ _TURN = 0.5
 
 
 def at_least(wanted: int, options: Options) -> str:
-    """The cure of too few steps in a run: as many as are wanted, or a shorter run where nobody can have as many."""
+    """Fix for too few steps: more steps, or a shorter run if there would be too many."""
     if wanted <= MOST:
         return f"give solve.steps = {wanted} or more"
     return f"give solve.duration = {options.duration * MOST / wanted:.2g} s or less and more of solve.steps"

@@ -93,7 +93,7 @@ def _fibres(scene: Scene) -> Iterator[str]:
 
 
 def stubby_links(scene: Scene) -> Iterator[str]:
-    """What is to be known of elastic links too short for the beams that they are taken for.
+    """Notes on elastic links too short for their beam theory.
 
     Shear adds 3 E I / (kappa G A length^2) to the deflection of a cantilever's tip (Timoshenko 1921), which is 9.36
     over the slenderness squared for nu = 0.3 and kappa = 5/6.

@@ -23,7 +23,7 @@ def labelled(solution: Solution) -> Labelled:
     Returns
     -------
     Labelled
-        Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, counted on from cycle to
+        Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, continuous from cycle to
         cycle, or ``drive_position_<drive>`` [m] of a guide; a variable for each sensor, and ``NAME_rigid`` beside the
         forces, with CF ``units`` and ``long_name``. Of a coupled run also dimension ``state``, the names of its
         coordinates, with ``last_state`` and ``last_rate`` at the last time; of one with contacts dimensions ``contact``

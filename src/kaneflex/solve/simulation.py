@@ -1,4 +1,4 @@
-"""Solve a model over its horizon, in the way that its preset names."""
+"""Solve a model over its horizon by its preset."""
 
 from __future__ import annotations
 

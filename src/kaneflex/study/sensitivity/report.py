@@ -173,7 +173,7 @@ def sensitivities(
 
 
 def check_differentiable(scene: Scene, continued: bool) -> None:
-    """Raise SceneError for a run that can't be differentiated, naming what stands in the way.
+    """Raise SceneError for a run that can't be differentiated, with the entry.
 
     ``continued`` tells whether it goes on from the last state of another one.
     """

@@ -1,6 +1,6 @@
 """What clearances and friction change in a scene's sensors: runs with them against runs with tight joints, or without.
 
-A mechanism that knocks may be chaotic: two of its runs that begin next to each other part, so that no difference at an
+A mechanism with impacts may be chaotic: two of its runs that begin next to each other part, so that no difference at an
 instant says anything. What is compared are statistics over the run, the largest absolute value and the rms, and beside
 each change stands by how much the statistic itself changes with a ten times smaller tolerance of a step.
 """
