@@ -9,34 +9,43 @@ from runs import run
 import kaneflex
 from kaneflex.generated import engine
 
-SCENE, MODEL, SOLUTION = (f" takes a {kind}, not " for kind in ("Scene", "Model", "Solution"))
-READ, LOADED, SIMULATED = "read_scene(...) makes one", "load(scene) makes one", "simulate(model) makes one"
+SCENE, MODEL = " takes a Scene, Model, Solution or path, not ", " takes a Model, Solution, Scene or path, not "
+SOLUTION = " takes a Solution, not "
+READ, LOADED, SIMULATED = "read_scene(...) makes a Scene", "load(scene) makes a Model", "simulate(model) makes one"
 TEXTS, PATH = " takes a list of texts as ", "give a text or a pathlib.Path"
 FUNCTION = "give one that takes what is told"
 # function, arguments (scene, model, solution stand for real ones), what the message says
 WRONG = [
     ("checked", ("engine",), " takes a generated module or a mechanism's kernels, not str: kaneflex.generated.engine"),
     ("checked", (np,), "not module"),
-    ("compare", ("engine",), SCENE + f"str: {READ}"),
+    ("compare", (3,), SCENE + f"int: {READ}"),
     ("compare", ("scene", "coupled"), TEXTS + "presets, not str: write ["),
     ("compare", ("scene", ["linear", 3]), TEXTS + "presets, not list of int and str"),
     ("compare", ("scene", None, 3), " takes a text as against, not int: write it in quotes"),
+    ("derive_code", (3,), SCENE + f"int: {READ}"),
+    ("derive_code", ("scene", 3), " takes a text as form, not int"),
     ("draw_all", ("model", "x"), SOLUTION + f"Model: {SIMULATED}"),
     ("draw_all", ("solution", 3), f" takes a path as folder, not int: {PATH}"),
     ("draw_all", ("solution", "x", None, 2.5), " takes a whole number as frames, not float"),
+    ("equations", (3,), SCENE + f"int: {READ}"),
+    ("explore", (3, ["main.speed=1:2"]), SCENE + f"int: {READ}"),
+    ("explore", ("scene", "main.speed=1:2"), TEXTS + "vary, not str"),
+    ("export_fmu", (3,), SCENE + f"int: {READ}"),
+    ("export_fmu", ("scene", 3), " takes a text as version, not int: write it in quotes"),
     ("figures", ("model",), SOLUTION + f"Model: {SIMULATED}"),
     ("figures", ("scene",), SOLUTION + f"Scene: {SIMULATED}"),
+    ("import_mesh", (1, "k", "n", {}), f" takes a path, not int: {PATH}"),
+    ("import_mesh", ("m", "k", "n", ["start"]), " takes paths by point as points, not list of str: write {'start'"),
     ("in_processes", ("2",), " takes a whole number, not str: give one like 4"),
     ("in_processes", (True,), " takes a whole number, not bool"),
-    ("linearise", ("scene",), MODEL + f"Scene: {LOADED}"),
-    ("linearise", ("solution",), MODEL + f"Solution: {LOADED}"),
+    ("linearise", ({},), MODEL + f"dict: {LOADED}"),
     ("linearise", ("model", "0.1 s"), " takes a number as t, not str: give it in SI, without a unit"),
     ("linearise", ("model", 0.0, "angle"), TEXTS + "sensors, not str"),
-    ("load", ("engine",), SCENE + f"str: {READ}"),
+    ("load", ({},), SCENE + f"dict: {READ}"),
     ("load", (None,), SCENE + "NoneType"),
     ("load", ("scene", "loud"), f" takes a function as progress, not str: {FUNCTION}"),
     ("load", ("scene", print, "scene"), " takes a Model as like, not Scene"),
-    ("modes", ("model",), SCENE + f"Model: {READ}"),
+    ("modes", (4,), SCENE + f"int: {READ}"),
     ("modes", ("scene", "4"), " takes a whole number as count, not str"),
     ("on_cluster", (8786,), " takes a text, not int: write it in quotes"),
     ("read_scene", (5,), f" takes a path, not int: {PATH}"),
@@ -47,26 +56,28 @@ WRONG = [
     ("sensitivities", ("solution", "rod.I"), TEXTS + "names, not str: write ['...', '...']"),
     ("sensitivities", ("solution", [1]), TEXTS + "names, not list of int"),
     ("sensitivities", ("model", ["rod.I"]), SOLUTION + f"Model: {SIMULATED}"),
-    ("show", ("engine",), SCENE + f"str: {READ}"),
+    ("show", (b"engine",), SCENE + f"bytes: {READ}"),
     ("show", ("scene", 0.5), " takes places of drives as at, not float: write {'main': 0.5}"),
-    ("simulate", ("scene",), MODEL + f"Scene: {LOADED}"),
+    ("simulate", (None,), MODEL + f"NoneType: {LOADED}"),
     ("simulate", ("model", 3), f" takes a function as progress, not int: {FUNCTION}"),
     ("simulate", ("model", None, "folder"), " takes a Solution or a State as after, not str: read_state(path) has one"),
-    ("stability", ("model",), SCENE + f"Model: {READ}"),
+    ("stability", (["scene"],), SCENE + f"list of str: {READ}"),
     ("stability", ("scene", "0:6000rpm"), " takes a list of numbers as speeds, not str: give them in SI"),
     ("stability", ("scene", None, print, ["1"]), " takes a list of numbers as orders, not list of str"),
     ("sweep", ("scene", "x"), " takes a study, not Scene: give the path of its file, or {'scene'"),
     ("sweep", ({}, 3), " takes a path as folder, not int"),
     ("sweep", ({}, "x", "dask"), " takes a function as solver, not str"),
-    ("terms", ("model",), SCENE + f"Model: {READ}"),
+    ("terms", (1,), SCENE + f"int: {READ}"),
     ("terms", ("scene", "1%"), " takes a number as tolerance, not str: give it in SI, without a unit"),
-    ("trade", ("engine",), SCENE + f"str: {READ}"),
+    ("trade", (1.0,), SCENE + f"float: {READ}"),
     ("trade", ("scene", 0.01, "60 s"), " takes a number as budget, not str"),
     ("trade", ("scene", 0.01, 60.0, "angle"), TEXTS + "sensors, not str"),
-    ("with_settings", ("engine", []), SCENE + f"str: {READ}"),
+    ("with_settings", ({}, []), SCENE + f"dict: {READ}"),
     ("with_settings", ("scene", 3), " takes a list or a dict of settings as settings, not int: write {'rod.I'"),
     ("with_settings", ("scene", {1: "rod.I"}), "not dict"),
     ("with_settings", ("scene", [1]), "not list of int"),
+    ("write_report", ("model", "x"), SOLUTION + f"Model: {SIMULATED}"),
+    ("write_report", ("solution", 3), f" takes a path as folder, not int: {PATH}"),
 ]  # fmt: skip
 
 
@@ -100,6 +111,18 @@ def test_no_public_function_takes_just_anything(wrong):
         if wanted:
             with pytest.raises(TypeError, match=rf"^{name} takes "):
                 function(*[wrong] * len(wanted))
+
+
+def test_a_scene_is_taken_from_what_was_made_of_it_and_from_its_name(real):
+    found = [kaneflex.with_settings(given, {"solve.steps": 36}) for given in (*real.values(), "four-bar")]
+    assert all(scene.solve.steps == 36 and scene.name == "four-bar" for scene in found)
+    assert [scene.solve.preset for scene in found] == ["rigid", "rigid", "rigid", "stiffened"]
+    expected = kaneflex.modes(kaneflex.read_scene("four-bar"), 1).frequencies
+    np.testing.assert_array_equal(kaneflex.modes("four-bar", 1).frequencies, expected)
+    again = kaneflex.simulate(real["scene"])
+    np.testing.assert_array_equal(again.times, kaneflex.simulate(real["solution"]).times)
+    with pytest.raises(kaneflex.SceneError, match=r"scene = 'engin': no shipped scene .* 'engine'"):
+        kaneflex.load("engin")
 
 
 def test_what_fits_goes_through(real):

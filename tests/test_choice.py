@@ -460,7 +460,7 @@ def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_pa
     head = text[: text.index("import math")]
     assert "M q'' + (K_s + K_g) q = F" in head and "Without the terms spin, gyroscopic, euler, damping." in head
     assert "made by: kaneflex derive SCENE --tolerance SHARE -o FILE.py" in head
-    refused(cli("derive", "engine", "--tolerance", "1%", "--coupled", "-o", tmp_path / "b.py"), "--coupled")
+    refused(cli("derive", "engine", "--tolerance", "1%", "--preset", "coupled", "-o", tmp_path / "b.py"), "--preset")
     refused(cli("derive", "engine", "--sensors", "tip_axial", "-o", tmp_path / "b.py"), "belongs to --tolerance")
 
 

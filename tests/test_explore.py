@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 
+import kaneflex
 from kaneflex.plots.explorer import Explorer
 from kaneflex.plots.style import new_figure, styled
 from kaneflex.scene import read_scene, with_settings
@@ -128,6 +129,10 @@ def test_what_cannot_be_explored_is_refused(tmp_path):
     refused(cli("explore", "engine", "--vary", SPEED, "--vary", "drives.main.speed=1:2rpm", "-o", picture), "twice")
     refused(cli("explore", "engine", "--vary", SPEED, "--sensors", "crank_torqe", "-o", picture), "crank_torque")
     refused(cli("explore", "engine", "--vary", SPEED, "-o", tmp_path / "explored.txt"), "not a kind of picture")
+    with pytest.raises(SceneError, match="crank_torque"):
+        kaneflex.explore(SCENE, [SPEED], ["crank_torqe"])
+    shown = kaneflex.explore(SCENE, [SPEED], SENSORS, window=False)
+    assert {line.get_label() for axes in shown.axes for line in axes.lines} >= set(SENSORS)
     assert list(tmp_path.iterdir()) == []
 
 

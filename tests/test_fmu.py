@@ -17,7 +17,7 @@ from hostile_names import NAME
 from runs import solved
 
 from kaneflex.scene import read_scene, scene_of, with_settings
-from kaneflex.solve.fmu import fmu
+from kaneflex.solve.fmu import export_fmu
 from kaneflex.support.errors import SceneError
 
 RPM = 2 * np.pi / 60
@@ -35,7 +35,7 @@ def engine(tmp_path_factory, compiler):
     scene, shown = with_settings(read_scene("engine"), ["solve.integrator=radau"]), {}
     shown["2"] = cli("export", "engine", "--set", "solve.integrator=radau", "-o", folder / "2.fmu")
     assert shown["2"].exit_code == 0, shown["2"].output
-    (folder / "3.fmu").write_bytes(fmu(scene.model_copy(update={"name": NAME, "description": NAME}), "3").content)
+    export_fmu(scene.model_copy(update={"name": NAME, "description": NAME}), "3").save(folder / "3.fmu")
     return scene, folder, shown["2"].stdout
 
 
@@ -93,7 +93,7 @@ def test_model_exchange_comes_near_the_run(version, engine, series, fmpy):
 @pytest.mark.parametrize("version", ["2", "3"])
 def test_a_scene_in_space_is_an_fmu_too(version, fmpy, tmp_path):
     scene = with_settings(read_scene("spatial-slider-crank-elastic"), ["solve.integrator=radau"])
-    made = fmu(scene, version)
+    made = export_fmu(scene, version)
     (tmp_path / "space.fmu").write_bytes(made.content)
     assert made.inputs == () and {*made.outputs} == {*scene.sensors}
     expected = solved(scene).series
@@ -116,7 +116,7 @@ def test_a_scene_in_space_is_an_fmu_too(version, fmpy, tmp_path):
 def test_what_can_be_set_is_what_the_scene_would_have(name, base, changed, values, fmpy, tmp_path):
     """The same steps: under another speed a cycle has more of them."""
     scene = with_settings(read_scene(name), base)
-    (tmp_path / "any.fmu").write_bytes(fmu(scene).content)
+    export_fmu(scene).save(tmp_path / "any.fmu")
     found = simulated(fmpy, tmp_path / "any.fmu", "CoSimulation", start_values=values)
     assert worst(found, solved(scene, *changed).series) < 1e-9
 
@@ -166,11 +166,11 @@ def test_signatures_are_those_of_the_standards(fmpy, compiler):
 
 
 def test_without_a_compiler_the_sources_are_there(uncompiled, engine):
-    made = fmu(engine[0], "3")
+    made = export_fmu(engine[0], "3")
     assert made.compiled_for is None
     names = zipfile.ZipFile(io.BytesIO(made.content)).namelist()
     assert "sources/buildDescription.xml" in names and not any(name.startswith("binaries") for name in names)
-    assert fmu(engine[0], "3").content == made.content
+    assert export_fmu(engine[0], "3").content == made.content
 
 
 @pytest.mark.parametrize("name", ["slider-crank-150-coupled", "spin-up-torque", "elastic-pendulum"])
@@ -178,15 +178,15 @@ def test_what_a_refusal_advises_helps(uncompiled, name):
     """Of scenes that are driven, turned by a torque, and free."""
     scene = read_scene(name)
     with pytest.raises(SceneError, match="like --preset stiffened"):
-        fmu(scene)
-    assert fmu(with_settings(scene, ["solve.preset=stiffened"])).outputs
+        export_fmu(scene)
+    assert export_fmu(with_settings(scene, ["solve.preset=stiffened"])).outputs
 
 
 def test_frozen_matrices_and_modes_let_no_speed_be_changed(uncompiled):
-    undamped = fmu(with_settings(read_scene("slider-crank-150"), ["solve.steps=10"]))
+    undamped = export_fmu(with_settings(read_scene("slider-crank-150"), ["solve.steps=10"]))
     assert undamped.inputs == ("drives.main.speed", "drives.main.angle")
-    assert fmu(read_scene("engine-paper")).inputs == ()
-    reduced = fmu(with_settings(read_scene("engine"), ["solve.reduction=modal"]))
+    assert export_fmu(read_scene("engine-paper")).inputs == ()
+    reduced = export_fmu(with_settings(read_scene("engine"), ["solve.reduction=modal"]))
     assert reduced.inputs == () and replace(reduced, content=b"").outputs
 
 
@@ -195,7 +195,7 @@ def test_no_preset_is_advised_that_a_cylinder_on_an_elastic_boom_has_no_use_for(
     page = (Path(__file__).parents[1] / "docs/scene/drives.md").read_text(encoding="utf-8")
     text = page.partition("# boom.toml\n")[2].partition("```")[0]
     with pytest.raises(SceneError, match=r"None takes this scene: joints\.cylinder: a guide on a body") as refusal:
-        fmu(scene_of(text))
+        export_fmu(scene_of(text))
     assert "preset stiffened" not in str(refusal.value)
 
 

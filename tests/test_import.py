@@ -4,6 +4,7 @@ import json
 import re
 import tracemalloc
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,20 @@ def recovering(**changed):
 def test_the_page_shows_what_is_printed(printed):
     (shown,) = re.findall(r"^    (137 mm from .* from the start, .*)$", PAGE, re.MULTILINE)
     assert shown in printed.splitlines()
+
+
+def test_import_mesh_gives_what_the_command_writes():
+    words = command()
+    given = list(pairwise(words[4:]))
+    points = dict(text.split("=") for option, text in given if option == "--point")
+    assert {option for option, _ in given if option.startswith("-")} == {"--point", "--modes", "--damping", "-o"}
+    modes, damping = int(dict(given)["--modes"]), float(dict(given)["--damping"])
+    data = kaneflex.import_mesh(*words[1:4], points, modes, damping=damping, units="m-kg")
+    expected = read_modal_data("rod.npz")
+    for name, array in expected.arrays.items():
+        np.testing.assert_array_equal(data.arrays[name], array, err_msg=name)
+    with pytest.raises(kaneflex.SceneError, match=r"import: 'inch' are no units. Known: m-kg, mm-kg, mm-t"):
+        kaneflex.import_mesh(*words[1:4], points, units="inch")
 
 
 def test_moments_of_the_bar():

@@ -14,6 +14,7 @@ from scipy.io import netcdf_file
 
 import kaneflex
 from kaneflex.cli import main
+from kaneflex.generated import engine as generated_engine
 from kaneflex.scene import shipped_scenes
 
 PENDULUM = {
@@ -114,6 +115,30 @@ def test_a_solution_writes_what_a_run_writes(engine, tmp_path):
     with netcdf_file(tmp_path / "own.nc", mmap=False) as found:
         np.testing.assert_array_equal(found.variables["mid_transverse"][:], engine.series["mid_transverse"].values)
     assert (tmp_path / "own.csv").read_text().count("\n") == len(engine.times) + 1
+
+
+def test_a_solution_draws_and_reports(engine, tmp_path):
+    assert set(engine.plot("loads")) == {"loads"} and engine.plot("loads")["loads"].axes
+    assert [path.name for path in engine.plot("loads", folder=tmp_path)] == ["loads.png"]
+    page = engine.report(tmp_path / "new")
+    assert page == tmp_path / "new/report.html" and (tmp_path / "new/sensors.png").is_file()
+    text = page.read_text(encoding="utf-8")
+    assert "mid_transverse" in text and 'alt="loads"' in text
+    with pytest.raises(kaneflex.SceneError, match=r"plots = 'load': no such kind of picture"):
+        engine.plot("load")
+
+
+def test_code_is_that_of_the_commands(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = kaneflex.read_scene("engine")
+    assert kaneflex.derive_code(scene) == Path(generated_engine.__file__).read_text(encoding="utf-8")
+    assert CliRunner().invoke(main, ["equations", "engine"]).stdout == kaneflex.equations(scene)
+    assert {"engine.h", "engine.c"} <= kaneflex.derive_code(scene, "c").keys()
+    assert "def equations(t):" in kaneflex.derive_code(scene, "standalone")
+    with pytest.raises(kaneflex.SceneError, match=r"form = 'cpp': no such form of the equations. .*module"):
+        kaneflex.derive_code(scene, "cpp")
+    with pytest.raises(kaneflex.SceneError, match=r"version = '4': no version of FMI"):
+        kaneflex.export_fmu(scene, "4")
 
 
 def test_names_are_the_public_ones():

@@ -15,16 +15,22 @@ from kaneflex.support.numba_cache import ensure_cache_folder
 ensure_cache_folder()  # before any jitted module can be imported
 
 if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run time
+    from kaneflex.fem.import_mesh import import_mesh as import_mesh
     from kaneflex.multibody.model import Model as Model
     from kaneflex.plots import draw_all as draw_all
+    from kaneflex.plots import explore as explore
     from kaneflex.plots import figures as figures
     from kaneflex.plots import show as show
+    from kaneflex.report.page import write_report as write_report
     from kaneflex.scene import Scene as Scene
     from kaneflex.scene import read_scene as read_scene
     from kaneflex.scene import scene_of as scene_of
     from kaneflex.scene import shipped_scenes as shipped_scenes
     from kaneflex.scene import with_settings as with_settings
+    from kaneflex.solve.code import derive_code as derive_code
+    from kaneflex.solve.code import equations as equations
     from kaneflex.solve.coupled_state import read_state as read_state
+    from kaneflex.solve.fmu import export_fmu as export_fmu
     from kaneflex.solve.loading import load as load
     from kaneflex.solve.modes import Modes as Modes
     from kaneflex.solve.modes import modes as modes
@@ -51,43 +57,34 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.support.errors import UserError as UserError
     from kaneflex.support.errors import ValidityWarning as ValidityWarning
 
-_HOMES = {
-    "Comparison": "kaneflex.study.comparison",
-    "Model": "kaneflex.multibody.model",
-    "Modes": "kaneflex.solve.modes",
-    "OutputError": "kaneflex.support.errors",
-    "Scene": "kaneflex.scene",
-    "SceneError": "kaneflex.support.errors",
-    "Sensitivities": "kaneflex.study.sensitivity.report",
-    "Solution": "kaneflex.solve.solution",
-    "Stability": "kaneflex.study.stability.report",
-    "StateSpace": "kaneflex.solve.statespace",
-    "Terms": "kaneflex.study.trade.terms",
-    "Trade": "kaneflex.study.trade.ranking",
-    "UserError": "kaneflex.support.errors",
-    "ValidityWarning": "kaneflex.support.errors",
-    "checked": "kaneflex.support.checking",
-    "compare": "kaneflex.study.comparison",
-    "draw_all": "kaneflex.plots",
-    "figures": "kaneflex.plots",
-    "in_processes": "kaneflex.study.workers",
-    "linearise": "kaneflex.solve.statespace",
-    "load": "kaneflex.solve.loading",
-    "modes": "kaneflex.solve.modes",
-    "on_cluster": "kaneflex.study.cluster",
-    "read_scene": "kaneflex.scene",
-    "read_state": "kaneflex.solve.coupled_state",
-    "scene_of": "kaneflex.scene",
-    "sensitivities": "kaneflex.study.sensitivity.report",
-    "shipped_scenes": "kaneflex.scene",
-    "show": "kaneflex.plots",
-    "simulate": "kaneflex.solve.simulation",
-    "stability": "kaneflex.study.stability.report",
-    "sweep": "kaneflex.study.sweep",
-    "terms": "kaneflex.study.trade.terms",
-    "trade": "kaneflex.study.trade.ranking",
-    "with_settings": "kaneflex.scene",
-}
+_PUBLIC = """
+fem.import_mesh: import_mesh
+multibody.model: Model
+plots: draw_all explore figures show
+report.page: write_report
+scene: Scene read_scene scene_of shipped_scenes with_settings
+solve.code: derive_code equations
+solve.coupled_state: read_state
+solve.fmu: export_fmu
+solve.loading: load
+solve.modes: Modes modes
+solve.simulation: simulate
+solve.solution: Solution
+solve.statespace: StateSpace linearise
+study.cluster: on_cluster
+study.comparison: Comparison compare
+study.sensitivity.report: Sensitivities sensitivities
+study.stability.report: Stability stability
+study.sweep: sweep
+study.trade.ranking: Trade trade
+study.trade.terms: Terms terms
+study.workers: in_processes
+support.checking: checked
+support.errors: OutputError SceneError UserError ValidityWarning
+"""
+"""Modules with their public names."""
+_HOMES = {name: f"kaneflex.{home}" for home, _, names in (line.partition(": ") for line in _PUBLIC.split("\n"))
+          for name in names.split()}  # fmt: skip
 __all__ = sorted(_HOMES)
 
 

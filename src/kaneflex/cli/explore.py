@@ -36,20 +36,16 @@ def explore(
     \b
       kaneflex explore engine --vary main.speed=2000:9000rpm
     """
-    from kaneflex.study.exploration import Exploration, varied
+    from kaneflex.plots import explore as open_window
 
     scene = asked.read()
-    exploration = Exploration(scene, tuple(varied(scene, text) for text in open_), sensors)
     if output is not None:
         check_picture(output, force, "explored.png")
-        from kaneflex.plots.explorer import figure
         from kaneflex.plots.style import picture
 
-        write_bytes(output, picture(lambda: figure(exploration), output.suffix[1:]))
+        write_bytes(output, picture(lambda: open_window(scene, open_, sensors, window=False), output.suffix[1:]))
         echo(f"Written to {output}")
         return
-    from kaneflex.plots.explorer import open_window
-
-    changes = [*asked.changes, *open_window(exploration)]
+    changes = [*asked.changes, *open_window(scene, open_, sensors)]
     words = ["kaneflex", "run", asked.name, *(word for change in changes for word in ("--set", change))]
     echo(f"The sliders stood at: {shlex.join(words)}")

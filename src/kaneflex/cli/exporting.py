@@ -9,7 +9,6 @@ import click
 from kaneflex.cli.command import command
 from kaneflex.cli.folders import check_file, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
-from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.terminal import Waiting, echo
 
 
@@ -28,17 +27,14 @@ def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
     \b
       kaneflex export engine --fmi 3 -o engine.fmu
     """
-    from kaneflex.solve.fmu import fmu
+    from kaneflex.solve.fmu import export_fmu
 
     check_file(output, "an FMU", ".fmu", force)
     scene = asked.read()
     with Waiting() as waiting:
-        made = fmu(scene, fmi, waiting)
-    write_bytes(output, made.content)
+        made = export_fmu(scene, fmi, waiting)
+    made.save(output)
     echo(f"FMI {fmi}.0, {len(made.outputs)} outputs; can be set: {', '.join(made.inputs) or 'nothing'}")
-    if made.unread:
-        left = ", ".join(made.unread)
-        echo(f"Warning: left out, as angles of bodies that turn all round are: {left}", err=True)
-    if made.compiled_for is None:
-        echo("Warning: not compiled, as there is no C compiler here: the sources are inside", err=True)
+    for warning in made.warnings:
+        echo(f"Warning: {warning}", err=True)
     echo(f"Written to {output}")

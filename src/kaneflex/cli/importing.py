@@ -2,50 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
 from kaneflex.cli.command import Count, Real, command, json_option, print_json
 from kaneflex.cli.folders import check_file, force_option, output_option
-from kaneflex.cli.scene import gathered
-from kaneflex.support.errors import Fault, told
+from kaneflex.fem.import_mesh import UNITS
+from kaneflex.support.errors import Fault, ValidityWarning, told
 from kaneflex.support.terminal import echo
 from kaneflex.support.units import plain_number
-
-if TYPE_CHECKING:
-    from kaneflex.fem.foreign import Foreign
-
-UNITS = {"m-kg": (1.0, 1.0), "mm-t": (1e-3, 1e3), "mm-kg": (1e-3, 1.0)}
-"""Units of length [m] and mass [kg] of a file; that of stiffness is the mass unit over s^2, so N/mm with mm-t."""
-
-
-@dataclass(frozen=True)
-class Elements:
-    """The files of a link's finite elements, and how they are meant."""
-
-    mass: str
-    stiffness: str
-    nodes: str
-    points: tuple[str, ...]
-    sections: tuple[str, ...]
-    stress: tuple[str, str] | None
-    units: str
-    normal: tuple[float, float, float]
-    space: bool
-
-    def read(self) -> Foreign:
-        """The link. Raises Fault."""
-        from kaneflex.fem.foreign_files import read_foreign
-        from kaneflex.fem.recovery import read_stresses
-
-        named = _named("--point", self.points, "start=bore.txt")
-        cut = {name: _number(name, x) for name, x in _named("--section", self.sections, "waist=68.5").items()}
-        units = UNITS[self.units]
-        link = read_foreign(self.mass, self.stiffness, self.nodes, named, units, self.normal, self.space, cut)
-        return link if self.stress is None else replace(link, stresses=read_stresses(link, *self.stress, units))
 
 
 def _named(option: str, given: tuple[str, ...], example: str) -> dict[str, str]:
@@ -103,9 +71,8 @@ def _number(section: str, text: str) -> float:
 @output_option("FILE.npz", required=True)
 @force_option
 @json_option
-@gathered(elements=Elements)
 def import_link(
-    elements: Elements, modes: int, coupling: str, damping: float, output: Path, force: bool, as_json: bool
+    points: tuple[str, ...], sections: tuple[str, ...], output: Path, force: bool, as_json: bool, **asked: Any
 ) -> None:
     """Write modal data of a body from the finite elements of another program.
 
@@ -118,23 +85,19 @@ def import_link(
     \b
       kaneflex import rod.mas rod.sti rod.inp --point start=bore.txt --point end=pin.txt -o rod.npz
     """
-    from kaneflex.fem.craig_bampton import foreign_data
-    from kaneflex.fem.missing_flexibility import missing_flexibility
-    from kaneflex.fem.spatial_foreign import spatial_foreign_data
+    from kaneflex.fem.import_mesh import import_mesh
     from kaneflex.report.tables import imported_shapes, imported_table
 
     check_file(output, "a file of arrays", ".npz", force)
     with told("import", None):
-        made = spatial_foreign_data if elements.space else foreign_data
-        link = elements.read()
-        data = made(link, modes, coupling == "rigid", damping)
-        missing = missing_flexibility(link)
+        asked["points"] = _named("--point", points, "start=bore.txt")
+        cut = {name: _number(name, x) for name, x in _named("--section", sections, "waist=68.5").items()}
+    with warnings.catch_warnings(record=True) as doubts:
+        warnings.simplefilter("always", ValidityWarning)
+        data = import_mesh(**asked, sections=cut)
     data.save(output)
-    if missing is not None:
-        cure = "Give the stiffness matrix, more modes, or modes with attachment modes"
-        echo(f"Warning: {missing}. {cure}.", err=True)
-    for doubt in link.doubts:
-        echo(f"Warning: {doubt}. Look at the files' units: --units says which they are.", err=True)
+    for doubt in doubts:
+        echo(f"Warning: {doubt.message}", err=True)
     if as_json:
         mass, centre, inertia = data.rigid
         body = {"length": data.length, "mass": mass, "centre": centre, "inertia": inertia}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -215,19 +215,12 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
     \b
       kaneflex equations engine -o engine.tex
     """
-    from kaneflex.scene.spatial_check import refuse_in_space
+    from kaneflex.solve.code import equations as latex
 
     if output is not None:
         refuse_existing(output, force, "engine.tex")
-    scene = asked.read()
-    refuse_in_space(scene, "equations", "equations are printed of")
     with Waiting() as waiting:
-        waiting.stage("importing SymPy")
-        from kaneflex.derive.latex import latex
-        from kaneflex.multibody.binding import derivable
-
-        with derivable(scene):
-            text = latex(scene, waiting)
+        text = latex(asked.read(), waiting)
     if output is None:
         echo(text, nl=False)
     else:
@@ -235,17 +228,8 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
         echo(f"Written to {output}")
 
 
-@dataclass(frozen=True)
-class Form:
-    """What ``derive`` writes of a scene."""
-
-    language: str
-    standalone: bool
-    coupled: bool
-
-
 @command(renamed={"--sensor": "--sensors"})
-@click.argument("name", metavar="SCENE")
+@scene_options("preset", "settings")
 @output_option("FILE.py", "Module to write; the folder to make with --language c.", required=True)
 @click.option(
     "--language", type=click.Choice(["python", "c"]), default="python", show_default=True,
@@ -255,86 +239,57 @@ class Form:
     "--standalone", is_flag=True,
     help="The whole model in one readable file that runs with numpy and numba alone: matrices, modes, sensors.",
 )  # fmt: skip
-@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
+@click.option("--coupled", is_flag=True, hidden=True)  # as --preset coupled, in versions before
 @click.option(
     "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
 )
 @names_option("--sensors", help="With --tolerance: only these count.")
-@click.option(
-    "--set", "changes", multiple=True, metavar="KEY=VALUE",
-    help="With --language c or --standalone: change the scene, as run does. Can be repeated.",
-)  # fmt: skip
 @force_option
-@gathered(form=Form)
+@gathered(asked=SceneArguments)
 def derive(
-    name: str, output: Path, form: Form, tolerance: str | None, sensors: tuple[str, ...], changes: tuple[str, ...],
-    force: bool,
+    asked: SceneArguments, output: Path, language: str, standalone: bool, coupled: bool, tolerance: str | None,
+    sensors: tuple[str, ...], force: bool,
 ) -> None:  # fmt: skip
     """Derive the equations of SCENE and write them as a numba module of its own, or as C.
 
-    The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
+    The module imports only math, numpy and numba; the same scene gives the same bytes everywhere. It holds no numbers
+    of the scene, so settings count only where they change its structure or preset.
 
     \b
       kaneflex derive engine -o engine.py
+      kaneflex derive engine --preset coupled -o engine_coupled.py
       kaneflex derive engine --language c -o engine-c
       kaneflex derive engine --standalone -o engine_model.py
     """
-    others = {"--coupled": form.coupled, "--tolerance": tolerance, "--sensors": sensors}
-    if form.language == "c":
-        _derive_c(name, output, {"--standalone": form.standalone, **others}, changes, force)
+    from kaneflex.solve.code import derive_code
+
+    if coupled:
+        echo("Warning: --coupled is now called --preset coupled", err=True)
+        asked = replace(asked, preset="coupled")
+    _refuse_others("--language c", {"--standalone": standalone} if language == "c" else {})
+    if language == "c" or standalone:
+        form = "--language c" if language == "c" else "--standalone"
+        _refuse_others(form, {"--tolerance": tolerance, "--sensors": sensors})
+    if language == "c":
+        with whole_folder(output, mark="CMakeLists.txt", force=force) as partial, Waiting() as waiting:
+            for file, content in derive_code(asked.read(), "c", waiting).items():
+                (partial / file).write_text(content, encoding="utf-8", newline="\n")
+        echo(f"Written to {output}")
         return
-    if form.standalone:
-        _derive_standalone(name, output, others, changes, force)
-        return
-    if changes:
-        reason = "a plain Python module holds no numbers of the scene"
-        raise click.UsageError(f"--set goes with --language c or --standalone: {reason}.")
-    _derive_module(name, output, form.coupled, tolerance, sensors, force)
-
-
-def _derive_module(
-    name: str, output: Path, coupled: bool, tolerance: str | None, sensors: tuple[str, ...], force: bool
-) -> None:
-    """The module of a scene's structure, perhaps of the terms that a tolerance keeps."""
-    from kaneflex.mechanism.floating_frames import shape_counts
-    from kaneflex.scene import with_settings
-
-    check_file(output, "a Python module", ".py", force, ", or take --language c")
-    refuse_with_tolerance(tolerance, {"--coupled": coupled or None})
+    check_file(output, "a Python module", ".py", force, "" if standalone else ", or take --language c")
+    refuse_with_tolerance(tolerance, {"--preset": asked.preset})
     demand_tolerance(tolerance, {"--sensors": ",".join(sensors)})
-    scene, choice, whole = read(name, []), None, ""
+    if tolerance is not None:
+        _derive_chosen(asked, output, tolerance_of(tolerance), sensors)
+        return
+    scene = asked.read()
     with Waiting() as waiting:
-        if tolerance is not None:
-            from kaneflex.study.trade.choice import remembered_choice
-
-            choice = remembered_choice(scene, tolerance_of(tolerance), sensors or None, waiting)
-        waiting.stage("importing SymPy")
-        from kaneflex.multibody.binding import coupled_text, generate_text, operation_count, pruned_text
-
-        if choice is not None:
-            whole = generate_text(scene, waiting)
-            text = pruned_text(with_settings(scene, choice.settings), waiting)
-        else:
-            text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting)
+        text = derive_code(scene, "standalone" if standalone else "module", waiting)
     write_text(output, text)
-    if choice is not None:
-        echo(chosen_lines(choice))
-        echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
-    echo(f"Written to {output}")
-
-
-def _derive_standalone(
-    name: str, output: Path, others: Mapping[str, object], changes: tuple[str, ...], force: bool
-) -> None:
-    """The model of a scene in one file."""
-    from kaneflex.solve.standalone import standalone
-
-    _refuse_others("--standalone", others)
-    check_file(output, "a Python module", ".py", force)
-    with Waiting() as waiting:
-        text = standalone(read(name, list(changes)), waiting)
-    write_text(output, text)
-    echo(f"{text.count(chr(10))} lines written to {output}")
+    plain = not standalone and scene.solve.preset != "coupled"
+    if asked.settings and plain and scene.structure_hash() == read(asked.name, []).structure_hash():
+        echo("Note: the module holds no numbers of the scene, so that --set changes nothing in it", err=True)
+    echo(f"{text.count(chr(10))} lines written to {output}" if standalone else f"Written to {output}")
 
 
 def _refuse_others(asked: str, others: Mapping[str, object]) -> None:
@@ -344,19 +299,19 @@ def _refuse_others(asked: str, others: Mapping[str, object]) -> None:
         raise click.UsageError(f"{given[0]} does not go with {asked}.")
 
 
-def _derive_c(
-    name: str, output: Path, others: Mapping[str, object], changes: tuple[str, ...], force: bool
-) -> None:
-    """A folder of C, whole or not at all."""
-    from kaneflex.scene.options import resolve_options
-    from kaneflex.solve.c_model import c_model
-    from kaneflex.solve.coupled_in_c import coupled_in_c
+def _derive_chosen(asked: SceneArguments, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
+    """The module with the terms alone of the model that a tolerance chooses."""
+    from kaneflex.multibody.binding import operation_count
+    from kaneflex.scene import with_settings
+    from kaneflex.solve.code import derive_code
+    from kaneflex.study.trade.choice import remembered_choice
 
-    _refuse_others("--language c", others)
-    scene = read(name, list(changes))
-    with whole_folder(output, mark="CMakeLists.txt", force=force) as partial, Waiting() as waiting:
-        coupled = resolve_options(scene).dynamics == "coupled"
-        texts = coupled_in_c(scene, waiting) if coupled else c_model(scene, waiting).texts
-        for file, text in texts.items():
-            (partial / file).write_text(text, encoding="utf-8", newline="\n")
+    scene = asked.read()
+    with Waiting() as waiting:
+        choice = remembered_choice(scene, tolerance, sensors or None, waiting)
+        whole = derive_code(scene, "module", waiting)
+        text = derive_code(with_settings(scene, choice.settings), "pruned", waiting)
+    write_text(output, text)
+    echo(chosen_lines(choice))
+    echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
     echo(f"Written to {output}")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
 SCENE_FILE = "scene.toml"
-REPORT_FILE, TABLE_FILE, VTK_FOLDER = "report.html", "results.csv", "vtk"
+TABLE_FILE, VTK_FOLDER = "results.csv", "vtk"
 _SAME = 1e-6
 """Share of a sensor's largest value by which two runs of one scene may differ: another machine's rounding."""
 
@@ -161,10 +161,9 @@ def _write(solution: Solution, summary: Summary, folder: Path) -> None:
 
 
 def _report(solution: Solution, summary: Summary, pictures: list[Path], folder: Path) -> None:
-    """The run on one page, which stays small enough to be sent."""
-    from kaneflex.report.page import page
+    from kaneflex.report.page import write_report
 
-    (folder / REPORT_FILE).write_text(page(solution, summary, pictures), encoding="utf-8", newline="\n")
+    write_report(solution, folder, pictures, summary)
 
 
 def _show(
@@ -186,11 +185,12 @@ def _show(
 
 
 def _draw_all(solution: Solution, folder: Path, target: Target, waiting: Waiting) -> list[Path]:
-    from kaneflex.plots import DEFAULT, draw_all
+    from kaneflex.plots import draw_all
+    from kaneflex.solve.solution import PLOTS
 
     stage = "drawing the pictures"
     waiting.stage(stage)
-    kinds = target.kinds or DEFAULT
+    kinds = target.kinds or PLOTS
     kinds += ",animation" * target.mp4
     return draw_all(solution, folder, waiting.share_of(stage), target.frames, target.seconds, target.mp4, kinds)
 

@@ -6,10 +6,10 @@ matplotlib is imported with the first picture, never with this package.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, nearest
@@ -17,7 +17,7 @@ from kaneflex.support.errors import SceneError, nearest
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from kaneflex.scene import Scene
+    from kaneflex.scene.read import SceneLike
     from kaneflex.solve.solution import Solution
 
 Progress = Callable[[float], None]
@@ -39,8 +39,6 @@ KINDS: dict[str, tuple[str | None, str | None]] = {
     "animation": ("animation.animate", "spatial.animate"),
 }
 """Kinds of pictures by the name that a user asks for: the functions that make them in the plane and in space."""
-DEFAULT = "mechanism,sensors,loads"
-"""Kinds that `kaneflex run` draws unasked, as PNG."""
 _SVG, _ALL = "svg", "all"
 """Names beside those of the kinds: each still picture as SVG, too; everything."""
 _WITHOUT_MOTION = ("modes",)
@@ -130,23 +128,23 @@ def draw(kind: str, found: object, folder: Path) -> list[Path]:
         return save(import_module(f"kaneflex.plots.{kind}").figure(found), folder / kind)
 
 
-@takes(solution="solution")
-def figures(solution: Solution) -> dict[str, Figure]:
-    """Every still picture of a solution as a matplotlib Figure, by name, for a notebook or another page."""
+@takes(solution="solution", kinds="text")
+def figures(solution: Solution, kinds: str = _ALL) -> dict[str, Figure]:
+    """Still pictures of a solution as matplotlib Figures by name, of all kinds or of those named with commas."""
     from kaneflex.plots.style import styled
 
     with styled():
-        made = [make(solution) for kind, make in _makers(solution, KINDS) if kind != "animation"]
+        made = [make(solution) for kind, make in _makers(solution, kinds_of(kinds)) if kind != "animation"]
     return {name: figure for pictures in made for name, figure in pictures.items()}
 
 
 @takes(scene="scene", at="places")
-def show(scene: Scene, at: Mapping[str, float] | None = None) -> Figure:
+def show(scene: SceneLike, at: Mapping[str, float] | None = None) -> Figure:
     """The drawing of a scene with its bodies, joints, drives, loads and sensors; nothing is solved for it.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, Model, Solution or path
     at : mapping of str to float, optional
         Drive -> coordinate [rad or m] at which it is drawn; by default as the run starts.
 
@@ -156,7 +154,9 @@ def show(scene: Scene, at: Mapping[str, float] | None = None) -> Figure:
         If the mechanism can't stand there; for a place of one in space, which is drawn as it starts.
     """
     from kaneflex.plots.style import styled
+    from kaneflex.scene.read import scene_from
 
+    scene = scene_from(scene)
     with styled():
         if scene.is_spatial:
             from kaneflex.plots import spatial
@@ -170,6 +170,55 @@ def show(scene: Scene, at: Mapping[str, float] | None = None) -> Figure:
 
         scene = as_it_starts(scene)
         return scheme(scene, place(scene, at or {}))
+
+
+@overload
+def explore(
+    scene: SceneLike, vary: Sequence[str], sensors: Sequence[str] = (), window: Literal[True] = True
+) -> list[str]: ...
+@overload
+def explore(
+    scene: SceneLike, vary: Sequence[str], sensors: Sequence[str] = (), *, window: Literal[False]
+) -> Figure: ...
+@takes(scene="scene", vary="texts", sensors="texts")
+def explore(
+    scene: SceneLike, vary: Sequence[str], sensors: Sequence[str] = (), window: bool = True
+) -> list[str] | Figure:
+    """Open a window with a slider for each number that varies; the curves of the sensors follow.
+
+    Parameters
+    ----------
+    scene : Scene, Model, Solution or path
+    vary : sequence of str
+        Entries of the scene with their ends: "main.speed=2000:6000rpm", "rod.elements=1:8".
+    sensors : sequence of str, optional
+        Sensors to show; by default those of the first four kinds.
+    window : bool
+        False returns the window as it opens, and opens none.
+
+    Returns
+    -------
+    list of str or Figure
+        When the window closes, the settings of its sliders, as :func:`kaneflex.with_settings` takes them.
+
+    Raises
+    ------
+    SceneError
+        For an entry that cannot vary, and an unknown sensor.
+    UserError
+        Where matplotlib can open no window.
+    """
+    from kaneflex.plots import explorer
+    from kaneflex.plots.style import styled
+    from kaneflex.scene.read import scene_from
+    from kaneflex.study.exploration import Exploration, varied
+
+    scene = scene_from(scene)
+    exploration = Exploration(scene, tuple(varied(scene, text) for text in vary), tuple(sensors))
+    if window:
+        return explorer.open_window(exploration)
+    with styled():
+        return explorer.figure(exploration)
 
 
 def _makers(solution: Solution, kinds: Iterable[str]) -> list[tuple[str, Callable[..., Any]]]:

@@ -22,12 +22,14 @@ from kaneflex.report.tables import (
     unit_and_factor,
 )
 from kaneflex.response.thinning import thinned
+from kaneflex.support.arguments import takes
 from kaneflex.support.escaping import html, script_data
 
 if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
     from kaneflex.solve.solution import Solution
 
+REPORT_FILE = "report.html"
 _TEMPLATE = Path(__file__).with_name("page.html")
 _LARGEST = 990_000
 """Bytes of a page at most, so that it can be sent: a megabyte less the names of pictures that find no room."""
@@ -38,6 +40,29 @@ _MORE = 1.25
 _DRAWN_HERE = "sensors"
 """The picture of what the page itself draws."""
 _KINDS = {".png": "image/png", ".gif": "image/gif"}
+
+
+@takes(solution="solution", folder="path")
+def write_report(
+    solution: Solution, folder: Path | str, pictures: Sequence[Path] = (), summary: Summary | None = None
+) -> Path:
+    """Write ``report.html``, a run on one page, into a folder, which is made where it does not exist.
+
+    Parameters
+    ----------
+    solution : Solution
+    folder : path
+    pictures : sequence of Path, optional
+        PNG and GIF files, as :func:`kaneflex.draw_all` returns them.
+    summary : Summary, optional
+        Of the same run.
+    """
+    from kaneflex.report.summary import summarise
+
+    path = Path(folder) / REPORT_FILE
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(page(solution, summary or summarise(solution), pictures), encoding="utf-8", newline="\n")
+    return path
 
 
 def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) -> str:

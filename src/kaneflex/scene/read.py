@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pydantic import BaseModel, ValidationError
 
@@ -19,6 +19,12 @@ from kaneflex.support.arguments import takes
 from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
 from kaneflex.support.escaping import visible
 from kaneflex.support.reading import beside, is_file, read_text
+
+if TYPE_CHECKING:
+    import kaneflex
+
+SceneLike: TypeAlias = "Scene | kaneflex.Model | kaneflex.Solution | Path | str"
+"""A scene, what was made of it, or a shipped scene's name or a file; :func:`scene_from` gives the scene."""
 
 _DEEPEST = 20
 """Tables within tables at most: no scene has more than six."""
@@ -43,6 +49,16 @@ def read_scene(name_or_path: str | Path) -> Scene:
     """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
     path = located(name_or_path, Path.cwd(), "scene")
     return _validated(_read_raw(path, ()), path.stem if path.parent == _SHIPPED else path.name)
+
+
+def scene_from(given: SceneLike) -> Scene:
+    """Scene of a Scene, a Model or a Solution; a shipped scene's name or a path is read."""
+    if isinstance(given, Scene):
+        return given
+    if isinstance(given, str | Path):
+        return read_scene(given)
+    model: Any = getattr(given, "model", given)
+    return model.given or model.scene
 
 
 @takes(given="tables", folder="path")
@@ -73,7 +89,7 @@ def scene_of(given: Mapping[str, Any] | str, folder: str | Path = ".") -> Scene:
 
 
 @takes(scene="scene", settings="settings")
-def with_settings(scene: Scene, settings: Iterable[str] | Mapping[str, Any]) -> Scene:
+def with_settings(scene: SceneLike, settings: Iterable[str] | Mapping[str, Any]) -> Scene:
     """The scene with settings, {path: value} or a list of "path=value", validated anew.
 
     "rod.elements=1" is short for "bodies.rod.beam.elements=1"; "loads.gas=none" removes what the scene has.
@@ -81,6 +97,7 @@ def with_settings(scene: Scene, settings: Iterable[str] | Mapping[str, Any]) -> 
     """
     if isinstance(settings, str):
         raise SceneError("settings", settings, "one text, where a list of settings is wanted", f"Write [{settings!r}]")
+    scene = scene_from(scene)
     raw = scene.raw
     given = settings.items() if isinstance(settings, Mapping) else map(split_setting, settings)
     for setting in given:

@@ -21,12 +21,15 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from kaneflex.multibody.model import Model
-from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
+from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.c_model import CModel, array_in_c, c_model, shared_texts, unread
 from kaneflex.solve.one_way import one_way_cure
+from kaneflex.support.arguments import takes
+from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import xml
+from kaneflex.support.terminal import silent
 
 _FLAGS = ("-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
 _SYSTEMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
@@ -60,12 +63,25 @@ class Fmu:
     inputs: tuple[str, ...]
 
 
-def fmu(scene: Scene, version: str = "2", progress: Callable[[str], None] = lambda stage: None) -> Fmu:
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sensors that are left out, and a missing library."""
+        left = f"left out, as angles of bodies that turn all round are: {', '.join(self.unread)}"
+        missing = "not compiled, as there is no C compiler here: the sources are inside"
+        return (left,) * bool(self.unread) + (missing,) * (self.compiled_for is None)
+
+    def save(self, path: Path | str) -> None:
+        """Write the file, whole or not at all. Raises OutputError."""
+        write_bytes(Path(path), self.content)
+
+
+@takes(scene="scene", version="text", progress="function")
+def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], None] | None = None) -> Fmu:
     """A scene as an FMU for model exchange and co-simulation, with its sources.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, Model, Solution or path
         Of a one-way preset that integrates; in space of a motion that repeats itself.
     version : {"2", "3"}
         Of the standard.
@@ -81,6 +97,9 @@ def fmu(scene: Scene, version: str = "2", progress: Callable[[str], None] = lamb
     SceneError
         Of what :func:`kaneflex.solve.c_model.c_model` refuses, and presets that integrate nothing.
     """
+    scene, progress = scene_from(scene), progress or silent
+    if version not in ("2", "3"):
+        raise SceneError("version", version, "no version of FMI that is written", "Choose '2' or '3'")
     options = resolve_options(scene)
     if options.dynamics == "coupled" or options.integrator == "none":
         reason = "there is nothing to integrate, so that no FMU is made of it"

@@ -27,6 +27,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
+from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import MAX_STORED, check_memory
@@ -53,15 +54,15 @@ def _pickled(model: Model) -> tuple[Callable[[Scene], Model], tuple[Scene]]:
 copyreg.pickle(Model, _pickled)
 
 
-@takes(scene="scene", progress="function", like="model")
+@takes(scene="scene", progress="function", like="loaded")
 def load(
-    scene: Scene, progress: Progress | None = None, like: Model | None = None, pruned: bool = False
+    scene: SceneLike, progress: Progress | None = None, like: Model | None = None, pruned: bool = False
 ) -> Model:
     """Bind a scene to its generated module.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, Model, Solution or path
     progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     like : Model, optional
@@ -79,7 +80,14 @@ def load(
     SceneError
         If the linkage can't close over the drives' range, or the scene asks for what is not available.
     """
+    scene = scene_from(scene)
     return replace(_load(scene, progress or silent, like, pruned), given=scene)
+
+
+def model_from(given: SceneLike) -> Model:
+    """Model of a Model or a Solution; a Scene or a path is loaded."""
+    found = getattr(given, "model", given)
+    return found if isinstance(found, Model) else load(found)
 
 
 def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) -> Model:

@@ -10,7 +10,8 @@ import numpy as np
 
 from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.model import Model
-from kaneflex.scene import Scene, with_settings
+from kaneflex.scene import with_settings
+from kaneflex.scene.read import SceneLike
 from kaneflex.solve.loading import load
 from kaneflex.solve.solution import MOST_FREQUENCIES
 from kaneflex.support.arguments import takes
@@ -66,14 +67,14 @@ class Modes:
 
 
 @takes(scene="scene", count="whole", progress="function")
-def modes(scene: Scene, count: int | None = None, progress: Callable[[str], None] | None = None) -> Modes:
+def modes(scene: SceneLike, count: int | None = None, progress: Callable[[str], None] | None = None) -> Modes:
     """Undamped natural frequencies and mode shapes at ``solve.mode_angle``, from K_s and M alone.
 
     Preset ``paper`` adds K_d, as the paper's eq. (99) does.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, Model, Solution or path
     count : int, optional
         How many of the lowest; by default all, MOST_FREQUENCIES at most.
     progress : callable, optional

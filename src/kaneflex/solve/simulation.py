@@ -11,7 +11,9 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
+from kaneflex.scene.read import SceneLike
 from kaneflex.solve.initial import given_state
+from kaneflex.solve.loading import model_from
 from kaneflex.solve.memory import MAX_STORED
 from kaneflex.solve.solution import Solution
 from kaneflex.support.arguments import takes
@@ -29,13 +31,12 @@ _ROUNDING = 1e-12
 
 
 @takes(model="model", progress="function", after="state")
-def simulate(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
+def simulate(model: SceneLike, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
     """Integrate, or solve at each instant, over one cycle or the scene's duration.
 
     Parameters
     ----------
-    model : Model
-        From :func:`kaneflex.load`.
+    model : Model, Solution, Scene or path
     progress : callable, optional
         Called with the finished share of the work, 0 to 1.
     after : Solution or State, optional
@@ -56,7 +57,7 @@ def simulate(model: Model, progress: Progress | None = None, after: Solution | S
     SceneError
         If the model can't be started as it asks for, or can't continue from ``after``.
     """
-    solution = solve(model, progress, after)
+    solution = solve(model_from(model), progress, after)
     stopped = () if solution.outcome is Outcome.COMPLETED else (solution.message,)
     for text in (*stopped, *solution.warnings):
         warnings.warn(text, ValidityWarning, stacklevel=3)  # beyond the check of arguments

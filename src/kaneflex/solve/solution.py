@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, KeysView, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from kaneflex.support.units import LARGEST
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.figure import Figure
 
     from kaneflex.mechanism.energy import Energy
     from kaneflex.multibody.impacts import Impact
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.support.labelled import Labelled
 
+PLOTS = "mechanism,sensors,loads"
+"""Kinds of pictures that a run draws by default."""
 MOST_FREQUENCIES = 50
 """Natural frequencies of a run at most: those of hundreds of elements take longer than the run."""
 
@@ -323,6 +326,24 @@ class Solution:
     def to_csv(self, path: Path | str) -> None:
         """Write all sensors over time as results.csv of a run."""
         self.labelled.to_csv(Path(path), along="time")
+
+    @overload
+    def plot(self, kinds: str = PLOTS, folder: None = None) -> dict[str, Figure]: ...
+    @overload
+    def plot(self, kinds: str = PLOTS, *, folder: Path | str) -> list[Path]: ...
+    def plot(self, kinds: str = PLOTS, folder: Path | str | None = None) -> dict[str, Figure] | list[Path]:
+        """Figures of these kinds by name, or their files where a folder is given; see :func:`kaneflex.draw_all`."""
+        import kaneflex  # pictures and reports are layers above
+
+        if folder is None:
+            return kaneflex.figures(self, kinds)
+        return kaneflex.draw_all(self, folder, kinds=kinds)
+
+    def report(self, folder: Path | str) -> Path:
+        """Write report.html of a run with its pictures into a folder; returns its path."""
+        import kaneflex
+
+        return kaneflex.write_report(self, folder, self.plot(folder=folder))
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The sensors as columns over ``time`` [s]; ``attrs`` holds their units by name."""

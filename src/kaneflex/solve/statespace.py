@@ -25,7 +25,9 @@ from kaneflex.mechanism.position_analysis import Placement, drive_rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.model import Model
+from kaneflex.scene.read import SceneLike
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
+from kaneflex.solve.loading import model_from
 from kaneflex.solve.modelica import modelica
 from kaneflex.support.arguments import takes
 from kaneflex.support.atomic_output import write_bytes, write_text
@@ -137,7 +139,7 @@ def _undated(mat: bytes) -> bytes:
 
 
 @takes(model="model", t="number", sensors="texts")
-def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:
+def linearise(model: SceneLike, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:
     """The elastic equations at one instant as a state space.
 
     Under preset ``coupled`` those of all bodies, about the steady deformation: states are the shapes of the links and
@@ -145,8 +147,8 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
 
     Parameters
     ----------
-    model : Model
-        From :func:`kaneflex.load`; of a frozen model the matrices are those of its own angle.
+    model : Model, Solution, Scene or path
+        Of a frozen model the matrices are those of its own angle.
     t : float, optional
         The instant [s]; by default the one at which the first drive stands at ``solve.mode_angle``.
     sensors : sequence of str, optional
@@ -159,6 +161,7 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
     SceneError
         If the model is rigid or quasi-static, or a sensor is unknown or not available.
     """
+    model = model_from(model)
     if model.options.dynamics in ("rigid", "quasistatic"):
         reason = f"a {model.options.dynamics} model has no states"
         cure = "Choose preset linear or stiffened, for a scene with an elastic body"

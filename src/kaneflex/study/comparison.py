@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.scene.parts import PRESETS
+from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.study.differences import Difference, difference
 from kaneflex.support.arguments import takes
@@ -37,7 +38,7 @@ class Comparison:
 
     Attributes
     ----------
-    scene : Scene
+    scene : Scene, Model, Solution or path
     against : str
         The model that the others are measured against.
     curves : mapping of str to Curves
@@ -101,7 +102,7 @@ class Comparison:
 
 @takes(scene="scene", presets="texts", against="text", progress="function", peer="text")
 def compare(
-    scene: Scene,
+    scene: SceneLike,
     presets: Sequence[str] | None = None,
     against: str | None = None,
     progress: Progress | None = None,
@@ -140,7 +141,7 @@ def compare(
     from kaneflex.solve.variants import Variant
     from kaneflex.study.runs import Runs
 
-    progress = progress or silent
+    scene, progress = scene_from(scene), progress or silent
     if presets is None:
         presets = PRESETS_COMPARED if peer is None else (scene.solve.preset,)
     check_request(scene, presets, against, () if peer is None else (peer,))

@@ -7,6 +7,7 @@ import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral, Real
+from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
@@ -87,10 +88,17 @@ def _kernels(value: Any) -> bool:
     return all(hasattr(value, name) for name in names)
 
 
-_SCENE, _SOLUTION, _STATE = _ours("Scene"), _ours("Solution"), _ours("State")
+_SCENE, _MODEL, _SOLUTION, _STATE = (_ours(name) for name in ("Scene", "Model", "Solution", "State"))
+
+
+def _scene_like(value: Any) -> bool:
+    return isinstance(value, str | Path) or _SCENE(value) or _MODEL(value) or _SOLUTION(value)
+
+
 KINDS = {
-    "scene": Kind("a Scene", _SCENE, "read_scene(...) makes one"),
-    "model": Kind("a Model", _ours("Model"), "load(scene) makes one"),
+    "scene": Kind("a Scene, Model, Solution or path", _scene_like, "read_scene(...) makes a Scene"),
+    "model": Kind("a Model, Solution, Scene or path", _scene_like, "load(scene) makes a Model"),
+    "loaded": Kind("a Model", _MODEL, "load(scene) makes one"),
     "solution": Kind("a Solution", _SOLUTION, "simulate(model) makes one"),
     "state": Kind("a Solution or a State", lambda value: _SOLUTION(value) or _STATE(value), "read_state(path) has one"),
     "tables": Kind("tables or a text", lambda value: isinstance(value, str | Mapping), "give {'bodies': ...}, or TOML"),
@@ -100,6 +108,7 @@ KINDS = {
     ),
     "path": Kind("a path", lambda value: isinstance(value, str | os.PathLike), "give a text or a pathlib.Path"),
     "text": Kind("a text", lambda value: isinstance(value, str), "write it in quotes"),
+    "points": Kind("paths by point", lambda value: isinstance(value, Mapping), "write {'start': 'bore.txt'}"),
     "texts": Kind("a list of texts", _texts, "write ['...', '...']"),
     "settings": Kind(
         "a list or a dict of settings",

@@ -12,6 +12,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import INSTANTS, Buckling, Frozen, buckling, freeze
 from kaneflex.response.whirl import turns, whirl
 from kaneflex.scene import Scene
+from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.loading import load
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.study.stability.sweep import FORWARD, ORDERS, Sweep, check_sweep, sweep
@@ -86,14 +87,14 @@ class Stability:
 
 @takes(scene="scene", speeds="numbers", progress="function", orders="numbers")
 def stability(
-    scene: Scene, speeds: np.ndarray | None = None, progress: Callable[[str], None] | None = None,
+    scene: SceneLike, speeds: np.ndarray | None = None, progress: Callable[[str], None] | None = None,
     orders: Sequence[float] = ORDERS,
 ) -> Stability:  # fmt: skip
     """Judge the stability of a scene's periodic equations.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, Model, Solution or path
     speeds : ndarray, optional
         Of the first drive, rising, to be gone through as well [rad/s, or m/s of a guide].
     progress : callable, optional
@@ -106,6 +107,7 @@ def stability(
     SceneError
         If the model has no periodic elastic equations, or its first drive no constant speed to be varied.
     """
+    scene = scene_from(scene)
     if speeds is not None:
         check_sweep(scene)
     stage = progress or silent

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from kaneflex.scene import Scene
+from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.scene.start import Start
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
@@ -59,7 +60,7 @@ class Trade:
 
     Attributes
     ----------
-    scene : Scene
+    scene : Scene, Model, Solution or path
     sensors : tuple of str
     tolerance : float
         Share of a sensor's peak.
@@ -102,7 +103,7 @@ class Trade:
 
 @takes(scene="scene", tolerance="number", budget="number", sensors="texts", progress="function")
 def trade(
-    scene: Scene,
+    scene: SceneLike,
     tolerance: float = 0.01,
     budget: float = 60.0,
     sensors: Sequence[str] | None = None,
@@ -133,6 +134,7 @@ def trade(
         For a scene in which nothing deforms or that shows nothing, sensors that it does not have, a reference that
         can't be run or does not converge, or where no candidate can be run.
     """
+    scene = scene_from(scene)
     sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
     runs = Runs(basis, progress or silent)

@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from kaneflex.scene import Scene
+from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
@@ -138,7 +139,7 @@ def groups(scene: Scene) -> tuple[Group, ...]:
 
 @takes(scene="scene", tolerance="number", budget="number", sensors="texts", progress="function")
 def terms(
-    scene: Scene,
+    scene: SceneLike,
     tolerance: float = 0.01,
     budget: float = 60.0,
     sensors: Sequence[str] | None = None,
@@ -161,6 +162,7 @@ def terms(
     SceneError
         For what :func:`kaneflex.study.trade.ranking.check_request` refuses, and where ``stiffened`` can't be run.
     """
+    scene = scene_from(scene)
     sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
     chosen = groups(basis) if chosen is None else chosen
