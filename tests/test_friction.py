@@ -89,16 +89,27 @@ def test_a_block_slides_down_stops_and_turns_round_as_in_textbooks(mu, speed, in
     assert (stuck[after] == (mu > math.tan(SLOPE))).all() and not stuck[found.times < stop].any()
 
 
+LEVEL = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]")
+
+
 def test_what_slides_on_the_level_stops_in_time_and_place():
     """v^2 / (2 mu g) and v / (mu g); what is lost is its energy."""
-    level = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]")
-    found = solved(level, "drives.slide.initial_speed=2")
+    found = solved(LEVEL, "drives.slide.initial_speed=2")
     stop, last = 2 / (0.3 * G), 4 / (2 * 0.3 * G)
     assert found.series["x"].values[-1] == pytest.approx(last, rel=1e-12)
     moving = found.times < stop
     assert found.series["drag"].values[moving] == pytest.approx(-2 * 0.3 * G, rel=1e-12)
     assert found.series["drag"].values[~moving] == pytest.approx(0.0, abs=1e-12)
     assert found.trajectory.frictions.lost[-1, 0] == pytest.approx(4.0, rel=1e-12)
+
+
+def test_a_drive_supplies_what_friction_at_its_own_joint_takes():
+    """Work of the prescribed drive, between stored instants by its power: mu m g times the distance, and m v^2 / 2."""
+    driven = LEVEL.replace("slide = {free = true, initial_speed = 0}", 'slide = {law = "0.2 * t**2 + 0.1 * t"}')
+    found = solved(driven, "solve.steps=10")
+    t = np.linspace(0.0, 1.0, 21)
+    work = 0.3 * 2 * G * (0.2 * t**2 + 0.1 * t) + (0.4 * t + 0.1) ** 2 - 0.1**2
+    assert found.at(t).trajectory.energy.supplied == pytest.approx(work, rel=1e-9, abs=1e-12)
 
 
 def test_a_block_on_an_incline_sticks_for_ever():
@@ -500,8 +511,7 @@ def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(friction
     """Against scipy's integrator of m v' = -f(v), up to where it stops."""
     from scipy.integrate import solve_ivp
 
-    level = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]")
-    level = level.replace("friction = {mu = 0.3}", f"friction = {{{friction}}}")
+    level = LEVEL.replace("friction = {mu = 0.3}", f"friction = {{{friction}}}")
     found = solved(level, "drives.slide.initial_speed=1", "solve.duration=0.5 s")
     exact = solve_ivp(
         lambda t, y: [y[1], -force(y[1]) / 2 if y[1] > 0 else 0.0], (0, 0.5), [0.0, 1.0], "DOP853", found.times,

@@ -13,7 +13,10 @@ import sympy as sm
 from kaneflex.derive.body_proof import NotKane
 from kaneflex.derive.spatial_shape_proof import comparisons, prove
 from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
+from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.generated import spatial, spatial_shapes
+from kaneflex.multibody.spatial_shapes import spatial_shapes as built_shapes
+from kaneflex.scene import scene_of
 
 TEXT = Path(spatial_shapes.__file__).read_text(encoding="utf-8")
 PRINTED = "@njit" + TEXT.partition("@njit")[2].rpartition("\n\n@njit")[0]
@@ -141,3 +144,50 @@ def test_a_body_with_one_shape_by_hand():
                 wrong = value.copy()
                 wrong[entry] *= 1.001
                 assert not np.allclose(wrong, expected, rtol=1e-12, atol=1e-13)
+
+
+# ---- the fibres of a section that turns ---------------------------------------------------------------------------
+
+SHAFT = """
+schema = 1
+gravity = [0, 0, 0]
+[bodies]
+disc = {mass = "1 kg", inertia = [0.01, 0.01, 0.01]}
+[bodies.shaft]
+length = "0.6 m"
+beam = {material = "steel", section = {rectangle = ["60 mm", "90 mm"]}, theory = "rayleigh", elements = 3}
+[joints]
+foot = {weld = ["ground", "shaft.start"]}
+tip = {weld = ["shaft.end", "disc"]}
+[solve]
+preset = "coupled"
+duration = "1 ms"
+"""
+
+
+def test_fibres_of_a_thick_section_go_where_its_rotation_takes_them():
+    """Integral of y G and z G dm: the second derivatives of the rotation R(theta), by differences, over y^2 and z^2."""
+    scene = scene_of(SHAFT)
+    link = link_of_scene(scene, "shaft", 3)
+    found = built_shapes(scene, link, 1, (0.0, 0.0, 0.0))
+    h, R = 1e-3, {}
+    for theta in itertools.product((-1, 0, 1), repeat=3):
+        out = np.zeros(21)
+        spatial_shapes.section(np.concatenate([h * np.array(theta), np.zeros(3)]), 0, out, 0)
+        R[theta] = out[:9].reshape(3, 3)
+    one = np.eye(3, dtype=int)
+    at = [[sum(s * t * R[tuple(np.clip(s * a + t * b, -1, 1))] for s in (1, -1) for t in (1, -1)) / (4 * h**2)
+           for b in one] for a in one]  # fmt: skip
+    for a in range(3):
+        at[a][a] = (R[tuple(one[a])] - 2 * R[0, 0, 0] + R[tuple(-one[a])]) / h**2
+    second = np.array(at)
+    places, weights = np.polynomial.legendre.leggauss(4)
+    expected = np.zeros((2, 3, found.count, found.count))
+    for begin, end in itertools.pairwise(link.nodes):
+        for place, weight in zip(places, weights, strict=True):
+            rows, _ = found.at(((begin + end) / 2 + (end - begin) / 2 * place, 0.0, 0.0))
+            dm = 7850 * (end - begin) / 2 * weight
+            for k, I in enumerate((0.09 * 0.06**3 / 12, 0.06 * 0.09**3 / 12)):  # of y^2 dA and z^2 dA [m^4]
+                expected[k] += dm * I * np.einsum("abi,aj,bl->ijl", second[..., k + 1], rows[3:], rows[3:])
+    assert abs(expected).max(axis=(2, 3)).min() > 1e-7
+    assert found.moments.r_G[1:] == pytest.approx(expected, rel=1e-5, abs=1e-6 * abs(expected).max())

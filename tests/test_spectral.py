@@ -256,6 +256,19 @@ def test_a_load_that_jumps_has_too_many_harmonics():
     assert found.solver.startswith("radau, in steps: its harmonics") and found.outcome is Outcome.COMPLETED
 
 
+@pytest.mark.parametrize(("tolerance", "grids"), [(6e-4, (64, 96, 128)), (2e-4, (64, 128)), (2e-5, (64, 256))])
+def test_grids_grow_by_as_much_as_is_left_out(tolerance, grids):
+    """Of cos x + cos(26 x)/1000 + cos(40 x)/1000: 64 instants see 1.4e-3 in their highest quarter, and 96 as much."""
+    system = dense(1, {"M": {0: [[1.0]]}, "C": {0: [[1.0]]}, "K": {0: [[1e6]]}, "F": {1: [1.0]}}, 2)
+
+    def table(t):
+        x = W * t
+        return np.stack([np.ones_like(t), 1e6 * (np.cos(x) + 1e-3 * (np.cos(26 * x) + np.cos(40 * x)))], axis=1)
+
+    orbit = periodic_orbit(system, table, 0.0, PERIOD, tolerance)
+    assert tuple(instants for instants, _ in orbit.grids) == grids and orbit.error < 1e-12
+
+
 def at_instants_of(grid):
     """M, C and K (3, N, n, n), and Cholesky's factor of K (N, n, n)."""
     n, w, N = grid.n, grid.half_bandwidth, grid.instants

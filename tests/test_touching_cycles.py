@@ -72,6 +72,21 @@ def test_a_block_on_a_spring_that_rubs(ratio, friction):
     assert abs(solution.trajectory.floquet).max() < 1.0
 
 
+def test_a_freedom_that_does_nothing_has_multipliers_too():
+    """A wheel at rest on a spring and a damper: exp(-c T / 2 I) is the modulus of both of its multipliers."""
+    text = FRAME.format(omega=12.5, **RUBBING | {"joints": RUBBING["joints"].format(friction=1.0, law="")})
+    for kind, more in (
+        ("bodies", "still = {inertia = 1}"), ("joints", 'pin = {revolute = ["ground", "still"]}'),
+        ("drives", "pin = {free = true}"), ("springs", 'coil = {torsional_at = "pin", stiffness = 400, damping = 2}'),
+    ):  # fmt: skip
+        text = text.replace(f"[{kind}]\n", f"[{kind}]\n{more}\n")
+    solution = solve(kaneflex.load(kaneflex.scene_of(text)))
+    multipliers = solution.trajectory.floquet
+    assert len(multipliers) == 4
+    modulus = math.exp(-2 * math.pi / 12.5)
+    assert (abs(abs(multipliers) - modulus) < 1e-3 * modulus).sum() == 2
+
+
 BALL = dict(
     gravity=-9.81, axis="y", bodies='block = {mass = "1 kg"}\ntable = {length = "10 mm", mass = "1 kg"}',
     joints="""guide = {prismatic = ["ground", "block"], direction = [0, 1]}

@@ -132,6 +132,11 @@ def test_the_command_writes_its_folder(tmp_path):
     assert float(row["rms_with"]) == part["sensors"][0]["rms_with"]
     assert "two motions that knock may part however alike they begin" in result.stdout
     assert "drives.bore=none" in part["without"]
+    (shown,) = (line.split() for line in result.stdout.splitlines() if line.split()[:2] == ["slide", "mm"])
+    found, keys = part["sensors"][0], ("peak_without", "peak_with", "rms_without", "rms_with")
+    assert [shown[k] for k in (2, 3, 8, 9)] == [f"{1e3 * found[key]:.4g}" for key in keys]
+    shares = found["rms_change"], found["rms_doubt"] / found["rms_without"]
+    assert [shown[k] for k in (10, 12)] == [f"{100 * share:.2g}" for share in shares]
 
 
 def test_friction_is_compared_with_none():
