@@ -72,6 +72,12 @@ def settled(request: pytest.FixtureRequest) -> Iterator[None]:
             each.cache_clear()
 
 
+@pytest.fixture(scope="session")
+def exhaustive(request: pytest.FixtureRequest) -> bool:
+    """Whether tests run the slow half of what they compare, too: `make extremes` does."""
+    return bool(request.config.getoption("exhaustive"))
+
+
 def absent(what: str, cure: str) -> None:
     """Skip for want of `what`, or fail where KANEFLEX_REQUIRE_PEERS=1 promises that it is there (CI)."""
     if REQUIRED:

@@ -32,7 +32,7 @@ SCENES = [("four-bar-motor",), ("elastic-double-pendulum",), ("spin-up-torque",)
 def test_a_run_in_c_is_that_of_python(scene, compiler, tmp_path):
     """Coordinates of all bodies and what joints exert: 3e-13 of each one's largest was seen, over some 3000 steps."""
     trajectory = run(*scene).trajectory
-    level = "-O2" if scene == SCENES[0] else "-O0"
+    level = "-O2" if scene == SCENES[2] else "-O0"
     called = {"name": NAME} if scene == SCENES[0] else {}  # which ends no comment, and is no code
     program = built(coupled_in_c(model(*scene).scene.model_copy(update=called)), tmp_path, compiler, level=level)
     written = subprocess.run([program], capture_output=True, text=True, check=True).stdout

@@ -47,21 +47,19 @@ def check(scene, names, frozen=True, step=5e-4):
 
 
 def test_pendulum_that_swings_freely():
-    names = ["strip.E", "strip.length", "strip.rho", "hinge.angle", "gravity.1", "strip.section.rectangle.0"]
-    check(PENDULUM, names, step=1e-4)
+    check(PENDULUM, ["strip.length", "hinge.angle", "gravity.1"], step=1e-4)
 
 
 def test_closed_loop_that_a_motor_turns():
-    names = ["coupler.length", "crank.length", "masses.flywheel.inertia", "ground.right.0"]
-    check(FOUR_BAR, names, step=2e-3)
-    check(FOUR_BAR, ["coupler.E", "damping.rayleigh.ratio"], step=3e-3)
+    check(FOUR_BAR, ["coupler.length", "masses.flywheel.inertia", "ground.right.0"], step=2e-3)
+    check(FOUR_BAR, ["damping.rayleigh.ratio"], step=3e-3)
 
 
 @pytest.mark.parametrize("frozen", [True, False])
 def test_driven_engine_from_equilibrium(frozen):
     engine = (*ENGINE, *START)
-    check(engine, ["rod.length", *["main.speed"] * frozen], frozen, step=1e-4)
-    check(engine, ["rod.E", *["rod.mass", "crank.length"] * frozen], frozen, step=1e-3)
+    check(engine, ["main.speed" if frozen else "rod.length"], frozen, step=1e-4)
+    check(engine, ["rod.mass" if frozen else "rod.E"], frozen, step=1e-3)
 
 
 def test_the_basis_moves():
@@ -70,10 +68,9 @@ def test_the_basis_moves():
     assert max(abs(kept[name] - moved[name]).max() / abs(kept[name]).max() for name in kept) > 1e-4
 
 
-@pytest.mark.parametrize("integrator", ["gauss", "radau"])
-def test_periodic_engine(monkeypatch, integrator):
+def test_periodic_engine(monkeypatch):
     monkeypatch.setattr(coupled, "REPEATS", 1e-12)
-    scene = (*ENGINE, *FIXED, f"solve.integrator={integrator}", "solve.start=periodic")
+    scene = (*ENGINE, *FIXED, "solve.start=periodic")
     check(scene, ["main.speed"])
 
 

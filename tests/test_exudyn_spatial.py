@@ -112,11 +112,12 @@ def shares(scene, steps):
     return shares
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "steps", "motion", "force"),
     [
-        ("bricard", 8000, 1e-7, None), ("spatial-slider-crank", 8000, 3e-5, 2e-4), ("spinning-top", 8000, 2e-3, 5e-3),
-        ("robot-arm", 2000, 1e-10, 2e-3),
+        ("robot-arm", 2000, 1e-10, 2e-3), ("bricard", 8000, 1e-7, None), ("spatial-slider-crank", 8000, 3e-5, 2e-4),
+        ("spinning-top", 8000, 2e-3, 5e-3),
     ],
 )
 def test_shipped_scenes(peer, name, steps, motion, force):
@@ -204,29 +205,34 @@ def elastic_shares(scene, elements, steps):
     return {each.sensor: each.peak_difference / each.reference_peak for each in found.differences}
 
 
-def test_an_elastic_rod_in_space(peer):
+@pytest.mark.exhaustive
+def test_an_elastic_rod_in_space(peer, exhaustive):
     """It bends both ways by some 3e-4 of its length; what is left in the displacements falls with the square of
     Exudyn's elements' size, and is none of the forces'."""
     peer("exudyn")
     scene = with_settings(read_scene("spatial-slider-crank-elastic"), ["drives.shaft.speed=300 rpm"])
-    coarse, fine = elastic_shares(scene, 6, 180), elastic_shares(scene, 12, 180)
+    fine = elastic_shares(scene, 12, 180)
     assert set(fine) == set(scene.sensors)
     assert fine["slider_x"] < 1e-7 and fine["rod_force"] < 4e-3
     assert fine["side_force"] < 1e-3 and fine["crank_torque"] < 1e-3
+    coarse = elastic_shares(scene, 6, 180) if exhaustive else {}
     for sensor in ("mid_y", "mid_z", "rod_moment"):
-        assert fine[sensor] < 0.02 and fine[sensor] < 0.3 * coarse[sensor], sensor
+        assert fine[sensor] < 0.02 and fine[sensor] < 0.3 * coarse.get(sensor, 1.0), sensor
 
 
-def test_links_that_bend_more_are_further_apart(peer):
+@pytest.mark.exhaustive
+def test_links_that_bend_more_are_further_apart(peer, exhaustive):
     """The follower of the four-bar bends by 1 % of its length at 300 rpm and by 0.1 % at 100 rpm, where what is left in
     displacements is the size of Exudyn's elements."""
     peer("exudyn")
     scene = read_scene("four-bar-misaligned")
-    fast = elastic_shares(scene, 8, 180)
     slow = elastic_shares(with_settings(scene, ["drives.main.speed=100 rpm"]), 8, 180)
-    assert all(slow[sensor] < 0.03 and fast[sensor] < 0.05 for sensor in ("coupler_mid", "follower_mid"))
     assert slow["out_of_plane"] < 5e-5 and slow["follower_moment"] < 0.01 and slow["crank_torque"] < 5e-3
-    assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
+    assert slow["coupler_mid"] < 0.03 and slow["follower_mid"] < 0.03
+    if exhaustive:
+        fast = elastic_shares(scene, 8, 180)
+        assert fast["coupler_mid"] < 0.05 and fast["follower_mid"] < 0.05
+        assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
 
 
 def test_a_four_bar_that_bends_back_on_its_motion_is_that_of_exact_rods(peer):
@@ -291,15 +297,17 @@ start = "periodic"
 """
 
 
-def test_sections_rotations_and_rates_of_an_elastic_arm(peer, tmp_path):
+@pytest.mark.exhaustive
+def test_sections_rotations_and_rates_of_an_elastic_arm(peer, tmp_path, exhaustive):
     """A heavy fork across the tip of an arm that turns bends it both ways and twists it. The moments that
     displaced forces have, which one-way coupling leaves out, fall with the displacements of an arm eight times stiffer.
     """
     peer("exudyn")
-    soft = elastic_shares(scene_of(tmp_path, CANTILEVER), 8, 180)
     stiff = elastic_shares(scene_of(tmp_path, CANTILEVER.replace("70 GPa", "560 GPa")), 8, 180)
     assert len(stiff) == 15 and all(share < (0.04 if name == "slope" else 0.02) for name, share in stiff.items())
-    assert all(4 * stiff[each] < soft[each] < 0.06 for each in ("motor", "moment", "shear", "place"))
+    if exhaustive:
+        soft = elastic_shares(scene_of(tmp_path, CANTILEVER), 8, 180)
+        assert all(4 * stiff[each] < soft[each] < 0.06 for each in ("motor", "moment", "shear", "place"))
 
 
 @pytest.mark.parametrize(

@@ -50,22 +50,24 @@ steps = 100
 
 
 @pytest.mark.parametrize(("method", "cells"), ROWS)
-def test_energy_of_the_double_pendulum_drifts_as_the_page_says(method, cells):
+def test_energy_of_the_double_pendulum_drifts_as_the_page_says(method, cells, exhaustive):
     """Undriven and undamped: each method keeps the energy the better the tighter its tolerance is."""
     drifts = []
-    for tolerance, cell in zip(TOLERANCES, cells.split(" | "), strict=True):
+    known = list(zip(TOLERANCES, cells.split(" | "), strict=True))
+    # the 7000 steps of Radau at 1e-12 take as long as all others
+    for tolerance, cell in known[: 2 if method == "Radau" and not exhaustive else 3]:
         settings = (f"solve.forward.method={method}", f"solve.forward.tolerance={tolerance}")
         energy = model("double-pendulum", "solve.duration=2 s", *settings).energy
         steps, drift = map(float, cell.split(", "))
         assert len(energy.gap) - 1 == pytest.approx(steps, rel=0.1)
         assert drift / 3 < energy.drift < 3 * drift
         drifts.append(energy.drift)
-    assert drifts[0] > 100 * drifts[1] > 1000 * drifts[2]
+    assert all(loose > factor * tight for loose, tight, factor in zip(drifts, drifts[1:], (100, 10), strict=False))
 
 
 def test_the_page_has_all_methods_and_tolerances():
     assert {method for method, _ in ROWS} == {"DOP853", "RK45", "Radau", "LSODA"}
-    assert f"| method | {' | '.join(TOLERANCES)} |" in PAGE
+    assert f"| method | tolerance {' | '.join(TOLERANCES)} |" in PAGE
 
 
 def test_energy_of_the_default_over_ten_chaotic_seconds():

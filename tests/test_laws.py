@@ -165,17 +165,18 @@ def test_a_law_without_a_value_in_the_run_is_refused_when_the_scene_is_read(scen
 
 @pytest.mark.parametrize(("law", "pole"), [
     ("tan(4*t)", 0.392699), ("tan(2*pi*t)", 0.25), ("1/(t - 0.123456)", 0.123456),
-    ("1/(t - 0.123456)**2", 0.123456), ("sign(t - 0.25)", None), ("step(t - 0.1234)", None),
-    ("tanh((t - 0.12345)/1e-6)", None), ("t + exp(-((t - 0.0305)/1e-5)**2)", None), ("sin(3*t)", None), ("0*t", None),
+    ("1/(t - 0.123456)**2", 0.123456),
 ])  # fmt: skip
 def test_a_pole_between_steps_is_found(law, pole):
-    """Not a jump, nor a switch that no step resolves."""
     scene = with_settings(read_scene("two-link-arm"), [SCENES["two-link-arm"] % law, "solve.preset=rigid"])
-    if pole is None:
-        load(scene)
-        return
     with pytest.raises(SceneError, match=rf"^loads\.push = .*: it grows without bound at t = {pole} s\."):
         load(scene)
+
+
+def test_a_jump_or_a_switch_that_no_step_resolves_is_no_pole():
+    laws = ("sign(t - 0.25)", "step(t - 0.1234)", "tanh((t - 0.12345)/1e-6)", "t + exp(-((t - 0.0305)/1e-5)**2)", "0*t")
+    loads = ", ".join(SCENES["two-link-arm"][7:-1].replace("push", f"push_{k}") % law for k, law in enumerate(laws))
+    load(with_settings(read_scene("two-link-arm"), [f"loads={{{loads}}}", "solve.preset=rigid"]))
 
 
 def test_a_law_may_pass_beyond_what_its_parts_can_hold():

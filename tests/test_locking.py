@@ -51,6 +51,7 @@ def test_a_driven_crank_that_does_not_come_around(settings, said):
         model("slider-crank-150-coupled", *settings)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("method", "branch"), [("DOP853", "+"), ("RK45", "-"), ("Radau", "+"), ("LSODA", "-")])
 def test_a_linkage_that_swings_into_its_limit(method, branch):
     """Both branches fold at the same crank angle."""
