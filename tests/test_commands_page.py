@@ -66,7 +66,7 @@ def test_the_count_is_printed_as_the_page_shows_it(outputs):
 
 
 def test_export_says_what_the_page_shows(outputs):
-    section = TEXT[TEXT.index("## export: an FMU") : TEXT.index("## modes and modal data\n")]
+    section = TEXT[TEXT.index("## export: an FMU") : TEXT.index("## modes: natural frequencies and modal data\n")]
     (shown,) = re.findall(r"^    (FMI .*)$", section, flags=re.MULTILINE)
     (command,) = (command for command in COMMANDS if " export " in command)
     assert shown in outputs[command].splitlines()
