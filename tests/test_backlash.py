@@ -197,5 +197,5 @@ def test_bodies_whole_turns_apart_are_named():
     text = text.replace("[drives]", '[joints.bearing]\nrevolute = ["ground", "wheel"]\n[drives]')
     good = scene_of(text)
     assert solve(load(good)).impacts
-    with pytest.raises(SceneError, match="at the start it is 1 whole turns from the middle of its play"):
+    with pytest.raises(SceneError, match="at the start it is 1 full turns from the middle of its play"):
         solve(load(with_settings(good, ["drives.bearing.angle=360 deg"])))

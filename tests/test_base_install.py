@@ -108,7 +108,7 @@ print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
     expected = [
         f"dataset: xarray {tables}.",
         f"to_dataframe: pandas {tables}.",
-        '--format = \'zarr\': zarr is not installed. Run: pip install "kaneflex[zarr]", or take netcdf.',
+        '--format = \'zarr\': zarr is not installed. Run: pip install "kaneflex[zarr]", or use netcdf.',
         "2 {}",
         f"dataset: xarray {tables}.",
         f"--plots: xarray {tables}.",

@@ -302,11 +302,11 @@ def test_what_a_scene_is_called_can_be_a_name_in_c():
 
 
 def test_what_is_not_printed_in_c_is_refused():
-    with pytest.raises(SceneError, match=r"None takes this scene: joints.rub.friction: .* no equations of friction"):
+    with pytest.raises(SceneError, match=r"No linear preset .*: joints.rub.friction: .* no equations of friction"):
         c_model(read_scene("stick-slip"))
     for name, said in (
-        ("bricard", "first is left to the forces"), ("robot-arm-elastic", "none of its drives has a cycle"),
-        ("crankshaft-torsion", "too suddenly for 512 harmonics"),
+        ("bricard", "first is free"), ("robot-arm-elastic", "none of its drives has a cycle"),
+        ("crankshaft-torsion", "too suddenly for a Fourier series of 512 harmonics"),
     ):  # fmt: skip
         with pytest.raises(SceneError, match=f"--language.*{said}"):
             c_model(read_scene(name))

@@ -69,7 +69,7 @@ def test_the_mean_square_is_over_time_and_curves_meet_at_the_references_instants
     assert np.isnan(found.dataset["root_force"].sel(model="above")).all()
     both = side_by_side(scene, {"above": above, "line": line}, {}, "above")
     assert both.times[-1] == 3.0  # what both cover
-    assert both.curves["above"].notes == ("peaks and differences are of its first 3 s, where the run of line ends",)
+    assert both.curves["above"].notes == ("peaks and differences cover the first 3 s only: the run of line ends there",)
     assert both.curves["line"].notes == ()
 
 
@@ -83,7 +83,7 @@ def test_a_preset_that_can_not_be_run_is_left_out_with_its_reason():
 
 def test_too_few_that_run_and_a_lost_reference_are_refused():
     scene = with_settings(read_scene("spin-up"), ["solve.integrator=newmark", "solve.steps=200"])
-    with pytest.raises(SceneError, match=r"too few of them can be run \(coupled: solve.integrator"):
+    with pytest.raises(SceneError, match=r"fewer than two of them can be run \(coupled: solve.integrator"):
         compare(scene, ("quasistatic", "coupled"))
     with pytest.raises(SceneError, match="coupled, the reference, can't be run"):
         compare(scene, ("quasistatic", "stiffened", "coupled"), against="coupled")
@@ -93,10 +93,10 @@ def test_too_few_that_run_and_a_lost_reference_are_refused():
     ("arguments", "words"),
     [
         (("--presets", "linear,stifened"), ("--presets = 'stifened'", "nearest known one is 'stiffened'")),
-        (("--presets", "linear"), ("two or more", "Name another one, too")),
+        (("--presets", "linear"), ("two or more", "Name at least two")),
         (("--presets", "linear,linear"), ("Name each model once",)),
-        (("--against", "rigid"), ("--against = 'rigid'", "not among the models compared")),
-        (("--set", "sensors=none"), ("sensors", "nothing to compare")),
+        (("--against", "rigid"), ("--against = 'rigid'", "not one of the compared models")),
+        (("--set", "sensors=none"), ("sensors", "no sensors to compare")),
     ],
 )
 def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):

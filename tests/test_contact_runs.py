@@ -265,8 +265,8 @@ def test_sides_that_start_in_each_other_are_named():
     with pytest.raises(SceneError) as caught:
         solved(BALL, "drives.fall.position=-3 mm")
     assert str(caught.value) == (
-        "contacts.floor: at the start its sides lie 3 mm in each other. "
-        "Start them apart, as by the angle or position of free drives."
+        "contacts.floor: at the start its sides penetrate each other by 3 mm. "
+        "Start them apart, for example by the start of free drives."
     )
     solved(BALL, "drives.fall.position=0 mm", "solve.duration=1 ms")
 
@@ -370,4 +370,4 @@ def test_a_run_says_where_a_line_was_not_the_axis_of_its_elastic_link():
     """A ball that falls on the line far from its address: seen from there the end of a tangent goes down by th L."""
     (said,) = off_their_lines(solve(load(scene_of(BRIDGE.replace("free = true", 'free = true, position = "10 mm"')))))
     assert said.startswith("contacts.wheel takes bridge as straight from bridge.start on; at t = ")
-    assert re.search(r"ball pushes on it 400\d mm from there, where the axis of bridge is \d\d(\.\d)? mm from", said)
+    assert re.search(r"ball acts on it 400\d mm from there, where the axis of bridge is \d\d(\.\d)? mm off", said)

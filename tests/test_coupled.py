@@ -225,7 +225,7 @@ def test_a_spring_and_its_damper_hold_the_cart():
         ),
         (
             "elastic-pendulum", ["solve.start=quasistatic"],
-            "solve.start = 'quasistatic': hinge is free: nothing holds it in equilibrium. Start from zero.",
+            "solve.start = 'quasistatic': hinge is free and has no equilibrium. Start from zero.",
         ),
     ],
 )  # fmt: skip

@@ -127,7 +127,7 @@ def test_dense_output_of_a_run_that_motion_drives():
 
 @pytest.mark.parametrize("times", [[-1e-3], [0.1, 0.6]])
 def test_instants_outside_the_run_are_refused(pendulum, times):
-    with pytest.raises(ValueError, match=r"asked for, where the run has 0 to 0\.5 s"):
+    with pytest.raises(ValueError, match=r"are outside the run, 0 to 0\.5 s"):
         pendulum.at(times)
 
 
@@ -252,9 +252,9 @@ def test_states_that_do_not_fit(tmp_path, pendulum):
     with pytest.raises(SceneError, match=r"strip\.axial_1 is a coordinate of the scene alone"):
         run("elastic-pendulum", "solve.modes=4", after=pendulum)
     crank = run("slider-crank-150-coupled", "solve.duration=1 ms", "solve.steps=10")
-    with pytest.raises(SceneError, match=r"its state opens \w+ by .*Continue with the lengths and drives"):
+    with pytest.raises(SceneError, match=r"the state opens joint \w+ by .*Continue with the lengths and drives"):
         run("slider-crank-150-coupled", "rod.length=0.35", after=crank)
-    with pytest.raises(SceneError, match=r"after = .*: no results can be read there: there is no such file\. Name"):
+    with pytest.raises(SceneError, match=r"after = .*: its results can't be read: there is no such file\. Give"):
         kaneflex.read_state(tmp_path)
 
 

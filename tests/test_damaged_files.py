@@ -172,7 +172,7 @@ def test_a_digit_that_changed_in_a_journal_is_no_result(plan, tmp_path, complete
         lines[k] = lines[k].replace(old, new, 1)
     (place / "journal.jsonl").write_text("".join(lines))
     assert sweep(plan, place, found).dataset.identical(complete[1])
-    assert "3 of its lines are damaged; 4 points are left" in caplog.text
+    assert "3 lines are damaged; 4 points remain" in caplog.text
 
 
 @pytest.mark.parametrize("damage", [*DAMAGE, os.unlink], ids=lambda each: each.__name__)
@@ -200,7 +200,7 @@ def test_a_dataset_of_another_study_is_not_taken(plan, tmp_path, complete):
     other = make_plan(STUDY | {"parameters": {"solve.steps": [90, 91]}})
     sweep(other, tmp_path / "out", found)
     shutil.copy(complete[0] / "sweep.nc", tmp_path / "out" / "sweep.nc")
-    with pytest.raises(OutputError, match=r"sweep\.nc: it is not the dataset of this study"):
+    with pytest.raises(OutputError, match=r"sweep\.nc: it belongs to another study"):
         sweep(other, tmp_path / "out", found)
 
 

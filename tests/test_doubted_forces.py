@@ -19,7 +19,7 @@ def patient(monkeypatch):
 
 def said(solution):
     """(sensor, share of its peak) of the warning that forces or accelerations part; None where there is none."""
-    found = (re.search(r"^(\w+) .* part by (\S+) of its peak", text) for text in solution.warnings)
+    found = (re.search(r"^(\w+) .* differs by (\S+) of its peak", text) for text in solution.warnings)
     return next(((match[1], float(match[2])) for match in found if match), None)
 
 

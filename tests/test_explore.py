@@ -111,9 +111,9 @@ def test_a_range_says_unit_start_and_whole_numbers():
     ("text", "words"),
     [
         ("main.speed=2000rpm", "not of the form"),
-        ("main.speed=2000rpm:3000mm", "two units"),
-        ("main.speed=2000:3000mm", "--vary = 'main.speed=2000:3000mm': .* begins: 'mm' is not a unit of angular speed"),
-        ("main.speed=3000:2000rpm", "rising"),
+        ("main.speed=2000rpm:3000mm", "different units"),
+        ("main.speed=2000:3000mm", ": the start value 2500 mm is not allowed: 'mm' is not a unit of angular speed"),
+        ("main.speed=3000:2000rpm", "not greater than the first"),
         ("main.sped=1:2", "no such entry"),
         ("rod.elements=1.5:3.0", "whole number"),
     ],

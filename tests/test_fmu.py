@@ -177,7 +177,7 @@ def test_without_a_compiler_the_sources_are_there(uncompiled, engine):
 def test_what_a_refusal_advises_helps(uncompiled, name):
     """Of scenes that are driven, turned by a torque, and free."""
     scene = read_scene(name)
-    with pytest.raises(SceneError, match="like --preset stiffened"):
+    with pytest.raises(SceneError, match="for example --preset stiffened"):
         export_fmu(scene)
     assert export_fmu(with_settings(scene, ["solve.preset=stiffened"])).outputs
 
@@ -194,17 +194,17 @@ def test_no_preset_is_advised_that_a_cylinder_on_an_elastic_boom_has_no_use_for(
     """The boom of the page on scenes: the barrel goes along with what it pushes."""
     page = (Path(__file__).parents[1] / "docs/scene/drives.md").read_text(encoding="utf-8")
     text = page.partition("# boom.toml\n")[2].partition("```")[0]
-    with pytest.raises(SceneError, match=r"None takes this scene: joints\.cylinder: a guide on a body") as refusal:
+    with pytest.raises(SceneError, match=r"No linear preset .*: joints\.cylinder: a guide on a body") as refusal:
         export_fmu(scene_of(text))
     assert "preset stiffened" not in str(refusal.value)
 
 
 def test_what_is_refused(tmp_path):
     for arguments, said in (
-        (["bricard", "-o", "a.fmu"], "first is left to the forces"),
-        (["engine", "--preset", "rigid", "-o", "a.fmu"], "like --preset stiffened"),
+        (["bricard", "-o", "a.fmu"], "first is free"),
+        (["engine", "--preset", "rigid", "-o", "a.fmu"], "for example --preset stiffened"),
         (["double-pendulum", "-o", "a.fmu"], "Give a body a beam"),
-        (["slider-crank-150-coupled", "-o", "a.fmu"], "another preset, like --preset stiffened"),
+        (["slider-crank-150-coupled", "-o", "a.fmu"], "another preset, for example --preset stiffened"),
         (["bouncing-bar", "-o", "a.fmu"], "contacts.stop: preset stiffened has no equations of a contact"),
         (["robot-arm-elastic", "--preset", "coupled", "-o", "a.fmu"], "none of its drives has a cycle"),
         (["engine", "-o", "a.zip"], ".fmu"),

@@ -108,7 +108,7 @@ def test_summary_and_warning_of_a_loose_tolerance():
 def test_a_motion_that_can_not_go_on(tmp_path):
     """LSODA itself carries on without a word where forces are no longer numbers."""
     scene = CART.replace("2 - 0.5*pin_speed", "sqrt(0.5 - t + 0.001*pin)") + 'forward.method = "LSODA"'
-    with pytest.raises(SceneError, match=r"^drives\.pin = 'free': the motion can't go on after t = 0\.[45]"):
+    with pytest.raises(SceneError, match=r"^drives\.pin = 'free': the motion can't continue after t = 0\.[45]"):
         derived_on_the_fly(scene, tmp_path)
 
 
@@ -123,7 +123,7 @@ def test_a_motion_that_can_not_go_on(tmp_path):
 def test_a_forward_table_without_use_is_said(scene, settings, why):
     warnings = model(scene, *settings, "solve.forward.method=RK45").warnings
     assert [text for text in warnings if "solve.forward" in text] == ([] if why is None else [
-        f"solve.forward is for free joints that move before anything deforms, and {why}: left out"
+        f"solve.forward has no effect: {why}"
     ])  # fmt: skip
 
 

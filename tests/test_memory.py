@@ -47,7 +47,7 @@ def test_a_run_without_a_cycle_makes_its_table_piece_by_piece():
 def test_a_hundred_thousand_elements(scene, preset, body, elements):
     """A periodic start takes the 2 n unit states, links that turn in the mean the eigenvectors of a full matrix; all
     the assembled ones."""
-    refusal = rf"^bodies\.{body}\.beam\.elements = {elements}: the run needs [\d.e+]+ GiB, .* Take fewer elements"
+    refusal = rf"^bodies\.{body}\.beam\.elements = {elements}: the run needs [\d.e+]+ GiB, .* Use fewer elements"
     with pytest.raises(SceneError, match=refusal):
         load(with_settings(read_scene(scene), [f"solve.preset={preset}", f"{body}.elements={elements}"]))
 
@@ -74,7 +74,7 @@ def test_what_is_proposed_is_taken(monkeypatch):
     monkeypatch.setattr(memory, "installed", lambda: 10_000_000)
     with pytest.raises(SceneError) as error:
         load(with_settings(read_scene("engine"), ["solve.preset=rigid", "solve.steps=100000"]))
-    most = int(error.value.cure.split("Ask for ")[1].split()[0].replace(",", ""))
+    most = int(error.value.cure.split("at most ")[1].split()[0].replace(",", ""))
     found = load(with_settings(read_scene("engine"), ["solve.preset=rigid", f"solve.steps={most}"]))
     assert 8 * most * len(found.motion.column) == pytest.approx(5e6, rel=1e-3)
 

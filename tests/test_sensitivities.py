@@ -168,7 +168,7 @@ def test_what_can_not_depend_on_a_parameter_has_a_slope_of_exactly_zero():
 
 
 def test_a_number_that_no_neighbour_can_have_is_refused_by_its_own_value():
-    with pytest.raises(SceneError, match=r"main\.cycle = 12\.566\d*: a small change of it makes no scene: "):
+    with pytest.raises(SceneError, match=r"main\.cycle = 12\.566\d*: a small change of it makes the scene invalid: "):
         sensitivities(run("engine", "solve.steps=360"), ["main.cycle"])
 
 

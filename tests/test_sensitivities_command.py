@@ -108,18 +108,18 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
 @pytest.mark.parametrize(
     ("scene", "name", "words"),
     [
-        ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Take preset linear, stiffened, quasistatic or coupled")),
-        ("engine --integrator scipy --set solve.start=zero", "rod.E", ("solve.integrator = 'scipy'", "Take gauss")),
+        ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Use preset linear, stiffened, quasistatic or coupled")),
+        ("engine --integrator scipy --set solve.start=zero", "rod.E", ("solve.integrator = 'scipy'", "Use gauss")),
         ("engine", "rod.A", ("rod.A: the scene gives no such number", "--set rod.A=VALUE")),
-        ("engine", "rod.elements", ("rod.elements = '4'", "not a number that can change")),
-        ("engine", "bore.direction", ("bore.direction = '(1.0, 0.0)'", "a list", "like bore.direction.0")),
+        ("engine", "rod.elements", ("rod.elements = '4'", "not a real number")),
+        ("engine", "bore.direction", ("bore.direction = '(1.0, 0.0)'", "a list", "for example bore.direction.0")),
         ("engine", "bore.direction.0", ("bore.direction.0 = 1.0", "no sensor depends on it")),
-        ("engine", "damping.rayleigh.at.2", ("a list of numbers", "Name one of its 2")),
-        ("engine", "rod.length.0", ("rod.length.0 = 0.137", "no list")),
+        ("engine", "damping.rayleigh.at.2", ("a list of numbers", "Choose one of its 2")),
+        ("engine", "rod.length.0", ("rod.length.0 = 0.137", "not a list")),
         ("engine", "main.angle", ("main.angle = 0.0", "zero")),
         ("engine", "rod.E,", ("sensitivities = '': an empty path",)),
         ("engine", "rod.EI", ("rod.EI", "nearest known one is 'I'")),
-        ("engine", "solve.mode_angle", ("solve.mode_angle", "no number of the mechanism")),
+        ("engine", "solve.mode_angle", ("solve.mode_angle", "not a number of the mechanism")),
         ("engine", "rod.nu", ("rod.nu = 0.3", "no sensor depends on it")),
         ("engine", "rod.E,bodies.rod.beam.E", ("given twice, before as rod.E",)),
     ],
@@ -130,14 +130,14 @@ def test_refusals_name_key_value_and_cure(tmp_path, scene, name, words):
 
 
 def test_what_follows_the_forces_or_stops_is_refused(tmp_path):
-    with pytest.raises(SceneError, match=r"drives\.\w+\.free = True: .* Take preset coupled"):
+    with pytest.raises(SceneError, match=r"drives\.\w+\.free = True: .* Use preset coupled"):
         sensitivities(run("engine-torque-elastic", "solve.preset=stiffened", "solve.duration=0.002"), ["rod.E"])
     scene = tmp_path / "stops.toml"
     scene.write_text('like = "engine"\n[events]\ntop = {sensor = "mid_transverse", stop = true}\n')
-    with pytest.raises(SceneError, match=r"events\.top\.stop = True: the end of the run would move"):
+    with pytest.raises(SceneError, match=r"events\.top\.stop = True: the end of the run depends on"):
         sensitivities(run(str(scene), *QUICK), ["rod.E"])
     solution = run("engine", *QUICK)
-    with pytest.raises(SceneError, match="only a whole run"):
+    with pytest.raises(SceneError, match="only a complete run"):
         sensitivities(solution.at(solution.times[:5]), ["rod.E"])
 
 

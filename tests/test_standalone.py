@@ -127,9 +127,9 @@ def test_a_hostile_name_is_text(name: str) -> None:
         ("mathieu", (), "solve.reduction = 'modal'"),
         ("engine", ("solve.integrator=newmark",), "solve.integrator = 'newmark'"),
         ("engine", ("solve.terms.spin=false",), "solve.terms = 'spin'"),
-        ("engine", ("rod.elements=3",), "sensors.mid_axial = 'rod.mid': the file reads a link at its nodes"),
+        ("engine", ("rod.elements=3",), "sensors.mid_axial = 'rod.mid': the file supports links at their nodes only"),
         ("engine", ("loads.gas.interpolation=pchip",), "loads.gas.interpolation = 'pchip'"),
-        ("v-engine", (), "more than the 400"),
+        ("v-engine", (), "the limit is 400"),
     ],
 )
 def test_what_it_has_no_place_for_is_refused(scene: str, settings: tuple[str, ...], said: str) -> None:

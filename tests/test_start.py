@@ -453,14 +453,14 @@ def test_presets_that_integrate_from_no_state_refuse_one(preset):
 
 
 def test_a_coupled_state_must_close_its_joints():
-    with pytest.raises(SceneError, match=r"solve\.start = .*: its state opens .*Give the coordinates of all bodies"):
+    with pytest.raises(SceneError, match=r"solve\.start = .*: the state opens .*Give the coordinates of all bodies"):
         model("rotating-cantilever", "solve.preset=coupled", "solve.start={displacements = {'blade.x' = '1 m'}}")
 
 
 def test_what_can_not_begin_from_a_given_state_says_so(tmp_path):
     first = ("solve.duration=10 ms", "solve.steps=10")
     given = model("elastic-pendulum", *starting({"velocities": {"strip.phi": 0.1}}, *PENDULUM, *first))
-    with pytest.raises(SceneError, match=r"after = .*: the scene gives a state to start from, too"):
+    with pytest.raises(SceneError, match=r"after = .*: the scene also gives an initial state"):
         solve(given, after=run("elastic-pendulum", *PENDULUM, *first))
     setting = "--set=solve.start={velocities = {'blade.8.v' = 1}}"
     refused(cli("trade", "rotating-cantilever", setting, "-o", tmp_path / "no"), "solve.start", "Start from zero")

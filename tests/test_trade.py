@@ -203,7 +203,7 @@ def test_the_command_writes_its_folder_and_prints_the_choice(tmp_path):
         (("--tolerance", "1 mm"), ("--tolerance = '1 mm'",)),
         (("--budget", "0s"), ("--budget", "positive time")),
         (("--sensors", "tip_axia"), ("--sensors = 'tip_axia'", "nearest known one is 'tip_axial'")),
-        (("--set", "sensors=none"), ("nothing to measure",)),
+        (("--set", "sensors=none"), ("no sensors to compare",)),
     ],
 )
 def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
@@ -213,5 +213,5 @@ def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
 
 
 def test_a_scene_without_elastic_links_is_refused():
-    with pytest.raises(SceneError, match="none has a beam"):
+    with pytest.raises(SceneError, match="no body has a beam"):
         trade(read_scene("double-pendulum"))

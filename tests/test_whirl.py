@@ -128,7 +128,7 @@ def test_the_command_prints_critical_speeds_in_rpm(tmp_path):
     met = f"1 meets backward whirl 1 at 295.7 rpm, forward whirl 1 at {rpm:.4g} rpm"
     assert f"  orders        {met} (frequencies in fixed axes)\n" in done.output
     forward, backward = (f"{abs(each):.5g}" for each in stodola(60 * RPM)[[2, 1]])
-    assert f"in axes that turn with the links; in fixed axes whirls of forward {forward}, " in done.output
+    assert f"in axes that turn with the links; whirl in fixed axes: forward {forward}, " in done.output
     assert f" and backward {backward}, " in done.output
     data = json.loads((tmp_path / "found" / "stability.json").read_text())
     assert data["critical_speeds"] == [pytest.approx(critical_speed(), rel=1e-4)]

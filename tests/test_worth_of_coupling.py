@@ -16,8 +16,8 @@ def _run(scene, *settings):
 
 def _warned(solution):
     """(share of the peak, sensor) of the warning; None where there is none."""
-    found = (re.search(r"is worth some (\d+)% of the peak of (\w+)", text) for text in solution.warnings)
-    return next(((int(match[1]) / 100.0, match[2]) for match in found if match), None)
+    found = (re.search(r"changes (\w+) by about (\d+)% of its peak", text) for text in solution.warnings)
+    return next(((int(match[2]) / 100.0, match[1]) for match in found if match), None)
 
 
 def test_the_slider_crank_parts_from_the_coupled_one_by_about_as_much_as_is_said():

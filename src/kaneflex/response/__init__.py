@@ -1,1 +1,1 @@
-"""From a motion to what is asked of it: sensors, section forces, reactions, buckling, frequencies."""
+"""Evaluation of a motion: sensors, section forces, reactions, buckling, frequencies."""

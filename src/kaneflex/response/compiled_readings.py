@@ -1,7 +1,8 @@
-"""All sensors of a run in one compiled pass: what :mod:`kaneflex.response.polynomials` traces, at every instant.
+"""Evaluation of all sensors of a run in one compiled pass, from the polynomials of
+:mod:`kaneflex.response.polynomials`.
 
-Tracing takes as long as reading some runs: it is for many of them whose motions alone differ, as the points of a sweep
-over speeds. What is traced are the readers of :mod:`kaneflex.response.sensors`, so nothing is written twice.
+Tracing takes as long as some runs: it pays off for many motions with the same equations, such as the points of a sweep
+over speeds. It traces the readers of :mod:`kaneflex.response.sensors`, so that no formula exists twice.
 """
 
 from __future__ import annotations
@@ -23,25 +24,25 @@ from kaneflex.scene.sensors import Sensor
 from kaneflex.support.fingerprint import made_of
 
 _BLOCKS = 2
-"""Registers of instants that are read at once: the sums of one need not wait for themselves."""
+"""Number of SIMD registers of instants processed together, to hide the latency of sums."""
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledReadings:
-    """What sensors read of the motions of models with the same equations.
+    """Sensors of motions of models with the same equations.
 
     Attributes
     ----------
     sensors : mapping of str to Sensor
-        Of the scene.
+        Sensors of the scene.
     readings : Readings
-        Of all that is traced, rigid values and angles of bodies included.
+        All traced readings, including rigid values and angles of bodies.
     angles : mapping of int to str
-        Place of an angle that is read -> its body.
+        Index of a given angle -> its body.
     labels : mapping of str to (str, str)
-        Series, also those that are not traced -> unit and meaning.
+        Series, including those that are not traced -> unit and meaning.
     unread : frozenset of str
-        Sensors that are not traced, which their reader has to read.
+        Sensors that are not traced and need the usual reader.
     """
 
     sensors: Mapping[str, Sensor]
@@ -52,7 +53,7 @@ class CompiledReadings:
 
     @classmethod
     def of(cls, motion: Motion) -> CompiledReadings:
-        """Traced of the model of a motion in the plane."""
+        """Traced readings of the model of a planar motion."""
         model = motion.model
         found = sensor_readings(model, tuple(model.scene.bodies), rigid=True)
         used = {*found.pairs.ravel().tolist()}
@@ -62,9 +63,9 @@ class CompiledReadings:
         return cls(model.scene.sensors, found, angles, labels, frozenset(model.scene.sensors) - {*found.sensors})
 
     def measure(self, motion: Motion, moved: Rates) -> dict[str, Series] | None:
-        """As :func:`kaneflex.response.sensors.measure`, but None where a value is not finite.
+        """Same as :func:`kaneflex.response.sensors.measure`, but None if a value is not finite.
 
-        moved: what was integrated, each (n_times, n)
+        ``moved``: integrated coordinates and rates, each (n_times, n).
         """
         found = self._values(motion, moved)
         if not np.isfinite(found).all():
@@ -96,16 +97,17 @@ class CompiledReadings:
 
 @compiled
 def _solve(rows, n, entries, numbers, place):
-    """x of least |A x - b|, to `numbers` from a place on, by Householder's reflections (Golub and Van Loan 2013, 5.3).
+    """Least-squares solution x of A x = b, stored in `numbers` from ``place`` on, by Householder reflections (Golub
+    and Van Loan 2013, 5.3).
 
-    entries: A, row by row, then b; both are changed
+    ``entries``: A, row by row, then b; both are overwritten.
     """
     for k in range(n):
         pivot = load(entries, k * n + k)
         square = pivot * pivot
         for i in range(k + 1, rows):
             square += load(entries, i * n + k) * load(entries, i * n + k)
-        length = root(square) * (2.0 * less(pivot, 0.0 * pivot) - 1.0)  # of the sign that the pivot has not
+        length = root(square) * (2.0 * less(pivot, 0.0 * pivot) - 1.0)  # opposite sign of the pivot
         store(entries, k * n + k, pivot - length)
         scale = 1.0 / (square - pivot * length)
         for j in range(k + 1, n + 1):
@@ -129,11 +131,10 @@ def _solve(rows, n, entries, numbers, place):
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 @made_of(lanes.__file__, matrices.__file__)
 def _read(given, stages, ends, pairs, constants, numbers, entries, found):
-    """Sensors (n_sensors, n_times) of the given numbers with one behind them, (n_times, n_given + 1).
+    """Evaluate the sensors (n_sensors, n_times) from the given numbers and a one, (n_times, n_given + 1).
 
-    n_times: whole blocks of _BLOCKS * LANES
-    stages, ends, pairs, constants: as `Readings` has them
-    numbers, entries: work, (_BLOCKS, count, LANES) and (_BLOCKS, most sums of a system, LANES)
+    ``n_times``: a multiple of _BLOCKS * LANES; ``stages``, ``ends``, ``pairs``, ``constants``: see `Readings`;
+    ``numbers``, ``entries``: work, (_BLOCKS, count, LANES) and (_BLOCKS, most sums of a system, LANES).
     """
     one, other, one_entries, other_entries = numbers[0], numbers[1], entries[0], entries[1]
     width = given.shape[1]

@@ -1,8 +1,8 @@
-"""The motion of bodies that deform and move each other, as a coupled trajectory holds it.
+"""Motion of a coupled trajectory.
 
-Two views of one motion. *In the floating frames*: the frames' own motion and the small deformation in them, which
-places and section forces follow from. *Relative to the rigid mechanism*, whose drives stand where they stand in the
-coupled motion: displacements, so that every sensor means the same under every preset.
+It has two descriptions. *In the floating frames*: motion of the frames and small deformation in them, from which
+positions and section forces follow. *Relative to the rigid mechanism*, whose drives have the coordinates of the coupled
+motion: displacements, so that sensors have the same meaning under every preset.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
     from kaneflex.multibody.trajectory import CoupledTrajectory
 
 _LEFT_OUT: Kept[object, Mapping[str, float]] = Kept()
-"""Of a rigid twin the turns that sensors of its bodies leave out."""
+"""Full turns that sensors of a rigid reference's bodies leave out."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoupledMotion(Motion):
-    """Where everything is in a coupled trajectory.
+    """Motion of a coupled trajectory.
 
-    ``shift`` is what loads have beyond their sizes there, by name (n_times,).
+    ``shift``: increments of loads, by name (n_times,).
     """
 
     trajectory: CoupledTrajectory
@@ -62,7 +62,8 @@ class CoupledMotion(Motion):
 
     @property
     def has_rigid_forces(self) -> bool:
-        """Not where free joints follow the deformation either: a rigid mechanism would have to vibrate with them."""
+        """Whether rigid forces exist: not if free joints follow the deformation, as the rigid mechanism would then
+        vibrate with them."""
         scene, twin = self.model.scene, self.model.module
         deforms = self.system.shape_columns and not (scene.contacts or scene.frictions)
         return bool(deforms) and not twin.FREE and twin.determined
@@ -70,11 +71,11 @@ class CoupledMotion(Motion):
     @cached_property
     def rigid_forces(self) -> RigidMotion:
         beside = self._beside({})
-        sizes = self._load_sizes(beside)  # laws may know joints that are placed by now
+        sizes = self._load_sizes(beside)  # laws may use joints, whose coordinates are now known
         return (self._beside({name: sizes[name] - self.rigid[name] for name in sizes}) if sizes else beside).floating
 
     def _beside(self, shift: Mapping[str, np.ndarray]) -> CoupledMotion:
-        """The rigid mechanism, with so much more of its loads than is known before its bodies are placed."""
+        """Rigid mechanism with increments of its loads."""
         twin = self.model.module
         trajectory = twin.trajectory(self.times, self.model.motion.parameters, shift)
         return CoupledMotion(replace(self.model, coupled=twin.rigid), self.rigid, trajectory, shift)
@@ -100,16 +101,16 @@ class CoupledMotion(Motion):
 
     @cached_property
     def floating(self) -> FloatingScalars:
-        """The floating frames as a rigid motion."""
+        """Motion of the floating frames as a rigid motion."""
         return FloatingScalars(self.rigid.motion, self.rigid.times, np.zeros((len(self.times), 0)), self)
 
     @cached_property
     def load_sizes(self) -> dict[str, np.ndarray]:
-        """Sizes of the loads where laws know joints without a drive, which the rigid motion says nothing of."""
+        """Magnitudes of loads whose laws use joints without drive, which the rigid motion does not know."""
         return self._load_sizes(self)
 
     def _load_sizes(self, of: CoupledMotion) -> dict[str, np.ndarray]:
-        """:attr:`load_sizes` with the joints of another motion, whose whole turns are counted as in this one."""
+        """Magnitudes :attr:`load_sizes` with the joints of another motion, counting full turns as in this one."""
         mechanism, states = self.system.mechanism, []
         for name in (*mechanism.drives, *mechanism.observed) if mechanism.observed else ():
             place, *rates = of.coordinate(name)
@@ -121,8 +122,8 @@ class CoupledMotion(Motion):
         return dict(zip(mechanism.loads, self.system.load_sizes(self.times, np.column_stack(states)).T, strict=True))
 
     def coordinate(self, joint: str) -> Rates:
-        """Coordinate of a joint between the deformed bodies [rad, or m along its guide], with its rates; or of a body
-        that moves freely."""
+        """Coordinate of a joint between the deformed bodies [rad, or m along its guide] with its rates; or of a freely
+        moving body."""
         body, _, part = joint.partition(".")
         if part:
             k, found = self.system.start[body] + floating_coordinates(body).index(joint), self.trajectory
@@ -147,11 +148,11 @@ class CoupledMotion(Motion):
 
     @cached_property
     def quiet(self) -> CoupledMotion:
-        """The same states with accelerations and reactions as if no link rang in tension.
+        """The same states with accelerations and reactions without axial vibration of the links.
 
-        The axial shapes are not accelerated, as far as the joints leave it to them: there the axial force is what the
-        rest of the motion asks for, to the square of its frequencies' ratio. Where masses are so far apart that this
-        can't be solved for, the motion as it is.
+        Axial shapes are not accelerated, as far as the joints allow: the axial force is then that of the remaining
+        motion, up to the squared ratio of frequencies. If masses differ too much for a solution, the motion is
+        unchanged.
         """
         t, system = self.trajectory, self.system
         still = np.concatenate([np.arange(system.modal(b).start, system.modal(b).start + axial)
@@ -165,13 +166,13 @@ class CoupledMotion(Motion):
         return replace(self, trajectory=replace(t, a=found.a, multipliers=found.reactions))
 
     def body(self, name: str) -> Rates:
-        """x, y [m], phi [rad] of a body's frame, (3, n_times)."""
+        """Position x, y [m] and angle phi [rad] of a body's frame with rates, (3, n_times) each."""
         k = self.system.start[name]
         t = self.trajectory
         return tuple(part[:, k : k + BODY].T for part in (t.q, t.v, t.a))
 
     def modal(self, name: str) -> Rates:
-        """Modal coordinates of a body, (n, n_times)."""
+        """Modal coordinates of a body with rates, (n, n_times) each."""
         rows = self.system.modal(name)
         t = self.trajectory
         return tuple(part[:, rows].T for part in (t.q, t.v, t.a))
@@ -180,9 +181,10 @@ class CoupledMotion(Motion):
         return self.system.shapes[link].all @ self.modal(link)[0]
 
     def moving_place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
-        """x, y [m] and section angle [rad] of a point, global, its deformation included; (3, n_times).
+        """Global position x, y [m] and section angle [rad] of a point, including deformation, with rates; (3, n_times)
+        each.
 
-        Of an elastic link the point of the axis at the distance ``at[0]``; of modal data the point that they know.
+        For an elastic link, the point of the axis at distance ``at[0]``; for modal data, one of its points.
         """
         if body == "ground":
             still = np.zeros((3, len(self.times)))
@@ -198,7 +200,7 @@ class CoupledMotion(Motion):
         return tuple(np.vstack([part, angle + own]) for part, angle, own in zip(moved, phi, turn, strict=True))
 
     def point(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
-        """The same of any point of a body: one beside the axis of an elastic link turns with the section there."""
+        """Same for any point of a body: off the axis of an elastic link, it turns with the section."""
         if body not in self.system.links or not at[1]:
             return self.moving_place(body, at)
         moved = self.moving_place(body, (at[0], 0.0))
@@ -208,15 +210,15 @@ class CoupledMotion(Motion):
         return tuple(part + np.array([*arm, 0.0 * x]) for part, arm in zip(moved, arms, strict=True))
 
     def place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-        """That of this motion, known also where the rigid mechanism doesn't close."""
+        """Global position of a point in this motion, known even where the rigid mechanism does not close."""
         return self.point(body, at)[0][:2]
 
     def angle(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-        """That of this motion, too, with the turns that sensors of a body leave out."""
+        """Angle of a body at a point in this motion, with the full turns that sensors leave out."""
         return self.point(body, at)[0][2] - (self._turns_left_out[body] if body != "ground" else 0.0)
 
     def _deformed(self, body: str, rows: np.ndarray, H: np.ndarray) -> Rates:
-        """u, v, theta in the floating frame where the shapes are ``rows`` (3, n) and shorten by H (n_w, n_w)."""
+        """Displacements u, v, theta in the floating frame for shapes ``rows`` (3, n) and shortening H (n_w, n_w)."""
         modal = self.modal(body)
         d, d_rate, d_accel = (rows @ part for part in modal)
         a, a_rate, a_accel = (part[rows.shape[1] - len(H) :] for part in modal)
@@ -226,7 +228,7 @@ class CoupledMotion(Motion):
         return d, d_rate, d_accel
 
     def _section_shapes(self, body: str, x: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """Shapes u, v, theta (3, n) and shortening H (n_w, n_w) at a point of a body; None of one that is rigid."""
+        """Shapes u, v, theta (3, n) and shortening H (n_w, n_w) at a point of a body; None if it is rigid."""
         own, modal = self.system.modal(body), self.model.scene.bodies[body].modal
         if body in self.system.links:
             return self._along(body, x)
@@ -242,11 +244,11 @@ class CoupledMotion(Motion):
 
     @cached_property
     def _shortening(self) -> dict[str, np.ndarray]:
-        """Link -> H at every node, (n_nodes, n_w, n_w)."""
+        """Shortening matrices H of each link at every node, (n_nodes, n_w, n_w)."""
         return {name: self.system.shapes[name].shortening(link) for name, link in self.system.links.items()}
 
     def joined(self, address: Address) -> Rates:
-        """Place and section angle of a point of a body or the ground, (3, n_times)."""
+        """Position and section angle of a point of a body or the ground with rates, (3, n_times) each."""
         return self.moving_place(address.body, self.model.scene.point(address))
 
     # ---- forces -----------------------------------------------------------------------------------------------
@@ -256,7 +258,7 @@ class CoupledMotion(Motion):
 
     @cached_property
     def reactions(self) -> dict[str, np.ndarray]:
-        """Every joint reaction and every drive's force or torque; a free joint has none. Series (n_times,)."""
+        """Reactions of all joints and forces or torques of drives, zero for free ones; series (n_times,)."""
         found = dict(zip(self.system.constraints, self.trajectory.multipliers.T, strict=True))
         none = np.zeros(len(self.times))
         rubbing = {f"{name}.friction": self.friction(name) for name in self.model.scene.frictions}
@@ -264,7 +266,7 @@ class CoupledMotion(Motion):
 
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         record = self.trajectory.contacts
-        if record is None:  # of states by themselves no contact is known
+        if record is None:  # single states have no contact record
             return np.full(len(self.times), np.nan), np.full(len(self.times), np.nan)
         k = record.names.index(name)
         return record.gap[:, k], record.force[:, k]
@@ -276,7 +278,7 @@ class CoupledMotion(Motion):
         if loose.direction is None:
             return np.array([x, y, angle])
         along = rotate(np.cos(first[2]), np.sin(first[2]), loose.direction)
-        tilt = wrapped(angle)  # bodies may start whole turns apart
+        tilt = wrapped(angle)  # bodies may start full turns apart
         return np.array([along[0] * x + along[1] * y, along[0] * y - along[1] * x, tilt])
 
     def friction(self, name: str) -> np.ndarray:
@@ -292,7 +294,7 @@ class CoupledMotion(Motion):
         if not spring.ends:
             return springs.tension(spring, gap[2], gap_rate[2])
         length = np.hypot(gap[0], gap[1])
-        # points that meet have a length, but no direction in which it could change
+        # coincident points have a length, but no direction
         rate = springs.rate_of_length(gap[:2], gap_rate[:2], length) if spring.damping else 0.0
         return springs.tension(spring, length, rate)
 
@@ -314,7 +316,7 @@ class CoupledMotion(Motion):
         return self._still()
 
     def turned(self, body: str) -> np.ndarray:
-        """That of the rigid motion with the turns that the run has counted, those before it included."""
+        """Angle of the rigid motion with the turns counted by the run, including earlier ones."""
         frame = self.rigid.frame(body)
         angle = np.arctan2(frame.s, frame.c)
         return angle + whole_turns(self.body(body)[0][2] - self._turns_left_out[body] - angle)
@@ -325,7 +327,7 @@ class CoupledMotion(Motion):
         return _LEFT_OUT.of(twin, lambda: left_out(self.model.scene, twin.start))
 
     def _moved(self, body: str, at: tuple[float, float]) -> Rates:
-        """Global displacement and rotation of a point against the rigid mechanism, (3, n_times)."""
+        """Global displacement and rotation of a point relative to the rigid mechanism with rates, (3, n_times) each."""
         frame = self.rigid.frame(body)
         moved = self.moving_place(body, at)
         before = frame.place(at), frame.velocity(at), frame.acceleration(at)
@@ -338,7 +340,7 @@ class CoupledMotion(Motion):
         return tuple(parts)
 
     def _held(self, body: str, x: float) -> list[int]:
-        """Which of x, y and the angle joints hold as in the rigid mechanism: there is nothing but rounding in them."""
+        """Components among x, y and the angle that joints keep as in the rigid mechanism, up to rounding."""
         interfaces, link = self.model.interfaces, self.system.links.get(body)
         at = None if link is None else link.node_at(x)
         if interfaces is None or at is None or (body, at) not in interfaces.displaced:
@@ -369,7 +371,7 @@ class CoupledMotion(Motion):
         return tuple(part.reshape(len(names), len(self.times)) for part in found)
 
     def _carried_rows(self, name: str) -> dict[str, Rates]:
-        """Displacement of a carried rigid body's start, its turn, and its slide along the guide that holds it."""
+        """Displacement of a carried rigid body's start, its rotation, and its slide along its guide."""
         moved = self._moved(name, (0.0, 0.0))
         rows = {f"{name}.{key}": tuple(part[k] for part in moved) for k, key in enumerate(("x", "y", "turn"))}
         for joint in self.model.scene.joints.values():
@@ -380,5 +382,5 @@ class CoupledMotion(Motion):
 
 
 def _form(a: np.ndarray, H: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a^T H b at all times."""
+    """Bilinear form a^T H b at all times."""
     return np.einsum("it,ij,jt->t", a, H, b)

@@ -1,4 +1,4 @@
-"""Section forces of a link under preset coupled: what the part before a section needs to move as it does."""
+"""Section forces of a link under preset coupled, by d'Alembert's principle for the part before a section."""
 
 from __future__ import annotations
 
@@ -21,33 +21,32 @@ if TYPE_CHECKING:
     from kaneflex.response.coupled_motion import CoupledMotion
 
 GAUSS = np.polynomial.legendre.leggauss(5)
-"""Exact for rho A (r x a) of an element: the cubic v, and u with its shortening of the fifth degree."""
+"""Exact for rho A (r x a) of an element: v is cubic, u with its shortening of fifth degree."""
 _SAME = 1e-9
-"""Points closer than this share of a link's length are one."""
+"""Distance of points, as a share of the link's length, that counts as zero."""
 
 
 class DAlembert(ABC):
-    """d'Alembert's balance of one link in its deformed configuration.
+    """Equilibrium of one link in its deformed configuration by d'Alembert's principle.
 
     Force and moment at a section are int rho A (a - g) and its moment over the part before it, less all forces on that
-    part, where they act; a is the acceleration of the deflected axis. What the shapes can't bend the section forces
-    still feel, through the two integrations (the idea of the mode-acceleration method, Craig 1981, ch. 15).
+    part; a is the acceleration of the deflected axis. By these two integrations section forces include loads that the
+    shapes can't represent (the idea of the mode-acceleration method, Craig 1981, ch. 15).
 
     Sums are a force and its moment about the link's start, in the axes of its floating frame, (components, n_times).
-    Damping in proportion to the mass (Rayleigh's alpha, viscous) acts on the deformation alone, which no joint has to
-    react to: it is none of the forces on the link.
+    Mass-proportional damping (Rayleigh's alpha, viscous) acts on the deformation only and is not a force on the link.
     """
 
     def before(self, x: float, after: bool) -> np.ndarray:
-        """What the part before x [m] needs: just before what acts there, or just after it.
+        """Force and moment that the part before x [m] needs, just before or just after the loads at x.
 
-        At the start it is after it, at the end before it.
+        At the start always after them, at the end before them.
         """
         inside = _SAME < x / self._link.length < 1 - _SAME
         at_x = float(after if inside else x < 0.5 * self._link.length)
         e, _ = self._link.locate(x)
         total = self._elements_before[e] + self._sums(e, x) - self._pushes(x, at_x)
-        # The link as a whole balances but for terms of third order: both sides of a section share them.
+        # the whole link balances up to terms of third order, shared by both sides of a section
         total -= x / self._link.length * self._gap
         return total
 
@@ -62,7 +61,7 @@ class DAlembert(ABC):
         return list(accumulate(self._sums(max(k - 1, 0), x) for k, x in enumerate(self._link.nodes)))
 
     def _pushes(self, x: float, at_x: float) -> np.ndarray:
-        """Sum of what acts before x and of the share ``at_x`` of that at x."""
+        """Sum of the loads before x, and of the share ``at_x`` of those at x."""
         total = np.zeros_like(self._elements_before[-1])
         for at, push in self._acting:
             total += (at_x if abs(x - at) <= _SAME * self._link.length else float(at < x)) * push
@@ -78,16 +77,16 @@ class DAlembert(ABC):
 
     @abstractmethod
     def _pushing(self) -> Iterator[tuple[float, np.ndarray]]:
-        """Where [m] something acts, and its sum."""
+        """Positions [m] of loads, and their sums."""
 
     @abstractmethod
     def _sums(self, e: int, x: float) -> np.ndarray:
-        """Rate of momentum of an element as far as x [m], less the loads that are spread along it."""
+        """Rate of momentum of an element up to x [m], less its distributed loads."""
 
 
 @dataclass(frozen=True, eq=False)
 class Balance(DAlembert):
-    """Balance of a link in the plane.
+    """Equilibrium of a planar link.
 
     Attributes
     ----------
@@ -118,7 +117,7 @@ class Balance(DAlembert):
             yield at, np.array([*force, cross(self._place(at), force) + moment])
 
     def _place(self, x: float) -> np.ndarray:
-        """Place of a point of the deflected axis in the floating frame, (2, n_times)."""
+        """Position of a point of the deflected axis in the floating frame, (2, n_times)."""
         return self._axes.to_body(self.motion.moving_place(self.link, (x, 0.0))[0][:2] - self._axes.origin)
 
     @cached_property
@@ -143,19 +142,18 @@ class Balance(DAlembert):
 
     @cached_property
     def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Loads spread along the link, in the floating frame's axes."""
+        """Distributed loads of the link, in the floating frame's axes."""
         return list(spread_loads(self.motion.model.scene, self.motion.floating, self.link))
 
 
 @dataclass(frozen=True, eq=False)
 class Balanced:
-    """Section forces of one link whose modal coordinates are few.
+    """Section forces of a link with few modal coordinates.
 
-    A balance bends the link statically by all that its shapes leave out. That is right for loads slower than the modes
-    that were left out, and wrong for the ringing of the rod in tension, which is faster than most of them: their own
-    inertia holds against it. So shear and bending follow from the ``quiet`` balance, of accelerations without ringing.
-    At the ends, at joints and where the link touches others it must feel what these exert, in the ``loud`` balance: the
-    difference there goes over linearly from each to the next, as under forces and moments there alone.
+    The equilibrium treats truncated modes statically. That is correct for loads slower than these modes, but not for
+    axial vibration of the link, which is faster than most of them. Therefore shear and bending follow from the
+    ``quiet`` equilibrium, with accelerations without axial vibration. At ends, joints and contacts they must match the
+    actual forces of the ``loud`` equilibrium: the difference there is interpolated linearly in between.
     """
 
     loud: Balance
@@ -174,7 +172,7 @@ class Balanced:
 
     @cached_property
     def _stops(self) -> np.ndarray:
-        """The ends, and where joints and contacts are between them [m]."""
+        """Positions of the ends, and of joints and contacts between them [m]."""
         motion, link = self.loud.motion, self.loud.link
         scene = motion.model.scene
         acting = [address for joint in scene.joints.values() for address in joint.addresses]
@@ -187,7 +185,7 @@ class Balanced:
 
 
 class FloatingForces(LinkForces):
-    """Forces on the links of a coupled motion: in their floating frames, with lumped masses on the deflected axis."""
+    """Forces on the links of a coupled motion in their floating frames, with lumped masses on the deflected axis."""
 
     def __init__(self, motion: CoupledMotion):
         super().__init__(motion.model.scene, motion.floating)
@@ -198,7 +196,7 @@ class FloatingForces(LinkForces):
         return self.motion.joined(address)[2] - np.array([[g_x], [g_y], [0.0]])
 
     def balance(self, link: str) -> Balance:
-        """The balance of a link with all forces on it."""
+        """Equilibrium of a link with all forces on it."""
         forces: dict[float, Forces] = {}
         for point, (x, _) in self.scene.bodies[link].points_all.items():
             before, more = forces.get(x, (0.0, 0.0)), self.forces_at(Address(link, point))
@@ -207,6 +205,6 @@ class FloatingForces(LinkForces):
 
 
 def balanced(motion: CoupledMotion) -> dict[str, Balanced]:
-    """The section forces of every link of a coupled motion."""
+    """Section forces of every link of a coupled motion."""
     loud, quiet = FloatingForces(motion), FloatingForces(motion.quiet)
     return {name: Balanced(loud.balance(name), quiet.balance(name)) for name in motion.system.links}

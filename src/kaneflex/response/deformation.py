@@ -22,15 +22,15 @@ _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
 @dataclass(frozen=True, eq=False)
 class Deformation:
-    """One link's nodal coordinates q, q', q'' over time, in link axes; arrays (dofs n_nodes, n_times).
+    """Nodal coordinates q, q', q'' of one link over time, in link axes; arrays (dofs n_nodes, n_times).
 
-    ``turned`` are L' z and L'' z: all of q' and q'' that quasistatic equations know, as their K holds it. ``shortened``
-    are the displacements that foreshortening asks of the nodes, those of the bent axis apart. ``residuals`` are those
-    of all elements, (elements, 6, n_times), where they are known.
+    ``turned``: L' z and L'' z, the only rates in quasistatic equations, in their K. ``shortened``: nodal displacements
+    that foreshortening causes, without those of the bent axis itself. ``residuals``: of all elements, (elements, 6,
+    n_times), if known.
     """
 
     BENT: ClassVar[Mapping[int, tuple[int, float]]] = {1: (2, 1.0)}
-    """Component of a load across the link -> the moment of which it is the second derivative, and its sign."""
+    """Component of a transverse load -> the moment of which it is the second derivative, and its sign."""
 
     model: Model
     link: Link
@@ -43,10 +43,11 @@ class Deformation:
     residuals: np.ndarray | None = None
 
     def at(self, x: float) -> Rates:
-        """(u, v, theta) and first and second rates at distance x [m] from the start; each (dofs, n_times).
+        """Displacements (u, v, theta) and first and second rates at distance x [m] from the start; each (dofs,
+        n_times).
 
-        With foreshortening u holds -1/2 int_0^x v'^2 as well (Kane, Ryan, Banerjee 1987), and all of them what closes
-        the joints then, see :mod:`kaneflex.response.foreshortening`.
+        With foreshortening, u includes -1/2 int_0^x v'^2 (Kane, Ryan, Banerjee 1987), and all of them the motion that
+        closes the joints, see :mod:`kaneflex.response.foreshortening`.
         """
         e, local = self.link.locate(x)
         n = self.link.dofs
@@ -61,13 +62,13 @@ class Deformation:
         return d, d_rate, d_accel
 
     def closed_by(self, shortened: Rates) -> Self:
-        """The same with the displacements that its foreshortening asks of the nodes, which leave that as it is."""
+        """The same with the nodal displacements of foreshortening, which don't change the foreshortening itself."""
         found = replace(self, shortened=shortened)
         vars(found)["_shortened_at_nodes"] = self._shortened_at_nodes
         return found
 
     def foreshortening(self, x: float) -> np.ndarray:
-        """1/2 int_0^x v'^2 and its rates, (3, n_times)."""
+        """Shortening 1/2 int_0^x v'^2 and its rates, (3, n_times)."""
         node, (e, local) = self.link.node_at(x), self.link.locate(x)
         if node is not None:
             return self._shortened_at_nodes[node]
@@ -81,7 +82,8 @@ class Deformation:
         return found
 
     def _shortened(self, elements: slice, reach: np.ndarray) -> np.ndarray:
-        """1/2 int v'^2 of elements as far as `reach` [m] from their starts, and its rates, (elements, 3, n_times)."""
+        """Shortening 1/2 int v'^2 of elements up to `reach` [m] from their starts, and its rates, (elements, 3,
+        n_times)."""
         points, weights = _GAUSS
         slopes = np.array([
             [self.link.shape(e, 0.5 * far * (1 + point))[self.link.slopes] for point in points]
@@ -96,16 +98,15 @@ class Deformation:
         return 0.5 * reach[:, None, None] * total
 
     def pushes(self) -> np.ndarray:
-        """What the point loads push the link's coordinates by, (size, n_times)."""
+        """Forces of the point loads on the link's coordinates, (size, n_times)."""
         unloaded = replace(self.link.part, matrices={"F": Affine.zero(self.link.part.size, 1)})
         return self.rigid.column_of(load_on_link(self.model.scene, unloaded, self.link).matrices["F"])
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
         """Axial force N [N, tension positive], shear force V [N], bending moment M = E I v'' [N m] at x: (3, n_times).
 
-        At a node from the equilibrium of the elements beside it; between nodes interpolated with the exact share of
-        the rigid body's own inertia load on the element. Where something acts they jump: they are those just before it,
-        or just after it.
+        At a node from the equilibrium of the adjacent elements; between nodes interpolated, with the exact contribution
+        of the rigid body's inertia load. At a load they jump: ``after`` selects the side.
         """
         e, local = self.link.locate(x)
         left, right = self._ends(e)
@@ -113,7 +114,7 @@ class Deformation:
             return self._at_node(x, after, self._ends(e - 1)[1], left)
         length = self.link.length_of(e)
         found = left + (right - left) * (local / length)
-        # N' = -n, V' = -p and M'' = p under the loads n along and p across the link.
+        # N' = -n, V' = -p and M'' = p under the axial load n and the transverse load p
         for k, load in enumerate(self._loads(e) if self.model.balances else ()):
             found[k] -= sag(load, local, length, 1)
             if k in self.BENT:
@@ -122,9 +123,9 @@ class Deformation:
         return found
 
     def _at_node(self, x: float, after: bool, before: np.ndarray, behind: np.ndarray) -> np.ndarray:
-        """Of the forces of the elements beside a node between the ends those on one side of what acts there.
+        """Section forces at a node from both adjacent elements, on one side of a load.
 
-        Where nothing acts they are the same, but for what a reduction leaves unbalanced: their mean.
+        Without a load they are equal up to the residual of a reduction: the mean.
         """
         here = self.link.node_at(x)
         if any(self.link.node_at(at) == here for at in self.model.scene.acted_on(self.link.name)):
@@ -132,26 +133,26 @@ class Deformation:
         return 0.5 * (before + behind)
 
     def _loads(self, e: int) -> Iterator[np.ndarray]:
-        """Inertia load of the rigid link and what is spread on it, on an element [N/m] along its axes: coefficients of
-        1, x, x^2 each."""
+        """Inertia load of the rigid link plus distributed loads on an element [N/m], axial and transverse:
+        coefficients of 1, x, x^2 each."""
         return (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
 
     def _rigid_load(self, e: int) -> tuple[np.ndarray, ...]:
-        """Inertia load of the rigid link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
+        """Inertia load of the rigid link on an element, axial and transverse [N/m]: coefficients of 1, x, x^2."""
         rigid, name, x_0 = self.rigid, self.link.name, self.link.nodes[e]
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
         along = self._inertia_load(e, rigid[f"{name}.link.a_x"] - omega**2 * x_0, -(omega**2))
         return along, self._inertia_load(e, rigid[f"{name}.link.a_y"] + epsilon * x_0, epsilon)
 
     def _inertia_load(self, e: int, at_node: np.ndarray, per_length: np.ndarray) -> np.ndarray:
-        """-rho_A(x) a(x) on an element of an acceleration that is linear in x: coefficients of 1, x, x^2."""
+        """Load -rho_A(x) a(x) on an element for an acceleration linear in x: coefficients of 1, x, x^2."""
         parameters = self.link.parameters
         growth = parameters["rho_A_rise"][e] / parameters["length"][e]
         density = parameters["rho_A"][e] - parameters["rho_A_rise"][e] / 2
         return -np.array([density * at_node, density * per_length + growth * at_node, growth * per_length])
 
     def _spread(self, e: int) -> np.ndarray:
-        """Loads spread along the link on an element, along and across it [N/m]: coefficients of 1, x, x^2 each."""
+        """Distributed loads on an element, axial and transverse [N/m]: coefficients of 1, x, x^2 each."""
         total = np.zeros((3, len(self.model.scene.vector(self.model.scene.gravity)), self.q.shape[1]), self.q.dtype)
         for first, rise in spread_loads(self.model.scene, self.rigid, self.link.name):
             total[0] += first + self.link.nodes[e] * rise
@@ -164,10 +165,10 @@ class Deformation:
         return -f[:n], f[n:]
 
     def end_forces(self, e: int) -> np.ndarray:
-        """Forces and moments on an element at its nodes, link axes, shape (2 dofs, n_times).
+        """Forces and moments on an element at its nodes, link axes, (2 dofs, n_times).
 
-        The residual f = M q'' + C q' + K q - F of the element's own equations, with the terms that the run kept;
-        K_s q alone for the frozen model of the paper. An axially rigid element besides passes on what pulls at it.
+        The residual f = M q'' + C q' + K q - F of the element's equations with the terms kept by the run; K_s q only
+        for the paper's frozen model. An axially rigid element also transmits axial forces.
         """
         if e not in self._end_forces:
             total = self._residual(e)
@@ -179,15 +180,15 @@ class Deformation:
 
     @cached_property
     def _end_forces(self) -> dict[int, np.ndarray]:
-        """Those that were asked for, by element."""
+        """Computed end forces by element."""
         return {}
 
     @cached_property
     def _passed_on(self) -> np.ndarray:
-        """Tension of each element of an axially rigid link beside its own residual, (elements, n_times).
+        """Tension of each element of an axially rigid link in addition to its residual, (elements, n_times).
 
-        From the free ends towards the node at the joint every node is in balance under its elements' forces, the loads
-        and the lumped masses there.
+        From the free ends to the node at the joint, every node is in equilibrium with element forces, loads and lumped
+        masses.
         """
         elements = len(self.link.nodes) - 1
         joint = next((node for name, node in self.model.interfaces.displaced if name == self.link.name), elements)
@@ -223,11 +224,11 @@ class Deformation:
         return total
 
     def _residual(self, e: int) -> np.ndarray:
-        """M q'' + C q' + K q - F of one element, (6, n_times)."""
+        """Residual M q'' + C q' + K q - F of one element, (6, n_times)."""
         return self.residuals_of(slice(e, e + 1))[0] if self.residuals is None else self.residuals[e].copy()
 
     def residuals_of(self, elements: slice) -> np.ndarray:
-        """M q'' + C q' + K q - F of some elements, (elements, 6, n_times)."""
+        """Residual M q'' + C q' + K q - F of some elements, (elements, 6, n_times)."""
         q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
         total = self.forces_of({"M": q_accel, "C": q_rate, "K": self.q}, elements)
         for (key, monomial), blocks in self._terms.items():
@@ -246,25 +247,25 @@ class Deformation:
         return total
 
     def _of_elements(self, coordinates: np.ndarray, elements: slice) -> np.ndarray:
-        """Coordinates of some elements' two nodes, (elements, 2 dofs, n_times), of all nodes'."""
+        """Coordinates of the two nodes of some elements, (elements, 2 dofs, n_times)."""
         n = self.link.dofs
         return coordinates[n * np.arange(elements.start, elements.stop)[:, None] + np.arange(2 * n)]
 
     @cached_property
     def _terms(self) -> Mapping[tuple[str, Monomial], np.ndarray]:
-        """What of M, C, K and F of the elements is kept, material damping included; (elements, 6, 6 or 1) each."""
+        """Kept terms of M, C, K and F of the elements, material damping included; (elements, 6, 6 or 1) each."""
         kept = tuple(self._keeps(key, monomial) for key, monomial, _ in self.link.element_terms)
         return self.link.sums(kept, *self.model.rayleigh)
 
     @property
     def _gyroscopic(self) -> bool:
-        """Whether C_d acts: without z', on the turning of the joint axes alone, it is one of the spin terms."""
+        """Whether C_d acts: without z', on the rotation of the joint axes only, it is a spin term."""
         options = self.model.options
         return options.gyroscopic if self.turned is None else options.spin
 
     def _keeps(self, key: str, monomial: Monomial) -> bool:
         options = self.model.options
-        if not self.model.balances:  # matrices of another angle: only the strains are meant
+        if not self.model.balances:  # matrices of another angle: only strains are valid
             return key == "K_s"
         if key == "K_d":
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
@@ -272,8 +273,8 @@ class Deformation:
 
 
 def sag(load: np.ndarray, local: float, length: float, integrals: int) -> np.ndarray:
-    """A load, coefficients of 1, x, x^2, integrated once or twice up to `local` [m] within a `length` [m], less the
-    straight line between its values at both ends."""
+    """Load with coefficients of 1, x, x^2, integrated once or twice up to `local` [m] within a `length` [m], less the
+    chord between its end values."""
     total = np.zeros(load.shape[1], load.dtype)
     for k, coefficient in enumerate(load):
         power, divisor = k + integrals, (k + 1) * (k + 2 if integrals == 2 else 1)
@@ -282,7 +283,7 @@ def sag(load: np.ndarray, local: float, length: float, integrals: int) -> np.nda
 
 
 def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
-    """q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z; each (rows of L, n_times)."""
+    """Link coordinates q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z; each (rows of L, n_times)."""
     z, v, _ = coordinates
     q, q_rate, q_accel = rigid.apply_each(L, coordinates)
     if model.options.convective:
@@ -293,7 +294,8 @@ def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> R
 
 
 def as_balanced(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
-    """q, q', q'' as the model's equations know them: quasistatic ones know of the rates L' z and L'' z, in K, alone."""
+    """Coordinates q, q', q'' as in the model's equations: quasistatic ones contain only L' z and L'' z of the rates,
+    in K."""
     if model.options.dynamics != "quasistatic":
         return follow(model, rigid, coordinates, L)
     rate = L.rate
@@ -303,7 +305,7 @@ def as_balanced(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine)
 def deform(
     model: Model, rigid: RigidMotion, coordinates: Rates, name: str, kind: type[Deformation] = Deformation
 ) -> Deformation:
-    """The deformation of one link, reduced coordinates expanded."""
+    """Deformation of one link, with reduced coordinates expanded."""
     L, link = model.frame.maps[name], model.links[name]
     series = follow(model, rigid, coordinates, L)
     if model.options.dynamics == "quasistatic":
@@ -316,9 +318,9 @@ def deform(
 
 
 def _with_static_share(found: Deformation) -> Deformation:
-    """What the modes that a reduction left out add statically: the mode-acceleration method (Craig 1981, ch. 15).
+    """Add the static contribution of truncated modes: the mode-acceleration method (Craig 1981, ch. 15).
 
-    Without them the link's inner equations keep a residual r, which no joint would carry; K_s^-1 r balances it.
+    Otherwise the link's inner equations keep a residual r, which no joint reacts; K_s^-1 r balances it.
     """
     link, model = found.link, found.model
     elements = slice(0, len(link.nodes) - 1)
@@ -326,7 +328,7 @@ def _with_static_share(found: Deformation) -> Deformation:
     residual = -found.pushes()
     for e in range(elements.stop):
         rows = [row for node in (e, e + 1) for row in link.part.place[node]]
-        for row, force in zip(rows, found.end_forces(e), strict=True):  # one by one: rows may be the same
+        for row, force in zip(rows, found.end_forces(e), strict=True):  # one by one: rows may coincide
             residual[row] += force
     kept = set(model.parts[link.name].coordinates)
     inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept], int)

@@ -1,4 +1,4 @@
-"""Small elastic displacements about the rigid motion: what all presets but ``coupled`` compute."""
+"""Small elastic displacements about the rigid motion, for all presets but ``coupled``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from kaneflex.response.reactions import consistent_reactions, spring_tension
 def elastic_motion(
     model: Model, rigid: RigidMotion, coordinates: Rates, whole: Motion | None = None
 ) -> ElasticMotion:
-    """The motion of a model of a one-way preset, in the plane or in space."""
+    """Motion of a model of a one-way preset, in the plane or in space."""
     if model.scene.is_spatial:
         from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
 
@@ -32,14 +32,14 @@ def elastic_motion(
 
 @dataclass(frozen=True, eq=False)
 class ElasticMotion(Motion):
-    """The rigid motion with the elastic coordinates z, z', z'' about it, each (n, n_times)."""
+    """Rigid motion with elastic coordinates z, z', z'' about it, each (n, n_times)."""
 
     coordinates: Rates
     solver: Solver | None = field(default=None, kw_only=True)
 
     @property
     def has_rigid_forces(self) -> bool:
-        """Not in a structure that stands still, whose supports may be redundant."""
+        """Whether rigid forces are determined: not in a structure at rest, whose supports may be redundant."""
         return not self.model.scene.is_frame
 
     def taken(self, instants: np.ndarray) -> ElasticMotion:
@@ -57,12 +57,12 @@ class ElasticMotion(Motion):
         return self._in_axes(body, moved)
 
     def nodes(self, link: str, rate: int = 0) -> np.ndarray:
-        """As :meth:`Motion.nodes`; rate 1: their velocities there."""
+        """Same as :meth:`Motion.nodes`; ``rate`` 1: velocities."""
         found = self._deformed[link]
         return (found.q, found.q_rate)[rate]
 
     def reaction(self, name: str) -> np.ndarray:
-        """Of the rigid mechanism where the equations don't balance at every instant."""
+        """Joint reaction; that of the rigid mechanism if the equations don't balance at every instant."""
         return self._reactions[name] if self.model.balances else self.rigid[name]
 
     def spring_tension(self, name: str) -> np.ndarray:

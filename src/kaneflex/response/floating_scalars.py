@@ -1,6 +1,6 @@
-"""Scalars of the floating frames of a coupled motion, as a rigid motion has those of its bodies.
+"""Scalars of a coupled motion's floating frames, by the names that a rigid motion has for its bodies.
 
-What reads a rigid motion by its scalars' names, joints' and springs' forces among them, reads a coupled one so.
+Functions that read a rigid motion by its scalars, such as joint and spring forces, thus also read a coupled one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class FloatingScalars(RigidMotion):
-    """Scalars of the floating frames, of the reactions and of the loads of a coupled motion."""
+    """Scalars of the floating frames, reactions and loads of a coupled motion."""
 
     coupled: CoupledMotion
 
@@ -49,7 +49,7 @@ class FloatingScalars(RigidMotion):
         return size + self.coupled.shift.get(name, 0.0)
 
     def _spring(self, name: str, key: str) -> np.ndarray:
-        """Torque of a torsional spring, tension of another one or a component of its force on its second point."""
+        """Torque of a torsional spring, tension of another one, or a component of its force on its second point."""
         tension = self.coupled.spring_tension(name)
         if key in ("torque", "tension"):
             return tension
@@ -59,7 +59,7 @@ class FloatingScalars(RigidMotion):
         return -tension * np.divide(gap["xy".index(key[-1])], length, out=np.zeros_like(length), where=length > 0)
 
     def _contact(self, name: str) -> dict[str, np.ndarray]:
-        """Global force of a contact on its second side, and its moments on both about their points."""
+        """Global force of a contact on its second side, and its moments on both sides about their points."""
         record, contact = self.coupled.trajectory.contacts, mechanism_of(self.coupled.model.scene).contacts[name]
         force = np.zeros(len(self.times)) if record is None else record.force[:, record.names.index(name)]
         if contact.kind == "angle":
@@ -71,7 +71,7 @@ class FloatingScalars(RigidMotion):
         _, normal = apart(contact.kind, gap, np.hypot(*gap) + np.finfo(float).tiny, direction, contact.reach)
         own = self.coupled.reactions.get(f"{name}.friction", 0.0 * force)
         push = force * normal[0] - own * normal[1], force * normal[1] + own * normal[0]
-        arm = contact.radius * own  # friction acts where the second side's circle is touched
+        arm = contact.radius * own  # friction acts at the contact point on the second side's circle
         return {"force_x": push[0], "force_y": push[1], "moment": arm - cross(gap, push), "moment_second": -arm}
 
 

@@ -1,14 +1,13 @@
-"""Where a mechanism's points are when its links bend: what the shortening of each link does to all that hangs on it.
+"""Positions of a mechanism's points when its links bend, including the effect of each link's shortening on the others.
 
-A link that bends by v(x) is shorter by s(x) = 1/2 int_0^x v'^2 between its start and x. Links are joined, so that the
-others must follow: to the second order in the deformation, the mechanism takes up the lengths that its links are short
-of as it takes up any initial strain, with the least elastic energy. L z being where the joints go and s the shortening
-there, w = L z + s strains the link, hence
+A link that bends by v(x) is shortened by s(x) = 1/2 int_0^x v'^2 between its start and x. The joined links must follow:
+to second order in the deformation, the mechanism responds to the shortening as to an initial strain, with the least
+elastic energy. With L z the displacement of the joints and s the shortening there, w = L z + s strains the link, hence
 
     min 1/2 sum w^T K w  =>  S z = -sum L^T K s,  S = sum L^T K L
 
-where K is the link's stiffness, condensed to its joints. In a mechanism the links move as rigid bodies then, and w
-strains nothing. Drives hold. What nothing determines (bodies that hang free) moves least. S and L turn with the bodies:
+with the link's stiffness K condensed to its joints. In a mechanism the links then move as rigid bodies, without strain.
+Drives are fixed. Undetermined motions (bodies that hang freely) are minimal. S and L turn with the bodies:
 
     S z' = g' - S' z,   S z'' = g'' - 2 S' z' - S'' z   with g = -sum L^T K s.
 """
@@ -31,16 +30,16 @@ from kaneflex.response.least_squares import Solver
 from kaneflex.support.kept import Kept
 
 _LEAST = 1e-11
-"""Stiffness, as a share of each coordinate's own, by which undetermined motions are the least ones."""
+"""Stiffness, as a share of each coordinate's own, that keeps undetermined motions small."""
 _CHUNK = 2_000_000
 """Numbers in one batch of matrices: 16 MB."""
 
 
 @dataclass(frozen=True, eq=False)
 class Displaced:
-    """Deformations of all links and the coordinates that carry rigid bodies along, foreshortening included.
+    """Deformations of all links and the coordinates of carried rigid bodies, foreshortening included.
 
-    ``coordinates`` are z, z', z'', each (n, n_times), for :func:`kaneflex.response.deformation.follow`.
+    ``coordinates``: z, z', z'', each (n, n_times), for :func:`kaneflex.response.deformation.follow`.
     """
 
     links: Mapping[str, Deformation]
@@ -50,9 +49,9 @@ class Displaced:
 def displaced(
     model: Model, rigid: RigidMotion, coordinates: Rates, links: Mapping[str, Deformation], solver: Solver | None = None
 ) -> Displaced:
-    """The deformed links, and where the model's displacements include foreshortening, moved as far as it asks for.
+    """Deformed links, moved by foreshortening if the model includes it.
 
-    ``solver`` solves the linear equations for that, by default NumPy's.
+    ``solver`` solves the linear equations, by default NumPy's.
     """
     if not (links and model.options.foreshortening):
         return Displaced(links, coordinates)
@@ -70,16 +69,16 @@ def displaced(
 
 @dataclass(frozen=True, eq=False)
 class _End:
-    """A link as its joints feel it.
+    """A link as seen from its joints.
 
     Attributes
     ----------
     L : Affine (rows, n)
-        Coordinates of the joints from those of the mechanism.
+        Matrix of the joints' coordinates.
     shapes : ndarray (size, rows)
         Static shapes of unit displacements of the joints.
     pushes : tuple of Affine (n_used, rows)
-        -dg/ds, L^T with K condensed to the joints, and its first and second rates.
+        Matrix -dg/ds, L^T times K condensed to the joints, and its first and second rates.
     """
 
     L: Affine
@@ -89,15 +88,15 @@ class _End:
 
 @dataclass(frozen=True, eq=False)
 class _Joined:
-    """All links as their joints feel them, whatever the motion: models with the same equations share it.
+    """All links as seen from their joints, independent of the motion: models with the same equations share it.
 
     Attributes
     ----------
     ends : mapping of str to _End
     used : ndarray (n_used,)
-        The coordinates of the mechanism that move a joint.
+        Coordinates of the mechanism that move a joint.
     S : tuple of Affine (n_used, n_used)
-        And its first and second rates.
+        Matrix S and its first and second rates.
     """
 
     ends: Mapping[str, _End]
@@ -126,7 +125,7 @@ def _with_rates(affine: Affine) -> tuple[Affine, Affine, Affine]:
 
 
 def _statics(model: Model, link: Link) -> tuple[Affine, np.ndarray, np.ndarray]:
-    """Of a link's end: L, shapes, and the stiffness condensed to the joints, (rows, rows)."""
+    """L, shapes, and stiffness condensed to the joints (rows, rows) of a link."""
     part, held = link.part, _held(model, link)
     assembled = model.parts[link.name].coordinates
     pick = np.zeros((len(held), len(assembled)))
@@ -137,7 +136,7 @@ def _statics(model: Model, link: Link) -> tuple[Affine, np.ndarray, np.ndarray]:
     shapes[held, np.arange(len(held))] = 1.0
     if held and len(free):
         inner, outer = stiffness[free][:, free], as_array(stiffness[free][:, held])
-        turns = len(held) < 3  # on a single pin: it turns as a rigid body
+        turns = len(held) < 3  # on a single pin it turns as a rigid body
         shapes[free] = -np.linalg.lstsq(as_array(inner), outer, rcond=None)[0] if turns else -solve(inner, outer)
     return Affine.constant(pick) @ model.frame.maps[link.name], shapes, shapes.T @ (stiffness @ shapes)
 
@@ -164,7 +163,7 @@ def _direct(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 def _closing(
     model: Model, rigid: RigidMotion, joined: _Joined, shortening: Mapping[str, Rates], solver: Solver
 ) -> Rates:
-    """z of the shortening alone, and its rates; (n, n_times)."""
+    """Coordinates z due to shortening, and rates; (n, n_times)."""
     used = joined.used
     found = np.zeros((3, model.equations.size, len(rigid.times)), rigid.values.dtype)
     if not len(used):
@@ -180,7 +179,7 @@ def _closing(
         rows = slice(start, start + batch)
         here = RigidMotion(rigid.motion, rigid.times[rows], rigid.values[rows])
         stiff, rate, accel = map(here.matrices, joined.S)
-        for part in (stiff, rate, accel):  # alike, so that z' and z'' are the rates of z
+        for part in (stiff, rate, accel):  # all alike, so that z' and z'' are the rates of z
             np.einsum("tii->ti", part)[...] *= 1.0 + _LEAST
         diagonal = np.einsum("tii->ti", stiff)
         diagonal[~diagonal.astype(bool)] = _LEAST

@@ -1,4 +1,4 @@
-"""The equations frozen at instants of a run: natural frequencies over the drive's coordinate, buckling.
+"""Equations frozen at instants of a run: natural frequencies over the drive's coordinate, and buckling.
 
 Buckling: Przemieniecki 1968, chapter 15.
 """
@@ -13,26 +13,26 @@ from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.model import Model, keep_terms
 
 INSTANTS, FEW_INSTANTS = 144, 36
-"""Instants of a cycle at which the equations are frozen: of a scene's own speed, and of each speed of a sweep."""
+"""Instants of a cycle at which the equations are frozen: at the scene's own speed, and at each speed of a sweep."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frozen:
-    """The equations at some instants of a cycle, each as if its coefficients stayed.
+    """Equations at some instants of a cycle, each with constant coefficients.
 
     Attributes
     ----------
     times : ndarray (n_times,)
-        In s.
+        Instants [s].
     coordinates : ndarray (n_times,)
-        Of the first drive [rad or m].
+        Coordinate of the first drive [rad or m].
     frequencies : ndarray (n_times, count)
-        Lowest natural frequencies [Hz] without the material damping, rising; one that diverges counts as zero.
+        Lowest natural frequencies [Hz] without material damping, ascending; zero for divergent modes.
     growth : ndarray (n_times,)
-        Largest real part of the poles [1/s], damping included: above zero, the frozen equations diverge or flutter.
-        It says nothing final of the periodic ones: their multipliers do.
+        Largest real part of the poles [1/s] with damping: if positive, the frozen equations diverge or flutter. The
+        stability of the periodic equations follows from their multipliers instead.
     condition_M, condition_K : ndarray (n_times,)
-        Condition numbers of M and K (2-norm) with their diagonals scaled to one, so that no unit matters.
+        Condition numbers of M and K (2-norm) with their diagonals scaled to one, independent of units.
     """
 
     times: np.ndarray
@@ -44,7 +44,7 @@ class Frozen:
 
 
 def freeze(model: Model, count: int, instants: int) -> Frozen:
-    """Poles of M z'' + C z' + K z = 0 with the coefficients of each of so many instants of a cycle."""
+    """Poles of M z'' + C z' + K z = 0 with the coefficients of each of ``instants`` instants of a cycle."""
     count = min(count, model.reduced.size)
     times = np.arange(instants) * model.scene.period / instants
     rigid = model.motion.at(times)
@@ -54,7 +54,7 @@ def freeze(model: Model, count: int, instants: int) -> Frozen:
     lowest, growth = np.empty((instants, count)), np.empty(instants)
     for k in range(instants):
         free = np.linalg.eigvals(state_matrix(M[k], C_0[k], K_0[k]))
-        # Two poles of a frequency: of each pair one is left.
+        # one of each pair of poles
         lowest[k] = np.sort(abs(free.imag))[::2][:count] / (2.0 * np.pi)
         growth[k] = np.linalg.eigvals(state_matrix(M[k], C[k], K[k])).real.max()
     coordinates = rigid[f"{next(iter(model.scene.drives))}.angle"]
@@ -68,10 +68,10 @@ def _condition(stack: np.ndarray) -> np.ndarray:
 
 
 _ROUNDING = 1e-9
-"""Share of the stiffness that K_g must take away to be a push and no rounding."""
+"""Reduction of the stiffness by K_g, as a share, below which it counts as rounding."""
 
 _FREE = 1e-12
-"""Share of a diagonal stiffness under which what is left of it, others held, is rounding: nothing holds it."""
+"""Remaining share of a diagonal stiffness, others eliminated, below which the mechanism counts as unrestrained."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +81,10 @@ class Buckling:
     Attributes
     ----------
     times : ndarray (n_times,)
-        In s.
+        Instants [s].
     factors : ndarray (n_times,)
-        Smallest lambda > 0 at which K_s + lambda K_g is singular: by so much all axial forces of that instant may
-        grow. Infinite where nothing is pushed.
+        Smallest lambda > 0 at which K_s + lambda K_g is singular: factor on all axial forces of that instant that
+        causes buckling. Infinite without compression.
     """
 
     times: np.ndarray
@@ -92,14 +92,14 @@ class Buckling:
 
     @property
     def margin(self) -> float:
-        """The least factor of the cycle; below one, something would buckle if the forces stayed."""
+        """Least factor of the cycle; below one, a link would buckle under constant forces."""
         return float(self.factors.min())
 
 
 def buckling(model: Model, times: np.ndarray) -> Buckling | None:
-    """Factors at ``times`` [s] by the elastic coordinates of the whole mechanism, in link axes.
+    """Load factors at ``times`` [s] from the elastic coordinates of the whole mechanism, in link axes.
 
-    None where K_s is not positive: what nothing holds has no buckling load.
+    None if K_s is not positive definite: an unrestrained mechanism has no buckling load.
     """
     rigid = model.motion.at(times)
     factors = load_factors(rigid.matrices(model.equations.K_s), rigid.matrices(model.equations.K_g))
@@ -107,9 +107,9 @@ def buckling(model: Model, times: np.ndarray) -> Buckling | None:
 
 
 def load_factors(stiffness: np.ndarray, more: np.ndarray) -> np.ndarray | None:
-    """Smallest lambda > 0 at which stiffness + lambda more is singular, of stacks (n_times, n, n): (n_times,).
+    """Smallest lambda > 0 at which stiffness + lambda more is singular, for stacks (n_times, n, n): (n_times,).
 
-    Of ``more`` the symmetric part counts. None where a stiffness is not positive.
+    Only the symmetric part of ``more`` counts. None if a stiffness is not positive definite.
     """
     try:
         lower = np.linalg.cholesky(stiffness)
@@ -119,7 +119,7 @@ def load_factors(stiffness: np.ndarray, more: np.ndarray) -> np.ndarray | None:
         return None
     half = np.linalg.solve(lower, 0.5 * (more + more.swapaxes(1, 2)))
     unit = np.linalg.solve(lower, half.swapaxes(1, 2))
-    # stiffness + lambda more = L (1 + lambda U) L^T: singular where 1 / lambda is minus an eigenvalue of U.
+    # stiffness + lambda more = L (1 + lambda U) L^T is singular if 1 / lambda is minus an eigenvalue of U
     inverse = -np.linalg.eigvalsh(unit)[:, 0]
     factors = np.full(len(stiffness), np.inf)
     pushed = inverse > _ROUNDING
@@ -128,15 +128,15 @@ def load_factors(stiffness: np.ndarray, more: np.ndarray) -> np.ndarray | None:
 
 
 _INSTANTS = 36
-"""Instants of a run that are looked at."""
+"""Instants of a run that are checked."""
 _NO_FREQUENCY = 1e-13
-"""Share of the highest squared frequency that rounding may leave of one that is zero."""
+"""Share of the highest squared frequency below which one counts as zero."""
 _MOST = 200
-"""Coordinates up to which looking costs next to nothing beside a run; for more `kaneflex stability` is asked."""
+"""Coordinates up to which the check costs little compared with a run; for more use `kaneflex stability`."""
 
 
 def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
-    """Warnings where K_s + K_g, or K_s + K_d where the run leaves K_g out, is not positive at some of ``times`` [s]."""
+    """Warnings if K_s + K_g, or K_s + K_d without K_g, is not positive definite at some of ``times`` [s]."""
     options, size = model.options, model.equations.size
     if options.dynamics == "frozen":
         squares = model.kept["K"].value({}).diagonal()
@@ -144,8 +144,8 @@ def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
             return []
         rate = float(np.sqrt(-squares.min()))
         return [
-            f"the spin takes away all stiffness where the matrices are frozen: a mode grows by exp({rate:.4g} t); K_g, "
-            "by which the axial forces would restore it, is kept by preset stiffened"
+            f"the frozen stiffness is not positive definite because of the spin: a mode grows as exp({rate:.4g} t); "
+            "preset stiffened keeps K_g, the stiffening by axial forces"
         ]
     if options.dynamics not in ("dynamic", "quasistatic") or not 0 < size <= _MOST:
         return []
@@ -160,10 +160,10 @@ def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
     at = f"t = {rigid.times[int(factors.argmin())]:.4g} s"
     if options.geometric:
         return [
-            f"the axial forces exceed a buckling load at {at}: {factors.min():.3g} of them would do, if they stayed; "
-            f"ask kaneflex stability whether the motion is stable"
+            f"the axial forces exceed a buckling load at {at}: {factors.min():.3g} times them reach it; check with "
+            f"kaneflex stability whether the motion is stable"
         ]
     return [
-        f"the spin takes away all stiffness at {at}, and K_g, by which the axial forces would restore it, is left out; "
-        "keep it, as preset stiffened does"
+        f"the stiffness is not positive definite at {at} because of the spin, and K_g, the stiffening by axial forces, "
+        "is left out; use preset stiffened"
     ]

@@ -1,4 +1,4 @@
-"""Least squares over time of equations that mostly hold one unknown each: joints' reactions, body by body."""
+"""Least squares over time of sparse equations: joints' reactions, body by body."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 Row = dict[int, float | np.ndarray]
 """Unknown -> its coefficient in an equation, constant or (n_times,)."""
 Solver = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""From A (n_times, n_rows, n) and b (n_times, n_rows) to x (n_times, n) with the least sum of squares of A x - b."""
+"""Function of A (n_times, n_rows, n) and b (n_times, n_rows) that returns x (n_times, n) with least |A x - b|."""
 
 
 def normal_equations(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """A^T A x = A^T b at every instant: a :data:`Solver`."""
+    """Solve A^T A x = A^T b at every instant: a :data:`Solver`."""
     turned = matrix.transpose(0, 2, 1)
     return np.linalg.solve(turned @ matrix, turned @ right[..., None])[..., 0]
 
 
 def by_reflections(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The same by A = Q R, which does not square what rounding is multiplied by: a :data:`Solver`."""
+    """Solve by A = Q R, which does not square the condition number: a :data:`Solver`."""
     Q, R = np.linalg.qr(matrix)
     return np.linalg.solve(R, Q.transpose(0, 2, 1) @ right[..., None])[..., 0]
 
@@ -29,8 +29,8 @@ def least_squares(
 ) -> dict[int, np.ndarray]:
     """Unknowns x, (n_times,) each, with the least sum of squares of ``rows`` x - ``right``, (n_rows, n_times).
 
-    An unknown that stands in one equation alone lets it hold exactly, whatever the others are: it is found from them,
-    and takes its equation away from the rest. Of a chain of bodies that leaves nothing or nearly so.
+    An unknown that occurs in one equation only satisfies it exactly: both are eliminated first. For a chain of bodies
+    this leaves little or nothing.
     """
     left, found = dict(enumerate(rows)), []
     while (pivot := _alone(left)) is not None:
@@ -43,7 +43,7 @@ def least_squares(
 
 
 def _alone(left: dict[int, Row]) -> tuple[int, int] | None:
-    """An equation and an unknown that stands in no other one, with a constant coefficient that is not zero."""
+    """An equation and an unknown that occurs in no other one, with a constant nonzero coefficient."""
     places: dict[int, list[int]] = {}
     for row, coefficients in left.items():
         for unknown in coefficients:
@@ -56,7 +56,7 @@ def _alone(left: dict[int, Row]) -> tuple[int, int] | None:
 
 
 def _together(left: Mapping[int, Row], right: np.ndarray, solver: Solver) -> dict[int, np.ndarray]:
-    """What is left after all that can be found one after the other."""
+    """Least-squares solution of the remaining equations."""
     unknowns = sorted({unknown for coefficients in left.values() for unknown in coefficients})
     if not unknowns:
         return {}

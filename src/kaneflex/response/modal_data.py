@@ -1,4 +1,4 @@
-"""Links' modal data as arrays: what the coupled equations take of them, written for other programs."""
+"""Modal data of links as arrays for other programs, as in the coupled equations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from kaneflex.support.atomic_output import refuse_existing
 
 
 def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.ndarray]:
-    """Arrays of one link, SI, without the scene's lumped masses.
+    """Arrays of one link in SI, without the scene's lumped masses.
 
     Returns
     -------
@@ -51,12 +51,12 @@ def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, Modal
 
 
 def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Path]:
-    """Write BODY.npz for every link into a folder, which is made if it is not there.
+    """Write BODY.npz for every link into a folder, which is made if needed.
 
     Raises
     ------
     OutputError
-        If a file is there and ``force`` is not given, or can't be written.
+        If a file exists without ``force``, or can't be written.
     """
     paths = {name: folder / f"{name}.npz" for name in links}
     for path in paths.values():

@@ -1,4 +1,4 @@
-"""What a finished motion offers to whoever reads it: sensors, section forces, events, pictures."""
+"""Interface of a finished motion for sensors, section forces, events and pictures."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ Section = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Motion(ABC):
-    """The motion of a model over some instants, whoever computed it.
+    """Motion of a model over some instants.
 
-    Points are given by their body and their place in its axes, undeformed, ``at`` [m]. Displacements are measured from
-    the rigid mechanism, whose drives stand where they stand in this motion.
+    Points are given by their body and their undeformed position in its axes, ``at`` [m]. Displacements are relative to
+    the rigid mechanism, whose drives have the coordinates of this motion.
 
     Attributes
     ----------
     model : Model
     rigid : RigidMotion
-        The rigid mechanism at these instants.
+        Rigid mechanism at these instants.
     coordinates : tuple of three ndarray (n, n_times)
-        Elastic coordinates of the mechanism and their two rates; a subclass holds or finds them.
+        Elastic coordinates of the mechanism and their two rates; provided by a subclass.
     whole : Motion or None
-        The motion that these instants were sampled from: it says how often a body has turned around.
+        Motion that these instants were sampled from, which counts full turns of bodies.
     """
 
     model: Model
@@ -46,22 +46,22 @@ class Motion(ABC):
 
     @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """What :func:`kaneflex.solve.initial.start_coordinates` names, and its rates, each (n, n_times)."""
+        """Coordinates named by :func:`kaneflex.solve.initial.start_coordinates`, and their rates, each (n, n_times)."""
         return self.coordinates[:2]
 
     @property
     def energy(self) -> Energy | None:
-        """Energy of the run, where it was integrated with the motion; of one-way presets the rigid mechanism's."""
+        """Energy of the run, if integrated; for one-way presets that of the rigid mechanism."""
         return self.model.energy
 
     @property
     @abstractmethod
     def has_rigid_forces(self) -> bool:
-        """Whether there are forces of the rigid mechanism beside those of the deforming one."""
+        """Whether forces of the rigid mechanism are available, too."""
 
     @abstractmethod
     def taken(self, instants: np.ndarray) -> Motion:
-        """The motion at some of its instants, by their numbers."""
+        """Motion at some of its instants, by their indices."""
 
     @abstractmethod
     def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
@@ -69,51 +69,51 @@ class Motion(ABC):
 
     @abstractmethod
     def nodes(self, link: str) -> np.ndarray:
-        """u, v, theta of an elastic link's nodes in the axes of its equations, less foreshortening; (3 n, n_times)."""
+        """Displacements u, v, theta of an elastic link's nodes in the axes of its equations, without foreshortening;
+        (3 n, n_times)."""
 
     @abstractmethod
     def reaction(self, name: str) -> np.ndarray:
-        """A component of a joint's force on its second body, or of a drive, as the motion's scalars name it."""
+        """Component of a joint's force on its second body, or force of a drive, by its name in the motion's scalars."""
 
     @abstractmethod
     def spring_tension(self, name: str) -> np.ndarray:
-        """Tension of a spring with its damper [N], or what a torsional one opposes to the turning of its joint [N m].
-        """
+        """Tension of a spring and damper [N], or torque of a torsional one against the rotation of its joint [N m]."""
 
     def modal(self, body: str) -> Rates:
-        """Modal coordinates of a body and their two rates, (n, n_times) each; only under preset coupled it has any."""
+        """Modal coordinates of a body and their two rates, (n, n_times) each; exist under preset coupled only."""
         raise LookupError(body)
 
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Gap [m] and normal force [N] of a contact, (n_times,) each; only bodies that move each other have any."""
+        """Gap [m] and normal force [N] of a contact, (n_times,) each; exist in coupled motions only."""
         raise LookupError(name)
 
     def clearance(self, name: str) -> np.ndarray:
-        """How a pin or a block stands in a joint with a clearance, (3, n_times).
+        """Position of a pin or block in a joint with clearance, (3, n_times).
 
-        Its place against the other side, x and y in m, and the angle between both [rad]: of a pin in global axes, of a
-        block along its guide, across it to the left, and its tilt.
+        Relative to the other side: x and y in m, and the angle [rad]. For a pin in global axes; for a block along its
+        guide, across it to the left, and its tilt.
         """
         raise LookupError(name)
 
     def friction(self, name: str) -> np.ndarray:
-        """What friction exerts on the second side of a joint or contact [N or N m], (n_times,); as ``contact``."""
+        """Friction force or torque on the second side of a joint or contact [N or N m], (n_times,)."""
         raise LookupError(name)
 
     def section(self, link: str, x: float, after: bool = False) -> Section:
-        """Section forces x [m] from a link's start; of what acts there between the ends, just before it or after it."""
+        """Section forces x [m] from a link's start; at a load, ``after`` selects the side."""
         if link in self.model.links:
             return self._elastic_section(link, x, after)
         return LinkForces(self.model.scene, self.scalars).section(link, x, after)
 
     @property
     def scalars(self) -> RigidMotion:
-        """Frames of the bodies and what acts on them in this motion, by the names that a rigid motion has for it."""
+        """Frames of the bodies and forces on them in this motion, by the names of a rigid motion's scalars."""
         return self.rigid
 
     @property
     def rigid_forces(self) -> RigidMotion:
-        """The rigid mechanism with what its joints exert, where ``has_rigid_forces`` says that these are known."""
+        """Rigid mechanism with its joint forces; valid if ``has_rigid_forces``."""
         return self.rigid
 
     @abstractmethod
@@ -128,7 +128,7 @@ class Motion(ABC):
         frame = self.rigid.frame(body)
         angle = np.arctan2(frame.s, frame.c)
         if self.whole is None:
-            there = np.isfinite(angle)  # a coupled mechanism may go where the rigid one doesn't close
+            there = np.isfinite(angle)  # the rigid mechanism may not close where the coupled one does
             angle[there] = np.unwrap(angle[there])
             return angle
         near = np.interp(self.times, self.whole.times, self.whole.turned(body))
@@ -141,7 +141,7 @@ class Motion(ABC):
         return self.turned(body) + self.displacement(body, at)[0][2]
 
     def place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-        """Global place of a point, its displacement included [m], (2, n_times)."""
+        """Global position of a point including its displacement [m], (2, n_times)."""
         frame = self.rigid.frame(body)
         if body == "ground":
             return frame.place(at)
@@ -149,39 +149,40 @@ class Motion(ABC):
         return frame.place(np.reshape(at, (-1, 1)) + d)
 
     def point(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates | None:
-        """x, y [m] and angle [rad] of a displaced point in the plane with their rates, (3, n_times), where they are
-        known without the rigid mechanism, which may not close there."""
+        """Position x, y [m] and angle [rad] of a displaced planar point with rates, (3, n_times) each, if known
+        without the rigid mechanism, which may not close there."""
         return None
 
     def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
-        """Of a global vector, (2 or 3, n_times), the components in the axes that sensors on a body have.
+        """Components of a global vector, (2 or 3, n_times), in the axes of sensors on a body.
 
-        Those of a body that deforms turn with the rigid motion, those of one that others carry with it.
+        For deforming bodies these turn with the rigid motion, for carried ones with the body.
         """
         x, y = self.rigid.frame(body).to_body(vector)
         if body == "ground" or self.model.scene.bodies[body].deforms:
             return np.array([x, y])
-        turned = self.displacement(body)[0][2]  # small, as all displacements are
+        turned = self.displacement(body)[0][2]  # small, like all displacements
         return np.array([x + turned * y, y - turned * x])
 
     def slide(self, joint: str) -> np.ndarray:
-        """Coordinate of a guide: how far its second body is along it [m]."""
+        """Coordinate of a guide: position of its second body along it [m]."""
         of = self.model.scene.joints[joint]
         (first, here), (second, there) = ((each.body, self.model.scene.point(each)) for each in of.addresses)
         along = self.rigid.frame(first).to_global(of.direction)
         return (along * (self.place(second, there) - self.place(first, here))).sum(axis=0)
 
     def _in_axes(self, body: str, moved: Rates) -> Rates:
-        """Of a global displacement its components in the rigid body's axes, and the rates of these."""
+        """Components of a global displacement in the rigid body's axes, with their rates."""
         local = self.rigid.frame(body).components(*(part[:2] for part in moved))
         return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
 
     def _still(self) -> Rates:
-        """The displacement of what does not deform, nor is carried by what does."""
+        """Zero displacement."""
         still = np.zeros((6 if self.model.scene.is_spatial else 3, len(self.times)))
         return still, still, still
 
 
 def beside_axis(moved: Rates, y: float) -> Rates:
-    """Displacement of a point at a distance y [m] from the axis, which moves with its section, from the axis' own."""
+    """Displacement of a point at distance y [m] from the axis, moving with its section, from the displacement of the
+    axis."""
     return tuple(part + np.array([[-y], [0.0], [0.0]]) * part[2] for part in moved) if y else moved

@@ -1,8 +1,8 @@
-"""What sensors read as sums of products of the motion's scalars and the elastic coordinates, at one instant.
+"""Sensors as sums of products of the motion's scalars and the elastic coordinates, at one instant.
 
-For who has no Python, and for who reads many motions (:mod:`kaneflex.response.compiled_readings`). The readers of a
-motion add and multiply what they are given, solve equations, and take lengths and angles. So they are given, in place
-of numbers at instants, one instant of unknowns, and hand back what they do with them.
+Used for exports and for reading many motions (:mod:`kaneflex.response.compiled_readings`). The readers of a motion add
+and multiply, solve equations, and take lengths and angles. Here they are called with one instant of symbolic unknowns
+instead of numbers, and their operations are recorded.
 """
 
 from __future__ import annotations
@@ -21,37 +21,37 @@ from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.sensors import reads
 
 Terms = Mapping[tuple[int, int], float]
-"""A sum: places of two numbers -> what is before their product."""
+"""A sum: indices of two numbers -> coefficient of their product."""
 _SWING = 6.0
-"""Range of an angle [rad] below which a body is one that swings."""
+"""Range of an angle [rad] below which a body counts as swinging."""
 _SHORT = 2
-"""Terms of a sum that are not worth a number of their own."""
+"""Number of terms up to which a sum is expanded instead of stored as a number."""
 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What sensors read of the numbers of an instant, each a sum of constant x number x number before it.
+    """Readings of sensors from the numbers of an instant, each a sum of constant x number x number.
 
-    The numbers stand in this order: scalars of the motion, z, z' and z'', angles of the `turned`; one; then those of
-    each stage: its sums, and the unknowns x of its system A x = b, of which A and b are sums, too. With more rows than
-    unknowns x makes the sum of squares of A x - b least. Two unknowns without rows are length and angle of a plane's
-    vector, whose components are sums.
+    The numbers are, in this order: scalars of the motion, z, z' and z'', angles of the `turned`; one; then for each
+    stage its sums, and the unknowns x of its system A x = b, with A and b sums, too. With more rows than unknowns x is
+    the least-squares solution. Two unknowns without rows are length and angle of a planar vector, whose components are
+    sums.
 
     Attributes
     ----------
     sensors : tuple of str
-        In the order of the last sums.
+        Sensors in the order of the last sums.
     turned : tuple of str
         Bodies whose angles in the rigid motion are given, continuous over turns.
     given, count : int
-        Numbers before the one, and in all.
+        Count of numbers before the one, and of all.
     stages : ndarray (n_systems + 1, 3)
-        Of each its sums that are numbers, then the rows and the unknowns of its system, whose sums follow: A, row by
-        row, and b; or a vector's x and y. The sensors are the rows of the last one, which has no unknowns.
+        For each stage the number of its sums, then of rows and of unknowns of its system, whose sums follow: A, row by
+        row, and b; or a vector's x and y. The sensors are the rows of the last stage, which has no unknowns.
     ends : ndarray
-        Where the terms of each sum end.
+        Ends of the terms of each sum.
     pairs, constants : ndarray
-        Places of the two numbers of each term, (n_terms, 2), and what is before them.
+        Indices of the two numbers of each term, (n_terms, 2), and its coefficient.
     """
 
     sensors: tuple[str, ...]
@@ -65,10 +65,9 @@ class Readings:
 
 
 class _Tape:
-    """Numbers in the order in which they follow from each other: ``sums`` has those after the one.
+    """Recorded numbers in the order of their computation: ``sums`` has those after the one, None for an unknown.
 
-    None stands there for an unknown; systems are (place of the first unknown, rows, unknowns, sums). ``polar``: whether
-    there may be lengths and angles.
+    Systems are (index of the first unknown, rows, unknowns, sums). ``polar``: whether lengths and angles are allowed.
     """
 
     def __init__(self, given: int, polar: bool) -> None:
@@ -78,11 +77,11 @@ class _Tape:
         self._places: dict[frozenset[tuple[tuple[int, int], float]], int] = {}
 
     def given(self) -> np.ndarray:
-        """The numbers before the one."""
+        """Numbers before the one."""
         return np.array([Polynomial(self, {(place, self.one): 1.0}) for place in range(self.one)], dtype=object)
 
     def place(self, terms: Terms) -> int:
-        """Of the number that is a sum."""
+        """Index of the number that is this sum."""
         key = frozenset(terms.items())
         if key not in self._places:
             self.sums.append(terms)
@@ -95,7 +94,7 @@ class _Tape:
         return np.array([self._unknowns(rows, n, entries)], dtype=object)
 
     def polar(self, x: Polynomial | float, y: Polynomial | float) -> list[Polynomial]:
-        """Length of a vector in a plane, and its angle from -pi to pi."""
+        """Length of a planar vector, and its angle from -pi to pi."""
         if not self._polar:
             raise TypeError("neither sum nor product: a length or an angle")
         return self._unknowns(0, 2, (x, y))
@@ -114,12 +113,12 @@ class _Tape:
         return {(self.one, self.one): float(value)} if value else {}
 
     def _own(self, place: int) -> list[Terms]:
-        """The sum that a number is, if it is one."""
+        """Sum that defines a number, if it is one."""
         sums = self.sums[place - self.one - 1 : place - self.one] if place > self.one else []
         return [terms for terms in sums if terms is not None]
 
     def reached(self, sums: Iterable[Terms]) -> set[int]:
-        """Places of all numbers that sums are made of."""
+        """Indices of all numbers on which sums depend."""
         left, found = list(sums), set[int]()
         while left:
             for place in {place for pair in left.pop() for place in pair} - found:
@@ -128,7 +127,7 @@ class _Tape:
         return found
 
     def readings(self, sensors: Mapping[str, Terms], turned: tuple[str, ...]) -> Readings:
-        """All that sensors are made of, and nothing else."""
+        """Readings with only the numbers that the sensors need."""
         last = (self.one + 1 + len(self.sums), len(sensors), 0, [*sensors.values()])
         ends = [*self.systems, last]
         needed = self.reached(terms for *_, sums in ends for terms in sums)
@@ -150,7 +149,7 @@ class _Tape:
 
 @dataclass(frozen=True, eq=False)
 class Polynomial:
-    """Sum of constant x product of two numbers of a tape; it becomes a number of it where it is a factor."""
+    """Sum of constant x product of two numbers of a tape; as a factor it becomes a number of the tape."""
 
     tape: _Tape
     terms: Terms
@@ -174,7 +173,7 @@ class Polynomial:
         return Polynomial(self.tape, {pair: by * constant for pair, constant in terms.items()} if by else {})
 
     def _factor(self) -> tuple[int, float]:
-        """A number's place, and what it is to be multiplied by."""
+        """Index of a number, and its coefficient."""
         if not self.terms:
             return self.tape.one, 0.0
         pair, constant = next(iter(self.terms.items()))
@@ -197,11 +196,11 @@ class Polynomial:
         return self * (1.0 / float(other))
 
     def hypot(self, other: Polynomial | float) -> Polynomial:
-        """What NumPy's function of that name calls."""
+        """Called by numpy.hypot."""
         return self.tape.polar(self, other)[0]
 
     def arctan2(self, other: Polynomial | float) -> Polynomial:
-        """What NumPy's function of that name calls."""
+        """Called by numpy.arctan2."""
         return self.tape.polar(other, self)[1]
 
     def __pow__(self, power: int) -> Polynomial:
@@ -219,10 +218,10 @@ class Polynomial:
 
 @dataclass(frozen=True, eq=False)
 class _Traced(ElasticMotion):
-    """One instant of unknowns, among them angles of bodies where these are given.
+    """One instant of unknowns, with angles of bodies if given.
 
-    Others are those of bodies that swing, about the middle of where they go: how often one has turned all round, an
-    instant doesn't say.
+    Other angles are those of swinging bodies, about the middle of their range: full turns are not known from one
+    instant.
     """
 
     turns: Mapping[str, np.ndarray] = field(kw_only=True)
@@ -235,7 +234,7 @@ class _Traced(ElasticMotion):
         return middle + np.arctan2(c * frame.s - s * frame.c, c * frame.c + s * frame.s)
 
     def _middle(self, body: str) -> float:
-        """Of the angles of a body [rad]; raises TypeError where it turns all round."""
+        """Middle of a body's angle range [rad]; raises TypeError if it makes full turns."""
         options, period = self.model.options, self.model.scene.period
         times = np.linspace(0.0, max(options.duration, period or 0.0), options.steps + 1)
         frame = self.model.motion.at(times).frame(body)
@@ -249,7 +248,7 @@ class _Traced(ElasticMotion):
 def _traced(
     model: Model, scalars: np.ndarray, coordinates: Rates, tape: _Tape, turns: Mapping[str, np.ndarray]
 ) -> ElasticMotion:
-    """A motion of one instant of unknowns, in the plane or in space."""
+    """Motion of one instant of unknowns, in the plane or in space."""
     if not model.scene.is_spatial:
         instant = RigidMotion(model.motion, np.zeros(1), scalars.T)
         return _Traced(model, instant, coordinates, solver=tape.solve, turns=turns)
@@ -261,12 +260,10 @@ def _traced(
 
 
 def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = False) -> Readings:
-    """What each sensor reads, but for angles of bodies that turn all round.
+    """Readings of each sensor, except angles of bodies with full turns.
 
-    Where angles of bodies are given, ``turned``, all are counted from these; no lengths are taken then, so that springs
-    between points without direction are left out.
-
-    rigid: whether their rigid values ``NAME_rigid`` stand beside them
+    With given angles ``turned``, all angles count from these, and no lengths are taken, so that springs between points
+    without direction are left out. ``rigid``: include the rigid values ``NAME_rigid``.
     """
     sizes = (len(model.motion.column), *[model.reduced.size] * 3, len(turned))
     tape = _Tape(sum(sizes), polar=not turned)
@@ -280,6 +277,6 @@ def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = Fals
             continue
         try:
             found[each.name] = tape.terms_of(each.values()[0])
-        except (TypeError, AttributeError):  # an angle that is counted, an absolute value
+        except (TypeError, AttributeError):  # an angle with full turns, an absolute value
             continue
     return tape.readings(found, tuple(turned))

@@ -1,8 +1,8 @@
-"""Joint reactions and drive torques that are consistent with the elastic motion.
+"""Joint reactions and drive torques consistent with the elastic motion.
 
-Every interface node of an elastic link and every rigid body must balance: the residual of its equations is what the
-joints exert. The joints' unknown forces follow from those balances; where the model is rigid they are the
-multipliers that the ``motion`` kernel already gives.
+Every interface node of an elastic link and every rigid body is in equilibrium: the residual of its equations is
+balanced by the joints. The unknown joint forces follow from these equations; for a rigid model they are the multipliers
+of the ``motion`` kernel.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def consistent_reactions(
     model: Model, rigid: RigidMotion, coordinates: Rates, deformed: Mapping[str, Deformation],
     solver: Solver | None = None,
 ) -> dict[str, np.ndarray]:  # fmt: skip
-    """Solve the balances of all interface nodes and rigid bodies for the reactions.
+    """Solve the equilibrium of all interface nodes and rigid bodies for the reactions.
 
     Returns
     -------
@@ -46,14 +46,14 @@ def consistent_reactions(
         Name of the reaction, as in the motion's scalars -> series (n_times,); forces act on the second body.
     """
     names = [row for rows in reaction_rows(model).values() for row in rows]
-    # The balances are consistent but more than the unknowns: moments are scaled by a length so that they weigh alike.
+    # consistent, but more equations than unknowns: moments are divided by a length to weigh alike
     rows, right = _Balances(model, rigid, names, coordinates, deformed).assemble()
     solved = least_squares(rows, right, solver or normal_equations)
     return {name: solved[k] for k, name in enumerate(names)}
 
 
 class _Balances:
-    """Rows 'sum of joint forces = residual' with the joint forces' coefficients, at all times."""
+    """Equations 'sum of joint forces = residual' with the coefficients of the joint forces, at all times."""
 
     def __init__(self, model: Model, rigid: RigidMotion, names: list[str], coordinates: Rates, deformed):
         self.model, self.rigid, self.coordinates, self.deformed = model, rigid, coordinates, deformed
@@ -63,7 +63,7 @@ class _Balances:
         self.scale = 1.0 / max(lengths)
 
     def assemble(self) -> tuple[list[Row], np.ndarray]:
-        """The coefficients of the reactions, and the residuals (n_balances, n_times)."""
+        """Coefficients of the reactions, and residuals (n_balances, n_times)."""
         bodies = self.model.scene.bodies
         sites = [(name, node) for name in bodies for node in (self._nodes(name) if name in self.deformed else [None])]
         rows: list[Row] = [{} for _ in range(3 * len(sites))]
@@ -81,8 +81,8 @@ class _Balances:
         return [node for name, node in self.model.interfaces.displaced if name == link]
 
     def _of_joints(self, body: str, node: int | None) -> Iterator[tuple[int, int, float | np.ndarray]]:
-        """What reactions do in the balances of a body or a node: 0, 1 the global force, 2 the moment, about its start.
-        """
+        """Coefficients of reactions in the equilibrium of a body or node: rows 0, 1 the global force, 2 the moment
+        about its start."""
         for name, joint in self.model.scene.joints.items():
             for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
                 if address.body == body and (node is None or self._node(address) == node):
@@ -95,7 +95,7 @@ class _Balances:
     def _of_joint(
         self, name: str, joint: Joint, address: Address, node: int | None
     ) -> Iterator[tuple[int, str, float | np.ndarray]]:
-        """The same of a joint's second side, by the names of its reactions."""
+        """Coefficients of a joint's reactions on its second side, by their names."""
         driven, pushes = name in self.model.scene.drives, {"force_x": (1.0, 0.0), "force_y": (0.0, 1.0)}
         if joint.kind == "prismatic":
             t = self._guide(joint)
@@ -116,11 +116,11 @@ class _Balances:
         return joint.direction if carrier == GROUND else self.rigid.frame(carrier).to_global(joint.direction)
 
     def _arm(self, joint: Joint, address: Address) -> Vector | None:
-        """Where a joint's force acts on a rigid body, from the body's start, global components, each (n_times,).
+        """Arm of a joint's force on a rigid body, from the body's start, global components, each (n_times,).
 
         None for the start itself.
         """
-        # What slides in a guide is pushed at its own point, and pushes the guide there: action is reaction.
+        # a guide's force acts at the point of the sliding body
         touches = joint.addresses[1] if joint.kind == "prismatic" else address
         if touches.body == address.body and self.model.scene.point(touches) == (0.0, 0.0):
             return None
@@ -128,7 +128,7 @@ class _Balances:
         return arm + self.rigid.frame(touches.body).origin - self.rigid.frame(address.body).origin
 
     def _node_residual(self, link: str, node: int) -> np.ndarray:
-        """Global force and moment that the joints exert on a node, (3, n_times)."""
+        """Global force and moment of the joints on a node, (3, n_times)."""
         deformation = self.deformed[link]
         elements = len(deformation.link.nodes) - 1
         local = np.zeros((3, self.steps), self.dtype)
@@ -154,9 +154,9 @@ class _Balances:
     def _inertia(
         self, body: str, mass: float, inertia: float, at: Address | tuple, motion: Affine | None
     ) -> np.ndarray:
-        """m (a - g) and J epsilon of a mass fixed to a body, with the elastic motion of its place; (3, n_times).
+        """Inertia m (a - g) and J epsilon of a mass fixed to a body, with its elastic motion; (3, n_times).
 
-        To the elastic motion belongs the damping alpha m d' that Rayleigh's gives to every mass.
+        The elastic motion includes Rayleigh's damping alpha m d' of the mass.
         """
         scene, rigid, frame = self.model.scene, self.rigid, self.rigid.frame(body)
         acceleration = frame.acceleration(scene.point(at) if isinstance(at, Address) else at)
@@ -169,8 +169,8 @@ class _Balances:
     def _rigid_residual(self, body: str) -> np.ndarray:
         """Inertia minus loads of a rigid body, moments about its start, (3, n_times).
 
-        Where the deformation turns the body by theta, the forces keep their direction and the arms turn: each force F
-        at the arm a adds -theta a . F to the moments.
+        If deformation rotates the body by theta, the forces keep their direction and the arms rotate: each force F at
+        the arm a adds -theta a . F to the moments.
         """
         scene, frame, axes = self.model.scene, self.model.frame, self.rigid.frame(body)
         data = scene.bodies[body]
@@ -203,7 +203,7 @@ class _Balances:
         return total
 
     def _torque(self, body: str, node: int | None) -> np.ndarray:
-        """Sum of the torques that loads and springs exert on a rigid body, or on a node of a link."""
+        """Sum of the torques of loads and springs on a rigid body, or on a node of a link."""
         total = np.zeros(self.steps, self.dtype)
         scene = self.model.scene
         for name, (joint, on_second) in scene.joint_torques.items():
@@ -227,7 +227,7 @@ class _Balances:
         return total
 
     def _load(self, name: str, load: Load, body: str) -> np.ndarray:
-        """A load's size along its direction, global, (2, n_times)."""
+        """Global vector of a load, (2, n_times)."""
         axes = self.rigid.frame("ground" if load.axes == "global" else body)
         return self.rigid[name] * axes.to_global(load.direction)
 
@@ -262,7 +262,7 @@ def _rigid_force(rigid: RigidMotion, name: str, torsional: bool) -> np.ndarray:
 
 
 def spring_tension(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> np.ndarray:
-    """Tension of a spring with its damper [N], or what a torsional one opposes to the turning of its joint [N m]."""
+    """Tension of a spring and damper [N], or torque of a torsional one against the rotation of its joint [N m]."""
     spring = model.scene.springs[name]
     if spring.torsional_at is not None:
         return -spring_force(model, rigid, coordinates, name)[0]

@@ -1,4 +1,4 @@
-"""What acts on the links at their points, and the section forces that follow where they are rigid."""
+"""Forces on the links at their points, and the section forces of rigid links."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ Forces = tuple[np.ndarray, np.ndarray]
 
 
 class LinkForces:
-    """Forces on the links of a scene that moves as ``rigid`` says, by the names of its scalars."""
+    """Forces on the links of a scene in the rigid motion ``rigid``, by the names of its scalars."""
 
     def __init__(self, scene: Scene, rigid: RigidMotion):
         self.scene, self.rigid, self.steps = scene, rigid, len(rigid.times)
 
     def section(self, name: str, x: float, after: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """N, V, M of the rigid link at X: balance of the part before X under its inertia and all forces before X.
+        """Section forces N, V, M of the rigid link at x, from the equilibrium of the part before x.
 
-        after: whether those at X are before the section, too; those at the start are, those at the end are not.
-
-        The inertia gives N its growth (a_x - g_x) m - omega^2 S of P(X), with mass m and first moment S of the
-        part before X; the signs are those of `Deformation.section`.
+        ``after``: whether forces at x count as before the section; at the start they do, at the end they don't. The
+        inertia part of N is (a_x - g_x) m - omega^2 S, as in P(x), with mass m and first moment S of the part before x;
+        signs as in `Deformation.section`.
         """
         rigid, before = self.rigid, self.scene.bodies[name].profile.inertia(x)
         a_x, a_y = rigid[f"{name}.link.a_x"], rigid[f"{name}.link.a_y"]
@@ -46,7 +45,7 @@ class LinkForces:
         return N, V, M
 
     def forces_at(self, address: Address) -> Forces:
-        """Force (2, n_times) in link axes and moment on a rigid link by what acts at one of its points."""
+        """Force (2, n_times) in link axes and moment on a rigid link at one of its points."""
         link = address.body
         force, moment = np.zeros((2, self.steps)), np.zeros(self.steps)
         for name, joint in self.scene.joints.items():
@@ -87,14 +86,14 @@ class LinkForces:
         return self.rigid.frame(link).to_body(force), moment
 
     def specific_force(self, address: Address) -> np.ndarray:
-        """a - g of a point of the rigid mechanism, global, and the acceleration of its angle, (3, n_times)."""
+        """Acceleration a - g of a point of the rigid mechanism, global, and angular acceleration, (3, n_times)."""
         frame = self.rigid.frame(address.body)
         specific_force = frame.acceleration(self.scene.point(address)) - np.array(self.scene.gravity)[:, None]
         return np.vstack([specific_force, frame.epsilon])
 
 
 def spread_loads(scene: Scene, rigid: RigidMotion, link: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Each load spread along a link, in its axes: per length at the start [N/m], and its rise [N/m^2]; (2, n_times)."""
+    """Distributed loads of a link, in its axes: load at the start [N/m], and its slope [N/m^2]; (2, n_times)."""
     for name, load in scene.spreads.items():
         if load.spread_on == link:
             direction = np.outer(load.direction, rigid[name])

@@ -1,4 +1,4 @@
-"""Evaluate a scene's sensors on a motion."""
+"""Evaluation of a scene's sensors on a motion."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, SECTION_KINDS,
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A sensor's values (n_times,) in ``unit`` (SI) and what they mean, in words."""
+    """Values (n_times,) of a sensor in ``unit`` (SI), and their meaning."""
 
     values: np.ndarray
     unit: str
@@ -27,7 +27,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """A series by its name, its unit (SI), what it means, and how its values (n_times,) are read."""
+    """Name, unit (SI), meaning and function for the values (n_times,) of a series."""
 
     name: str
     unit: str
@@ -36,13 +36,13 @@ class Read:
 
 
 OF_RIGID = ", of the rigid mechanism"
-"""Ending of the meaning of what doesn't know of the deformation."""
+"""Ending of the meaning of values that ignore the deformation."""
 
 
 def reads(motion: Motion, only: Container[str] | None = None) -> Iterator[Read]:
-    """Every sensor of the scene, and the rigid value of every force beside it as ``NAME_rigid``.
+    """Every sensor of the scene, and the rigid value ``NAME_rigid`` of every force.
 
-    only: those of these names
+    ``only``: names of sensors to include.
     """
     reader = _reader(motion)
     for name, sensor in motion.model.scene.sensors.items():
@@ -66,7 +66,7 @@ def sensor_values(motion: Motion, sensor: Sensor) -> np.ndarray:
 
 
 def _reader(motion: Motion) -> Reader:
-    """That of the scene's dimensions."""
+    """Reader for the scene's dimension."""
     if motion.model.scene.is_spatial:
         from kaneflex.response.spatial_sensors import SpatialReader
 
@@ -75,12 +75,12 @@ def _reader(motion: Motion) -> Reader:
 
 
 def address_of(sensor: Sensor) -> Address:
-    """The point that a sensor of a body's motion or section reads."""
+    """Point of a sensor of a body's motion or section."""
     return cast(Address, sensor.target)
 
 
 class Reader:
-    """Series of one motion; what several sensors share is computed once."""
+    """Series of one motion, with a cache of shared values."""
 
     def __init__(self, motion: Motion):
         self.motion, self.rigid, self.scene = motion, motion.rigid, motion.model.scene
@@ -88,16 +88,16 @@ class Reader:
         self._moved: dict[Address, Rates] = {}
 
     def read(self, sensor: Sensor) -> np.ndarray:
-        if self.steps == 0:  # a run that stopped before its first instant
+        if self.steps == 0:  # the run stopped before its first instant
             return np.zeros(0)
         return getattr(self, f"_{sensor.kind}")(sensor)
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
-        """Whether rigid bodies say how much a sensor reads there: not in sections of those by modal data."""
+        """Whether the rigid mechanism determines a reading: not for sections of bodies with modal data."""
         return sensor.kind not in SECTION_KINDS or self.scene.bodies[address_of(sensor).body].modal is None
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
-        """The value of the rigid mechanism."""
+        """Value of the rigid mechanism."""
         if sensor.kind == "axial_force":
             return self.motion.rigid_section(*self._cut(sensor))[0]
         if sensor.kind in DRIVE_KINDS:
@@ -116,17 +116,17 @@ class Reader:
         return self._moved[address]
 
     def _point(self, address: Address) -> Rates:
-        """Place of a displaced point in its body's axes and its rates there, (2 or 3, n_times)."""
+        """Position of a displaced point in its body's axes with rates, (2 or 3, n_times) each."""
         at = self.scene.point(address)
         d, d_rate, d_accel = (part[: len(at)] for part in self._elastic(address))
         return np.reshape(at, (-1, 1)) + d, d_rate, d_accel
 
     def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
-        """What a displacement, or a rate of it, adds to a body's turn, global."""
+        """Contribution of a displacement, or of its rate, to a body's rotation, global."""
         return moved[2]
 
     def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
-        """The component that a sensor reads of a global vector, or the angle."""
+        """Component of a global vector, or angle, that a sensor reads."""
         if sensor.component == "angle":
             return angle
         if sensor.axes == "body":
@@ -170,7 +170,7 @@ class Reader:
         return self.motion.slide(name)
 
     def _clearance(self, sensor: Sensor, name: str) -> np.ndarray:
-        """Of a pin in its bearing or a block in its guide."""
+        """Position of a pin in its bearing or of a block in its guide."""
         x, y, angle = self.motion.clearance(name)
         loose = self.scene.loose[name]
         if sensor.axes == "body" and loose.direction is None:
@@ -188,7 +188,7 @@ class Reader:
         return self._component(sensor, *self._rate(address_of(sensor), 1))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
-        """That of the displaced point; an accelerometer reads a - g."""
+        """Acceleration of the displaced point; a - g for an accelerometer."""
         acceleration, turning = self._rate(address_of(sensor), 2)
         if sensor.reading == "accelerometer":
             acceleration = acceleration - np.reshape(self.scene.vector(self.scene.gravity), (-1, 1))
@@ -216,7 +216,7 @@ class Reader:
         return self._section(sensor)[2]
 
     def _strain(self, sensor: Sensor) -> np.ndarray:
-        """N / (E A) - fibre M / (E I)."""
+        """Strain N / (E A) - fibre M / (E I)."""
         N, _, M = self._section(sensor)
         body, x, after = self._cut(sensor)
         here = self.scene.bodies[body].profile.at(x, after)
@@ -235,7 +235,7 @@ class Reader:
         return self.motion.section(*self._cut(sensor))
 
     def _cut(self, sensor: Sensor) -> tuple[str, float, bool]:
-        """The link that a sensor reads the section forces of, where [m from its start], and on which side of that."""
+        """Link, position [m from its start] and side of the section that a sensor reads."""
         address = address_of(sensor)
         return address.body, self.scene.point(address)[0], sensor.cut == "after"
 
@@ -268,7 +268,7 @@ class Reader:
     _friction_torque = _friction_force
 
     def _pin_moment(self, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
-        """What a pin's drive and its friction exert on the second body: the pin itself exerts no moment."""
+        """Torque of a pin's drive and friction on the second body: the pin itself exerts no moment."""
         exerted = np.zeros(self.steps)
         if name in self.scene.drives:
             exerted = exerted + reaction(f"{name}.drive")
@@ -279,7 +279,8 @@ class Reader:
     def _joint_component(
         self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool = False
     ) -> np.ndarray:
-        """Force of a joint on ``sensor.body`` (by default the second), or its moment; that of the rigid mechanism."""
+        """Component of a joint's force or moment on ``sensor.body`` (by default the second), or that of the rigid
+        mechanism."""
         name = str(sensor.joint_force)
         joint = self.scene.joints[name]
         first, second = (address.body for address in joint.addresses)

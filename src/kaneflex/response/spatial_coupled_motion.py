@@ -1,4 +1,4 @@
-"""The motion of bodies in space that deform and move each other: that of their axes, with their shapes in these."""
+"""Coupled motion of deforming bodies in space: their axes, and their shapes in these."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from kaneflex.response.spatial_deformation import rigid_section
 
 @dataclass(frozen=True, eq=False)
 class SpatialCoupledMotion(Motion):
-    """Where everything is in a coupled motion in space; ``rigid`` has the axes of the bodies, which their shapes are
-    measured in. What sensors call displacements is measured from the rigid mechanism, see :meth:`from_rigid`."""
+    """Coupled motion in space. ``rigid`` holds the body axes in which shapes are measured; displacements of sensors
+    are relative to the rigid mechanism, see :meth:`from_rigid`."""
 
     @property
     def coordinates(self) -> Rates:  # type: ignore[override]
-        """Of all shapes."""
+        """Amplitudes of all shapes."""
         none = np.zeros((0, len(self.times)))
         parts = [(none, none, none), *map(self.modal, self._moving.system.layout.shapes)]
         return cast(Rates, tuple(np.concatenate(part) for part in zip(*parts, strict=True)))
@@ -46,8 +46,8 @@ class SpatialCoupledMotion(Motion):
         return replace(self, rigid=self.rigid.taken(instants), whole=self.whole or self)
 
     def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Rates:
-        """Of a point in its body's axes, and its section's rotation against them; rates of that are angular velocities.
-        """
+        """Displacement of a point in its body's axes, and its section's rotation relative to them, whose rates are
+        angular velocities."""
         if body not in self._moving.system.layout.shapes:
             return self._still()
         found = self._deformed(body, at)
@@ -58,8 +58,8 @@ class SpatialCoupledMotion(Motion):
         ))  # fmt: skip
 
     def from_rigid(self, body: str, at: tuple[float, ...]) -> np.ndarray:
-        """Displacement and rotation of a point from where the rigid mechanism has it, in its axes there, (6, n_times).
-        """
+        """Displacement and rotation of a point relative to the rigid mechanism, in the rigid body's axes, (6,
+        n_times)."""
         frame, (section, side) = self.beside.frame(body), section_frame(self._moving, Side(body, at))
         apart = frame.to_body(section.place(side.at) - frame.place(np.asarray(at)))
         turned = np.einsum("jit,jkt->ikt", frame.axes, section.axes)
@@ -71,7 +71,7 @@ class SpatialCoupledMotion(Motion):
 
     @cached_property
     def beside(self) -> SpatialMotion:
-        """The rigid mechanism at these instants."""
+        """Rigid mechanism at these instants."""
         return cast(CoupledKinematics, self._moving.motion).rigid.at(self.times)
 
     def nodes(self, link: str) -> np.ndarray:
@@ -104,7 +104,7 @@ class SpatialCoupledMotion(Motion):
 
 
 def rotation_vector(turned: np.ndarray) -> np.ndarray:
-    """Axis times angle [rad] of rotation matrices (3, 3, n), (3, n), the angle up to pi."""
+    """Rotation vectors [rad] of rotation matrices (3, 3, n), (3, n), with angles up to pi."""
     from scipy.spatial.transform import Rotation
 
     found = np.full((3, turned.shape[2]), np.nan)

@@ -1,4 +1,4 @@
-"""Section forces of a body in space that deforms: what the part before a section needs to move as it does."""
+"""Section forces of deforming bodies in space, by d'Alembert's principle for the part before a section."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ from kaneflex.response.dalembert import GAUSS, DAlembert
 
 @dataclass(frozen=True, eq=False)
 class SpatialBalance(DAlembert):
-    """Balance of a body in space, with the rotary inertia of its sections."""
+    """Equilibrium of a body in space, with the rotary inertia of its sections."""
 
     motion: SpatialMotion
     body: str
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
-        """N, V_y, V_z, T, M_y, M_z at x [m] from the start, what the part beyond exerts: along the tangent, the chord
-        or the axes of the mean turn, as in the plane; (6, n_times).
-        """
+        """Section forces N, V_y, V_z, T, M_y, M_z at x [m] from the start, in the axes of the tangent, the chord or
+        the mean rotation, as in the plane; (6, n_times)."""
         total = self.before(x, after)
         total[3:] -= cross(self._place(self._section(x)), total[:3])
         return cast(np.ndarray, np.einsum("jit,kjt->kit", self._axes, total.reshape(2, 3, -1)).reshape(6, -1))
@@ -62,7 +61,7 @@ class SpatialBalance(DAlembert):
 
     @cached_property
     def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Loads along the body, in its axes: per length at its start [N/m], and how that rises [N/m^2]."""
+        """Distributed loads of the body, in its axes: load at its start [N/m], and its slope [N/m^2]."""
         return list(self._spread_loads())
 
     def _spread_loads(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -77,7 +76,7 @@ class SpatialBalance(DAlembert):
 
     @cached_property
     def _axes(self) -> np.ndarray:
-        """Axes of the components in the body's, columns (3, 3, n_times)."""
+        """Axes of the components in the body's axes, columns (3, 3, n_times)."""
         from scipy.spatial.transform import Rotation
 
         q = np.array([self.motion[f"{self.body}.shape_{k}"] for k in range(self._shapes.count)])
@@ -87,7 +86,7 @@ class SpatialBalance(DAlembert):
         return section_frame(self.motion, Side(self.body, (x, 0.0, 0.0)))[0]
 
     def _place(self, section: SpatialFrame) -> np.ndarray:
-        """Where a section is in the body's axes."""
+        """Position of a section in the body's axes."""
         return self._frame.to_body(section.place(np.zeros(3)) - self._frame.origin)
 
     @cached_property

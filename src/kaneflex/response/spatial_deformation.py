@@ -1,4 +1,4 @@
-"""Deformed links in space, the section forces in them, and those of rigid ones."""
+"""Deformed links in space, and section forces of elastic and rigid links."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from kaneflex.response.section_forces import spread_loads
 from kaneflex.scene import Scene
 
 SECTION = ("N", "V_y", "V_z", "T", "M_y", "M_z")
-"""Axial force (tension positive), shear forces [N], torsional and bending moments [N m], link axes: what the part
-beyond a section exerts on the part before it."""
+"""Axial force (tension positive), shear forces [N], torsional and bending moments [N m] in link axes, exerted by the
+part beyond a section on the part before it."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialDeformation(Deformation):
-    """One link's deformation in space: u, v, w, theta_x, theta_y, theta_z of every node; its sections have SECTION."""
+    """Deformation of one link in space: u, v, w, theta_x, theta_y, theta_z of every node; section forces as in
+    SECTION."""
 
     BENT: ClassVar[Mapping[int, tuple[int, float]]] = {1: (5, 1.0), 2: (4, -1.0)}  # M_z'' = p_y, M_y'' = -p_z
 
@@ -46,27 +47,26 @@ class SpatialDeformation(Deformation):
 
 
 def _growing(omega: Sequence[np.ndarray] | np.ndarray, epsilon: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """(epsilon~ + omega~ omega~) e_x, by which the acceleration grows along a link; components in its axes."""
+    """Gradient (epsilon~ + omega~ omega~) e_x of the acceleration along a link, in its axes."""
     return np.array([
         -(omega[1] ** 2 + omega[2] ** 2), epsilon[2] + omega[0] * omega[1], omega[0] * omega[2] - epsilon[1]
     ])  # fmt: skip
 
 
 def rigid_section(scene: Scene, rigid: RigidMotion, name: str, x: float, after: bool = False) -> np.ndarray:
-    """SECTION of the rigid link at distance x [m] from its start, (6, n_times).
+    """Section forces SECTION of the rigid link at distance x [m] from its start, (6, n_times).
 
-    The part before x is in balance under its inertia, its weight and all that acts on it: ``after`` says whether what
-    acts at x between the ends does, too.
+    From the equilibrium of the part before x under inertia, weight and loads; ``after``: include those at x.
     """
     mechanism, frame = spatial_mechanism_of(scene), rigid.frame(name)
     body, before = scene.bodies[name], scene.bodies[name].profile.inertia(x)
-    assert body.beam is not None and body.length is not None  # only such have sections
+    assert body.beam is not None and body.length is not None  # only beams have sections
     omega, epsilon = frame.to_body(frame.omega), frame.to_body(frame.epsilon)
     specific_force = frame.to_body(frame.acceleration(np.zeros(3)) - mechanism.gravity[:, None])
     grows = _growing(omega, epsilon)
     e_x = np.array([1.0, 0.0, 0.0])[:, None]
     force = before.mass * specific_force + before.first * grows
-    first, second = before.first - x * before.mass, before.second - x * before.first  # about the place itself
+    first, second = before.first - x * before.mass, before.second - x * before.first  # about x
     moment = np.cross(e_x, first * specific_force + second * grows, axis=0)
     own = np.array(body.spatial_profile.rotary_inertias(x))[:, None] * [[1.0], [body.beam.rotary], [body.beam.rotary]]
     moment += own * epsilon + np.cross(omega, own * omega, axis=0)

@@ -27,7 +27,7 @@ from kaneflex.support.spatial_contract import AXES
 
 @dataclass(frozen=True, eq=False)
 class SpatialElasticMotion(ElasticMotion):
-    """The rigid motion in space with the elastic coordinates about it; displacements have six components."""
+    """Rigid motion in space with elastic coordinates about it; displacements have six components."""
 
     def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Rates:
         model = self.model
@@ -74,8 +74,8 @@ class SpatialElasticMotion(ElasticMotion):
         return self.rigid[f"{name}.torque"] + spring.stiffness * turned[0] + damped
 
     def _spring_force(self, name: str, geometric: bool = False) -> np.ndarray:
-        """What a spring between two points exerts on how far these part, (4, n_times): along it, and in global axes
-        where it needs no direction, or with the ``geometric`` stiffness."""
+        """Generalised force of a spring between two points, (4, n_times): along it, and in global axes if it needs no
+        direction, or with the ``geometric`` stiffness."""
         own, options = spring_part(name, self._map.joined.mechanism.springs[name]).matrices, self.model.options
         apart, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, self._ordered(self._map.of(name)))
         force = self.rigid.column_of(own["F"]) - self.rigid.apply(own["K_s"], apart)
@@ -84,8 +84,7 @@ class SpatialElasticMotion(ElasticMotion):
         return force - self.rigid.apply(own["K_g"], apart) if geometric and options.geometric else force
 
     def change_of(self, name: str, freedom: str) -> Rates:
-        """What the deformation changes of a joint's coordinate, "angle" or "position", and its rates, (n_times,) each.
-        """
+        """Change of a joint's coordinate ("angle" or "position") by deformation, with rates, (n_times,) each."""
         joined, none = self._map.joined, np.zeros(len(self.times))
         joint = joined.mechanism.joints[name]
         row = [move for move, _ in joint.moves].index(freedom) - len(joint.moves)
@@ -104,7 +103,7 @@ class SpatialElasticMotion(ElasticMotion):
         return cast(DeformingKinematics, self.model.motion).deforming.map
 
     def _ordered(self, L: Affine) -> Affine:
-        """A matrix over the map's coordinates over the model's, which may have them in another order."""
+        """Matrix over the map's coordinates, reordered to the model's."""
         names = self._map.coordinates
         if self.model.frame is None or self.model.frame.coordinates == names:
             return L
@@ -118,10 +117,10 @@ class SpatialElasticMotion(ElasticMotion):
 
     @cached_property
     def _exerted(self) -> dict[str, np.ndarray]:
-        """What joints and drives exert, by the names of the rigid motion.
+        """Forces of joints and drives, by the names of the rigid motion.
 
-        Joints' multipliers balance every joint's node and every rigid body, whose own equations are left with their
-        sum. Rows that others follow from exert nothing; what they would share is named when the scene is loaded.
+        Multipliers balance every joint's node and every rigid body, whose own equations have their sum as residual.
+        Redundant rows exert nothing; indeterminate reactions are reported when the scene is loaded.
         """
         joined, rigid = self._map.joined, self.rigid
         residual = np.zeros((len(rigid.times), joined.size), rigid.values.dtype)
@@ -161,12 +160,12 @@ class SpatialElasticMotion(ElasticMotion):
         return exerted
 
     def _torque(self, name: str) -> np.ndarray:
-        """Of a load at a joint, or what a torsional spring opposes to the turning of its joint."""
+        """Torque of a load at a joint, or of a torsional spring against its joint's rotation."""
         spring = name.removesuffix(".torque")
         return self.spring_tension(spring) if spring in self.model.scene.springs else self.rigid[name]
 
     def _of_link(self, name: str, part: Part) -> np.ndarray:
-        """What joints exert on a link's coordinates, (size, n_times): of the nodes that its part has."""
+        """Forces of the joints on a link's coordinates, (size, n_times), at the nodes of its part."""
         deformed = self._deformed[name]
         total = -deformed.pushes()
         for e in range(len(deformed.link.nodes) - 1):
@@ -179,10 +178,10 @@ class SpatialElasticMotion(ElasticMotion):
         return found
 
     def _of_body(self, name: str, part: Part) -> np.ndarray:
-        """What joints exert on a rigid body's coordinates, (6, n_times)."""
+        """Forces of the joints on a rigid body's coordinates, (6, n_times)."""
         model, L = self.model, self._ordered(self._map.of(name))
         options = model.options
-        if options.dynamics == "quasistatic":  # C_d acts on the turning of the axes alone, among the spin terms
+        if options.dynamics == "quasistatic":  # C_d acts on the rotation of the axes only, as a spin term
             options = replace(options, gyroscopic=options.spin)
         part = with_rayleigh(part, *model.rayleigh)
         own = keep_terms(ElasticEquations(part.coordinates, K_c=Affine.zero(6, 6), **part.matrices), options)

@@ -1,4 +1,4 @@
-"""Sensors of a mechanism in space: what has three components there."""
+"""Sensors of mechanisms in space, with three components."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from kaneflex.scene.sensors import SECTION_KINDS, SPRING_KINDS, Sensor
 def displacement_of(
     scene: Scene, sensor: Sensor, frame: SpatialFrame, moved: Callable[[Address], np.ndarray]
 ) -> np.ndarray:
-    """What a sensor reads of displacements and rotations of a link's points, (n_times,).
+    """Reading of a displacement or rotation of a link's point, (n_times,).
 
-    ``frame``: the rigid body's; ``moved``: a point's u, v, w and rotations in its axes, (6, n_times).
+    ``frame``: the rigid body's; ``moved``: function of a point that returns u, v, w and rotations in its axes, (6,
+    n_times).
     """
     address = address_of(sensor)
     d = moved(address).copy()
@@ -45,7 +46,8 @@ def displacement_of(
 
 
 def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z: np.ndarray) -> np.ndarray:
-    """u' - y v'' - z w'' of a fibre along a link, by the force N and the moments E I_z v'' = M_z, -E I_y w'' = M_y."""
+    """Strain u' - y v'' - z w'' of a fibre along a link, from the force N and moments E I_z v'' = M_z, -E I_y w'' =
+    M_y."""
     address, after = address_of(sensor), sensor.cut == "after"
     (A, I_y, I_z, *_), made_of = scene.bodies[address.body].spatial_profile.at(scene.point(address)[0], after)
     y, z = cast(tuple[float, float], sensor.fibre)
@@ -56,15 +58,15 @@ def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z:
 class SpatialReader(Reader):
     """Series of one motion in space.
 
-    A displacement is u, v, w and three rotations in the body's axes; rotations, angular velocities and the like are
-    vectors, of which ``angle_x`` and so on are components.
+    Displacements are u, v, w and three rotations in the body's axes; rotations, angular velocities and accelerations
+    are vectors with components ``angle_x`` etc.
     """
 
     def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
         return frame.to_global(moved[3:])
 
     def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
-        """The component that a sensor reads of a global vector, or of a rotation's, global, too."""
+        """Component of a global vector, or of a global rotation vector, that a sensor reads."""
         if sensor.component.startswith("angle"):
             vector = angle
         if sensor.axes == "body":
@@ -82,7 +84,7 @@ class SpatialReader(Reader):
         return cast(SpatialCoupledMotion, self.motion).from_rigid(address.body, self.scene.point(address))
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
-        """Not where more constraints hold the motion than it needs."""
+        """Whether the rigid mechanism determines a reading: not if it is statically indeterminate."""
         lost = self.motion.model.module.open_reactions
         if sensor.kind in SECTION_KINDS:
             of = self.scene.joints.items()
@@ -97,7 +99,7 @@ class SpatialReader(Reader):
         return self._of_bushing(sensor) if self._is_bushing(sensor) else super().read_rigid(sensor)
 
     def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:
-        """What a sensor reads of N, V_y, V_z, T, M_y, M_z."""
+        """Reading of a sensor from N, V_y, V_z, T, M_y, M_z."""
         if sensor.kind == "axial_force":
             return section[0]
         if sensor.kind == "torsional_moment":

@@ -1,4 +1,4 @@
-"""What beam links tell beside motions, by each of their shapes: forces in sections, stresses at their edges."""
+"""Recovery data of beam links by shape: section forces, and stresses at section edges."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from kaneflex.scene.recovery import NONE, Recovery
 
 
 def recovering(scene: Scene, link: Link, shapes: np.ndarray, data: ModalData) -> ModalData:
-    """A link's data with the forces in the sections at its points, and of a planar one with stresses at their edges.
+    """Modal data of a link with section forces at its points and, in the plane, stresses at their edges.
 
-    ``shapes`` (n_nodes c, n): at the nodes. The points are on nodes.
+    ``shapes`` (n_nodes c, n): at the nodes. All points must be nodes.
     """
     spatial = data.dimension == 3
     at_nodes = (link.part.matrices["K_s"].value({}) @ shapes).reshape(len(link.nodes), -1, shapes.shape[1])
@@ -31,10 +31,10 @@ def recovering(scene: Scene, link: Link, shapes: np.ndarray, data: ModalData) ->
 
 
 def _at_edges(scene: Scene, name: str, data: ModalData, sections: np.ndarray) -> Recovery:
-    """Stresses at `POINT_upper` and `POINT_lower`, the edges +y and -y of every point whose section has a shape.
+    """Stresses at `POINT_upper` and `POINT_lower`, the edges +y and -y of every point whose section shape is known.
 
-    Normal stress by Navier's hypothesis, N/A - y M/I; edges bear no shear. The section is that before the point, of the
-    start that after it.
+    Normal stress by Navier's hypothesis, N/A - y M/I; edges have no shear. The section is the one before the point; at
+    the start, after it.
     """
     names, rows = [], []
     for point, x, (N, _, M) in zip(data.points, data.arrays["X"].tolist(), sections, strict=True):

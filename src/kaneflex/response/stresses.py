@@ -1,7 +1,7 @@
-"""Stresses of elastic links at the outlines of their sections, by the section forces of a motion.
+"""Stresses of elastic links at the outlines of their sections, from the section forces of a motion.
 
-Normal stress by Navier's hypothesis, shear of forces by Jourawski's, of torsion by Saint-Venant's; von Mises' stress of
-both. Where a load enters, at notches and where warping is held, stresses are others.
+Normal stress by Navier's hypothesis, shear of forces by Jourawski's formula, of torsion by Saint-Venant's; von Mises
+stress of both. Not valid at load introductions, at notches and with restrained warping.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from kaneflex.scene.bodies import Body
 
 STATIONS = 25
-"""Places along a link, equally far apart, beside those at which its stresses jump."""
+"""Evenly spaced stations along a link, in addition to those at jumps of its stresses."""
 _POINTS = 64
-"""Of an outline; between two of them the stress of a round section is at most 0.12 % higher."""
+"""Points of an outline; between two of them the stress of a round section is at most 0.12 % higher."""
 _TERMS = 2 * np.arange(2000)[:, None] + 1
-"""Odd numbers of Saint-Venant's series, which converges slowly at the corners alone, where there is no shear."""
+"""Odd numbers of Saint-Venant's series, which converges slowly only at the corners, where shear is zero."""
 
 
 class Outline(NamedTuple):
-    """Points of a section's outline, y and z [m], (n,), and the shear stress there along it, (n, 3).
+    """Points y and z [m] of a section's outline, (n,), and the shear stress along it, (n, 3).
 
     ``shear`` is that of unit forces V_y and V_z [1/m^2] and of a unit torque T [1/m^3].
     """
@@ -39,10 +39,10 @@ class Outline(NamedTuple):
 
 
 class LinkStresses(NamedTuple):
-    """Of an elastic link, at ``x`` [m] from its start: normal and von Mises' stresses [Pa], (n_stations, n_times) each.
+    """Normal and von Mises stresses [Pa] of an elastic link at ``x`` [m] from its start, (n_stations, n_times) each.
 
-    ``upper`` and ``lower`` are those of the edges at +y and -y in the plane; in space the greatest and the least of the
-    outline. ``mises`` is the greatest of the outline.
+    ``upper`` and ``lower``: at the edges +y and -y in the plane, greatest and least of the outline in space. ``mises``:
+    greatest of the outline.
     """
 
     x: np.ndarray
@@ -52,17 +52,17 @@ class LinkStresses(NamedTuple):
 
     @property
     def largest(self) -> tuple[int, int]:
-        """Station and instant of the largest stress of von Mises: of places that are alike the first."""
+        """Station and instant of the largest von Mises stress; the first of equal ones."""
         station, instant = np.unravel_index(int(self.mises.argmax()), self.mises.shape)
         return int(station), int(instant)
 
     def taken(self, instants: np.ndarray) -> LinkStresses:
-        """Those at some of the instants, by their numbers."""
+        """Stresses at some of the instants, by their indices."""
         return LinkStresses(self.x, *(part[:, instants] for part in self[1:]))
 
 
 def stresses_of(motion: Motion) -> dict[str, LinkStresses]:
-    """Those of every elastic link that has any; of rigid mechanisms, in which nothing deforms, none."""
+    """Stresses of every elastic link with known section shapes; none under preset rigid."""
     if motion.model.options.dynamics == "rigid":
         return {}
     links = [name for name, body in motion.model.scene.bodies.items() if body.elastic]
@@ -70,9 +70,9 @@ def stresses_of(motion: Motion) -> dict[str, LinkStresses]:
 
 
 def link_stresses(motion: Motion, name: str) -> LinkStresses | None:
-    """Stresses of an elastic link; None where a section has no shape, or nobody knows its forces.
+    """Stresses of an elastic link; None if a section has no shape, or its forces are not known.
 
-    Where something acts, and where a segment ends, there are two stations: just before it and just after it.
+    At loads and ends of segments there are two stations: just before and just after.
     """
     body, spatial = motion.model.scene.bodies[name], motion.model.scene.is_spatial
     if body.beam is None:
@@ -91,7 +91,7 @@ def link_stresses(motion: Motion, name: str) -> LinkStresses | None:
 
 
 def section_at(body: Body, x: float, after: bool = False) -> tuple[Outline, SpatialSectionNumbers] | None:
-    """The outline and the numbers of a body's section x [m] from its start; None where its shape isn't known."""
+    """Outline and numbers of a body's section x [m] from its start; None if its shape is not known."""
     assert body.beam is not None
     piece = body.profile.piece_at(x, after)
     if piece.shape is None:
@@ -106,7 +106,7 @@ def _outline_of(shape: Shape, dimensions: tuple[float, ...]) -> tuple[Outline, S
 
 
 def _in_space(forces: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
-    """N, V, M of the plane among the six of space."""
+    """Planar N, V, M as six section forces."""
     N, V, M = forces
     none = np.zeros_like(N)
     return N, V, none, none, none, M
@@ -115,7 +115,7 @@ def _in_space(forces: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
 def _of_section(
     outline: Outline, numbers: SpatialSectionNumbers, forces: tuple[np.ndarray, ...], spatial: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normal stress above, that below, and von Mises' [Pa], (n_times,) each."""
+    """Greatest and least normal stress (upper and lower in the plane), and von Mises stress [Pa], (n_times,) each."""
     N, V_y, V_z, T, M_y, M_z = forces
     z, y = outline.z[:, None], outline.y[:, None]
     normal = N / numbers.A + z * (M_y / numbers.I_y) - y * (M_z / numbers.I_z)
@@ -127,14 +127,14 @@ def _of_section(
 
 
 def _rectangle(numbers: SpatialSectionNumbers, height: float, width: float) -> Outline:
-    """Its sides at +y, -y, +z and -z, from corner to corner; a shear force along a side is a parabola there."""
+    """Outline of a rectangle: sides at +y, -y, +z and -z; shear stress of a force is parabolic along its sides."""
     s = np.linspace(-1.0, 1.0, _POINTS // 4 + 1)
     one, parabola, none = np.ones_like(s), 1.5 / numbers.A * (1.0 - s**2), np.zeros_like(s)
     upper = _torsion_along(s, width, height) / numbers.J
     side = _torsion_along(s, height, width) / numbers.J
     y = 0.5 * height * np.concatenate([one, -one, s, s])
     z = 0.5 * width * np.concatenate([s, s, one, -one])
-    # torsion goes round, from y to z; the other two along y and z
+    # torsion is positive from y to z; the forces act along y and z
     V_y = np.concatenate([none, none, parabola, parabola])
     V_z = np.concatenate([parabola, parabola, none, none])
     T = np.concatenate([upper, -upper, -side, side])
@@ -142,10 +142,10 @@ def _rectangle(numbers: SpatialSectionNumbers, height: float, width: float) -> O
 
 
 def _torsion_along(s: np.ndarray, along: float, across: float) -> np.ndarray:
-    """J times Saint-Venant's shear stress of a unit torque on a rectangle's side, at shares s of half its length.
+    """Saint-Venant's shear stress times J for a unit torque on a rectangle's side, at shares s of half its length.
 
-    2 a (1 - 8/pi^2 sum cosh(n pi y/2a)/(n^2 cosh(n pi b/2a))) over odd n at x = a of -a < x < a, -b < y < b
-    (Timoshenko & Goodier, Theory of Elasticity, 109); ``along`` is 2 b and ``across`` 2 a.
+    2 a (1 - 8/pi^2 sum cosh(n pi y/2a)/(n^2 cosh(n pi b/2a))) over odd n at x = a of -a < x < a, -b < y < b (Timoshenko
+    & Goodier, Theory of Elasticity, 109); ``along`` is 2 b and ``across`` 2 a.
     """
     n = _TERMS * np.pi * along / (2.0 * across)
     ratio = np.exp(n * (abs(s) - 1.0)) * (1.0 + np.exp(-2.0 * n * abs(s))) / (1.0 + np.exp(-2.0 * n))
@@ -153,7 +153,8 @@ def _torsion_along(s: np.ndarray, along: float, across: float) -> np.ndarray:
 
 
 def _round(numbers: SpatialSectionNumbers, radius: float, share: float) -> Outline:
-    """``share``: largest shear stress of a shear force over its mean; it goes with the sine around the outline."""
+    """Outline of a round section; ``share``: largest shear stress of a force over its mean, varying with the sine of
+    the angle."""
     angle = 2.0 * np.pi / _POINTS * np.arange(_POINTS)
     c, s = np.cos(angle), np.sin(angle)
     most = share / numbers.A
@@ -162,27 +163,29 @@ def _round(numbers: SpatialSectionNumbers, radius: float, share: float) -> Outli
 
 
 def _circle(numbers: SpatialSectionNumbers, diameter: float) -> Outline:
-    """4/3 of the mean where a shear force has most of it; by the theory of elasticity 1.23 there for nu = 0.3."""
+    """Outline of a circle: largest shear 4/3 of the mean; elasticity theory gives 1.23 in the middle for nu = 0.3."""
     return _round(numbers, 0.5 * diameter, 4.0 / 3.0)
 
 
 def _tube(numbers: SpatialSectionNumbers, diameter: float, wall: float) -> Outline:
-    """4/3 (R^2 + R r + r^2)/(R^2 + r^2) of the mean, by the first moment of half the ring over its two walls."""
+    """Outline of a tube: largest shear 4/3 (R^2 + R r + r^2)/(R^2 + r^2) of the mean, from the first moment of half
+    the ring."""
     R = 0.5 * diameter
     r = R - wall
     return _round(numbers, R, 4.0 / 3.0 * (R**2 + R * r + r**2) / (R**2 + r**2))
 
 
 def _i_section(numbers: SpatialSectionNumbers, height: float, width: float, flange: float, web: float) -> Outline:
-    """Both sides of its flanges and of its web, by thin walls: shear flows, and T t/J on either side of a wall.
+    """Outline of an I section, both sides of flanges and web, as thin walls: shear flows, and T t/J on either side of
+    a wall.
 
-    Timoshenko & Goodier, Theory of Elasticity, 110; what its fillets concentrate is left out.
+    Timoshenko & Goodier, Theory of Elasticity, 110; without stress concentration at fillets.
     """
     clear, middle = height - 2.0 * flange, height - flange
     s = np.linspace(-1.0, 1.0, 2 * (_POINTS // 12) + 1)
     one, none, z = np.ones_like(s), np.zeros_like(s), 0.5 * width * s
     across = 0.75 / (width * flange) * (1.0 - s**2)  # V_z on the two flanges, each a rectangle
-    flow = np.sign(s) * (0.5 * width - abs(z)) * 0.5 * middle / numbers.I_z  # V_y's, out of the web and into it
+    flow = np.sign(s) * (0.5 * width - abs(z)) * 0.5 * middle / numbers.I_z  # shear flow of V_y
     y = 0.5 * clear * s
     first = 0.5 * width * flange * middle + 0.5 * web * (0.25 * clear**2 - y**2)
     along = first / (numbers.I_z * web)

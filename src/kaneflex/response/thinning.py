@@ -1,4 +1,4 @@
-"""Choice of some instants of a run that keeps the extremes of the curves that are drawn over them."""
+"""Selection of instants of a run that preserves the extremes of plotted curves."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from itertools import pairwise
 import numpy as np
 
 MISSED = 0.05
-"""Share of a curve's span that may lie beyond the chosen instants: eight samples of a sine's period miss up to
-(1 - cos(pi / 8)) / 2 = 4 % of it."""
+"""Share of a curve's span that may lie beyond the selected instants: eight samples of a sine's period miss up to (1 -
+cos(pi / 8)) / 2 = 4 % of it."""
 _ROUNDING = 1e-9
-"""Share of the largest value below which a curve's span is rounding."""
+"""Share of the largest value below which a curve's span counts as rounding."""
 
 
 def thinned(curves: np.ndarray, most: int) -> tuple[np.ndarray, int]:
-    """Instants at which curves are drawn: evenly spaced ones where these show all curves, else extremes of intervals.
+    """Instants for plotting: evenly spaced ones if these show all curves, else extremes of intervals.
 
     Parameters
     ----------
     curves : ndarray (n_curves, n_times)
         Values that are not finite count as missing.
     most : int
-        Instants wanted; the extremes of the whole run come on top of these.
+        Number of instants, without the extremes of the whole run.
 
     Returns
     -------
     ndarray of int
-        Indices of instants, rising. The first, the last and the extremes of every curve are among them.
+        Indices of instants, ascending, including the first, the last and the extremes of every curve.
     int
-        Number of equal intervals of which the extremes were taken; 0 where evenly spaced instants do.
+        Number of equal intervals whose extremes are included; 0 if evenly spaced instants are sufficient.
     """
     count = curves.shape[1]
     if count <= most:
@@ -46,7 +46,7 @@ def thinned(curves: np.ndarray, most: int) -> tuple[np.ndarray, int]:
 
 
 def envelope(curves: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Instants in the middle of some equal intervals, and the least and the greatest value there of every curve.
+    """Middle instants of equal intervals, and the least and greatest value of every curve in them.
 
     Parameters
     ----------
@@ -64,13 +64,13 @@ def envelope(curves: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray, np
 
 
 def frames(curves: np.ndarray, count: int, periodic: bool) -> np.ndarray:
-    """Indices of evenly spaced instants of a film, those next to extremes that would be missed moved there.
+    """Indices of evenly spaced instants of an animation, the nearest ones moved to extremes that would be missed.
 
-    The last instant of a periodic run is left out, because it is the first again.
+    The last instant of a periodic run is left out, as it equals the first.
     """
     total = curves.shape[1]
     even = np.unique(np.linspace(0, total - 1, count, endpoint=not periodic).round().astype(int))
-    curves, free = _filled(curves), np.arange(1, len(even) - 1)  # the first and the last frame stay
+    curves, free = _filled(curves), np.arange(1, len(even) - 1)  # first and last frame are kept
     for at in _extremes(curves[missed(curves, even) > MISSED], 1):
         if at not in even and len(free):
             nearest = free[abs(even[free] - at).argmin()]
@@ -79,7 +79,7 @@ def frames(curves: np.ndarray, count: int, periodic: bool) -> np.ndarray:
 
 
 def missed(curves: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Share of its span that each curve goes beyond its values at both ends of an interval between chosen instants.
+    """Share of its span by which each curve exceeds its values at both ends of an interval between selected instants.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def missed(curves: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def _extremes(curves: np.ndarray, parts: int) -> np.ndarray:
-    """Indices of the least and the greatest value of every curve in each of some equal parts of the run."""
+    """Indices of the least and greatest value of every curve in each of some equal parts of the run."""
     ends = _ends(curves.shape[1], parts)
     found = [first + pick(curves[:, first:last], axis=1)
              for first, last in pairwise(ends) for pick in (np.argmin, np.argmax)]  # fmt: skip
@@ -109,7 +109,7 @@ def _extremes(curves: np.ndarray, parts: int) -> np.ndarray:
 
 
 def _ends(count: int, parts: int) -> np.ndarray:
-    """Indices at which equal intervals of a run begin and, one beyond the last instant, end."""
+    """Start indices of equal intervals of a run and, one beyond the last instant, their end."""
     return np.unique(np.linspace(0, count, parts + 1).round().astype(int))
 
 
@@ -118,7 +118,7 @@ def _evenly(count: int, most: int) -> np.ndarray:
 
 
 def _filled(curves: np.ndarray) -> np.ndarray:
-    """Curves with the mean of their finite values in place of the missing ones."""
+    """Curves with missing values replaced by the mean of the finite ones."""
     there = np.isfinite(curves)
     if there.all():
         return curves

@@ -1,4 +1,4 @@
-"""Least, greatest, mean and root mean square of a series over time."""
+"""Minimum, maximum, mean and root mean square of a series over time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Statistics(NamedTuple):
-    """What is kept of a series over time; `at_min` and `at_max` are indices."""
+    """Statistics of a series over time; `at_min` and `at_max` are indices."""
 
     min: float
     max: float
@@ -20,16 +20,16 @@ class Statistics(NamedTuple):
 
 
 def statistics(values: np.ndarray, times: np.ndarray) -> Statistics:
-    """Of values at times [s], both (n_times,), of which there is at least one; of those that are finite, if any is."""
+    """Statistics of values at times [s], both (n_times,), at least one; of the finite ones if there are any."""
     return statistics_of_all({"values": values}, times)["values"]
 
 
 def statistics_of_all(series: Mapping[str, np.ndarray], times: np.ndarray) -> dict[str, Statistics]:
-    """:func:`statistics` of every series, in one go of those that have a value at all times."""
+    """Statistics of every series, vectorised over those without missing values."""
     if not series:
         return {}
     found, whole, block = {}, list(series), np.array(list(series.values()))
-    there = np.isfinite(block)  # where a series has no value a warning says so
+    there = np.isfinite(block)  # missing values are reported by a warning
     if not there.all():
         whole = [name for name, own in zip(series, there, strict=True) if own.all() or not own.any()]
         for name in (name for name in series if name not in whole):
@@ -43,7 +43,7 @@ def statistics_of_all(series: Mapping[str, np.ndarray], times: np.ndarray) -> di
     least, most = block[rows, lowest], block[rows, highest]
     largest = np.maximum(abs(least), abs(most))
     largest[largest == 0.0] = 1.0
-    # scaled, because the values of an unstable run may be too large to be squared
+    # scaled, as squares of an unstable run's values may overflow
     rms = largest * np.sqrt(mean_over_time((block / largest[:, None]) ** 2, times))
     columns = (least, most, rms, mean_over_time(block, times), lowest, highest)
     each = zip(*(column.tolist() for column in columns), strict=True)
@@ -51,7 +51,7 @@ def statistics_of_all(series: Mapping[str, np.ndarray], times: np.ndarray) -> di
 
 
 def mean_over_time(values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Mean of series (..., n_times) over time by the trapezoidal rule, which counts a cycle's two equal ends once."""
+    """Mean of series (..., n_times) over time by the trapezoidal rule, which counts both equal ends of a cycle once."""
     if len(times) == 1:
         return values[..., 0]
     steps = np.diff(times, prepend=times[0], append=times[-1])

@@ -1,4 +1,4 @@
-"""What of the loads and the motion falls between two steps of a run."""
+"""Loads and motion that the steps of a run do not resolve."""
 
 from __future__ import annotations
 
@@ -11,31 +11,32 @@ from kaneflex.scene.options import Options
 from kaneflex.scene.quantities import MOST
 
 _SAMPLES = 60_000
-"""Instants that are looked at, spread over the steps."""
+"""Instants that are checked, spread over the steps."""
 _FINEST = 256
-"""Instants looked at within a step at most."""
+"""Largest number of instants checked within a step."""
 _UNSEEN = 0.2
-"""Change of a load or an angular speed between two steps beyond the straight line, as a share of its largest value."""
+"""Deviation of a load or angular speed from the straight line between two steps, as a share of its largest value, that
+is reported."""
 _TURN = 0.5
-"""Angle [rad] that a drive may turn in a step without a word."""
+"""Angle [rad] per step of a drive that is accepted."""
 
 
 def at_least(wanted: int, options: Options) -> str:
-    """Fix for too few steps: more steps, or a shorter run if there would be too many."""
+    """Advice for too few steps: the number needed, or a shorter run if that exceeds the limit."""
     if wanted <= MOST:
         return f"give solve.steps = {wanted} or more"
     return f"give solve.duration = {options.duration * MOST / wanted:.2g} s or less and more of solve.steps"
 
 
 def between_steps(model: Model) -> list[str]:
-    """Warnings where loads or speeds of links come and go between two steps, or drives turn far within one.
+    """Warnings of loads or speeds that the steps don't resolve, and of drives that turn far within a step.
 
-    Looked at are the rows of the loads' tables, however close, and instants spread over the steps. Preset coupled
-    chooses its steps itself, and sees what jumps, but steps over what comes and goes between two instants of the scene.
+    Checked are all rows of the loads' tables, and instants spread over the steps. Preset coupled chooses its own steps
+    and detects jumps, but may miss pulses between two stored instants.
     """
     options, scene = model.options, model.scene
     if options.dynamics == "coupled" and (scene.floating or any(drive.free for drive in scene.drives.values())):
-        return []  # the motion of the rigid mechanism is not theirs
+        return []  # the rigid mechanism moves differently
     within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
     steps = min(options.steps, _SAMPLES // within)
     seen = model.motion.at(model.step * np.arange(steps + 1))
@@ -45,7 +46,7 @@ def between_steps(model: Model) -> list[str]:
         if turned > _TURN and not scene.slides(name) and not drive.free:
             wanted = int(np.ceil(options.steps * turned / _TURN))
             found.append(
-                f"{name} turns by {np.degrees(turned):.3g} deg in a step: what happens in between is not seen; "
+                f"{name} turns by {np.degrees(turned):.3g} deg in a step: motion in between is not resolved; "
                 + at_least(wanted, options)
             )
     varying = {f"loads.{name}": name for name, load in scene.loads.items() if load.kind != "value"}
@@ -53,9 +54,9 @@ def between_steps(model: Model) -> list[str]:
     if not varying and not speeds:
         return found
     spread = np.linspace(0.0, seen.times[-1], within * steps + 1)
-    instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted runs
+    instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted
     rigid = model.motion.acting(instants, seen)
-    fastest = max((abs(rigid[name]).max() for name in speeds.values()), default=0.0)  # the rest may be rounding
+    fastest = max((abs(rigid[name]).max() for name in speeds.values()), default=0.0)  # smaller ones may be rounding
     for thing, name in (varying | speeds).items():
         values = rigid[name]
         straight = np.interp(rigid.times, seen.times, seen[name])
@@ -75,7 +76,7 @@ def between_steps(model: Model) -> list[str]:
 
 
 def _instants_of_rows(scene: Scene, seen: RigidMotion) -> np.ndarray:
-    """Instants [s] at which the loads' tables are read at their rows, where what they are read against goes one way."""
+    """Instants [s] at which the loads' tables are read at their rows, if their argument is monotonic."""
     found = [np.zeros(0)]
     for load in (load for load in scene.loads.values() if load.against in ("t", *scene.drives)):
         x = (seen.times if load.against == "t" else seen[f"{load.against}.angle"]) - load.offset

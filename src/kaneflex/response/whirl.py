@@ -1,9 +1,8 @@
 """Natural frequencies of rotors in fixed axes, with the direction of their whirl.
 
-In axes that turn with the rotor a mode moves as Re(phi e^(i w t)). Across the axis of rotation, with the unit vectors
-e_1 and e_2, p = d.e_1 + i d.e_2 is A e^(i w t) + B e^(-i w t). In fixed axes p is turned by e^(i Omega t), so that A
-whirls at Omega + w there and B at Omega - w, forward where this is positive (Genta 2005, Dynamics of Rotating Systems,
-chapter 2).
+In axes that turn with the rotor a mode is Re(phi e^(i w t)). Across the axis of rotation, with unit vectors e_1 and
+e_2, p = d.e_1 + i d.e_2 is A e^(i w t) + B e^(-i w t). In fixed axes p is multiplied by e^(i Omega t): A whirls at
+Omega + w and B at Omega - w, forward if positive (Genta 2005, Dynamics of Rotating Systems, chapter 2).
 """
 
 from __future__ import annotations
@@ -18,16 +17,16 @@ from kaneflex.multibody.model import Model, keep_terms
 from kaneflex.response.elastic_motion import elastic_motion
 
 _MODES = 24
-"""Modes that are looked at, from the lowest frequency in turning axes on."""
+"""Number of modes checked, from the lowest frequency in rotating axes."""
 _PURE = 0.99
-"""Least share of a mode's squared amplitudes that goes one way around the axis, or along and about it."""
+"""Least share of a mode's squared amplitudes in one whirl direction, or along and about the axis."""
 _SAME = 1e-9
-"""Share of the largest entry by which matrices may vary, and of the speed for angular velocities."""
+"""Relative variation of matrices and angular velocities that counts as constant."""
 _LOST = 1e-4
-"""Share of the speed of rotation below which a frequency in turning axes is zero: at a critical speed, where it has no
-direction, because the deflection stands still in these axes."""
+"""Share of the rotation speed below which a frequency in rotating axes is zero: at a critical speed, where the
+deflection is constant in these axes and has no direction."""
 _SMALL = 1e-9
-"""Amplitudes [m or rad] at which shapes are read, so that nothing of second order is seen."""
+"""Amplitudes [m or rad] of evaluated shapes, so that second-order effects vanish."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,31 +36,30 @@ class Whirl:
     Attributes
     ----------
     frequencies : ndarray (n_modes,)
-        In Hz.
+        Natural frequencies [Hz].
     ways : ndarray of int (n_modes,)
-        1 forward, with the rotation; -1 backward; 0 along the axis or about it.
+        Whirl: 1 forward, with the rotation; -1 backward; 0 axial or torsional.
     """
 
     frequencies: np.ndarray
     ways: np.ndarray
 
     def of(self, way: int) -> np.ndarray:
-        """Frequencies of one way, rising [Hz]."""
+        """Frequencies of one whirl direction, ascending [Hz]."""
         return np.sort(self.frequencies[self.ways == way])
 
 
 def turns(model: Model) -> bool:
-    """Whether the axes of an elastic link rotate, in which its coordinates are."""
+    """Whether the axes of an elastic link, in which its coordinates are, rotate."""
     rigid = model.motion.at(np.linspace(0.0, model.options.duration, 5)[:-1])
     return any(np.any(rigid.frame(name).omega) for name in model.links)
 
 
 def whirl(model: Model) -> Whirl | None:
-    """Modes in fixed axes of a mechanism whose elastic links turn steadily as one body.
+    """Modes in fixed axes of a mechanism whose elastic links rotate steadily as one body.
 
-    None where they don't, where the coefficients vary with the angle, where a mode diverges, or where one does not
-    whirl one way, as of a blade or of a shaft whose stiffness differs in two directions: fixed axes then see several
-    frequencies of one mode.
+    None if they don't, if the coefficients vary with the angle, if a mode diverges, or if a mode does not whirl in one
+    direction, as of a blade or of a shaft with two different stiffnesses: it has several frequencies in fixed axes.
     """
     if not model.scene.is_spatial:
         return None
@@ -97,7 +95,7 @@ def whirl(model: Model) -> Whirl | None:
 def _shares(model: Model, shapes: np.ndarray, axis: np.ndarray) -> np.ndarray:
     """Squared amplitudes of complex shapes (n, n_modes): of A, of B, and along and about the axis, (n_modes, 3).
 
-    Rotations count by the links' lengths.
+    Rotations are multiplied by the links' lengths.
     """
     count = shapes.shape[1]
     rigid = model.motion.at(np.zeros(2 * count + 1))
@@ -111,7 +109,7 @@ def _shares(model: Model, shapes: np.ndarray, axis: np.ndarray) -> np.ndarray:
     for name, link in model.links.items():
         for x in link.nodes:
             moved = motion.displacement(name, model.scene.vector((float(x), 0.0)))[0]
-            moved = moved - moved[:, -1:]  # loads may bend links of a few modes, too
+            moved = moved - moved[:, -1:]  # without the static deflection by loads
             for vector in (moved[:3], link.length * moved[3:]):
                 seen = basis @ rigid.frame(name).to_global(vector)
                 across, along, own = seen[:, :count] + 1j * seen[:, count:-1]

@@ -1,4 +1,4 @@
-"""A scene as a folder of C11: its kernels, its numbers, and its linear equations stepped in time without Python."""
+"""Export of a scene as C11: kernels, numbers, and its linear equations with time steps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from kaneflex.support.escaping import c_inline, c_literal
 _SHARED = "kaneflex_linear.h", "kaneflex_linear.c"
 _IN_SPACE = "kaneflex_series.h", "kaneflex_series.c"
 _STEPPED = ("dynamic", "frozen")
-"""Ways of solving whose steps there are in C."""
+"""Kinds of dynamics with time steps in C."""
 
 
 Start = tuple[tuple[float, ...], tuple[float, ...]]
@@ -39,13 +39,13 @@ class CModel:
     Attributes
     ----------
     name : str
-        What the names of its files and their contents begin with.
+        Prefix of its files and C names.
     texts : mapping of str to str
-        Name of a file -> its text, all that a C compiler or CMake needs.
+        Name of a file -> its text, complete for a C compiler or CMake.
     readings : Readings or None
-        What sensors read, where the linear equations are stepped.
+        Sensors of the linear equations; None without time steps.
     start : pair of tuple of float
-        z and z' where the run begins; none where nothing is stepped.
+        Initial z and z'; empty without time steps.
     """
 
     name: str
@@ -58,21 +58,20 @@ class CModel:
 def c_model(
     scene: Scene, progress: Callable[[str], None] = lambda stage: None, asked: str = "--language"
 ) -> CModel:
-    """A scene as a folder of C.
+    """Export a scene as a folder of C.
 
-    Of every scene the kernels and its numbers; in space its motion by Fourier series, in their place. Where the linear
-    equations are integrated, these too, with the state that the scene's own run begins at, steps of its integrator (of
-    radau where that has none of its own), what sensors read, and a program that writes the coordinates and sensors of
-    one run as CSV.
+    It has the kernels and numbers of any scene; in space, the motion as Fourier series instead of kernels. If the
+    linear equations are integrated, also these, with the initial state of the scene's run, steps of its integrator
+    (radau if that has no fixed steps), the sensors, and a program that writes a run's coordinates and sensors as CSV.
 
     Raises
     ------
     SceneError
-        Under preset ``coupled``, which is compiled by numba alone, and in space of what does not repeat itself.
+        Under preset ``coupled``, which numba alone compiles, and in space for motions that are not periodic.
     """
     if resolve_options(scene).dynamics == "coupled":
         raise SceneError(
-            "solve.preset", "coupled", "its equations are compiled by numba alone, not printed in C",
+            "solve.preset", "coupled", "its equations can't be exported as C",
             one_way_cure(scene, asked, integrated=False),
         )  # fmt: skip
     if scene.is_spatial:
@@ -83,7 +82,7 @@ def c_model(
     sources, declared, readings = [f"{name}.c", f"{name}_data.c"], "", None
     start: Start = (), ()
     if model.options.dynamics in _STEPPED and model.reduced.size > 0:
-        progress("where the run begins")
+        progress("initial state")
         numbers, sizes, start = _linear(model, name)
         readings = sensor_readings(model)
         more, said = _readings(readings, model, name)
@@ -106,7 +105,7 @@ def c_model(
 
 
 def _needed(model: Model, readings: Readings | None) -> Iterable[int]:
-    """Columns of the scalars that anything in C reads; where nothing does, of all that are known."""
+    """Columns of the scalars that the C code reads; all known ones if there are no sensors."""
     if readings is None:
         known = np.isfinite(model.motion.table(np.zeros(1))[0])
         return np.flatnonzero(known).tolist()
@@ -115,7 +114,7 @@ def _needed(model: Model, readings: Readings | None) -> Iterable[int]:
 
 
 def _motion(found: Harmonics, model: Model, name: str) -> dict[str, str]:
-    """Header and source of the motion in space, with the functions that read its series."""
+    """Header and source of the motion in space: Fourier series and the functions that evaluate them."""
     from kaneflex.derive.c_module import places
 
     NAME, scalars, module = name.upper(), list(model.motion.column), model.module
@@ -139,26 +138,26 @@ def _motion(found: Harmonics, model: Model, name: str) -> dict[str, str]:
 
 
 def cmake_text(name: str, sources: Iterable[str], runs: bool) -> str:
-    """What CMake needs for a library of sources, and for NAME_run.c where there is one."""
+    """CMake file for a library of the sources, and for NAME_run.c if there is one."""
     program = f"add_executable({name}_run {name}_run.c)\ntarget_link_libraries({name}_run {name})\n" if runs else ""
     return _CMAKE.format(name=name, sources=" ".join(sources), program=program)
 
 
 def shared_texts(names: Iterable[str]) -> dict[str, str]:
-    """Files of C that are the same for every scene."""
+    """C files that are the same for every scene."""
     return {name: (files("kaneflex.solve") / name).read_text(encoding="utf-8") for name in names}
 
 
 def method_in_c(model: Model) -> Method:
-    """The integrator of a run where it goes in fixed steps of one loop, radau else."""
+    """Integrator of the run if it has fixed steps, else radau."""
     method = METHODS[model.options.integrator]
     return method if method.lanes else METHODS["radau"]
 
 
 def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
-    """Texts of the arrays of the linear equations with what holds them, their sizes, and z and z' at the start."""
+    """Texts of the arrays of the linear equations and of their structure, their sizes, and the initial z and z'."""
     system, method, begun = model.system, method_in_c(model), solve(model).trajectory
-    assert isinstance(begun, Trajectory) and method.coefficients is not None  # of what goes in fixed steps
+    assert isinstance(begun, Trajectory) and method.coefficients is not None  # fixed steps
     if not len(begun.z):
         raise SceneError("solve.start", model.options.start, begun.message, "Start from zero or quasistatic")
     row = model.scalars(np.zeros(1))[0]
@@ -189,12 +188,12 @@ def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
 
 
 def unread(readings: Readings, model: Model) -> list[str]:
-    """Sensors that the C doesn't read: angles of bodies that turn all round, as how often, no instant says."""
+    """Sensors that the C code can't read: angles of bodies with full turns, whose number needs the history."""
     return [name for name in model.scene.sensors if name not in readings.sensors]
 
 
 def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], dict[str, object]]:
-    """Texts of the arrays that sensors are read by with what holds them, and what is declared of them."""
+    """Texts of the sensors' arrays and of their structure, and the declared sizes."""
     arrays: dict[str, tuple[str, Iterable[object]]] = {
         "stages": ("size_t", readings.stages.ravel()),
         "ends": ("size_t", readings.ends),
@@ -224,8 +223,8 @@ def _number(value: float) -> str:
 
 _MOTION_H = """/* The rigid motion of a mechanism in space, by kaneflex. Do not edit.
  *
- * Its scalars are Fourier series of {harmonics} harmonics of the cycle, off by {error} of their peaks. Numbers p, which
- * printed kernels of other scenes read, are in the series. */
+ * Its scalars are Fourier series of {harmonics} harmonics of the cycle, with an error of {error} of their peaks.
+ * The numbers p, which kernels of other scenes read, are part of the series. */
 #ifndef {NAME}_H
 #define {NAME}_H
 
@@ -274,7 +273,7 @@ extern const double {name}_p[];
 #endif
 """
 _DECLARED = """
-/* The linear equations, from where the scene's own run begins. */
+/* The linear equations and the initial state of the scene's run. */
 extern const kaneflex_linear {name}_linear;
 #define {NAME}_MEMORY KANEFLEX_LINEAR_MEMORY({sizes})
 
@@ -315,7 +314,7 @@ int main(void)
     }}
     if (ended)
         fprintf(stderr, "stopped at t = %.9g s: %s\\n", kaneflex_time(&state),
-                ended == KANEFLEX_SINGULAR ? "a matrix is singular" : "the motion grows beyond all bounds");
+                ended == KANEFLEX_SINGULAR ? "a matrix is singular" : "the motion is not finite");
     return ended;
 }}
 """

@@ -1,4 +1,4 @@
-"""Contact lines of elastic links: straight tangents at their address, true only near it."""
+"""Contact lines of elastic links: straight tangents at their address, valid near it only."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _SHARE = 0.01
-"""Of a link's deflection, what its contact line may be off from its axis without a word."""
+"""Distance of a contact line from the link's axis that is accepted, as a share of the link's deflection."""
 _NEAR = 0.05
-"""Share of a link's length from the address within which the line is that close: at a distance s a constant curvature
-k leaves k s^2/2 between tangent and axis, of a deflection k L^2/8 over the length L; 4 (s/L)^2 is 0.01 there."""
+"""Distance from the address, as a share of the link's length L, within which the line is that close: a constant
+curvature k leaves k s^2/2 between tangent and axis at a distance s, and deflects the link by k L^2/8; 4 (s/L)^2 =
+0.01."""
 _TOUCHING = 1e-3
-"""Share of the link's length: sides no farther apart at the start are taken to touch."""
+"""Gap at the start, as a share of the link's length, that counts as contact."""
 
 
 def check_lines(scene: Scene, first: RigidMotion) -> None:
-    """Raise SceneError where a side touches the straight line of an elastic link far from the line's address.
+    """Raise SceneError if a side touches the straight line of an elastic link far from the line's address.
 
-    first: the rigid mechanism at the start.
+    ``first``: the rigid mechanism at the start.
     """
     for name, contact in _lines(scene):
         line, point = contact.sides
@@ -45,14 +46,14 @@ def check_lines(scene: Scene, first: RigidMotion) -> None:
         if abs(n_x * x + n_y * y - contact.reach) < _TOUCHING * length and abs(along) > _NEAR * length:
             raise SceneError(
                 key_of(name, contact), str(line),
-                f"{line.body} is elastic, and the line is its straight tangent at that point; {point.body} touches it "
-                f"{1e3 * abs(along):.4g} mm away, where {line.body} moves otherwise",
-                f"Name the point of {line.body} where it touches, or let a rigid body welded there be the line",
+                f"{line.body} is elastic, and its contact line is valid near this point only; {point.body} touches it "
+                f"{1e3 * abs(along):.4g} mm away",
+                f"Choose the point of {line.body} where it touches, or weld a rigid body there as the line",
             )  # fmt: skip
 
 
 def _place(scene: Scene, first: RigidMotion, side: Address) -> tuple[float, float]:
-    """Global place [m] of a side's point at the first instant of a rigid motion."""
+    """Global position [m] of a side's point at the first instant of a rigid motion."""
     at = scene.point(side)
     if side.body == "ground":
         return at
@@ -61,7 +62,7 @@ def _place(scene: Scene, first: RigidMotion, side: Address) -> tuple[float, floa
 
 
 def off_their_lines(solution: Solution) -> Iterator[str]:
-    """Warnings of contacts that pushed where the axis of their elastic link is elsewhere than its straight line."""
+    """Warnings of contacts that act where the axis of their elastic link leaves its straight line."""
     motion, scene = solution.motion, solution.model.scene
     for name, contact in _lines(scene):
         line, point = contact.sides
@@ -79,15 +80,15 @@ def off_their_lines(solution: Solution) -> Iterator[str]:
         above = n_x * (nodes[:, 0] - base[0]) + n_y * (nodes[:, 1] - base[1])
         foot = scene.point(line)[0] + contact.direction[1] * along
         off = np.array([np.interp(x, places, each) for x, each in zip(foot, above.T, strict=True)])
-        off *= abs(contact.direction[1])  # across a section, which stays plane, the line is exact
+        off *= abs(contact.direction[1])  # a line across a section is exact, since sections stay plane
         bent = abs(motion.nodes(line.body)[1::3]).max()
         k = int(abs(off).argmax())
         if abs(off[k]) > _SHARE * bent:
             yield (
                 f"{contact.stands(name)} takes {line.body} as straight from {line} on; at t = "
-                f"{taken.times[k]:.6g} s {point.body} pushes on it {1e3 * abs(along[k]):.4g} mm from there, where the "
-                f"axis of {line.body} is {1e3 * abs(off[k]):.3g} mm from that line, of {1e3 * bent:.3g} mm that it "
-                f"bends at most; name the point where it touches, or let a rigid body welded there be the line"
+                f"{taken.times[k]:.6g} s {point.body} acts on it {1e3 * abs(along[k]):.4g} mm from there, where the "
+                f"axis of {line.body} is {1e3 * abs(off[k]):.3g} mm off that line (largest deflection "
+                f"{1e3 * bent:.3g} mm); choose the point where it touches, or weld a rigid body there as the line"
             )
 
 

@@ -1,4 +1,4 @@
-"""Solve a coupled model: initial state, integration, and the motion as every sensor reads it."""
+"""Solution of a coupled model: initial state, integration, and the motion that sensors read."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ from kaneflex.support.kept import Kept
 
 Start = tuple[np.ndarray, np.ndarray]
 _HARMONICS = 1e-6
-"""Share of the deformation up to which a start is one that repeats by its harmonics."""
+"""Tolerance of a periodic start by harmonics, as a share of the deformation."""
 
 
 def simulate_coupled(
     model: Model, progress: Callable[[float], None] | None = None, after: State | None = None
 ) -> Solution:
-    """Integrate the coupled equations over the model's horizon, from a state where one is given."""
+    """Integrate the coupled equations over the model's duration, from the state ``after`` if given."""
     started = time.perf_counter()
     system, options = model.coupled, model.options
     assert system is not None
     method = method_of(model)
     times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
     if after is not None and options.start == "given":
-        raise SceneError("after", after.source, "the scene gives a state to start from, too", "Leave solve.start out")
+        raise SceneError("after", after.source, "the scene also gives an initial state", "Leave solve.start out")
     q, v = beginning(model) if after is None else after.fitted(system, method.length)
     stops = [event for event in model.scene.events.values() if event.stop]
 
@@ -73,10 +73,10 @@ def simulate_coupled(
 def repeated(
     model: Model, times: np.ndarray, near: Start, progress: Callable[[float], None] | None = None, closer: float = 1.0
 ) -> CoupledTrajectory:
-    """The cycle over ``times`` [s] that repeats, from a start q, v ``near`` it.
+    """Periodic motion over ``times`` [s] near a start q, v.
 
-    ``closer``: what may be left of its change, as a share of what else may; of a cycle beside one that is known, of
-    which it is not asked whether its disturbances grow.
+    ``closer``: factor on the tolerance of its change over the cycle; other than 1 for a cycle near a known one, whose
+    stability is then not judged.
     """
     system = model.coupled
     assert system is not None
@@ -87,15 +87,15 @@ def repeated(
 
 
 def method_of(model: Model) -> Method:
-    """How a model asks to be integrated."""
+    """Integration method of a model's options."""
     options = model.options
     return Method(options.integrator, options.tolerance, longest(model.scene), options.bounded)
 
 
 def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """q and v of the rigid mechanism, of the slow motion where the scene starts from that, or as it gives them.
+    """Initial q and v: of the rigid mechanism, of the quasi-static start, or as the scene gives them.
 
-    They are found once for a model, whose every run begins there.
+    They are computed once per model.
     """
     q, v = _BEGINNINGS.of(model, lambda: _beginning(model))
     return q.copy(), v.copy()
@@ -121,7 +121,7 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
 def _given(
     model: Model, system: CoupledSystem, rigid_q: np.ndarray, rigid_v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """q and v as the scene gives them, what it doesn't as the rigid mechanism has it; joints closed, rates included."""
+    """Initial q and v as the scene gives them, completed by the rigid mechanism's; joints closed, rates included."""
     scene, tables = model.scene, given_start(model.scene)
     before, v = laid_over(scene, start_dimensions(model), rigid_q, rigid_v)
     given = [name for name in system.start if f"{name}.phi" in tables.displacements]
@@ -133,14 +133,14 @@ def _given(
     check_turns_kept(scene, system, before, q, given)
     _check_turns(scene, system, q)
     found = start_rates.closed(system, q, v)
-    if found is None:  # the run says so
+    if found is None:  # the run reports it
         return q, v
     return found, start_rates.fitted(scene, system, found, v, tables.velocities)
 
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
-    """A coupled trajectory with the rigid mechanism beside it, whose free drives follow the coupled motion."""
-    free = model.module.FREE  # its order, which need not be the scene's
+    """Solution of a coupled trajectory; the free drives of its rigid mechanism follow the coupled motion."""
+    free = model.module.FREE  # its order may differ from the scene's
     if free and len(trajectory.times) > 1:
         bare = CoupledMotion(model, model.motion.at(trajectory.times), trajectory)
         courses = [bare.coordinate(name) for name in free]
@@ -157,14 +157,14 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
 
 
 def longest(scene: Scene) -> float:
-    """The size of the mechanism: its longest body, else the farthest point of the ground, else its own [m]."""
+    """Size of the mechanism [m]: longest body, else farthest ground point, else that of the rigid mechanism."""
     length = max((body.length or 0.0 for body in scene.bodies.values()), default=0.0)
     length = length or max((math.hypot(*at) for at in scene.ground.values()), default=0.0)
     return length or (1.0 if scene.is_spatial else mechanism_of(scene).size)
 
 
 def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
-    """Raise SceneError where drives have the bodies of a joint with backlash whole turns apart."""
+    """Raise SceneError if the bodies of a joint with backlash start whole turns apart."""
     for name, joint in scene.joints.items():
         if joint.clearance is not None:
             first, second = (q[system.start[a.body] + 2] if a.body != "ground" else 0.0 for a in joint.addresses)
@@ -172,17 +172,17 @@ def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
             if turns:
                 raise SceneError(
                     f"joints.{name}.clearance", None,
-                    f"at the start it is {turns} whole turns from the middle of its play",
-                    "Start the drives of its bodies without them, or give the middle with them",
+                    f"at the start it is {turns} full turns from the middle of its play",
+                    "Start the drives of its bodies without full turns, or add them to the middle",
                 )  # fmt: skip
 
 
 def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
-    """q and v of the slow motion, see :mod:`kaneflex.solve.slow_start`, with q and the rigid motion undeformed."""
+    """Initial q and v of a quasi-static start (:mod:`kaneflex.solve.slow_start`), from those of undeformed bodies."""
     free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
     if free:
         raise SceneError(
-            "solve.start", model.options.start, f"{free[0]} is free: nothing holds it in equilibrium",
+            "solve.start", model.options.start, f"{free[0]} is free and has no equilibrium",
             "Start from zero",
         )  # fmt: skip
     system, t = model.coupled, float(rigid.times[0])
@@ -196,7 +196,7 @@ def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
 
 
 def _slow_rates(engine: Engine, still: Instant, duration: float) -> Start:
-    """Speeds and accelerations of the shapes that stand ``still`` in balance at each instant, at the first of them."""
+    """Initial rates and accelerations of the shapes in quasi-static equilibrium."""
     n, here = len(still.y), engine.row(still.t)
     slope = slopes(engine, still, np.concatenate([np.arange(n), np.arange(2 * n, 3 * n)]))[1]
 
@@ -212,7 +212,7 @@ def _slow_rates(engine: Engine, still: Instant, duration: float) -> Start:
 
 
 def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """q and v (n_times, size) of the undeformed bodies, each with as many whole turns as in ``first`` (size,)."""
+    """States q and v (n_times, size) of the undeformed bodies, with as many full turns as in ``first`` (size,)."""
     system = model.coupled
     assert system is not None
     q, v = rigid_states(system, model.motion.at(times))
@@ -222,14 +222,14 @@ def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.
 
 
 _LOOKS = 33
-"""Instants of a cycle at which it is looked how far free joints go."""
+"""Instants of a cycle at which the range of free joints is measured."""
 _STILL = 1e-3
-"""Share of the mechanism's size, or rad, below which what moves goes as good as nowhere."""
+"""Share of the mechanism's size, or rad, below which a motion counts as rest."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Cycles(Cycles[Start, CoupledTrajectory]):
-    """Of a planar mechanism over ``times`` [s], by starts (q, v); ``left``: what may be left of its change."""
+    """Cycles of a planar mechanism over ``times`` [s], by starts (q, v); ``left``: tolerance of a cycle's change."""
 
     system: CoupledSystem
     times: np.ndarray
@@ -249,8 +249,8 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
         return cycle.outcome is Outcome.COMPLETED
 
     def repeats(self, cycle: CoupledTrajectory) -> bool:
-        """Deformations as a share of their largest, free joints as one of how far they and their speeds go; nothing to
-        less than steps resolve."""
+        """Whether a cycle repeats: deformations relative to their largest, free joints to their range and that of
+        their speeds, within the error of the steps."""
         modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(self.system.modal, self.system.start)])
         change = abs(cycle.q[-1, modal] - cycle.q[0, modal]).max(initial=0.0)
         deforms = change <= self.left * abs(cycle.q[:, modal]).max(initial=0.0)
@@ -269,12 +269,12 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
         return bool((off <= allowed).all() and (off_rate * way <= allowed * faster).all())
 
     def _ways(self, cycle: CoupledTrajectory) -> np.ndarray:
-        """How far every one of x goes in a cycle."""
+        """Range of every component of x in a cycle."""
         rows = np.linspace(0, len(cycle.times) - 1, _LOOKS).round().astype(int)
         return np.ptp([self.returning.coordinates(self.system, cycle.q[row], cycle.v[row]) for row in rows], axis=0)
 
     def sizes(self, cycle: CoupledTrajectory) -> np.ndarray:
-        """Of what hardly moves a little of the mechanism's size, or of a turn, and that a cycle."""
+        """Scales: at least 1e-3 of the mechanism's size or of 1 rad, per cycle for rates."""
         engine, which = self.system.engine, self.returning.which
         least = _STILL * np.where(engine.turns[which], 1.0, self.method.length)
         duration = float(cycle.times[-1] - cycle.times[0])

@@ -1,6 +1,6 @@
-"""What richer models of preset ``coupled`` change in a finished run, and what that preset changes in a one-way run.
+"""Error stages of a run of preset ``coupled`` by richer models, and the effect of that preset on a one-way run.
 
-Coupled equations are quick to integrate: a richer model runs by itself, over the same time from the same start.
+Coupled equations are integrated again with the richer model, over the same time from the same start.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from kaneflex.solve.simulation import solve, storing
 from kaneflex.solve.solution import Solution
 
 _TIGHTER, _LEAST = 32.0, 1e-13
-"""By how much the tolerance of richer runs is less, and what it is at least. Their steps are half as long where stored
-instants end them: as their error is of the fifth order, it is a thirtieth of what the run's is."""
+"""Factor by which the tolerance of richer runs is smaller, and its least value. The error is of fifth order
+in the step, so half the step leaves about 1/30."""
 _CLOSER = 1e-3
-"""What a cycle of a richer model may miss its start by, as a share of what that of a run may."""
+"""Tolerance of a richer model's cycle, relative to that of the run's."""
 _MANY = 6
-"""Modes of each link in the coupled model beside a one-way run, in either plane of bending; in the plane twice as many,
-or all that its elements have."""
+"""Modes of each link in the coupled model of a one-way run, per plane of bending; twice as many in the plane, limited
+by its elements."""
 
 
 def coupled_stages(solution: Solution, progress: Progress) -> tuple[Read, list[Stage]]:
-    """What is read of a run of preset ``coupled``, and the stages of models that are ever richer than its own."""
+    """Values of a run of preset ``coupled``, and stages of successively richer models."""
     read = Read.of(solution, solution.model.options.start == "periodic")
     moved = _in_space if solution.model.scene.is_spatial else _in_plane
     richer, stages = list(_richer(solution.model)), list[Stage]()
@@ -52,14 +52,14 @@ def coupled_stages(solution: Solution, progress: Progress) -> tuple[Read, list[S
 
 
 def _richer(model: Model) -> Iterator[tuple[str, Scene, Options]]:
-    """Ever richer models, with what each adds: those that add nothing are left out."""
+    """Successively richer models and what each adds; those without effect are left out."""
     scene, options = model.given or model.scene, model.options
     tolerance, forward = (max(_LEAST, each / _TIGHTER) for each in (options.tolerance, options.forward_tolerance))
     options = replace(options, tolerance=tolerance, forward_tolerance=forward, steps=2 * options.steps)
     yield "time", scene, options
     if not any(body.elastic for body in scene.bodies.values()):
         return
-    # Twice as many of symmetric ones, too; and one of stretch more, of which every third brings one.
+    # twice as many covers symmetric links, too; every third mode is one of stretch
     modes = max(4, 2 * int(options.modes) + 1)
     if not scene.is_spatial:
         modes = min(modes, *_limits(scene))
@@ -70,7 +70,7 @@ def _richer(model: Model) -> Iterator[tuple[str, Scene, Options]]:
 
 
 def _limits(scene: Scene) -> Iterator[int]:
-    """How many modes the elements of each link in the plane have."""
+    """Number of modes that the elements of each planar link allow."""
     return (most_modes(scene, name) for name, body in scene.bodies.items() if body.elastic)
 
 
@@ -79,7 +79,7 @@ def _with_modes(scene: Scene, modes: int) -> Scene:
 
 
 def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
-    """The motion of a richer model at the instants that are read, its steps half as long as those of the run."""
+    """Motion of a richer planar model at the compared instants, with half the run's steps."""
     model, first = refined(read.model, scene, options), read.run.trajectory.times[0]
     assert model.coupled is not None
     count = options.steps if read.periodic else 2 * int(read.stored[-1])
@@ -95,9 +95,9 @@ def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) ->
 
 
 def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
-    """The same in space."""
+    """Motion of a richer model in space at the compared instants."""
     if options.start == "given":
-        raise Unknown("other shapes than those of the run can't begin in the state that it is given in space")
+        raise Unknown("in space, a given initial state can't be transferred to other shapes")
     model = refined(read.model, scene, options, _CLOSER)
     assert model.coupled_in_space is not None
     _check(*model.coupled_in_space.verdict[:2])
@@ -117,7 +117,7 @@ def _check(outcome: Outcome, message: str) -> None:
 
 
 def _embedded(read: Read, richer: CoupledSystem) -> tuple[np.ndarray, np.ndarray]:
-    """q and v of a richer model where the run begins."""
+    """Initial q and v of a richer model."""
     system, run = read.model.coupled, cast(CoupledTrajectory, read.run.trajectory)
     assert system is not None
     state = np.zeros((2, richer.size))
@@ -133,7 +133,7 @@ def _embedded(read: Read, richer: CoupledSystem) -> tuple[np.ndarray, np.ndarray
 
 
 def _carried(link: Link, richer: Link, shapes: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """The amplitudes of other shapes of the same link, at the nodes of other elements, that are nearest by mass."""
+    """Amplitudes of another mesh's shapes of the same link, nearest by mass."""
     n = link.dofs
     rows = [link.shape(e, local)[:n] @ shapes[n * e : n * (e + 2)] for e, local in map(link.locate, richer.nodes)]
     weighted = others.T @ richer.part.matrices["M"].value({})
@@ -141,10 +141,10 @@ def _carried(link: Link, richer: Link, shapes: np.ndarray, others: np.ndarray) -
 
 
 def coupling_change(read: Read, stages: list[Stage], progress: Progress) -> dict[str, np.ndarray]:
-    """What preset ``coupled`` changes in the sensors of a one-way run, beside the richest of its stages.
+    """Change of a one-way run's sensors by preset ``coupled``, relative to the richest stage.
 
-    Modes that the coupled model leaves out are no part of it, so it has more of them than by default; its elements are
-    the run's, as that stage's are.
+    The coupled model has more modes than by default, since truncated modes are not part of this change; its elements
+    are the run's.
     """
     model = load(_as_coupled(read))
     found = solve(model, progress)
@@ -159,10 +159,10 @@ def coupling_change(read: Read, stages: list[Stage], progress: Progress) -> dict
 
 
 def _as_coupled(read: Read) -> Scene:
-    """The scene of a one-way run under preset coupled, from a start like the run's."""
+    """Scene of a one-way run under preset coupled, with the corresponding start."""
     model, options = read.model, read.model.options
     if options.start == "given" and not read.periodic:
-        raise Unknown("coupled shapes have other coordinates than the state that the run starts from")
+        raise Unknown("the initial state can't be transferred to the coupled model's coordinates")
     slow = "quasistatic" in (options.start, options.dynamics)
     start = "periodic" if read.periodic else "quasistatic" if slow else options.start
     scene = acting(model.given or model.scene, options).seen(events={})

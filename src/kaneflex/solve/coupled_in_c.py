@@ -1,4 +1,4 @@
-"""A scene under preset ``coupled`` as a folder of C11: its engine, its numbers, and a run without Python."""
+"""Export of a scene under preset ``coupled`` as C11: engine, numbers, and a run."""
 
 from __future__ import annotations
 
@@ -28,34 +28,34 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import c_comment, c_literal
 
 _STEPS = 1000
-"""Steps between two looks at whether the run is over."""
+"""Steps between two checks for the end of the run."""
 
 
 def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> dict[str, str]:
-    """Name of a file -> its text: the compiled functions of the engine, printed as C with all that they call.
+    """C files by name: the engine's compiled functions printed as C, with all that they call.
 
-    NAME.h and NAME.c take a state from independent coordinates and rates to accelerations, and integrate with the
-    engine's own steps from where the scene's run begins; NAME_run.c writes a run as CSV.
+    NAME.h and NAME.c compute accelerations from independent coordinates and rates, and integrate with the engine's
+    steps from the scene's initial state; NAME_run.c writes a run as CSV.
 
     Raises
     ------
     SceneError
-        For contacts, clearances, friction and laws that jump, and in space, whose equations numba alone compiles; for
-        ``solve.bounded``, and a run that has no start.
+        For contacts, clearances, friction, discontinuous laws and mechanisms in space, which are not exported as C;
+        for ``solve.bounded``, and a run without initial state.
     """
     if scene.is_spatial:
-        reason = "in space its engine is compiled by numba alone, not printed in C"
+        reason = "mechanisms in space can't be exported as C with it"
         raise SceneError("solve.preset", "coupled", reason, one_way_cure(scene, "--language", integrated=False))
     model = load(scene, progress)
     system = model.coupled
     assert system is not None
     if model.options.bounded:
         raise SceneError(
-            "solve.bounded", ", ".join(model.options.bounded), "steps in C are bounded by displacements alone",
-            "Leave it out, and give a smaller solve.tolerance",
+            "solve.bounded", ", ".join(model.options.bounded), "steps in C control the error of displacements only",
+            "Leave it out, and use a smaller solve.tolerance",
         )  # fmt: skip
     _check_untouched(scene, system)
-    progress("where the run begins")
+    progress("initial state")
     run = _begun(model)
     name = prefix_in_c(scene)
     progress("printing the engine")
@@ -78,7 +78,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
 
 
 def _check_untouched(scene: Scene, system: CoupledSystem) -> None:
-    """Raise SceneError where something touches, rubs or switches: what numba alone compiles."""
+    """Raise SceneError for contacts, friction and discontinuous loads, which are not exported as C."""
     touching = (*system.mechanism.contacts, *system.mechanism.frictions)
     switched = getattr(system.module, "SWITCHES", ())
     if not (touching or switched or len(system.engine.contacts) or len(system.engine.holds)):
@@ -86,16 +86,16 @@ def _check_untouched(scene: Scene, system: CoupledSystem) -> None:
     cure = one_way_cure(scene, "--language", integrated=False)
     if touching:
         table = "contacts" if touching[0] in scene.raw.get("contacts", {}) else "joints"
-        key, reason = f"{table}.{touching[0]}", "what touches or rubs is compiled by numba alone, not printed in C"
+        key, reason = f"{table}.{touching[0]}", "contacts and friction can't be exported as C"
     elif switched:
-        key, reason = f"loads.{switched[0]}", "steps end where its law jumps, which is not printed in C"
+        key, reason = f"loads.{switched[0]}", "discontinuous loads can't be exported as C"
     else:
-        key, reason = "solve.preset", "bodies whose inertia is lent are followed by numba alone, not printed in C"
+        key, reason = "solve.preset", "bodies without inertia can't be exported as C"
     raise SceneError(key, None, reason, cure)
 
 
 def _begun(model: Model) -> Run:
-    """A run at its first instant, with the engine's tables as they are there."""
+    """A run at its first instant, with the engine's tables at that state."""
     system = model.coupled
     assert system is not None
     times = model.step * np.arange(model.options.steps + 1)
@@ -109,27 +109,27 @@ def _begun(model: Model) -> Run:
         q, v = beginning(model)
     run = Run(system, q, v, times, method_of(model), np.zeros(0))
     if not run.projected:
-        reason = "the mechanism is singular there"
-        raise SceneError("solve.start", model.options.start, reason, "Start elsewhere")
+        reason = "the mechanism is in a singular position at the start"
+        raise SceneError("solve.start", model.options.start, reason, "Start from another position")
     return run
 
 
 def _sizes(run: Run) -> dict[str, int]:
-    """Lengths of the arrays in C, by the names of its enumeration."""
+    """Lengths of the C arrays, by the names of the enumeration."""
     engine, system = run.engine, run.system
     return {
         "PLAN": len(engine.tables.plan), "NUMBERS": len(engine.tables.w), "REAL": max(1, len(engine.real)),
         "PAIR": max(1, len(engine.pair)), "ROW": len(run.here), "FREE": len(engine.independent),
         "COORDINATES": system.size, "FORCES": len(system.constraints), "TREE": engine.size,
-        "EXERTED": 3 * engine.count(at.BODIES) + engine.count(at.REACTIONS) + 5,  # as if one contact were there: the
-        # compiler sees the loop over them, and not that it makes no turn
+        "EXERTED": 3 * engine.count(at.BODIES) + engine.count(at.REACTIONS) + 5,  # room for one
+        # contact: the compiler can't see that the loop over contacts is empty
         "WORKS": engine.count(at.WORKS),
     }  # fmt: skip
 
 
 _SAID = {
     "COORDINATES": "of the bodies: x, y [m] and angle [rad] of each, then the amplitudes of its shapes [m]",
-    "FORCES": "what joints exert, and drives [N, N m]",
+    "FORCES": "forces of joints and drives [N, N m]",
     "FREE": "independent coordinates: of joints [rad, m] and of shapes [m]",
 }
 
@@ -140,7 +140,7 @@ def _enumerated(sizes: dict[str, int], NAME: str) -> str:
 
 
 def _engine(run: Run, name: str) -> dict[str, str]:
-    """The functions that are entered, with all that they call, as ``engine``; and their names in C."""
+    """Text ``engine`` of the entry functions and all that they call, and their names in C."""
     engine = run.engine
     kernels = list(engine.kernels)
     for kind in engine.kinds:
@@ -154,7 +154,7 @@ def _engine(run: Run, name: str) -> dict[str, str]:
 
 
 def _data(run: Run, name: str) -> Iterator[str]:
-    """The mechanism's tables, as they are where the run begins."""
+    """Tables of the mechanism at the initial state."""
     engine, system = run.engine, run.system
     plan, bodies, sections, acts, w = engine.tables
     for key, table in (("plan", plan), ("bodies", bodies), ("sections", sections), ("acts", acts)):
@@ -178,7 +178,7 @@ def _data(run: Run, name: str) -> Iterator[str]:
 
 
 def _method(table: Table, name: str) -> Iterator[str]:
-    """Coefficients of the collocation; complex ones as pairs."""
+    """Coefficients of the collocation method; complex ones as pairs."""
     for key, values in table._asdict().items():
         flat = np.ascontiguousarray(values).ravel()
         yield _real(f"{name}_{key}", flat.view(float) if np.iscomplexobj(flat) else flat, "")
@@ -196,16 +196,16 @@ def _real(name: str, values: Sequence[float] | np.ndarray, kept: str = "const ")
 
 
 def _wrapped(head: str, values: list[str]) -> str:
-    """An array with some numbers a line; C has no empty ones."""
+    """Array definition with several numbers per line; C has no empty arrays."""
     values = values or ["0"]
     lines = "\n".join(f"    {', '.join(values[k : k + 8])}," for k in range(0, len(values), 8))
     return f"{head} = {{\n{lines}\n}};\n"
 
 
 _ABOUT = {
-    "about_header": "large motions of elastic bodies. All numbers are SI.\n\nA state is a mechanism's tables with its "
-    "motion: as many as there is memory for run beside each other. Nothing is allocated.",
-    "about_source": "the engine's functions as numba compiles them, and the numbers.",
+    "about_header": "large motions of elastic bodies. All numbers are SI.\n\nA state holds a mechanism's tables and "
+    "its motion; states are independent of each other. No memory is allocated.",
+    "about_source": "the engine's functions, as compiled by numba, and the numbers.",
 }
 _HEADER = """{about_header}
 #ifndef {NAME}_H
@@ -221,8 +221,7 @@ enum {{
 {enumerated}
 }};
 
-/* How a run ended: at its end, at a singular state, where other coordinates have to be independent; else the step
- * vanishes. */
+/* Outcome of a run: done, singular state, change of the independent coordinates needed; other: step too small. */
 enum {{ {NAME}_DONE = {DONE}, {NAME}_SINGULAR = {SINGULAR}, {NAME}_TURNED = {TURNED} }};
 
 typedef struct {{
@@ -236,22 +235,22 @@ extern const char *const {name}_coordinate_names[];
 extern const char *const {name}_force_names[];
 extern const char *const {name}_free_names[];
 
-/* Put a state where the scene's run begins. */
+/* Set a state to the initial state of the scene's run. */
 void {name}_start({name}_state *state);
 
 /* Time [s] of a state. */
 double {name}_time(const {name}_state *state);
 
-/* Accelerations a of the independent coordinates y, which move at the rates v at t [s]; {name}_free_names says which.
- * Loops are closed from where they were the last time. Returns {NAME}_DONE or {NAME}_SINGULAR. */
+/* Accelerations a of the independent coordinates y with rates v at t [s], in the order of {name}_free_names.
+ * Loops are closed starting from their last position. Returns {NAME}_DONE or {NAME}_SINGULAR. */
 int {name}_accelerations({name}_state *state, double t, const double y[], const double v[], double a[]);
 
-/* Integrate until an instant [s] with the scene's tolerance; the error chooses the steps. Returns how it ended. Which
- * coordinates are independent stays as it is: where a loop comes near a dead centre of these, the run ends there. */
+/* Integrate until an instant [s] with error-controlled steps of the scene's tolerance. Returns the outcome. The
+ * independent coordinates stay the same: the run ends if a loop comes near a dead centre of these. */
 int {name}_run({name}_state *state, double until);
 
-/* Coordinates of the bodies with their rates and accelerations, and what joints and drives exert, where a run stands.
- * What no equation determines is no number. */
+/* Coordinates of the bodies, their rates and accelerations, and forces of joints and drives at the current time.
+ * Statically indeterminate forces are NaN. */
 void {name}_motion({name}_state *state, double q[], double v[], double a[], double forces[]);
 
 #ifdef __cplusplus
@@ -376,7 +375,7 @@ int main(void)
     if (ended != {NAME}_DONE)
         fprintf(stderr, "stopped at t = %.9g s: %s\\n", {name}_time(&state),
                 ended == {NAME}_SINGULAR ? "a singular state"
-                : ended == {NAME}_TURNED ? "near a dead centre of the independent coordinates" : "the step vanishes");
+                : ended == {NAME}_TURNED ? "near a dead centre of the independent coordinates" : "the step is zero");
     return ended;
 }}
 """

@@ -1,4 +1,4 @@
-"""State space and modes of a coupled model: what `linearise` and `modes` show of it, in the plane and in space."""
+"""State space and modes of a coupled model, in the plane and in space."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from kaneflex.support.errors import SceneError
 
 
 def linear_about(model: Model, t: float) -> Linear[Any]:
-    """The linear equations about the steady deformation at the time t [s].
+    """Linear equations about the steady deformation at the time t [s].
 
-    Raises SceneError where the deformed mechanism finds no balance, where bodies touch at times, and where a motion of
-    free joints in space is not known.
+    Raises SceneError if there is no equilibrium, for contacts and friction, and in space if a motion of free joints is
+    not known.
     """
-    reason = "the equations are others while bodies touch, and those are not linear"
+    reason = "contact makes the equations nonlinear"
     refuse_contacts(model.scene, "solve.preset", "coupled", reason, "Leave it out")
     found = (_linear_in_space if model.scene.is_spatial else _linear_in_plane)(model, t)
     if found is None:
         raise SceneError(
-            "solve.preset", model.options.preset, f"the deformed mechanism finds no balance at t = {t:.6g} s",
-            "Take another configuration",
+            "solve.preset", model.options.preset, f"the deformed mechanism has no equilibrium at t = {t:.6g} s",
+            "Choose another configuration",
         )  # fmt: skip
     return found
 
@@ -64,16 +64,16 @@ def _linear_in_space(model: Model, t: float) -> Linear[State] | None:
 
 
 def _undeformed(model: Model, t: float) -> tuple[SpatialSystem, State]:
-    """A mechanism in space, and how it moves at t [s] without deformation."""
+    """A mechanism in space and its undeformed state at t [s]."""
     motion, end = cast(CoupledKinematics, model.motion), model.options.duration
     if motion.module.FREE and not 0.0 <= t <= end:
-        reason = f"where {motion.module.FREE[0]} goes is known from 0 to {end:.6g} s"
-        raise SceneError("t", t, reason, "Take an instant of the run, or a longer solve.duration")
+        reason = f"the motion of {motion.module.FREE[0]} is known from 0 to {end:.6g} s"
+        raise SceneError("t", t, reason, "Choose an instant of the run, or a longer solve.duration")
     return motion.module.system, motion.undeformed(t)
 
 
 def fastest_decay(model: Model, trajectory: CoupledTrajectory) -> float:
-    """Largest rate [1/s] at which something overdamped dies away about the last state of a planar run; 0 for none."""
+    """Largest decay rate [1/s] of an overdamped mode about the last state of a planar run; 0 if there is none."""
     system, t = model.coupled, float(trajectory.times[-1])
     assert system is not None
     engine = prepare(system, t, trajectory.q[-1], trajectory.v[-1])
@@ -88,20 +88,20 @@ def fastest_decay(model: Model, trajectory: CoupledTrajectory) -> float:
 
 
 def inputs(model: Model) -> tuple[str, ...]:
-    """What moves the linear equations: every load, then every prescribed acceleration."""
+    """Inputs of the linear equations: every load, then every prescribed acceleration."""
     scene = model.scene
     return (*scene.loads, *(f"{name}.acceleration" for name, drive in scene.drives.items() if drive.kind != "free"))
 
 
 def readings(model: Model, found: Linear[Any], sensors: Mapping[str, Sensor]) -> np.ndarray:
-    """Derivatives of the sensors by coordinates, their rates and the inputs, (n_sensors, 2 n_y + n_inputs)."""
+    """Derivatives of the sensors with respect to coordinates, rates and inputs, (n_sensors, 2 n_y + n_inputs)."""
     motion, weights = (_beside_in_space if model.scene.is_spatial else _beside_in_plane)(model, found)
     rows = [(sensor_values(motion, sensor) * weights).reshape(-1, 4).sum(axis=1) for sensor in sensors.values()]
     return np.array(rows).reshape(len(sensors), len(weights) // 4)
 
 
 def _beside_in_plane(model: Model, found: Linear[Instant]) -> tuple[Motion, np.ndarray]:
-    """Motions beside an instant, and the weights with which four of them make up a derivative."""
+    """Motions near an instant, and the weights by which four of them make a central difference."""
     assert model.coupled is not None
     trajectory, away, weights = probes(model.coupled, found)
     shift = {}
@@ -113,7 +113,7 @@ def _beside_in_plane(model: Model, found: Linear[Instant]) -> tuple[Motion, np.n
 
 
 def _beside_in_space(model: Model, found: Linear[State]) -> tuple[Motion, np.ndarray]:
-    """The same."""
+    """Motions near an instant in space, and the weights of the differences."""
     motion = cast(CoupledKinematics, model.motion)
     beside = spatial_linear.neighbours(motion.module.system, found.instant)
     motion = motion.along(beside)
@@ -121,10 +121,10 @@ def _beside_in_space(model: Model, found: Linear[State]) -> tuple[Motion, np.nda
 
 
 def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Undamped modes at the reference configuration, from strain and mass alone: coordinates, omega [rad/s], shapes.
+    """Undamped modes at the reference configuration from K_s and M: coordinates, omega [rad/s], shapes.
 
-    Free joints take part, so that a mechanism that turns freely has modes of zero frequency. Raises SceneError where
-    the mechanism stands at a dead centre there.
+    Free joints are included, so that a freely turning mechanism has modes of zero frequency. Raises SceneError at a
+    dead centre.
     """
     try:
         names, M, K = (_at_rest_in_space if model.scene.is_spatial else _at_rest_in_plane)(model, model.reference_time)

@@ -1,4 +1,4 @@
-"""A state of a coupled system that a run can start from: that of another run, read back from its results."""
+"""Initial state of a coupled run, taken from another run or its results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _OF_STATE = ("state", "last_state", "last_rate")
 _OPEN = 1e-3
-"""Share of the longest body, or rad, by which a state may miss the joints that it is given to."""
+"""Share of the longest body, or rad, by which a state may open joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class State:
     Attributes
     ----------
     source : str
-        What it was taken from, for messages.
+        Origin, for messages.
     t : float
         Time [s].
     names : tuple of str
@@ -46,21 +46,21 @@ class State:
     def fitted(self, system: CoupledSystem, length: float) -> tuple[np.ndarray, np.ndarray]:
         """q and v in a system's order.
 
-        Raises SceneError if the system has other coordinates, or if its joints are not where the state has them.
+        Raises SceneError if the system has other coordinates, or the state opens its joints.
         """
         wanted = [name for name, _ in system.coordinates]
         strange = sorted({*wanted} ^ {*self.names})
         if strange:
             owner = "the scene" if strange[0] in wanted else "the state"
             raise SceneError(
-                "after", self.source, f"{strange[0]} is a coordinate of {owner} alone",
-                "Continue with the scene and the number of modes that the state comes from",
+                "after", self.source, f"{strange[0]} is a coordinate of {owner} only",
+                "Continue with the scene and number of modes of that run",
             )  # fmt: skip
         order = [self.names.index(name) for name in wanted]
         q, v = self.q[order], self.v[order]
         check_closed(
             system, self.t, q, length, "after", self.source,
-            "Continue with the lengths and drives that the state comes from",
+            "Continue with the lengths and drives of that run",
         )  # fmt: skip
         return q, v
 
@@ -68,15 +68,15 @@ class State:
 def check_closed(
     system: CoupledSystem, t: float, q: np.ndarray, length: float, key: str, source: str, cure: str
 ) -> None:
-    """Raise SceneError (key, source and cure are its own) if the joints at the time t [s] are not where q has them."""
+    """Raise SceneError (of ``key``, ``source`` and ``cure``) if q opens the joints at the time t [s]."""
     for name, gap in system.gaps(t, q).items():
         if abs(gap) > _OPEN * (1.0 if name.endswith(("moment", "drive")) else length):
-            opens = f"its state opens {name.rpartition('.')[0]} by {gap:.3g} (m or rad)"
+            opens = f"the state opens joint {name.rpartition('.')[0]} by {gap:.3g} (m or rad)"
             raise SceneError(key, source, opens, cure)
 
 
 def last_state(solution: Solution) -> State:
-    """The last state of a coupled solution. Raises SceneError for a solution that has none."""
+    """Last state of a coupled solution. Raises SceneError if there is none."""
     if solution.model.coupled is None:
         raise _none(repr(solution))
     trajectory = solution.trajectory
@@ -86,29 +86,29 @@ def last_state(solution: Solution) -> State:
 
 @takes(path="path")
 def read_state(path: Path | str) -> State:
-    """The last state of a run, from its folder or its ``results.nc``.
+    """Last state of a run, from its folder or its ``results.nc``.
 
     Raises
     ------
     SceneError
-        If there are no results, or they are not those of a coupled run.
+        If there are no results, or not of a coupled run.
     """
     path = Path(path)
-    cure = "Name the folder of a run of preset coupled, or its results.nc"
+    cure = "Give the folder of a run of preset coupled, or its results.nc"
     try:
         found = read_labelled(path / "results.nc" if path.is_dir() else path, ("time", *_OF_STATE))
     except Fault as fault:
-        raise SceneError("after", str(path), f"no results can be read there: {fault.reason}", cure) from fault
+        raise SceneError("after", str(path), f"its results can't be read: {fault.reason}", cure) from fault
     if not any(name in found.variables for name in _OF_STATE):
         raise _none(str(path))
     each = (found.variables[name][1] if name in found.variables else np.zeros(0) for name in (*_OF_STATE, "time"))
     names, q, v, times = each
     numbers = all(each.dtype.kind == "f" for each in (q, v, times)) and names.shape == q.shape == v.shape and times.size
     if not numbers or not np.isfinite([times[-1], *q, *v]).all():
-        raise SceneError("after", str(path), "its last state is damaged: not all of it is there as numbers", cure)
+        raise SceneError("after", str(path), "its last state is incomplete or damaged", cure)
     return State(str(path), float(times[-1]), tuple(map(str, names)), q, v)
 
 
 def _none(source: str) -> SceneError:
     cure = "Continue from a run of preset coupled"
-    return SceneError("after", source, "holds no state: only coupled runs can be continued", cure)
+    return SceneError("after", source, "it has no state: only coupled runs can be continued", cure)

@@ -1,4 +1,4 @@
-"""What one model says of a scene's sensors, whoever computed it: what models are compared by."""
+"""Sensor curves of a model, from kaneflex or another program, for comparisons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What one model says of a scene's sensors.
+    """Sensor curves of one model.
 
     Attributes
     ----------
@@ -21,11 +21,11 @@ class Curves:
     missing : mapping of str to str
         Sensors that the model can't give, with the reason.
     notes : tuple of str
-        How the model differs from the scene as it is written, and what to know before trusting it.
+        Differences of the model from the scene as written, and warnings.
     seconds : float
-        Wall time of solving; compiling and building come before it.
+        Wall time of the solution, without compilation and set-up.
     undersampled : tuple of str
-        What comes and goes between two of the model's steps, in words; only where models are weighed.
+        Loads that the model's steps do not resolve, in words; only for model comparisons.
     """
 
     times: np.ndarray
@@ -38,7 +38,7 @@ class Curves:
 
 @dataclass(frozen=True)
 class Resolution:
-    """How fine another program computes.
+    """Mesh and steps of another program.
 
     Attributes
     ----------

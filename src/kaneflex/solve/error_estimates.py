@@ -1,9 +1,9 @@
-"""What every sensor may be off by, and why: a plus-minus from richer models of the finished motion.
+"""Error estimate of every sensor, by richer models of the finished motion.
 
-A richer model of the same mechanism (a finer grid of time, all modes, all terms, twice the elements) is given the
-motion that was found, and what it changes in a sensor is the estimate: a hierarchical a-posteriori estimator (Bank and
-Smith 1993). One-way equations are linear: :mod:`kaneflex.solve.one_way_corrections` corrects the motion by their
-residual. Coupled ones run once more: :mod:`kaneflex.solve.coupled_corrections`.
+A richer model of the same mechanism (a finer time grid, all modes, all terms, twice the elements) is applied to the
+computed motion; its change of a sensor is the estimate: a hierarchical a-posteriori estimator (Bank and Smith 1993).
+One-way equations are linear: :mod:`kaneflex.solve.one_way_corrections` corrects the motion by their residual. Coupled
+equations are integrated again: :mod:`kaneflex.solve.coupled_corrections`.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from kaneflex.solve.work import nominal_seconds
 from kaneflex.support.errors import SceneError
 
 KINDS = ("time", "modes", "terms", "elements")
-"""What an error comes from, in the order in which a model is made richer."""
+"""Sources of error, in the order in which the model is enriched."""
 LONGEST = 1.0
-"""Nominal seconds of a coupled run up to which it is run again, in some ten times that, without being asked."""
+"""Nominal seconds of a coupled run up to which its error is estimated by default, in about ten times that."""
 _SECOND_ORDER = 4.0 / 3.0
-"""What is left of a change by elements half as long, and itself: forces converge by the square of the length."""
+"""Total error relative to the change by half as long elements: forces converge with the square of the length."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,12 @@ class ErrorEstimate:
     Attributes
     ----------
     total : float
-        Of all that is left out together.
+        All sources together.
     time, modes, terms, elements : float
-        Of the discretisation in time; the modes that a reduction, or preset ``coupled``, left out; the groups of terms,
-        and all of the deformation or its dynamics where the preset has none; elements half as long. In this order,
-        each beside those before it.
+        Discretisation in time; modes that a reduction, or preset ``coupled``, truncates; groups of terms, including
+        the deformation or its dynamics if the preset has none; element size. Each in addition to those before it.
     coupling : float or None
-        Of the one-way coupling; None under ``coupled``, and where it was not asked for by ``solve.errors = "all"``.
+        One-way coupling; None under ``coupled``, and unless requested by ``solve.errors = "all"``.
     """
 
     total: float
@@ -57,7 +56,7 @@ class ErrorEstimate:
 def error_estimates(
     solution: Solution, progress: Progress = lambda done: None
 ) -> tuple[Mapping[str, ErrorEstimate], str]:
-    """Each sensor's estimate, and why there is none, or none of what the one-way coupling leaves out.
+    """Error estimate of each sensor, and the reason if there is none, or none for the one-way coupling.
 
     ``progress`` is called with the finished share of the work, 0 to 1.
     """
@@ -68,13 +67,13 @@ def error_estimates(
         read, stages = _stages(solution, progress)
     except Unknown as unknown:
         return {}, f"not estimated: {unknown}"
-    except SceneError as error:  # of a rigid run, whose deformation can't follow its motion
-        return {}, f"not estimated, as no richer model can be set up: {error.key}: {error.reason}"
+    except SceneError as error:  # a rigid run may have no elastic model
+        return {}, f"not estimated: a richer model fails: {error.key}: {error.reason}"
     said, options = "", solution.model.options
     if options.errors == "all" and options.dynamics != "coupled":
         coupling, said = _coupling(read, stages, progress)
         stages += coupling
-        if said and solution.model.module.FREE:  # whose motion is off by more than all that is known
+        if said and solution.model.module.FREE:  # coupling then dominates the error
             return {}, f"not estimated: {said}"
     return _estimates(read, stages), said
 
@@ -90,7 +89,7 @@ def _stages(solution: Solution, progress: Progress) -> tuple[Read, list[Stage]]:
 
 
 def _coupling(read: Read, stages: list[Stage], progress: Progress) -> tuple[list[Stage], str]:
-    """A stage that holds what the one-way coupling leaves out, or why that is not known."""
+    """Stage of the one-way coupling, or the reason if it is not known."""
     from kaneflex.solve.coupled_corrections import coupling_change
 
     try:
@@ -99,11 +98,11 @@ def _coupling(read: Read, stages: list[Stage], progress: Progress) -> tuple[list
         reason = str(unknown)
     except SceneError as error:
         reason = f"{error.key}: {error.reason}"
-    return [], f"the share of the one-way coupling is not estimated: {reason}"
+    return [], f"the error of the one-way coupling is not estimated: {reason}"
 
 
 def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
-    """By sensor; none of one that has no value at any instant."""
+    """Estimates by sensor; none for sensors without a value at any instant."""
     before: Mapping[str, np.ndarray] = read.values
     base = before
     found: dict[str, dict[str, float]] = {}
@@ -124,13 +123,13 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
 
 
 def _apart(one: np.ndarray, other: np.ndarray) -> float:
-    """The largest difference, over instants at which both have a value."""
+    """Largest difference over instants at which both have a value."""
     found = np.abs(one - other)
     return float(found.max(initial=0.0, where=np.isfinite(found)))
 
 
 def _impossible(solution: Solution) -> str:
-    """Why nothing is estimated, in words; empty where it can be."""
+    """Reason why nothing is estimated, in words; empty if estimates are possible."""
     model, options = solution.model, solution.model.options
     if options.errors == "none":
         return ": solve.errors is none"
@@ -144,13 +143,13 @@ def _impossible(solution: Solution) -> str:
 
 
 def _too_long(solution: Solution) -> str:
-    """Why nothing is estimated of a coupled run that is long."""
+    """Reason why a long coupled run has no estimates; empty if it is short."""
     seconds = nominal_seconds(solution)
     if seconds <= LONGEST or solution.model.options.errors == "all":
         return ""
     return (
-        f": by its steps the run takes about {seconds:.2g} s, and richer ones take several times that; "
-        'solve.errors = "all" asks for it'
+        f": the run takes about {seconds:.2g} s, and richer ones several times as long; "
+        'request it by solve.errors = "all"'
     )
 
 
@@ -158,8 +157,8 @@ def _impossible_one_way(model: Model) -> str:
     if not any(body.elastic for body in model.scene.bodies.values()):
         return ": no body is elastic"
     if model.module.FREE and model.options.errors != "all":
-        return ': what the deformation does to the motion of free joints is not known; solve.errors = "all" asks for it'
+        return ': the effect of the deformation on free joints is not known; request it by solve.errors = "all"'
     without = left_out(model.options)
     if without and model.module.STRUCTURE == pruned_hash(model.scene, without):
-        return ": the module has no terms but those that were chosen"
+        return ": the module has only the selected terms"
     return ""

@@ -1,4 +1,4 @@
-"""What estimates of errors have in common: a run with the instants that are compared, and stages of richer models."""
+"""Common parts of error estimates: the compared instants of a run, and stages of richer models."""
 
 from __future__ import annotations
 
@@ -17,23 +17,22 @@ from kaneflex.solve.simulation import storing
 from kaneflex.solve.solution import Solution
 
 Stage = tuple[str, Mapping[str, np.ndarray]]
-"""What a richer model adds, and the sensors' values by it at the instants that are read."""
+"""Kind of enrichment, and the sensors' values with it at the compared instants."""
 Progress = Callable[[float], None]
 READ = 256
-"""Instants at about which sensors are compared."""
+"""Approximate number of compared instants."""
 
 
 class Unknown(Exception):
-    """What a richer model adds is not found; its argument says why."""
+    """The effect of a richer model is not found; the argument is the reason."""
 
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """A run, and the stored instants at which its sensors are compared: about READ, equally far apart.
+    """A run, and the evenly spaced stored instants, about READ, at which its sensors are compared.
 
-    run: all of it, where instants or a part of it were asked for; stored: the numbers of these instants
-    periodic: whether richer models are to repeat themselves after it
-    steps: of the run from one of them to the next
+    ``run``: the complete run, even if a part of it is asked about; ``stored``: indices of the instants; ``periodic``:
+    whether richer models are periodic, too; ``steps``: of the run between two of the instants.
     """
 
     run: Solution
@@ -61,22 +60,22 @@ class Read:
 
     @cached_property
     def motion(self) -> Motion:
-        """The run at these instants."""
+        """Motion of the run at these instants."""
         return self.run.motion.taken(self.stored)
 
     @cached_property
     def values(self) -> dict[str, np.ndarray]:
-        """The sensors of the run."""
+        """Sensors of the run at these instants."""
         return values_of(self.motion)
 
 
 def values_of(motion: Motion) -> dict[str, np.ndarray]:
-    """The sensors' values, (n_times,) each."""
+    """Values of the sensors, (n_times,) each."""
     return {name: series.values for name, series in measure(motion).items()}
 
 
 def with_half_elements(scene: Scene) -> Scene:
-    """The scene with elements half as long."""
+    """The scene with twice the number of elements."""
     return scene.seen(bodies={name: _halved(body) if body.elastic else body for name, body in scene.bodies.items()})
 
 

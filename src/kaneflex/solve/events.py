@@ -1,4 +1,4 @@
-"""When sensors pass the values that a scene's events name."""
+"""Times at which sensors pass the values of a scene's events."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _RESOLUTION = 1e-12
-"""Share of a run to which the time of an event is found."""
+"""Tolerance of an event's time as a share of the run."""
 
 
 def find_events(solution: Solution) -> dict[str, np.ndarray]:
     """Times of every event of the scene [s], ascending.
 
-    A sensor that passes a value and comes back between two stored instants is not seen.
+    A sensor that crosses a value twice between two stored instants is not detected.
     """
     return {name: _times(solution, event) for name, event in solution.model.scene.events.items()}
 
@@ -32,7 +32,7 @@ def happens(solution: Solution, events: Iterable[Event]) -> bool:
 
 
 def until_stop(solution: Solution) -> Solution:
-    """The solution up to the first event that stops it; the same one where none does."""
+    """The solution up to the first event that stops it; unchanged if there is none."""
     stops = {
         times[0]: name
         for name, times in find_events(solution).items()
@@ -52,7 +52,7 @@ def _gap(solution: Solution, event: Event) -> np.ndarray:
 
 
 def _passed(gap: np.ndarray, direction: str) -> np.ndarray:
-    """The stored instants after which the gap reaches zero, from below (up) or above (down)."""
+    """Stored instants after which the gap crosses zero, from below (up) or above (down)."""
     before, after = gap[:-1], gap[1:]
     up, down = (before < 0) & (after >= 0), (before > 0) & (after <= 0)
     return np.flatnonzero({"up": up, "down": down, "both": up | down}[direction])

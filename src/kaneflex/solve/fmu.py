@@ -1,7 +1,7 @@
-"""A scene's linear equations as a Functional Mock-up Unit (FMI 2.0.5 or 3.0.2): its C, described, compiled and packed.
+"""Export of a scene's linear equations as a Functional Mock-up Unit (FMI 2.0.5 or 3.0.2), compiled and packed.
 
-Its states are z and z', its outputs what sensors read. Between the steps that it takes in co-simulation it shows the
-quintic through z, z', z'' at both ends.
+States are z and z', outputs the sensors. Between its steps in co-simulation it interpolates by the quintic through z,
+z', z'' at both ends.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ _MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "arm64": "aarch64", "aarch64
 _OF_FMI_2 = {"x86_64-linux": "linux64", "x86_64-darwin": "darwin64", "x86_64-windows": "win64"}
 _BASE = {"m": {"m": 1}, "s": {"s": 1}, "kg": {"kg": 1}, "rad": {"rad": 1}, "N": {"kg": 1, "m": 1, "s": -2}, "1": {}}
 _AT_ANY_TIME, _BEFORE = ("value",), ("speed", "angle", "spin_up", "offset")
-"""Numbers of loads that can be changed during a run; of drives and loads before it."""
+"""Numbers of loads that may change during a run, and of drives and loads that may change before it."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One of the FMU's numbers, all of them real; those that begin somewhere have a `start`."""
+    """A real variable of the FMU; those with an initial value have a `start`."""
 
     name: str
     unit: str
@@ -54,7 +54,7 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class Fmu:
-    """The file, what it was compiled for (None: sources alone), names of sensors and of what can be set."""
+    """Content of the file, its platform (None: sources only), names of sensors, of unread ones and of inputs."""
 
     content: bytes
     compiled_for: str | None
@@ -82,34 +82,34 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
     Parameters
     ----------
     scene : Scene, Model, Solution or path
-        Of a one-way preset that integrates; in space of a motion that repeats itself.
+        With a one-way preset that integrates; in space with a periodic motion.
     version : {"2", "3"}
-        Of the standard.
+        Version of FMI.
 
     Returns
     -------
     Fmu
         Inputs are the values of constant loads [N or N m], parameters the drives' speeds and angles and the offsets of
-        tables, outputs the sensors. It starts where the scene's own run does, whatever they are set to.
+        tables, outputs the sensors. It starts from the initial state of the scene's run, whatever they are set to.
 
     Raises
     ------
     SceneError
-        Of what :func:`kaneflex.solve.c_model.c_model` refuses, and presets that integrate nothing.
+        As :func:`kaneflex.solve.c_model.c_model`, and for presets without integration.
     """
     scene, progress = scene_from(scene), progress or silent
     if version not in ("2", "3"):
         raise SceneError("version", version, "no version of FMI that is written", "Choose '2' or '3'")
     options = resolve_options(scene)
     if options.dynamics == "coupled" or options.integrator == "none":
-        reason = "there is nothing to integrate, so that no FMU is made of it"
+        reason = "it has nothing to integrate, and an FMU needs that"
         if options.dynamics == "coupled":
-            reason = "an FMU is made of linear equations, and its own are nonlinear"
+            reason = "an FMU needs linear equations, and these are nonlinear"
         cure = one_way_cure(scene, "export", integrated=True)
         raise SceneError("solve.preset", scene.solve.preset, reason, cure)
     made = c_model(scene, progress, "export")
     if made.readings is None:
-        reason = "nothing of them can bend, so that there is nothing to integrate"
+        reason = "they have no elastic coordinates to integrate"
         raise SceneError("bodies", ", ".join(made.model.links), reason, "Give them more elements")
     name, variables = made.name, _variables(made)
     shared = (f"kaneflex_fmi{version}.c", "kaneflex_fmi.h", "kaneflex_fmu.c", "kaneflex_fmu.h")
@@ -134,10 +134,10 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
 
 
 def _settable(model: Model) -> Iterator[tuple[int, Variable]]:
-    """Places in p of what can be set, parameters last: what nothing has been computed from beforehand.
+    """Places in p of the variables that can be set, parameters last.
 
-    Motions that were integrated, or tabled, know the loads and speeds that they had; so do frozen matrices, modes, and
-    the series of motions in space.
+    Excluded are numbers on which precomputed data depend: integrated or tabulated motions, frozen matrices, modes, and
+    the Fourier series of motions in space.
     """
     parameters = model.module.PARAMETERS
     if model.module.FREE or model.scene.is_spatial:
@@ -152,7 +152,7 @@ def _settable(model: Model) -> Iterator[tuple[int, Variable]]:
 
 
 def _variables(made: CModel) -> list[Variable]:
-    """All numbers in the order of their value references, which kaneflex_fmu.h lays down."""
+    """All variables in the order of their value references, as in kaneflex_fmu.h."""
     model, readings, names = made.model, made.readings, made.model.reduced.coordinates
     assert readings is not None
     found = [Variable("time", "s", "independent")] + [each for _, each in _settable(model)]
@@ -175,7 +175,7 @@ def _variables(made: CModel) -> list[Variable]:
 
 
 def _described(made: CModel, token: str) -> str:
-    """The C that says which model the shared functions are about."""
+    """C source that connects the model with the shared functions."""
     name, settable, numbers = made.name, list(_settable(made.model)), len(made.model.motion.parameters)
     inputs = sum(variable.causality == "input" for _, variable in settable)
     places = array_in_c("size_t", f"{name}_places", [place for place, _ in settable], "static ")
@@ -241,7 +241,7 @@ def _root(made: CModel, more: Mapping[str, str]) -> ElementTree.Element:
 
 
 def _kinds(root: ElementTree.Element, name: str, state: str) -> list[ElementTree.Element]:
-    """Both kinds of simulation, with what is offered in each; ``state``: how the version writes an FMU's."""
+    """Elements of both kinds of simulation with their capabilities; ``state``: the version's spelling of FMUState."""
     offered = {"modelIdentifier": name, f"canGetAndSet{state}": "true"}
     steps = {"canHandleVariableCommunicationStepSize": "true"}
     return [
@@ -251,7 +251,7 @@ def _kinds(root: ElementTree.Element, name: str, state: str) -> list[ElementTree
 
 
 def _listed(root: ElementTree.Element, model: Model, variables: list[Variable]) -> ElementTree.Element:
-    """Where the variables go, behind their units and what a simulation is by default."""
+    """Element of the variables, after units and the default experiment."""
     _units(root, variables)
     given = {"startTime": "0.0", "stopTime": repr(float(model.options.duration)), "stepSize": repr(float(model.step))}
     ElementTree.SubElement(root, "DefaultExperiment", given)
@@ -259,13 +259,13 @@ def _listed(root: ElementTree.Element, model: Model, variables: list[Variable]) 
 
 
 def _unknowns(variables: list[Variable]) -> tuple[list[int], list[int]]:
-    """Places of the outputs, and of the states' derivatives."""
+    """Indices of the outputs, and of the states' derivatives."""
     outputs = [k for k, each in enumerate(variables) if each.causality == "output"]
     return outputs, [k for k, each in enumerate(variables) if each.derivative_of is not None]
 
 
 def _attributes(variable: Variable) -> dict[str, str]:
-    """Of a variable, in both versions of the standard."""
+    """Attributes of a variable that both versions share."""
     given = {"name": variable.name, "causality": variable.causality}
     given["variability"] = "fixed" if variable.causality == "parameter" else "continuous"
     if variable.meaning:
@@ -310,12 +310,12 @@ def _xml(root: ElementTree.Element) -> bytes:
 
 
 def _compiled(texts: Mapping[str, str], sources: list[str], name: str, version: str) -> tuple[str, bytes] | None:
-    """Where the library is in the file, and the library; None without a compiler, or for a machine of no known name.
+    """Path in the archive and content of the compiled library; None without a compiler or for an unknown platform.
 
     Raises
     ------
     SceneError
-        Where a compiler is there but doesn't compile.
+        If the compiler fails.
     """
     compiler = next(filter(None, map(shutil.which, (os.environ.get("CC", ""), "cc", "gcc", "clang"))), None)
     system, suffix = _SYSTEMS.get(platform.system(), ("", ""))
@@ -330,12 +330,12 @@ def _compiled(texts: Mapping[str, str], sources: list[str], name: str, version: 
         done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
         if done.returncode:
             reason = (done.stderr.strip().splitlines() or ["no message"])[0]
-            raise SceneError("CC", compiler, f"the C does not compile: {reason}", "Name another C11 compiler in CC")
+            raise SceneError("CC", compiler, f"the C does not compile: {reason}", "Set CC to another C11 compiler")
         return f"binaries/{folder}/{name}.{suffix}", (Path(place) / f"{name}.{suffix}").read_bytes()
 
 
 def _packed(files: Mapping[str, bytes]) -> bytes:
-    """A zip archive that has the same bytes whenever it is made."""
+    """Zip archive with reproducible bytes."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(files):

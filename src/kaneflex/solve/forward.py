@@ -1,8 +1,8 @@
-"""Forward dynamics of free joints: the rigid mechanism under its loads, before anything deforms.
+"""Forward dynamics of free joints of the rigid mechanism under its loads.
 
-The generated ``inverse`` kernel gives the torque that each free joint would need for given accelerations. It is linear
-in them, so the forward equations M(theta) epsilon = -h are read off a few evaluations. Positions are closed forms of
-the joints' coordinates, so the constraints hold by themselves and there is no drift to project away.
+The generated ``inverse`` kernel gives the torque that each free joint needs for given accelerations. It is linear in
+them, so that M and h of M(theta) epsilon = -h follow from a few evaluations. Positions are closed forms of the joints'
+coordinates: constraints hold exactly, without drift.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
 _ABSOLUTE = 1e-2
-"""Absolute tolerance, in rad, m and their rates, as a share of the relative one."""
+"""Absolute tolerance, in rad, m and their rates, relative to the relative one."""
 _SINGULAR = 1e-3
-"""Transmission angle [rad], or least singular value of constraints, below which a loop is as good as singular."""
+"""Transmission angle [rad], or least singular value of the constraints, below which a loop counts as singular."""
 _PIECES = 10
-"""Cubics for each stretch of an integrator of eighth order: between its steps it is as exact as on them."""
+"""Cubics per stretch of an integrator of eighth order, whose dense output is as accurate as its steps."""
 _MOST_NUMBERS = 2e7
-"""Numbers in the tables of all courses, 160 megabytes: beyond them several steps make one stretch."""
+"""Largest count of numbers in the tables of all courses (160 MB); beyond it several steps share a stretch."""
 _COURSES = 5 * 3
-"""Numbers for each instant and joint: time and cubic, of coordinate, speed and acceleration."""
+"""Numbers per instant and joint: time and cubic, for coordinate, speed and acceleration."""
 
 
 def integrate_free_joints(
@@ -45,22 +45,21 @@ def integrate_free_joints(
 ) -> tuple[RigidKinematics, Energy]:
     """Integrate the free joints over the duration of ``options``, by its method and tolerance.
 
-    ``share`` is called with how much of it is done.
+    ``share`` is called with the finished share, 0 to 1.
 
     Returns
     -------
     RigidKinematics
-        Its parameters end in the tables of each free joint's coordinate, speed and acceleration, piecewise cubics on
-        tenths of stretches: the integration's own steps, or where these are very many as few of them together as
-        the tables have room for, none longer than a step of the run.
+        Its parameters end with tables of each free joint's coordinate, speed and acceleration: piecewise cubics on
+        tenths of the integration's steps, or of several steps together if these are very many.
     Energy
-        Of the rigid mechanism, at the ends of these stretches.
+        Energy of the rigid mechanism at the ends of these steps.
 
     Raises
     ------
     SceneError
-        If the motion can't start or go on, by a linkage that can't close, bodies without mass or forces that are not
-        finite, or takes too many steps; it names joint, place and time.
+        If the motion can't start or continue: the linkage can't close, the mass matrix is singular, forces are not
+        finite, or too many steps are needed. Names joint, position and time.
     """
     accelerations, inertia = forward_equations(module, parameters)
     start = np.concatenate([
@@ -77,7 +76,7 @@ def integrate_free_joints(
             states.append(state)
             epsilon.append(accelerations(t, state))
             if not np.isfinite(epsilon[-1]).all():
-                raise run.stopped(times[-2], states[-2], "its accelerations are not finite beyond")
+                raise run.stopped(times[-2], states[-2], "its accelerations are not finite afterwards")
     columns = np.array(states).T, np.array(epsilon).T
     motion = RigidKinematics(module, with_courses(module, parameters, np.array(times), *columns))
     check_passage(mechanism, motion, np.array(times))
@@ -85,7 +84,7 @@ def integrate_free_joints(
 
 
 class _Steps:
-    """The steps of scipy's integrators, gathered into stretches."""
+    """Steps of scipy's integrators, grouped into stretches."""
 
     def __init__(self, scene: Scene, module: ModuleType, parameters: np.ndarray, options: Options, accelerations):
         self.scene, self.module, self.parameters, self.options = scene, module, parameters, options
@@ -126,7 +125,7 @@ class _Steps:
                 begun, curves = solver.t, []
 
     def stopped(self, t: float, state: np.ndarray, message: str | None = None) -> SceneError:
-        """Why the motion ends at a time and state; without a message it is too slow."""
+        """Error of a motion that ends at a time and state; without a message it is too slow."""
         free = self.module.FREE
         rigid = standing(self.module, self.parameters, t, state)
         joint = locking(rigid)
@@ -134,13 +133,13 @@ class _Steps:
             return swung(mechanism_of(self.scene), joint, rigid)
         if message is not None:
             return SceneError(
-                f"drives.{free[0]}", "free", f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}",
+                f"drives.{free[0]}", "free", f"the motion can't continue after t = {t:.6g} s: {message.rstrip('.')}",
                 "Shorten the duration, or change loads or start so that no linkage locks",
             )  # fmt: skip
         return self._singular(t, rigid) or SceneError(f"drives.{free[0]}", "free", self.pace.message(t), SLOW)
 
     def _singular(self, t: float, rigid: RigidMotion) -> SceneError | None:
-        """Why the motion stands still at a singular position of a loop; None elsewhere."""
+        """Error of a motion at a singular position of a loop; None elsewhere."""
         from kaneflex.mechanism.dead_centres import closings
         from kaneflex.mechanism.reach import courses_of
 
@@ -149,14 +148,14 @@ class _Steps:
             return None
         return SceneError(
             f"joints.{found[0].name}", None,
-            f"the loop that it closes is at a singular position at t = {t:.6g} s, {found[0].stand}: branches of its "
-            "motion meet there, and joint forces have no finite value",
-            "Take preset coupled, which goes on along a branch, or shorten the duration",
+            f"the loop that it closes is in a singular position at t = {t:.6g} s, {found[0].stand}: branches of its "
+            "motion meet there, and joint forces are not finite",
+            "Use preset coupled, which continues along a branch, or shorten the duration",
         )  # fmt: skip
 
 
 def _sampled(curves: list, begun: float, end: float) -> list[tuple[float, np.ndarray]]:
-    """States at the ends of _PIECES equal parts of a stretch, by the curve of the step that each lies in."""
+    """States at _PIECES equally spaced instants of a stretch, from the dense output of its steps."""
     times = np.append(begun + (end - begun) * np.arange(1, _PIECES) / _PIECES, end)
     places = np.searchsorted([curve.t for curve in curves[:-1]], times)
     states = np.concatenate([curves[k](times[places == k]) for k in np.unique(places)], axis=1)
@@ -164,7 +163,7 @@ def _sampled(curves: list, begun: float, end: float) -> list[tuple[float, np.nda
 
 
 def standing(module: ModuleType, parameters: np.ndarray, t: float, state: np.ndarray) -> RigidMotion:
-    """The rigid mechanism at a time t [s], its free joints at rest where a state (2 n,) has them."""
+    """Rigid mechanism at a time t [s], its free joints at rest at a state (2 n,)."""
     times, still = t + np.array([0.0, 0.5, 1.0]), np.zeros((len(module.FREE), 3))
     places = np.repeat(state[: len(module.FREE), None], 3, axis=1)
     courses = with_courses(module, parameters, times, np.concatenate([places, still]), still)
@@ -172,7 +171,7 @@ def standing(module: ModuleType, parameters: np.ndarray, t: float, state: np.nda
 
 
 def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:
-    """``parameters`` with free joints and bodies that keep their initial speeds over ``duration`` [s]."""
+    """Parameters with free joints and bodies that keep their initial speeds over ``duration`` [s]."""
     times = np.array([0.0, duration / 2, duration])
     first = {name: (drive.start, drive.initial_speed) for name, drive in scene.drives.items()}
     for body, free in scene.floating.items():
@@ -185,10 +184,10 @@ def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, d
 def forward_equations(
     module: ModuleType, parameters: np.ndarray
 ) -> tuple[Callable[[float, np.ndarray], np.ndarray], Callable[[float, np.ndarray], np.ndarray]]:
-    """M epsilon = -h as functions of time t [s] and state, coordinates, then speeds of the n free joints.
+    """Functions of time t [s] and state (coordinates, then speeds of the n free joints) of M epsilon = -h.
 
-    The first gives epsilon [rad/s^2 or m/s^2], shape (n,), not finite where M is singular; its work arrays are made
-    once, as an integration calls it a hundred thousand times. The second gives M (n, n).
+    The first returns epsilon [rad/s^2 or m/s^2], (n,), not finite if M is singular; its work arrays are allocated once.
+    The second returns M (n, n).
     """
     inverse, n = module.inverse, len(module.FREE)
     y, h, M = np.zeros(3 * n), np.zeros(n), np.zeros((n, n))
@@ -214,7 +213,7 @@ def forward_equations(
 
 @njit(cache=True, error_model="numpy")
 def _solve(M, h):
-    """x of (M - 1 h^T) x = -h, by elimination with row exchanges; M is overwritten."""
+    """Solve (M - 1 h^T) x = -h by Gaussian elimination with row exchanges; M is overwritten."""
     n = len(h)
     x = -h
     for k in range(n):

@@ -1,4 +1,4 @@
-"""A run's first state where the scene gives it: from names and quantities to the coordinates that are integrated."""
+"""Initial state given by a scene, converted to the integrated coordinates."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ _TURNING = ("theta", "turn")
 STATE = ("displacements", "velocities")
 """Tables of a state."""
 _TOUCHING = 1e-9
-"""Share of the mechanism's size by which sides that touch at the start may lie in each other."""
+"""Penetration at the start, as a share of the mechanism's size, that counts as contact."""
 _LISTED = 40
-"""Coordinates that a message lists at most."""
+"""Largest number of coordinates in a message."""
 
 
 def start_coordinates(model: Model) -> tuple[str, ...]:
-    """Names that ``solve.start`` can give a displacement and a velocity: what is integrated, before modes of the whole
-    mechanism are taken."""
+    """Names to which ``solve.start`` can give a displacement and a velocity: the integrated coordinates, before a
+    modal reduction of the whole mechanism."""
     return tuple(start_dimensions(model))
 
 
 def start_dimensions(model: Model) -> dict[str, Dimension]:
-    """What kind of quantity each of them is."""
+    """Dimension of each of these coordinates."""
     if model.coupled is not None:
         return {name: ANGLE if unit == "rad" else LENGTH for name, unit in model.coupled.coordinates}
     if model.coupled_in_space is not None:
@@ -50,7 +50,7 @@ def start_dimensions(model: Model) -> dict[str, Dimension]:
 
 
 def shape_dimensions(system: SpatialSystem) -> dict[str, Dimension]:
-    """What the amplitudes of the shapes of bodies in space are, in the order of the system's: of twist an angle."""
+    """Dimension of the shapes' amplitudes of bodies in space, in the system's order; angles for twist."""
     return {
         f"{body}.shape_{k}": ANGLE if twists else LENGTH
         for body, shapes in system.layout.shapes.items()
@@ -59,7 +59,7 @@ def shape_dimensions(system: SpatialSystem) -> dict[str, Dimension]:
 
 
 def given_start(scene: Scene) -> Start:
-    """The tables of a scene that gives a state to start from."""
+    """Tables of the initial state that a scene gives."""
     start = scene.solve.start
     assert isinstance(start, Start)
     return start
@@ -68,12 +68,12 @@ def given_start(scene: Scene) -> Start:
 def laid_over(
     scene: Scene, dimensions: Mapping[str, Dimension], z: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of z and v, shapes (n,) in the order of ``dimensions``, with what ``solve.start`` gives in them.
+    """Copies of z and v, (n,) in the order of ``dimensions``, with the values of ``solve.start``.
 
     Raises
     ------
     SceneError
-        For a name that is no coordinate, and a quantity that is not its coordinate's; with all problems.
+        For unknown coordinates and wrong dimensions; names every problem.
     """
     start = given_start(scene)
     rates = {name: _RATES[dimension] for name, dimension in dimensions.items()}
@@ -103,7 +103,7 @@ def _filled(
 
 
 def _known(name: str, names: tuple[str, ...]) -> str:
-    """The nearest coordinate and the list of them, as far as it can be read."""
+    """The nearest coordinate and the list of them, up to a limit."""
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     known = f"Known: {', '.join(names[:_LISTED])}{more}"
     close = nearest(name, names)
@@ -111,14 +111,14 @@ def _known(name: str, names: tuple[str, ...]) -> str:
 
 
 def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """z and v at t = 0 of what is integrated of a one-way model, shapes (n,).
+    """Initial z and v of a one-way model's integrated coordinates, (n,).
 
-    In modes of the whole mechanism B it is the state nearest to the given one by mass: B^T M B y = B^T M z.
+    With modes of the whole mechanism B it is the state nearest by mass: B^T M B y = B^T M z.
 
     Raises
     ------
     SceneError
-        As :func:`laid_over` does.
+        As :func:`laid_over`.
     """
     none = np.zeros(len(model.coordinates))
     z, v = laid_over(model.scene, start_dimensions(model), none, none)
@@ -130,8 +130,8 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_start(model: Model) -> None:
-    """Raise SceneError for a state that the model can't start from, as given or as bodies would lie in each other."""
-    if model.options.start != "given" or model.coupled_in_space is not None:  # in space it has been read
+    """Raise SceneError if the model can't start from the given state, or bodies penetrate each other at the start."""
+    if model.options.start != "given" or model.coupled_in_space is not None:  # in space it is checked already
         check_apart(model)
         return
     if model.coupled is None:
@@ -143,7 +143,7 @@ def check_start(model: Model) -> None:
 
 
 def check_apart(model: Model) -> None:
-    """Raise SceneError where the two sides of a contact lie in each other at the start, beyond rounding."""
+    """Raise SceneError if the sides of a contact penetrate each other at the start, beyond rounding."""
     mechanism, rigid = mechanism_of(model.scene), model.motion.at(0.0)
     if not mechanism.contacts:
         return
@@ -160,13 +160,13 @@ def check_apart(model: Model) -> None:
         if gap < -_TOUCHING * mechanism.size:
             raise SceneError(
                 model.scene.contacts[name].stands(name), None,
-                f"at the start its sides lie {-1e3 * gap:.4g} mm in each other",
-                "Start them apart, as by the angle or position of free drives",
+                f"at the start its sides penetrate each other by {-1e3 * gap:.4g} mm",
+                "Start them apart, for example by the start of free drives",
             )  # fmt: skip
 
 
 def _check_flank(scene: Scene, name: str, along: np.ndarray) -> None:
-    """The same of flanks: ``along`` (2, 1) is the x axis of the second body in the axes of the first."""
+    """Raise SceneError if flanks penetrate; ``along`` (2, 1): x axis of the second body in the axes of the first."""
     contact = scene.contacts[name]
     assert isinstance(contact, ClearanceContact) and contact.clearance.angle is not None
     away = float(np.arctan2(along[1], along[0]).item()) - contact.clearance.middle
@@ -177,5 +177,5 @@ def _check_flank(scene: Scene, name: str, along: np.ndarray) -> None:
         raise SceneError(
             f"joints.{contact.joint}.clearance", None,
             f"at the start it is {np.degrees(away):.6g} deg from the middle of its play, beyond a flank",
-            "Start within the play, as by the angles of free drives, or give its middle",
+            "Start within the play, for example by the start of free drives, or change its middle",
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a scene's laws, tables and springs must be over a run, by the motion that they give."""
+"""Checks of a scene's laws, tables and springs over a run, along the rigid motion."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
-_ROUNDED = 1e-9  # share of a law's largest value by which rounding may part its values
+_ROUNDED = 1e-9  # share of a law's largest value that counts as rounding
 _POLE_PARTS, _POLE_LEVELS = 64, 4
-"""Into how many parts samples are taken nearer where a pole may lie between them, and how often: by 1e7 in all."""
+"""Parts into which intervals around a possible pole are divided, and how often: by 1e7 in all."""
 _MEETING = 1e-3
-"""Share of a spring's greatest length under which it has no direction."""
+"""Share of a spring's greatest length below which its direction is undefined."""
 _MOST = 20_000
-"""Instants at most at which laws must have values before anything is computed."""
+"""Largest number of instants at which laws are checked before the computation."""
 
 
 def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
-    """Loads and prescribed motions must have a value at every step, or the error names the law and the time."""
+    """Raise SceneError, which names the law and the time, unless loads and prescribed motions are finite at every
+    step."""
     times = np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
     rigid = motion.at(times)
     free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
@@ -31,9 +32,9 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
     laws = {name: scene.argument(name) for name in scene.loads} if scene.observed else {}
     elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
-    elsewhere |= set(getattr(motion.module, "open_reactions", ()))  # which no equation determines
-    known = [name for name in known if name not in elsewhere]  # they are known once the bodies are placed
-    whole = len(known) == len(motion.column)  # else bodies need not be placed for it
+    elsewhere |= set(getattr(motion.module, "open_reactions", ()))  # statically indeterminate
+    known = [name for name in known if name not in elsewhere]  # known only after the motion is computed
+    whole = len(known) == len(motion.column)  # else positions are not needed
     if np.isfinite(rigid.values).all() if whole else all(np.isfinite(rigid[name]).all() for name in known):
         _check_poles(scene, rigid, known)
         return
@@ -46,15 +47,15 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
             key, thing, given = f"loads.{name}", "it", scene.loads[name].law
         else:
             drive = min(scene.drives, key=lambda drive: scene.drives[drive].law is None)
-            key, thing, given = f"drives.{drive}", "the motion or one of its rates", scene.drives[drive].law
+            key, thing, given = f"drives.{drive}", "the motion or a derivative of it", scene.drives[drive].law
         raise SceneError(
             key, given, f"{thing} has no finite value at t = {t:.6g} s",
-            "Give a law that is smooth over the run, or another duration",
+            "Give a law that is finite over the run, or another duration",
         )  # fmt: skip
 
 
 def _check_poles(scene: Scene, rigid: RigidMotion, known: Sequence[str]) -> None:
-    """Laws must not have a pole between two samples."""
+    """Raise SceneError if a law has a pole between two samples."""
     laws = {f"{name}.angle": ("drives", name, drive.law) for name, drive in scene.drives.items()}
     laws |= {name: ("loads", name, load.law) for name, load in scene.loads.items()}
     for scalar in sorted(laws.keys() & set(known)):
@@ -63,22 +64,22 @@ def _check_poles(scene: Scene, rigid: RigidMotion, known: Sequence[str]) -> None
         if t is not None:
             raise SceneError(
                 f"{table}.{name}", law, f"it grows without bound at t = {t:.6g} s",
-                "Give a law that is smooth over the run, or another duration",
+                "Give a law that is finite over the run, or another duration",
             )  # fmt: skip
 
 
 def _pole(rigid: RigidMotion, scalar: str) -> float | None:
-    """Where a scalar has a pole [s], looked for where its neighbouring values part most.
+    """Time of a pole of a scalar [s], searched where neighbouring values differ most; None if there is none.
 
-    There they part the further, the nearer they lie, to the last; over a jump by as much, elsewhere by less. A pole
-    that is an instant itself, but for rounding, stands above both of its neighbours however near they are.
+    At a pole the difference grows with each refinement; at a jump it stays the same, elsewhere it decreases. A pole at
+    an instant itself exceeds both neighbours at every refinement.
     """
     times, values = rigid.times, rigid[scalar]
     parted = abs(np.diff(values))
     before = first = max(float(parted.max(initial=0.0)), _ROUNDED * float(abs(values).max()))
     for _ in range(_POLE_LEVELS if first else 0):
         k, before = int(parted.argmax()), max(first, float(parted.max()))
-        low, high = max(k - 1, 0), min(k + 2, len(parted))  # an even pole is beside where they part
+        low, high = max(k - 1, 0), min(k + 2, len(parted))  # an even pole lies next to the largest difference
         times = np.linspace(times[low], times[high], _POLE_PARTS * (high - low) + 1)
         values = rigid.motion.at(times)[scalar]
         parted = abs(np.diff(values))
@@ -96,7 +97,7 @@ def _pole(rigid: RigidMotion, scalar: str) -> float | None:
 
 
 def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:
-    """Sweep as for the loops: a free length or a damper needs a direction, which points that meet don't have."""
+    """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there."""
     directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
     if not directed:
         return
@@ -106,7 +107,7 @@ def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> No
         start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)
         d = end - start
         step = np.diff(d)
-        # The closest approach may lie between two samples: on the straight line from one to the other.
+        # the closest approach may lie between two samples, on the straight line between them
         share = np.clip(-(d[:, :-1] * step).sum(0) / np.maximum((step**2).sum(0), 1e-300), 0.0, 1.0)
         nearest = np.linalg.norm(d[:, :-1] + share * step, axis=0)
         if (nearest > _MEETING * np.linalg.norm(d, axis=0).max()).all():

@@ -1,4 +1,4 @@
-"""From a scene to a model: find or derive its module, bind the numbers, check that it closes, build."""
+"""Loading of a scene: find or derive its module, bind the numbers, check that it closes, build the model."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 _POSED = 1e-6
-"""Share of a structure's size by which welds may hold a body elsewhere than its pose says."""
-ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
-"""Said of every run with free joints."""
+"""Share of a structure's size by which welds may move a body from its pose."""
+ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation does not act back on its motion"
+"""Note of every run with free joints."""
 
 
 def _pickled(model: Model) -> tuple[Callable[[Scene], Model], tuple[Scene]]:
-    """A model is pickled as its scene, and loaded anew from it: kernels and addresses are a process's own."""
+    """Pickle a model as its scene and load it again: kernels and addresses belong to one process."""
     return load, (model.scene if model.given is None else model.given,)
 
 
@@ -66,10 +66,10 @@ def load(
     progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     like : Model, optional
-        Of a similar scene: where the equations are the same they are taken from it, which gives the same model sooner.
+        Model of a similar scene, whose equations are reused if they are the same; saves time only.
     pruned : bool
-        Whether the module is one without the terms that the options leave out, derived if there is none yet. By default
-        it is the structure's, which serves all options.
+        Use a module without the terms that the options leave out, derived if needed. By default the module serves
+        all options.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def load(
     Raises
     ------
     SceneError
-        If the linkage can't close over the drives' range, or the scene asks for what is not available.
+        If the linkage can't close over the drives' range, or the scene uses a feature that its preset lacks.
     """
     scene = scene_from(scene)
     return replace(_load(scene, progress or silent, like, pruned), given=scene)
@@ -109,7 +109,7 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     check_memory(scene, options, len(module.SCALARS))
     motion = RigidKinematics(module, bind_parameters(scene, module))
-    # a kernel that every load needs is called once, so that compiling is seen and timed apart from computing
+    # call a kernel once, so that compilation is reported and timed separately
     compiled = compiled_by(progress, lambda: motion.table(np.zeros(1)))
     began = time.perf_counter()
     motion, energy = _moving(scene, motion, options, progress)
@@ -128,7 +128,7 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
 def _moving(
     scene: Scene, motion: RigidKinematics, options: Options, progress: Progress
 ) -> tuple[RigidKinematics, Energy | None]:
-    """The rigid motion with its loops followed and its free joints moved, and the energy of these."""
+    """Rigid motion with followed loops and integrated free joints, and the energy of the latter."""
     module, energy = motion.module, None
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
@@ -142,7 +142,7 @@ def _moving(
 
 
 def compiled_by(progress: Progress, *compile: Callable[[], object]) -> float:
-    """Seconds in which all is compiled that these calls need."""
+    """Seconds that compilation takes, by making these calls."""
     progress("compiling, first time only")
     started = time.perf_counter()
     for call in compile:
@@ -151,7 +151,7 @@ def compiled_by(progress: Progress, *compile: Callable[[], object]) -> float:
 
 
 def timed(model: Model, started: float, derived: float, compiled: float, integrated: float = 0.0) -> Model:
-    """The model with what its stages took [s], that of integrating its motion among them, ready to start."""
+    """The model with the times of its stages [s], its start checked."""
     set_up = time.perf_counter() - started - derived - compiled - integrated
     stages = {"derive": derived, "compile": compiled, "set_up": set_up, "integrate": integrated}
     model = replace(model, seconds=stages)
@@ -160,10 +160,10 @@ def timed(model: Model, started: float, derived: float, compiled: float, integra
 
 
 def has_elastic_stage(scene: Scene) -> bool:
-    """Whether linear equations can follow the rigid mechanism beside the coupled ones, for modes and coordinates.
+    """Whether linear equations about the rigid mechanism exist besides the coupled ones, for modes and coordinates.
 
-    Where nothing deforms there are none; where bodies move freely, joints hold something twice, rigid bodies can't
-    follow the links, or laws know joints without a drive, none can be formed.
+    They don't without elastic bodies, with freely moving or overconstrained bodies, with rigid bodies that can't follow
+    the links, or with laws of joints without drive.
     """
     deforms = any(body.deforms for body in scene.bodies.values())
     if scene.floating or scene.observed or not deforms or check_determined(mechanism_of(scene), twice=True):
@@ -177,7 +177,7 @@ def has_elastic_stage(scene: Scene) -> bool:
 
 
 def _load_coupled(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
-    """:func:`load` of preset coupled: the coupled module is all that is derived."""
+    """Variant of :func:`load` for preset coupled, which needs the coupled module only."""
     from kaneflex.multibody.held_twice import check_sensors, undetermined
     from kaneflex.multibody.rigid_twin import build_twin
     from kaneflex.multibody.run import rigid_state
@@ -217,42 +217,42 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
 
 
 def _check_poses(scene: Scene, placement: Placement) -> None:
-    """Raise SceneError where a structure's welds hold a body elsewhere than in its pose."""
+    """Raise SceneError if a structure's welds contradict the pose of a body."""
     size = mechanism_of(scene).size
     for name, body in scene.bodies.items():
         x, y, _ = placement.poses[name]
         if body.pose is not None and math.hypot(x - body.pose.at[0], y - body.pose.at[1]) > _POSED * size:
-            held = f"welds hold its start at [{x:.6g} m, {y:.6g} m]"
-            raise SceneError(f"bodies.{name}.pose.at", list(body.pose.at), held, "Give that place, or other lengths")
+            held = f"the welds put its start at [{x:.6g} m, {y:.6g} m]"
+            raise SceneError(f"bodies.{name}.pose.at", list(body.pose.at), held, "Give that position, or other lengths")
 
 
 def _all_modes(scene: Scene) -> list[str]:
-    """A note for links whose elements have fewer modes than the default asks for."""
+    """Notes on links whose elements have fewer modes than the default number."""
     most, links = modes_of(scene), [name for name, body in scene.bodies.items() if body.elastic]
     return [
-        f"{name} has {count} of the {most} modes of the default: all are taken; give it more elements for more"
+        f"{name} has only {count} of the default's {most} modes; more elements give more"
         for name, count in ((each, link_modes(scene, each)) for each in links) if count < most
     ]  # fmt: skip
 
 
 def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
-    """Prescribed drives must take the rigid mechanism through their range; where free joints go is not known yet."""
+    """Check that prescribed drives can move the rigid mechanism through their range, as far as it is known."""
     mechanism, twin = mechanism_of(scene), motion.module
     rigid = motion.at(np.zeros(1) if twin.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
     lost = np.flatnonzero(~np.all([np.isfinite(rigid[f"{name}.c"]) for name in mechanism.bodies], axis=0))
     if len(lost) and np.isfinite(rigid.said).all():
-        # where they can't close at all, this says so
+        # raises SceneError if the loops can't close at all
         place(scene, {name: float(rigid[f"{name}.angle"][lost[0]]) for name in mechanism.drives})
         joints = ", ".join(dict.fromkeys(twin.engine.layout.cuts))
         raise SceneError(
-            "joints", joints, f"the loop can't close: at {stand(mechanism, rigid, int(lost[0]))} it does not, or it "
-            "leaves open how it goes on",
+            "joints", joints, f"the loop can't close at {stand(mechanism, rigid, int(lost[0]))}, or is in a "
+            "singular position there",
             "Change the lengths, or limit the drive's range",
         )  # fmt: skip
 
 
 def _twin(scene: Scene, twin: RigidTwin, options: Options) -> RigidKinematics:
-    """The rigid motion of a twin, its free joints at their first speeds."""
+    """Rigid motion of a reference mechanism, its free joints at their initial speeds."""
     from kaneflex.multibody.rigid_twin import TwinKinematics
 
     parameters = np.zeros(len(twin.PARAMETERS))
@@ -264,14 +264,14 @@ def _twin(scene: Scene, twin: RigidTwin, options: Options) -> RigidKinematics:
 
 
 def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
-    """A model of a scene that differs in numbers alone, with the same module, options and numbers of steps.
+    """Model of a scene that differs in numbers only, with the same module, options and number of steps.
 
     Parameters
     ----------
     model : Model
-        Of the scene before the change, with no free joints unless its preset is coupled.
+        Model of the scene before the change, without free joints unless its preset is coupled.
     frozen : bool
-        Whether the new one keeps the modal bases and the modes of the damping.
+        Whether to keep the modal bases and the modes of the damping.
     """
     if scene.is_spatial:
         from kaneflex.solve.spatial_loading import neighbour_in_space
@@ -288,7 +288,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
 
 
 def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options, frozen: bool = False) -> Model:
-    """A model by another system of the same mechanism."""
+    """Model of another system of the same mechanism."""
     from kaneflex.multibody.rigid_twin import build_twin
     from kaneflex.multibody.system import with_stretch
 
@@ -300,10 +300,10 @@ def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options,
 
 
 def refined(model: Model, scene: Scene, options: Options, closer: float = 1.0) -> Model:
-    """A coupled model by other options, of a scene that differs in links' elements and numbers of modes alone.
+    """Coupled model with other options, of a scene that differs in elements and numbers of modes only.
 
-    By the same module: nothing is derived. ``closer``: what of a cycle's change may be left, as a share of what else
-    may; in space, where the motion is found here.
+    The module is reused. ``closer``: factor on the tolerance of a cycle's change, in space, where the motion is
+    computed here.
     """
     if scene.is_spatial:
         from kaneflex.solve.spatial_loading import refined_in_space
@@ -317,15 +317,15 @@ def refined(model: Model, scene: Scene, options: Options, closer: float = 1.0) -
 
 
 def neighbour_options(model: Model, scene: Scene) -> Options:
-    """Of a model of a scene that differs in numbers alone, its period among them."""
+    """Options of a model of a scene that differs in numbers only, including its period."""
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
     options = replace(model.options, duration=duration)
-    # A spectral grid and its corrections may differ from neighbour to neighbour.
+    # a spectral grid and its corrections may differ between neighbours
     return replace(options, integrator="radau") if options.integrator == "spectral" else options
 
 
 def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
-    """The motion of a neighbour's scene; the model's own where no number of it differs: loops are long to follow."""
+    """Motion of a neighbour's scene; the model's own if the numbers are equal, since following loops takes long."""
     module, parameters = model.module, bind_parameters(scene, model.module)
     if duration == model.options.duration and np.array_equal(parameters, bind_parameters(model.scene, module)):
         return model.motion
@@ -333,42 +333,42 @@ def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
 
 
 def _idle_settings(scene: Scene, options: Options) -> Iterator[str]:
-    """What ``solve`` asks for of start, reduction and precision that nothing takes up."""
+    """Notes on ``solve`` entries for start, reduction and precision that have no effect."""
     solve, given, dynamics = scene.solve, scene.solve.model_fields_set, options.dynamics
     slow = dynamics == "quasistatic" and "start" in given and (solve.start == "zero" or not options.cycles)
     if slow and solve.start != "quasistatic":
-        yield f"preset {solve.preset} has the slow motion at every instant: solve.start = {solve.start} is left out"
+        yield f"preset {solve.preset} has no initial state: solve.start = {solve.start} has no effect"
     if dynamics == "frozen" and solve.start != "zero":
-        yield f"preset {solve.preset} starts from rest: solve.start = {solve.start} is left out"
+        yield f"preset {solve.preset} starts from rest: solve.start = {solve.start} has no effect"
     if dynamics == "rigid" and solve.start != "zero" and any(drive.free for drive in scene.drives.values()):
-        yield f"under preset rigid free joints start as their drives say: solve.start = {solve.start} is left out"
+        yield f"under preset rigid, free joints start as their drives say: solve.start = {solve.start} has no effect"
     kept = options.reduction == "none" and dynamics != "coupled"
     if kept and solve.reduction not in (None, "none"):
-        yield f"nothing deforms: solve.reduction = {solve.reduction} is left out"
+        yield f"no body is elastic: solve.reduction = {solve.reduction} has no effect"
     if kept and solve.modes != "all":
-        why = "nothing deforms" if dynamics == "rigid" else "solve.reduction = none keeps all modes"
-        yield f"{why}: solve.modes = {solve.modes} is left out"
+        why = "no body is elastic" if dynamics == "rigid" else "solve.reduction = none keeps all modes"
+        yield f"{why}: solve.modes = {solve.modes} has no effect"
     if solve.tolerance is not None and dynamics != "coupled" and options.integrator != "spectral":
-        yield f"solve.tolerance = {solve.tolerance:g} is of preset coupled and integrator spectral alone: left out"
+        yield f"solve.tolerance = {solve.tolerance:g} has no effect: only preset coupled and integrator spectral use it"
     if solve.bounded and dynamics != "coupled":
-        yield f"solve.bounded = {', '.join(solve.bounded)} is of preset coupled alone: left out"
+        yield f"solve.bounded = {', '.join(solve.bounded)} has no effect: only preset coupled uses it"
 
 
 def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
-    """What the scene asks for and its preset overrules."""
+    """Notes on entries of the scene that its preset overrides."""
     found = []
     solve, integrates = scene.solve, options.dynamics not in ("rigid", "quasistatic")
     if options.dynamics == "rigid" and "preset" in solve.model_fields_set and solve.preset != "rigid":
-        found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, as preset rigid does")
+        found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, like preset rigid")
     if solve.integrator is not None and not integrates:
-        found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} is left out")
+        found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} has no effect")
     found += _idle_settings(scene, options)
     if solve.modes == "all" and "modes" in solve.model_fields_set and options.dynamics == "coupled":
-        found.append(f"preset coupled takes {options.modes} modes of each link where solve.modes is all: give a number")
+        found.append(f"preset coupled uses {options.modes} modes of each link for solve.modes = all: give a number")
     if "rho_infinity" in solve.model_fields_set and options.integrator != "generalised-alpha":
-        found.append(f"solve.rho_infinity = {solve.rho_infinity:g} is of integrator generalised-alpha alone: left out")
+        found.append(f"solve.rho_infinity = {solve.rho_infinity:g} has no effect: it belongs to generalised-alpha")
     beams = {name: body.beam for name, body in scene.bodies.items() if body.elastic and body.beam is not None}
-    found += [f"{name}.kappa = {beam.kappa:g} is left out: theory {beam.theory} knows no shear"
+    found += [f"{name}.kappa = {beam.kappa:g} has no effect: theory {beam.theory} has no shear deformation"
               for name, beam in beams.items() if beam.kappa is not None and not beam.shear]  # fmt: skip
     deforms = any(body.elastic or body.modal is not None for body in scene.bodies.values())
     if scene.damping is not None and scene.damping.kind == "modal" and not deforms:
@@ -376,21 +376,21 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
     finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
     if options.elements is not None and finer:
         count = "one element" if options.elements == 1 else f"{options.elements} elements"
-        whatever = f"whatever the scene says of {', '.join(finer)}"
-        found.append(f"preset {options.preset} takes {count} for each link, {whatever}")
+        whatever = f"and ignores the elements of {', '.join(finer)}"
+        found.append(f"preset {options.preset} uses {count} for each link {whatever}")
     idle = [name for name, on in scene.solve.terms.items() if on and name in UNUSED_TERMS[options.dynamics]]
     if idle:
-        found.append(f"preset {options.preset} has no use for solve.terms.{', solve.terms.'.join(idle)}: left out")
+        found.append(f"solve.terms.{', solve.terms.'.join(idle)} has no effect under preset {options.preset}")
     idle = [name for name in scene.solve.terms if name not in idle and not has_term(scene, name)]
     if idle:
-        found.append(f"the scene has no use for solve.terms.{', solve.terms.'.join(idle)}: it has no such terms")
+        found.append(f"solve.terms.{', solve.terms.'.join(idle)} has no effect: the scene has no such terms")
     free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
-    together = options.dynamics == "coupled" and (deforms or not scene.is_spatial)  # rigid bodies in space are scipy's
+    together = options.dynamics == "coupled" and (deforms or not scene.is_spatial)  # rigid bodies in space: scipy
     if "forward" in scene.solve.model_fields_set and (not free or together):
         why = "preset coupled integrates them with the links" if free else "no joint is free"
-        found.append(f"solve.forward is for free joints that move before anything deforms, and {why}: left out")
+        found.append(f"solve.forward has no effect: {why}")
     every = -(-options.steps // MAX_STORED)
     if every > 1 and options.dynamics in ("dynamic", "frozen"):
         instants = options.steps // every + 1
-        found.append(f"of solve.steps = {options.steps} one in {every} is stored, {instants} instants")
+        found.append(f"one in {every} of solve.steps = {options.steps} is stored: {instants} instants")
     return tuple(found)

@@ -1,4 +1,4 @@
-"""The memory that a run needs at least, known before it starts."""
+"""Memory that a run needs at least, estimated before it starts."""
 
 from __future__ import annotations
 
@@ -10,31 +10,29 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.machine import gib, installed
 
 MAX_STORED = 40_000
-"""Steps stored at most of equations that are integrated one way; longer runs keep every second, third, ... step."""
+"""Largest number of stored steps of one-way equations; longer runs store every second, third, ... step."""
 _NUMBER = 8
-"""Bytes."""
+"""Bytes of a number."""
 _MONODROMY = 44
-"""Matrices (n, n) that the periodic motion's stability takes: 8 lanes, the product of them and two factors, of states
-(z, z') each."""
+"""Matrices (n, n) for a periodic motion's stability: 8 lanes, their product and two factors, for states (z, z')."""
 _SHAPES = 8
-"""Shapes of a link that preset coupled takes unless told otherwise, about."""
+"""Approximate number of shapes of a link under preset coupled by default."""
 _ASSEMBLED = (10_000, 100_000)
-"""Bytes of the assembled matrices for each coordinate, in the plane and in space, where more scalars are before them:
-measured with rods of 2000 and 8000 elements, and a crankshaft of 60 a journal."""
+"""Bytes of the assembled matrices per coordinate, in the plane and in space; measured with rods of 2000 and 8000
+elements, and a crankshaft with 60 elements per journal."""
 
 
 def check_memory(scene: Scene, options: Options, scalars: int) -> None:
-    """Refuse a run whose tables and dense matrices are larger than the machine's memory.
+    """Raise SceneError if a run's tables and dense matrices exceed the machine's memory.
 
-    ``scalars`` is how many numbers the rigid motion has at an instant. Counted is what can't be done without: the
-    tables of the stored instants; that of the motion over a whole cycle, where each cycle reads it again; the states of
-    a cycle from every unit state, with which a periodic start is found; the assembled matrices, and full ones of a
-    planar link whose axes go along in the mean, as its stiffness is singular.
+    ``scalars``: numbers of the rigid motion at an instant. Counted are the tables of the stored instants; that of the
+    motion over a cycle, if repeated; the states of a cycle from all unit states, for a periodic start; the assembled
+    matrices; and full matrices of planar links in mean axes, whose stiffness is singular.
 
     Raises
     ------
     SceneError
-        It names what is needed, what there is, and what to ask for instead.
+        Names the memory needed, the memory available, and a fix.
     """
     there = installed()
     if there is None:
@@ -43,7 +41,7 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     elastic = {name: body.beam for name, body in scene.bodies.items() if body.elastic}
     links = {name: dofs * (options.elements or beam.elements) for name, beam in elastic.items()}
     size, coupled = sum(links.values()), options.dynamics == "coupled"
-    few = coupled and not isinstance(options.modes, int)  # coupled's own choice of shapes
+    few = coupled and not isinstance(options.modes, int)  # default shapes of preset coupled
     count = _SHAPES if few else _count(options.modes, size)
     kept = size if options.reduction == "none" and not coupled else min(size, (count + 6) * len(links))
     whole = options.dynamics in ("rigid", "quasistatic") or coupled
@@ -51,7 +49,7 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     row = _NUMBER * (scalars + (0 if options.dynamics == "rigid" else 3 * kept))
     instants = rows * row
     if not whole and options.cycles:
-        row = _NUMBER * 2 * scalars * len(method_named(options.integrator).nodes)  # and as many products of them
+        row = _NUMBER * 2 * scalars * len(method_named(options.integrator).nodes)  # and their products
         instants += options.steps * row
     matrices = 0
     if options.dynamics == "dynamic" and options.start == "periodic":
@@ -65,9 +63,9 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     needs = f"the run needs {gib(instants + matrices)}, and this machine has {gib(there)}"
     if matrices > instants:
         largest = max(links, key=links.__getitem__)
-        cure = "Take fewer elements" + (", keep some modes of them, or start from zero" if not coupled else "")
+        cure = "Use fewer elements" + (", reduce them to modes, or start from zero" if not coupled else "")
         raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // dofs, needs, cure)
-    raise SceneError("solve.steps", options.steps, needs, f"Ask for {there // (2 * row):,} at most")
+    raise SceneError("solve.steps", options.steps, needs, f"Use at most {there // (2 * row):,}")
 
 
 def _count(modes: int | str, size: int) -> int:

@@ -1,4 +1,4 @@
-"""How much the paper's frozen model depends on the crank angle at which it is frozen."""
+"""Dependence of the paper's frozen model on the crank angle at which it is frozen."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RIGID_KINDS = ("joint_force", *DRIVE_KINDS, "spring_force", "spring_torque")
 
 
 class PeakSpread(PlainTable):
-    """A sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
+    """Range of a sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
 
     smallest: float = Field(description="smallest peak")
     largest: float = Field(description="largest peak")
@@ -26,14 +26,14 @@ class PeakSpread(PlainTable):
 def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:
     """Smallest and largest peak of each sensor over the mode angle.
 
-    The decoupled equations (143) hold the mass and stiffness of one crank angle, which the paper does not state; no
-    choice is better founded than another, so a single number of this model says little without its spread.
+    The decoupled equations (143) use the mass and stiffness at one crank angle, which the paper does not state; a
+    single result of this model is of little use without its spread.
 
     Returns
     -------
     dict
-        Sensor -> smallest and largest of max |y| over those of ANGLES mode angles at which the first drive ever stands,
-        in the sensor's SI unit; of equations that are not frozen nothing.
+        Sensor -> smallest and largest max |y| over the ANGLES mode angles that the first drive reaches, in the
+        sensor's SI unit; empty if the equations are not frozen.
     """
     from kaneflex.multibody.building import build_model, stands_at
     from kaneflex.solve.simulation import solve
@@ -43,7 +43,7 @@ def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:
         return {}
     for k in range(ANGLES):
         angle = 2 * np.pi * k / ANGLES
-        if stands_at(model.scene, angle, model.motion) is None:  # a drive may not go all the way round
+        if stands_at(model.scene, angle, model.motion) is None:  # a drive may not reach every angle
             continue
         options = replace(model.options, mode_angle=angle)
         solution = solve(build_model(model.scene, options, model.motion))

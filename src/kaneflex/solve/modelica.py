@@ -1,4 +1,4 @@
-"""A state space as a Modelica model, which any tool of that language makes a part of its own."""
+"""Export of a state space as a Modelica model."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ _KEYWORDS = """
     import impure in initial inner input loop model not operator or outer output package parameter partial protected
     public pure record redeclare replaceable return stream then true type when while within
 """.split()
-"""Words that no model can have (Modelica Language Specification 3.6, section 2.3.3)."""
+"""Reserved words (Modelica Language Specification 3.6, section 2.3.3)."""
 
 
 def modelica(system: StateSpace, name: str) -> str:
-    """The text of a model x' = A x + B u, y = C x + D u.
+    """Text of a Modelica model x' = A x + B u, y = C x + D u.
 
-    Inputs and outputs are variables by their own names in quotes, as Modelica writes what is no identifier (Modelica
-    Language Specification 3.6, section 2.3.1); an output that is called like an input has ``sensor`` behind its name.
+    Inputs and outputs keep their names as quoted identifiers (Modelica Language Specification 3.6, section 2.3.1); an
+    output with the name of an input gets the suffix ``sensor``.
 
     Parameters
     ----------
     system : StateSpace
     name : str
-        Of the model; what no identifier has becomes an underscore.
+        Of the model; characters not allowed become underscores.
     """
     inputs, outputs = list(map(modelica_name, system.inputs)), []
     for each in system.outputs:
@@ -60,5 +60,5 @@ def modelica(system: StateSpace, name: str) -> str:
 
 
 def _unit(unit: str) -> str:
-    """As Modelica writes it: N.m, m/s2."""
+    """Unit in Modelica's spelling: N.m, m/s2."""
     return unit.replace(" ", ".").replace("^", "")

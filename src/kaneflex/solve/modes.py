@@ -1,4 +1,4 @@
-"""Natural frequencies and mode shapes of a mechanism where it stands, and whether its mesh is fine enough for them."""
+"""Natural frequencies and mode shapes of a mechanism in a position, and a check of its mesh."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
 
 _LOOKED_AT, _TOO_FAR, _FEW = 6, 0.01, 32
-"""Modes whose frequencies are compared with a mesh of twice the elements, the change that is said, and elements of a
-link beyond which none is looked for."""
+"""Modes compared with a mesh of twice the elements, change that is reported, and elements of a link
+above which nothing is compared."""
 _RIGID = 1e-6
-"""Share of the highest frequency, by the matrices' diagonals, below which one is that of a rigid mode: its square is a
-difference of numbers that are rounded at 1e-16."""
+"""Share of the highest frequency, from the matrices' diagonals, below which a mode is a rigid-body mode: its squared
+frequency is a difference of numbers rounded at 1e-16."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +33,11 @@ class Modes:
     ----------
     model : Model
     coordinates : tuple of str
-        What the rows of ``shapes`` are: coordinates of the mechanism; under preset ``coupled`` its modal ones, free
-        joints with them.
+        Rows of ``shapes``: coordinates of the mechanism; under ``coupled``, amplitudes of shapes and free joints.
     frequencies : ndarray (n_modes,)
         Natural frequencies [Hz].
     shapes : ndarray (n, n_modes)
-        Mass-normalised, one mode a column [m or rad].
+        Mass-normalised mode shapes in columns [m or rad].
     """
 
     model: Model
@@ -52,7 +51,7 @@ class Modes:
         return f"Modes({self.model.in_short}: {shown}{more} Hz)"
 
     def as_data(self) -> dict[str, object]:
-        """Plain numbers and texts, as ``kaneflex modes --json`` prints them."""
+        """Plain numbers and texts, as printed by ``kaneflex modes --json``."""
         stands, slides = self.model.reference_coordinates, self.model.scene.slides
         lengths = {drive: value for drive, value in stands.items() if slides(drive)}
         angles = {drive: round(math.degrees(value), 12) for drive, value in stands.items() if not slides(drive)}
@@ -76,14 +75,14 @@ def modes(scene: SceneLike, count: int | None = None, progress: Callable[[str], 
     ----------
     scene : Scene, Model, Solution or path
     count : int, optional
-        How many of the lowest; by default all, MOST_FREQUENCIES at most.
+        Number of modes; by default all, at most MOST_FREQUENCIES.
     progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
 
     Raises
     ------
     SceneError
-        If the scene can't be loaded, nothing is elastic, or it has fewer modes.
+        If the scene can't be loaded, no body is elastic, or it has fewer modes.
     """
     model = load(scene, progress)
     if model.options.dynamics != "coupled":
@@ -100,14 +99,14 @@ def modes(scene: SceneLike, count: int | None = None, progress: Callable[[str], 
 def _count(model: Model, size: int, count: int | None) -> int:
     if size == 0:
         cure = "Give a body a beam, or choose another preset"
-        raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)
+        raise SceneError("solve.preset", model.options.preset, "no body is elastic: there are no modes", cure)
     if count is not None and count > size:
-        raise SceneError("count", count, f"the mechanism has {size} degrees of freedom", f"Ask for {size} at most")
+        raise SceneError("count", count, f"the mechanism has {size} degrees of freedom", f"Use at most {size}")
     return count or min(size, MOST_FREQUENCIES)
 
 
 def mesh_hint(found: Modes) -> str:
-    """Which of the lowest frequencies change by how much with twice the elements; empty where none does by 1 %."""
+    """Note on frequencies that change by 1 % or more with twice the elements; empty if there are none."""
     model = found.model
     beams = {name: body.beam for name, body in model.scene.bodies.items() if body.elastic}
     finer = {name: 2 * beam.elements for name, beam in beams.items() if beam is not None}
@@ -123,4 +122,4 @@ def mesh_hint(found: Modes) -> str:
         return ""
     mode = int((change > _TOO_FAR).argmax())
     elements = " and ".join(f"{name}.elements = {count}" for name, count in finer.items())
-    return f"mode {mode + 1} is {change[mode]:.1%} off that with {elements}: give the links more elements"
+    return f"mode {mode + 1} changes by {change[mode]:.1%} with {elements}: use more elements"

@@ -1,4 +1,4 @@
-"""How a scene comes to the linear equations of a one-way preset, for those who ask for these of any other one."""
+"""Advice for exports that need the linear equations of a one-way preset."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _PRESET = "stiffened"
 
 
 def one_way_cure(scene: Scene, asked: str, integrated: bool) -> str:
-    """A preset whose equations can be had in C, or why none of them takes the scene and what to take instead.
+    """Advice which preset has exportable equations, or why none has and what to use instead.
 
-    ``asked``: what wants them; ``integrated``: whether it takes none but those that are integrated.
+    ``asked``: entry that needs them; ``integrated``: whether they must be integrated ones.
     """
     try:
         other = with_settings(scene, [f"solve.preset={_PRESET}"])
@@ -29,9 +29,9 @@ def one_way_cure(scene: Scene, asked: str, integrated: bool) -> str:
             elastic_coordinates(other)
     except SceneError as refusal:
         if refusal.key.startswith("solve."):
-            return f"Take --preset {_PRESET}, and see to {refusal.key} under it: {refusal.cure}"
+            return f"Use --preset {_PRESET}, and change {refusal.key}: {refusal.cure}"
         key = "" if refusal.key == asked else f"{refusal.key}: "
-        return f"None takes this scene: {key}{refusal.reason}. Take results.csv of a run instead"
+        return f"No linear preset supports this scene: {key}{refusal.reason}. Use results.csv of a run instead"
     if integrated and dynamics == "rigid":
-        return "Give a body a beam: rigid ones have no equations of what bends"
-    return f"Take another preset, like --preset {_PRESET}"
+        return "Give a body a beam: rigid bodies have no elastic equations"
+    return f"Use another preset, for example --preset {_PRESET}"

@@ -1,8 +1,8 @@
-"""Corrections of a finished one-way motion: what richer models of the same mechanism, given it, change in sensors.
+"""Corrections of a finished one-way motion by richer models of the same mechanism.
 
-What is left of a richer model's equations, its residual, drives a correction of the motion. Over a cycle the correction
-is found on the motion's harmonics. Elsewhere, and where these converge too slowly, it is found by steps: as the
-equations are linear, the motion with its correction is their own motion from the same start, and costs as much.
+The residual of a richer model's equations drives a correction of the motion. Over a cycle the correction is found on
+the motion's harmonics. Otherwise, or if these converge too slowly, by time steps: since the equations are linear, the
+corrected motion is simply the richer model's motion from the same start.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ _RICHEST: Mapping[str, object] = {
     "preset": "stiffened", "reduction": None, "modes": "all", "terms": {}, "integrator": None,
 }  # fmt: skip
 LONGEST = 60.0
-"""Nominal seconds that the steps of richer models may take without being asked for."""
+"""Nominal seconds that steps of richer models may take by default."""
 _MOST = 2048
-"""Instants of the cycle at which the equations are to hold, at most."""
+"""Largest number of instants of the cycle at which the equations hold."""
 _COUNTS = 1e-6
-"""Share of a coordinate's largest harmonic below which one does not count."""
+"""Share of a coordinate's largest harmonic below which a harmonic is neglected."""
 
 
 def one_way_stages(solution: Solution) -> tuple[Read, list[Stage]]:
-    """What is read of a run, and the stages of models that are ever richer than its own."""
+    """Values of a one-way run, and stages of successively richer models."""
     richer = list(_richer(solution.model))
     read = Read.of(solution, _is_periodic(solution.model, richer))
     stages = list(_by_harmonics(read, richer)) if read.periodic else []
@@ -55,23 +55,23 @@ def _motion(read: Read) -> ElasticMotion:
 
 
 def _motion_of(read: Read, richer: Model, coordinates: Rates) -> ElasticMotion:
-    """By a model's coordinates at the instants that are read."""
+    """Motion of a model with these coordinates at the compared instants."""
     return elastic_motion(richer, richer.motion.at(read.times), coordinates)
 
 
 def _is_periodic(model: Model, richer: Sequence[tuple[str, Model]]) -> bool:
-    """Whether richer models are to repeat themselves after a run of a model."""
+    """Whether richer models are periodic after a run of a model."""
     options = model.options
     if not options.cycles or (options.dynamics == "dynamic" and options.start != "periodic"):
         return False
     repeats = not any(not_repeated(own) for _, own in richer)
     if options.start == "periodic" and not repeats:
-        raise Unknown("the motion or its loads don't repeat themselves")
+        raise Unknown("the motion or its loads are not periodic")
     return repeats
 
 
 def _by_harmonics(read: Read, richer: Sequence[tuple[str, Model]]) -> Iterator[Stage]:
-    """The stages up to the first whose corrections contract too slowly."""
+    """Stages up to the first whose corrections converge too slowly."""
     model, period = read.model, read.model.options.duration
     steps, count = len(read.run.times) - 1, _instants(read.run)
     instants = period / count * np.arange(count)
@@ -93,9 +93,9 @@ def _by_harmonics(read: Read, richer: Sequence[tuple[str, Model]]) -> Iterator[S
 
 
 def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[Stage]) -> Iterator[Stage]:
-    """The stages after those that are done, by steps of radau, each beside the model before it by the same steps.
+    """Remaining stages, by steps of radau, each compared with the model before it in the same steps.
 
-    What a run of radau is itself off by is seen in half its steps.
+    The error of a run of radau itself is the change by half its steps.
     """
     if len(done) == len(richer):
         return
@@ -107,7 +107,7 @@ def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[St
     motion = _motion(read) if same_steps and not done else None
     for kind, model in richer[len(done) :]:
         if kind == "time":
-            if options.integrator == "scipy":  # whose tolerance is beyond what steps reach
+            if options.integrator == "scipy":  # its tolerance is finer than these steps
                 continue
             of_second_order = method_named(options.integrator).order == 2
             values = values_of(_stepped(read, model, _motion(read), 1 if of_second_order else 2))
@@ -122,17 +122,17 @@ def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[St
 
 
 def _check_work(read: Read, richer: Sequence[Model]) -> None:
-    """Raise Unknown where the steps of richer models take long and were not asked for."""
+    """Raise Unknown if the steps of richer models take long and were not requested."""
     seconds = sum(seconds_of_steps(model, 2 * read.model.options.steps) for model in richer)
     if seconds > LONGEST and read.model.options.errors != "all":
-        reason = f"by their steps richer models take about {seconds:.2g} s"
-        raise Unknown(f'{reason}; solve.errors = "all" asks for it')
+        reason = f"richer models take about {seconds:.2g} s"
+        raise Unknown(f'{reason}; request it by solve.errors = "all"')
 
 
 def _stepped(read: Read, richer: Model, near: ElasticMotion, finer: int = 1) -> ElasticMotion:
-    """The motion of a richer model by steps of radau, of which one of the run's takes `finer`.
+    """Motion of a richer model by steps of radau, ``finer`` for each of the run's.
 
-    A periodic one is found near another.
+    A periodic motion is searched near the given one.
     """
     model, every = read.model, finer * read.steps
     run = Run(richer.system, richer.scalars, 0.0, model.step / finer, every * (len(read.stored) - 1), "radau",
@@ -140,7 +140,7 @@ def _stepped(read: Read, richer: Model, near: ElasticMotion, finer: int = 1) -> 
     if read.periodic:
         found = periodic_near(replace(run, n_steps=finer * model.options.steps))
         if found is None:
-            raise Unknown("corrections contract too slowly, on harmonics and by cycles")
+            raise Unknown("corrections converge too slowly, by harmonics and by cycles")
         run = replace(run, start=found)
     moved = integrate(run)
     if moved.outcome is not Outcome.COMPLETED:
@@ -151,7 +151,7 @@ def _stepped(read: Read, richer: Model, near: ElasticMotion, finer: int = 1) -> 
 
 
 def _start(richer: Model, near: ElasticMotion, read: Read) -> tuple[np.ndarray, np.ndarray]:
-    """State that a richer model starts from: where the run does, or near where the cycle of another motion begins."""
+    """Initial state of a richer model: that of the run, or for periodic motions near the start of another cycle."""
     options, own = read.model.options, near.model
     if not read.periodic and "quasistatic" in (options.start, options.dynamics):
         from kaneflex.solve.slow_start import slow_start
@@ -167,7 +167,7 @@ def _start(richer: Model, near: ElasticMotion, read: Read) -> tuple[np.ndarray, 
 
 
 def _instants(solution: Solution) -> int:
-    """Of the grid: four for each of the motion's harmonics that count, a power of two; sensors have about as many."""
+    """Number of instants of the grid: four per significant harmonic, a power of two."""
     z = solution.coordinates[0][:, :-1]
     if not z.size:
         return READ
@@ -196,7 +196,8 @@ def _richer(model: Model) -> Iterator[tuple[str, Model]]:
 
 
 def embedded(richer: Model, motion: ElasticMotion, rate: int = 0) -> np.ndarray:
-    """The motion in the coordinates of a richer model, shape (n, n_times): at its nodes by the elements' own shapes.
+    """Motion in the coordinates of a richer model, (n, n_times), by the elements' shape functions at its nodes;
+    ``rate`` 1: velocities.
 
     rate 1: the velocities of these coordinates
     """

@@ -1,4 +1,4 @@
-"""K(t) z = F(t) at each instant: the answer of a mechanism whose modes are all fast, paper (107), (117)."""
+"""Quasi-static solution K(t) z = F(t) at each instant, for mechanisms with fast modes, paper (107), (117)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from kaneflex.support.errors import SceneError
 if TYPE_CHECKING:
     from kaneflex.multibody.spatial_elastic import DeformingKinematics
 
-_DEPENDENT = 1e-9  # singular value below which conditions of unit size say the same
-_RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that is rounding
+_DEPENDENT = 1e-9  # singular value below which unit conditions count as dependent
+_RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that counts as rounding
 LARGEST_DENSE = 64
-"""Coordinates up to which all instants are solved as one stack of dense matrices; beyond, by bands, one by one."""
+"""Coordinates up to which all instants are solved as one stack of dense matrices; beyond, one banded solve each."""
 _CHUNK = 4_000_000  # numbers in one batch of dense matrices: 32 MB
 
 
@@ -28,7 +28,7 @@ def quasistatic(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Solve K z = F without inertia and without damping.
 
-    Mechanism modes R (K_s R = 0) are left to inertia relief: K z = F - M R (R^T M R)^-1 R^T F with R^T M z = 0.
+    Rigid-body modes R (K_s R = 0) are handled by inertia relief: K z = F - M R (R^T M R)^-1 R^T F with R^T M z = 0.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ def quasistatic(
 def answers(
     model: Model, times: np.ndarray, load: np.ndarray, progress: Callable[[float], None] | None = None
 ) -> np.ndarray:
-    """z of K z = load at each instant [s], both of shape (n_times, n); with inertia relief as :func:`quasistatic`.
+    """Solution z of K z = load at each instant [s], both (n_times, n); with inertia relief as in :func:`quasistatic`.
 
-    Raises SceneError where K is singular.
+    Raises SceneError if K is singular.
     """
     z = np.zeros_like(load)
     size = model.reduced.size
@@ -63,7 +63,7 @@ def answers(
         try:
             z[rows] = _answers_at(model, times[rows], load[rows], relief)
         except np.linalg.LinAlgError:
-            reason = "the stiffness matrix is singular to rounding: stiffnesses of the links are too far apart"
+            reason = "the stiffness matrix is numerically singular: the links' stiffnesses differ too much"
             cure = "Give the links sections of similar sizes, or make the stiff one rigid"
             raise SceneError("solve.preset", model.options.preset, reason, cure) from None
         if progress is not None:
@@ -83,7 +83,7 @@ def _answers_at(model: Model, times: np.ndarray, load: np.ndarray, relief: int) 
 
 
 def solve_banded_at(model: Model, times: np.ndarray, load: np.ndarray) -> np.ndarray:
-    """One banded solve an instant: the cost grows with the number of elements, not with its cube."""
+    """Banded solves, one per instant: the cost grows linearly with the number of elements."""
     from scipy.linalg import solve_banded
 
     system = model.system
@@ -96,18 +96,18 @@ def solve_banded_at(model: Model, times: np.ndarray, load: np.ndarray) -> np.nda
     for k in range(len(times)):
         values = (system.K @ scalars[k]).reshape(n, 2 * w + 1)
         band = np.zeros((2 * w + 1, n))
-        # LAPACK's layout: entry (i, j) at row w + i - j, column j.
+        # LAPACK's layout: entry (i, j) at row w + i - j, column j
         band[(w + rows - columns)[inside], columns[inside]] = values[inside]
         answer[k] = solve_banded((w, w), band, load[k])
     return answer
 
 
 def mechanism_modes(model: Model, t: float) -> int:
-    """How many motions of the mechanism deform nothing at an instant: those that K_s does not oppose.
+    """Number of rigid-body modes at an instant: motions that K_s does not oppose.
 
-    In them every link moves as a rigid one, by (u, v, theta) of its start, and takes its nodes at joints and springs to
-    where L z has them, while springs keep their length or angle. The rank of these conditions is a matter of geometry:
-    no stiffness enters, however far apart those of two links are, nor what rounding leaves of them.
+    In them every link moves rigidly, by (u, v, theta) of its start, consistent with L z at joints and springs, and
+    springs keep their length or angle. The rank of these conditions depends on geometry only, not on stiffnesses and
+    their rounding.
     """
     rigid, links = model.motion.at(t), model.links
     length = max(link.length for link in links.values())
@@ -128,7 +128,7 @@ def mechanism_modes(model: Model, t: float) -> int:
     stiff = list(_kept_by_springs(model, rigid))
     rows, shapes = rows + stiff, shapes + [np.zeros(n * len(links))] * len(stiff)
     bodies = map(rigid.first, model.frame.bodies.values())
-    if not rows:  # free links that nothing joins
+    if not rows:  # unconnected free links
         return n * len(links)
     columns = np.unique(np.concatenate([part.nonzero()[1] for part in (*rows, *bodies)]))
     conditions = np.hstack([np.vstack([as_array(row) for row in rows])[:, columns], np.array(shapes)])
@@ -138,9 +138,9 @@ def mechanism_modes(model: Model, t: float) -> int:
 
 
 def _kept_by_springs(model: Model, rigid: RigidMotion) -> Iterator[Matrix]:
-    """What springs hold: rows of their displacements by the coordinates."""
+    """Rows of the springs' displacements by the coordinates."""
     if model.scene.is_spatial:
-        # springs between points act on nothing that deforms
+        # springs between points don't act on elastic links
         turned = cast("DeformingKinematics", model.motion).deforming.map.rotation
         twists = (spring.torsional_at for spring in model.scene.springs.values() if spring.stiffness)
         yield from (rigid.first(turned(joint)) for joint in twists if joint is not None)
@@ -151,9 +151,9 @@ def _kept_by_springs(model: Model, rigid: RigidMotion) -> Iterator[Matrix]:
 
 
 def lost_digits(model: Model, t: float) -> float:
-    """Share of the answer of K z = F that rounding may change: its unit over the least pivot of the scaled K_s.
+    """Relative rounding error of K z = F: machine epsilon over the least pivot of the scaled K_s.
 
-    Eliminating one coordinate after the other (Cholesky) leaves of the last ones' stiffness what holds the mechanism.
+    The last pivots of a Cholesky factorisation are the stiffness that restrains the mechanism as a whole.
     """
     from scipy.linalg import LinAlgError, cholesky_banded
 
@@ -177,7 +177,7 @@ def lost_digits(model: Model, t: float) -> float:
 def _relieved(
     elastic: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, load: np.ndarray, modes: int
 ) -> np.ndarray:
-    """K z = F in the space that is M-orthogonal to the mechanism modes R of K_s: an orthonormal basis spans it."""
+    """Solution of K z = F in the M-orthogonal complement of the rigid-body modes R of K_s, by an orthonormal basis."""
     from scipy.linalg import eigh
 
     answer = np.zeros_like(load)
@@ -192,7 +192,7 @@ def _relieved(
 
 
 def rate_of(values: np.ndarray, step: float, periodic: bool) -> np.ndarray:
-    """Central differences of fourth order; second order, one-sided, at the ends of a motion without period."""
+    """Central differences of fourth order; of second order, one-sided, at the ends of a motion without period."""
     if not periodic:
         inner = np.gradient(values, step, axis=0, edge_order=min(2, len(values) - 1))
         if len(values) > 4:

@@ -1,8 +1,7 @@
-"""A rigid motion that repeats itself as Fourier series of its scalars: what moves a mechanism in space in C.
+"""Fourier series of a periodic rigid motion's scalars, for mechanisms in space exported as C.
 
-The loops of such a mechanism are closed by an engine that numba compiles, of which no kernel is printed. But scalars of
-a smooth periodic motion have harmonics that fall off faster than any power: as many are taken as give the motion back,
-between the instants that they were found of, nearly to rounding.
+The loops of such mechanisms are closed by a compiled engine, which is not printed as C. The harmonics of a smooth
+periodic motion decay faster than any power, so that the series are accurate almost to rounding.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from kaneflex.solve.simulation import not_repeated
 from kaneflex.support.errors import SceneError
 
 _FEWEST, _MOST = 32, 1024
-"""Instants of a cycle that harmonics are found of."""
+"""Range of the instants of a cycle that are sampled."""
 _NEAR, _ROUNDING = 1e-11, 1e-14
-"""Error that counts as none: of a scalar's own peak, and of the largest in its unit."""
+"""Accepted error: relative to a scalar's own peak, and to the largest in its unit."""
 _NEGLIGIBLE = 1e-3
 """Share of that error below which the highest harmonics are left out."""
-_ONLY = "of mechanisms in space C has only motions that repeat themselves"
+_ONLY = "in space only periodic motions can be exported as C"
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +33,15 @@ class Harmonics:
     Attributes
     ----------
     period : float
-        [s]
+        Cycle [s].
     columns : ndarray (n,)
-        Their places among the scalars of the motion.
+        Indices among the scalars of the motion.
     drifts : ndarray (n,)
-        By what each is larger after a cycle: turns of an angle.
+        Increase of each over a cycle: turns of an angle.
     numbers : ndarray (1 + 2 harmonics, n)
-        Means, then of each harmonic what is before its cosine and before its sine.
+        Means, then coefficients of cosine and sine of each harmonic.
     error : float
-        Largest error between the instants that the harmonics were found of, of a scalar's peak.
+        Largest error between the sampled instants, relative to a scalar's peak.
     """
 
     period: float
@@ -53,27 +52,27 @@ class Harmonics:
 
     @property
     def count(self) -> int:
-        """How many harmonics there are."""
+        """Number of harmonics."""
         return len(self.numbers) // 2
 
 
 def check_cycle(scene: Scene, asked: str) -> None:
-    """Raise SceneError where nothing in a scene in space has a cycle; ``asked``: what wants one."""
+    """Raise SceneError unless a scene in space has a cycle; ``asked``: entry that needs one."""
     free = [name for name, drive in scene.drives.items() if drive.kind == "free"]
     free += [name for name, body in scene.bodies.items() if body.free is not None]
     if free:
-        _refuse(asked, scene, f"{_ONLY}, not where {', '.join(free)} is left to the forces")
+        _refuse(asked, scene, f"{_ONLY}, and {', '.join(free)} is free")
     if scene.period is None:
         _refuse(asked, scene, f"{_ONLY}, and none of its drives has a cycle")
 
 
 def harmonics_of(model: Model, columns: Iterable[int], asked: str) -> Harmonics:
-    """Series of the scalars in some columns of a model's motion; ``asked``: what wants them.
+    """Fourier series of the scalars in ``columns`` of a model's motion; ``asked``: entry that needs them.
 
     Raises
     ------
     SceneError
-        Of a motion that does not repeat itself, and of one too sudden for any harmonics.
+        If the motion is not periodic, or too sudden for a Fourier series.
     """
     reason, period = not_repeated(model), model.scene.period
     assert period is not None  # checked with the scene
@@ -105,12 +104,12 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str) -> Harmonics:
         if instants >= _MOST:
             names = list(model.motion.column)
             worst = names[own[np.argmax(apart / scale)]]
-            reason = f"{worst} changes too suddenly for {instants // 2} harmonics, by which C has motions in space"
+            reason = f"{worst} changes too suddenly for a Fourier series of {instants // 2} harmonics"
             _refuse(asked, model.scene, reason)
         values = np.stack([values, between], axis=1).reshape(2 * instants, -1)
     found *= 2.0 / instants
     found[0] *= 0.5
-    kept = np.flatnonzero((abs(found[1:-1]) > _NEGLIGIBLE * scale).any(axis=1))  # the last one's sine is not known
+    kept = np.flatnonzero((abs(found[1:-1]) > _NEGLIGIBLE * scale).any(axis=1))  # the sine of the last one is not known
     count = kept[-1] + 1 if len(kept) else 0
     parts = np.stack([found[1 : count + 1].real, -found[1 : count + 1].imag], axis=1)
     numbers = np.vstack([found[:1].real, parts.reshape(2 * count, -1)])
@@ -118,4 +117,4 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str) -> Harmonics:
 
 
 def _refuse(asked: str, scene: Scene, reason: str) -> NoReturn:
-    raise SceneError(asked, scene.name, reason, "Take drives of constant speed and smooth loads, or a planar scene")
+    raise SceneError(asked, scene.name, reason, "Use drives of constant speed and smooth loads, or a planar scene")

@@ -1,11 +1,11 @@
-"""Runs near resonance: where what drives a mechanism meets a mode, the peak changes by far more than either does.
+"""Check for runs near resonance, where the peak depends strongly on the distance of excitation and mode.
 
-Each mode of the reference configuration is taken as an oscillator with its mean stiffness and damping over the run,
-driven by its share of the load, the inertia of the rigid motion included. Its answer to a harmonic of frequency Omega,
+Each mode of the reference configuration is an oscillator with its mean stiffness and damping over the run, excited by
+its share of the load and of the rigid motion's inertia. Its amplitude for a harmonic of frequency Omega,
 
     a = |f| / sqrt((omega^2 - Omega^2)^2 + (c Omega)^2),
 
-says by how much the peak changes where omega does (Craig and Kurdila 2006, section 3.2).
+gives the change of the peak with omega (Craig and Kurdila 2006, section 3.2).
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from kaneflex.multibody.model import Model
 from kaneflex.solve.solution import Solution
 
 _MODES, _INSTANTS = 10, 64
-"""Modes that are looked at, and instants over which their stiffness and damping are averaged."""
+"""Number of modes checked, and instants over which their stiffness and damping are averaged."""
 _CHANGE, _MOST = 0.01, 0.05
-"""Change of a mode's frequency, and how much the largest displacement may change with it without a word."""
+"""Relative change of a mode's frequency, and the resulting change of the largest displacement that is
+accepted."""
 _COUNTS = 3.0
-"""Amplification from which all of a coupled run's harmonic is taken as that of the mode near by."""
+"""Amplification above which a coupled run's harmonic is attributed to the nearest mode."""
 _NEAR, _FINE = 0.1, 4
-"""Without a period: how far from a mode a line is looked for, as a share, and how many lines there are in 1 / duration.
-"""
+"""Without a period: relative distance from a mode within which a spectral line is searched, and lines per 1 /
+duration."""
 
 
 class _Resonance(NamedTuple):
-    """``change`` of the largest displacement, as a share of it, by _CHANGE of a mode's frequency [Hz]."""
+    """Relative ``change`` of the largest displacement by _CHANGE of a mode's frequency [Hz]."""
 
     change: float
     mode: int
@@ -42,24 +43,24 @@ class _Resonance(NamedTuple):
 
 
 def near_resonance(solution: Solution) -> list[str]:
-    """A warning where a harmonic of what drives a run is so near to a mode that the peak depends on their distance."""
+    """Warning if a harmonic of the excitation is so close to a mode that the peak depends on their distance."""
     model, span = solution.model, float(np.ptp(solution.times)) if len(solution.times) else 0.0
     moves = model.options.dynamics == "dynamic" or (model.coupled is not None and model.scene.period is not None)
     if not moves or len(solution.times) < 2 * _INSTANTS or model.module.FREE or not has_modes(model):
         return []
-    found = max(_resonances(solution, span), default=None)  # by what it changes
+    found = max(_resonances(solution, span), default=None)  # by change
     if found is None or found.change < _MOST:
         return []
     return [
         f"{_named(model, found.driven)} is near mode {found.mode}, {found.frequency:.4g} Hz, which amplifies it "
         f"{found.amplified:.2g} times: a change of either frequency by {_CHANGE:.0%} changes the largest displacement "
-        f"by some {found.change:.0%}, of which the estimated errors know nothing; move one away from the other, damp "
-        "the mode, or be sure of stiffness and mass"
+        f"by about {found.change:.0%}, which the error estimates do not include; separate the frequencies, add "
+        "damping, or check stiffness and mass"
     ]
 
 
 def _named(model: Model, frequency: float) -> str:
-    """What drives at a frequency [Hz]: an order of the drive that turns, or a harmonic of the cycle."""
+    """Name of an excitation of a frequency [Hz]: order of the drive or of the cycle."""
     scene = model.scene
     for name, drive in scene.drives.items():
         if drive.period is not None and drive.speed and not scene.slides(name):
@@ -70,7 +71,7 @@ def _named(model: Model, frequency: float) -> str:
 
 
 def _resonances(solution: Solution, span: float) -> Iterator[_Resonance]:
-    """By mode, for the harmonics next to it."""
+    """Resonances of each mode with the nearest harmonics."""
     model, rigid = solution.model, solution.motion.rigid
     omega, shapes = reference_modes(model, min(model.equations.size, _MODES))
     kept, coupled = keep_terms(model.equations, model.options), model.coupled is not None
@@ -81,7 +82,7 @@ def _resonances(solution: Solution, span: float) -> Iterator[_Resonance]:
         np.nanmean(few.matrices(part.congruent(shapes)), axis=0).diagonal()
         for part in ((model.equations.K_s, model.equations.C_s) if coupled else (kept["K"], kept["C"]))
     )
-    # what starts with a run has not built up more of a resonance than its duration allows
+    # a resonance that starts with the run is limited by its duration
     damping = damping + (0.0 if model.options.start == "periodic" else 2.0 / span)
     moved = max((_translations(link.dofs, solution.motion.nodes(name)) for name, link in model.links.items()),
                 key=lambda nodes: abs(nodes).max())  # fmt: skip
@@ -102,14 +103,14 @@ def _resonances(solution: Solution, span: float) -> Iterator[_Resonance]:
 
 
 def _answers(own: np.ndarray, damping: float, turning: float) -> np.ndarray:
-    """Displacements of oscillators of unit mass by a unit force of an angular frequency."""
+    """Amplitudes of oscillators of unit mass under a unit force of an angular frequency."""
     return 1.0 / np.hypot(own**2 - turning**2, damping * turning)
 
 
 def _harmonics(solution: Solution, force: np.ndarray, near: float, span: float) -> list[tuple[float, float]]:
-    """Frequency [Hz] and amplitude of the parts of a force (n_times,) next to a frequency."""
+    """Frequency [Hz] and amplitude of a force's (n_times,) harmonics next to a frequency."""
     times, period = solution.times, solution.model.scene.period
-    if period is None:  # the largest line near by of a spectrum whose window leaves little of those that are far
+    if period is None:  # largest nearby line of a windowed spectrum
         window = np.hanning(len(times))
         lines = 2.0 * abs(np.fft.rfft(window * force, _FINE * len(times))) / window.sum()
         frequencies = np.arange(len(lines)) / (_FINE * span)
@@ -124,8 +125,8 @@ def _harmonics(solution: Solution, force: np.ndarray, near: float, span: float) 
 
 
 def _moved(model: Model, shape: np.ndarray) -> float:
-    """The largest displacement of a node in a mode's shape (n,)."""
-    assert model.frame is not None  # where there are modes
+    """Largest displacement of a node in a mode's shape (n,)."""
+    assert model.frame is not None  # exists if there are modes
     rigid, sizes = model.motion.at(model.reference_time), [0.0]
     for name, link in model.links.items():
         own = rigid.apply(model.frame.maps[name], shape[:, None])
@@ -135,5 +136,5 @@ def _moved(model: Model, shape: np.ndarray) -> float:
 
 
 def _translations(dofs: int, nodes: np.ndarray) -> np.ndarray:
-    """Displacements along and across a link of its nodes (dofs nodes, n_times), without the rotations."""
+    """Axial and transverse displacements of a link's nodes (dofs nodes, n_times), without rotations."""
     return nodes.reshape(-1, dofs, nodes.shape[1])[:, : 2 if dofs == 3 else 3].reshape(-1, nodes.shape[1])

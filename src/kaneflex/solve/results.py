@@ -1,4 +1,4 @@
-"""Results as labelled arrays, SI throughout but for the drives' angles in degrees."""
+"""Results as labelled arrays in SI, drives' angles in degrees."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def labelled(solution: Solution) -> Labelled:
-    """All sensors of a solution.
+    """All sensors of a solution as labelled arrays.
 
     Parameters
     ----------
@@ -23,12 +23,13 @@ def labelled(solution: Solution) -> Labelled:
     Returns
     -------
     Labelled
-        Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, continuous from cycle to
-        cycle, or ``drive_position_<drive>`` [m] of a guide; a variable for each sensor, and ``NAME_rigid`` beside the
-        forces, with CF ``units`` and ``long_name``. Of a coupled run also dimension ``state``, the names of its
-        coordinates, with ``last_state`` and ``last_rate`` at the last time; of one with contacts dimensions ``contact``
-        and ``impact``, of one with friction ``friction``, see :mod:`kaneflex.solve.touching`.
-        Attributes say what was solved and how it ended; none depends on the machine or the clock.
+        Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, continued over cycles, or
+        ``drive_position_<drive>`` [m] of a guide; a variable for each sensor, and ``NAME_rigid`` for forces, with CF
+        ``units`` and ``long_name``. Coupled runs also have dimension ``state``, the names of its coordinates, with
+        ``last_state`` and ``last_rate`` at the last time; those with contacts dimensions ``contact`` and ``impact``,
+        those with friction ``friction``, see :mod:`kaneflex.solve.touching`.
+
+        Attributes describe the scene and the outcome; none depends on the machine or the clock.
     """
     import kaneflex
 
@@ -64,7 +65,7 @@ def labelled(solution: Solution) -> Labelled:
 
 
 def _last_state(solution: Solution) -> tuple[tuple, dict[str, tuple]]:
-    """The coordinates' names, and where they and their rates end: what another run can continue from."""
+    """Names of the coordinates, and their last values and rates, from which another run can continue."""
     from kaneflex.solve.coupled_state import last_state
 
     state = last_state(solution)

@@ -1,4 +1,4 @@
-"""Solve a model over its horizon by its preset."""
+"""Solution of a model over its duration, by the method of its preset."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], None]
 _REPEATS = 1e-6
-"""Relative change over a cycle that rounding and tables may leave."""
+"""Relative change over a cycle that counts as periodic."""
 _ROUNDING = 1e-12
-"""Change over a cycle, as a share of all that has the same unit, that rounding leaves of what is zero."""
+"""Change over a cycle, relative to the largest value of the same unit, that counts as rounding."""
 
 
 @takes(model="model", progress="function", after="state")
@@ -40,12 +40,12 @@ def simulate(model: SceneLike, progress: Progress | None = None, after: Solution
     progress : callable, optional
         Called with the finished share of the work, 0 to 1.
     after : Solution or State, optional
-        What to continue from its last instant, under preset ``coupled``: see :func:`kaneflex.read_state`.
+        Run whose last state is the start, under preset ``coupled``: see :func:`kaneflex.read_state`.
 
     Returns
     -------
     Solution
-        Also where the run stopped early: its ``outcome`` and ``message`` then say when and why.
+        Also of a run that stopped early: its ``outcome`` and ``message`` give time and reason.
 
     Warns
     -----
@@ -55,17 +55,17 @@ def simulate(model: SceneLike, progress: Progress | None = None, after: Solution
     Raises
     ------
     SceneError
-        If the model can't be started as it asks for, or can't continue from ``after``.
+        If the requested start is not possible, or ``after`` does not fit the model.
     """
     solution = solve(model_from(model), progress, after)
     stopped = () if solution.outcome is Outcome.COMPLETED else (solution.message,)
     for text in (*stopped, *solution.warnings):
-        warnings.warn(text, ValidityWarning, stacklevel=3)  # beyond the check of arguments
+        warnings.warn(text, ValidityWarning, stacklevel=3)  # skips the frame of the argument check
     return solution
 
 
 def solve(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
-    """:func:`simulate` for those who pass the solution's warnings on themselves."""
+    """Like :func:`simulate`, without issuing the warnings."""
     if model.coupled is not None:
         from kaneflex.solve.coupled import simulate_coupled
         from kaneflex.solve.coupled_state import last_state
@@ -73,7 +73,7 @@ def solve(model: Model, progress: Progress | None = None, after: Solution | Stat
         state = last_state(after) if isinstance(after, Solution) else after
         return _until_stop(simulate_coupled(model, progress, state))
     if after is not None:
-        reason = "only coupled runs can be continued, those of planar scenes"
+        reason = "only coupled runs of planar scenes can be continued"
         raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled of a planar scene")
     started = time.perf_counter()
     trajectory = _METHODS[model.options.dynamics](model, progress)
@@ -112,12 +112,12 @@ def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
 
 
 def storing(model: Model) -> int:
-    """One step in so many is stored."""
+    """Number of steps per stored one."""
     return max(1, -(-model.options.steps // MAX_STORED))
 
 
 def not_repeated(model: Model) -> str | None:
-    """What of the motion and the loads is after a cycle not what it was; None where all repeats itself."""
+    """Scalar that is not periodic, in words; None if motion and loads are periodic."""
     period = model.scene.period
     assert period is not None  # checked with the scene
     cycle = model.motion.at(np.linspace(0.0, period, 65))
@@ -132,12 +132,12 @@ def not_repeated(model: Model) -> str | None:
 
 
 def _check_repeats(model: Model) -> None:
-    """A periodic start needs a motion and loads that are after a cycle what they were."""
+    """Raise SceneError unless motion and loads are periodic, as a periodic start needs."""
     reason = not_repeated(model)
     if reason is not None:
         raise SceneError(
             "solve.start", "periodic", reason,
-            "Let every drive, law and table repeat within the cycle, or start from zero or quasistatic",
+            "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic",
         )  # fmt: skip
 
 
@@ -152,12 +152,12 @@ def _integrated(model: Model, progress: Progress | None) -> Trajectory:
 
 
 def run_of(model: Model) -> Run:
-    """What is integrated of a model.
+    """Equations, start and steps of a model for the integrator.
 
     Raises
     ------
     SceneError
-        If a periodic start is asked for and the motion or a load does not repeat itself.
+        If a periodic start is requested and the motion or a load is not periodic.
     """
     from kaneflex.integrate.run import Run
 

@@ -1,8 +1,8 @@
-"""The slow motion at the first instant, ``start = "quasistatic"``: one meaning for every preset.
+"""Quasi-static initial state, ``start = "quasistatic"``, for every preset.
 
-Displacements z(t) that stand still balance the loads and the inertia of the rigid motion at each instant. A run starts
-with their rates z', and deformed so that it has their accelerations z'': nothing vibrates. Without these the first
-accelerations, what is left of loads and stiffness, would be those of a small deformation let go.
+Quasi-static displacements z(t) balance the loads and the inertia of the rigid motion at each instant. The run starts
+with their rates z', and with displacements that make the initial accelerations equal to z'': no vibration is excited.
+Otherwise the initial residual of loads and stiffness would excite vibrations.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from kaneflex.multibody.model import Model
 from kaneflex.solve.quasistatic import answers
 
 _POINTS, _HALVINGS = 7, 25
-"""Instants of a span from which first rates are found, and how many spans, down to some 1e-7 of the run."""
+"""Instants of an interval for the initial rates, and number of intervals, down to about 1e-7 of the run."""
 _CHORDS, _ROUNDING = 40, 1e-9
-"""Steps with one slope to a balance, and how long one may be, as a share of the measure of its coordinate, when it is
-rounding that no longer lets them shrink: second rates need all digits."""
+"""Largest number of chord steps to equilibrium, and step length, relative to the coordinate's scale,
+below which stagnation counts as rounding: second rates need all digits."""
 
 Answers = Callable[[np.ndarray], np.ndarray]
-"""Instants [s] -> z (n_times, n) that stands still in balance, not numbers where none is found."""
+"""Instants [s] -> z (n_times, n) in quasi-static equilibrium; NaN if none is found."""
 
 
 def slow_start(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """z, v at the first instant, shapes (n,), of one-way equations.
+    """Quasi-static initial z, v of one-way equations, (n,).
 
-    The quasi-static answer with its rates, and its inertia and damping among the loads: K z = F - M z'' - C z'.
+    The quasi-static rates, and the solution with inertia and damping among the loads: K z = F - M z'' - C z'.
     """
     first = np.zeros(1)
     row = model.scalars(first)[0]
@@ -35,7 +35,7 @@ def slow_start(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
     def balanced(times: np.ndarray) -> np.ndarray:
         z = np.full((len(times), len(load)), np.nan)
-        moving = np.isfinite(model.scalars(times)).all(axis=1)  # shared reactions are in no equation, and nan
+        moving = np.isfinite(model.scalars(times)).all(axis=1)  # unused indeterminate reactions are nan
         z[moving] = answers(model, times[moving], model.motion.at(times[moving]).column_of(model.kept["F"]).T)
         return z
 
@@ -44,15 +44,15 @@ def slow_start(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 def first_rates(balanced: Answers, inertia: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
-    """z', z'' at the first instant, shapes (n,), from instants of the run alone: its laws may begin there.
+    """Initial z', z'' (n,) of quasi-static displacements, from instants of the run only, where its laws are defined.
 
-    Those of the polynomial through Chebyshev's points of a span that begins there. Rounding grows with a short span,
-    and a long one reaches beyond what a polynomial follows: of spans from all of the run down, each half the one
-    before, taken is where halving changes the accelerations least, in the energy's measure.
+    Derivatives of the polynomial through Chebyshev points of an interval at the start. Short intervals amplify
+    rounding, long ones exceed the polynomial's reach: of intervals from the whole run down, each half the previous one,
+    the one is chosen where halving changes the accelerations least, in the energy norm.
     """
     order = np.arange(_POINTS)
     points = -np.cos(np.pi * order / order[-1])
-    # of T_n at -1: (-1)^(n + 1) n^2 and (-1)^n (n^4 - n^2) / 3
+    # derivatives of T_n at -1: (-1)^(n + 1) n^2 and (-1)^n (n^4 - n^2) / 3
     slopes = -((-1.0) ** order) * np.array([order**2, (order**2 - order**4) / 3.0])
     weights = slopes @ np.linalg.inv(np.polynomial.chebyshev.chebvander(points, order[-1]))
     spans = duration * 0.5 ** np.arange(_HALVINGS)
@@ -70,9 +70,9 @@ def first_rates(balanced: Answers, inertia: np.ndarray, duration: float) -> tupl
 def followed(
     residual: Callable[[np.ndarray, np.ndarray], np.ndarray], z: np.ndarray, slope: np.ndarray, measure: np.ndarray
 ) -> Answers:
-    """z (n,) in balance, followed from the first instant as far as steps with its slope (n, n) there lead.
+    """Equilibria z (n,) followed from the first instant, as far as steps with its tangent (n, n) converge.
 
-    ``residual``: instants and z (n_times, n) there -> what is left to balance, of the same shape.
+    ``residual``: instants and z (n_times, n) -> residual of the equilibrium, same shape.
     """
 
     def balanced(times: np.ndarray) -> np.ndarray:
@@ -92,7 +92,7 @@ def _chords(
     residual: Callable[[np.ndarray, np.ndarray], np.ndarray], times: np.ndarray, near: np.ndarray, slope: np.ndarray,
     measure: np.ndarray,
 ) -> np.ndarray | None:  # fmt: skip
-    """z (n_times, n) in balance at instants, by Newton's method with one slope for all; None where it is not found."""
+    """Equilibria z (n_times, n) by Newton's method with one tangent for all instants; None if not converged."""
     z, last = np.tile(near, (len(times), 1)), np.inf
     for _ in range(_CHORDS):
         try:

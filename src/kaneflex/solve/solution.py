@@ -1,4 +1,4 @@
-"""What a run gives: the motion of the mechanism's coordinates, and every sensor as a labelled series."""
+"""Result of a run: motion of the mechanism's coordinates, and every sensor as a labelled series."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 PLOTS = "mechanism,sensors,loads"
 """Kinds of pictures that a run draws by default."""
 MOST_FREQUENCIES = 50
-"""Natural frequencies of a run at most: those of hundreds of elements take longer than the run."""
+"""Largest number of natural frequencies of a run: more would take longer than the run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +51,11 @@ class Solution:
     ----------
     model : Model
     trajectory : Trajectory or CoupledTrajectory
-        Motion of what was integrated, at the stored times: the latter under preset ``coupled``.
+        Integrated coordinates at the stored times; CoupledTrajectory under preset ``coupled``.
     seconds : float
         Wall time of the run.
     whole : Solution or None
-        The run that these instants were sampled from, by :meth:`at`.
+        The complete run, if this is a part of it made by :meth:`at`.
     """
 
     model: Model
@@ -67,7 +67,7 @@ class Solution:
         return f"Solution({self.model.in_short}, {self.outcome.name.lower()}, {len(self.times)} instants)"
 
     def _repr_html_(self) -> str:
-        """In a notebook: warnings, then every sensor's extremes in SI with what they may be off by."""
+        """Table for notebooks: warnings, then every sensor's extremes in SI with error estimates."""
         from kaneflex.support.html import shown
 
         off, _ = self.errors
@@ -81,15 +81,15 @@ class Solution:
         return shown(repr(self), head, rows, (*stopped, *self.warnings))
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickled with its scene, of which the model is loaded anew."""
+        """Pickle the scene, from which the model is loaded again."""
         return _restored, (self.model.given, self.trajectory, self.seconds, self.whole)
 
     def __iter__(self) -> Iterator[str]:
-        """The names of the sensors."""
+        """Names of the sensors."""
         return iter(self.series)
 
     def __len__(self) -> int:
-        """How many sensors there are."""
+        """Number of sensors."""
         return len(self.series)
 
     def __bool__(self) -> bool:
@@ -97,7 +97,7 @@ class Solution:
         return True
 
     def keys(self) -> KeysView[str]:
-        """The names of the sensors, those of ``NAME_rigid`` included, so that ``dict(solution)`` has their series."""
+        """Names of the sensors, including ``NAME_rigid``, so that ``dict(solution)`` has their series."""
         return self.series.keys()
 
     @property
@@ -107,29 +107,29 @@ class Solution:
 
     @property
     def outcome(self) -> Outcome:
-        """How the run ended."""
+        """Outcome of the run."""
         return self.trajectory.outcome
 
     @property
     def message(self) -> str:
-        """How the run ended in words, with the time and the reason where it stopped early."""
+        """Outcome of the run in words, with time and reason if it stopped early."""
         return self.trajectory.message
 
     @property
     def energy(self) -> Energy | None:
-        """Energies [J] at the steps and what of their balance is missing, where joints are free or the preset is
-        ``coupled``; else None, as the drives' motion is not integrated."""
+        """Energies [J] at the steps and the error of their balance, for free joints or preset ``coupled``; else None,
+        as the drives' motion is not integrated."""
         return self.motion.energy
 
     @property
     def multipliers(self) -> np.ndarray | None:
-        """Floquet multipliers of a periodic motion (2 n,), by decreasing modulus; None where they are not known."""
+        """Floquet multipliers of a periodic motion (2 n,), by decreasing modulus; None if not known."""
         own = self.trajectory
         return own.multipliers if isinstance(own, Trajectory) else own.floquet
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before trusting the numbers: of the model, then of the run; of all of it for a part of it."""
+        """Warnings of the model, then of the run; those of the complete run for a part of it."""
         if self.whole is not None:
             return self.whole.warnings
         from kaneflex.solve.validity import validity_warnings
@@ -138,13 +138,13 @@ class Solution:
 
     @property
     def errors(self) -> tuple[Mapping[str, ErrorEstimate], str]:
-        """By sensor what its values may be off by, estimated, and why that is not known where it is not."""
+        """Error estimates by sensor, and the reason if they are missing."""
         return self.estimated()
 
     def estimated(
         self, progress: Callable[[float], None] | None = None
     ) -> tuple[Mapping[str, ErrorEstimate], str]:
-        """:attr:`errors`; the first time ``progress`` is called with the finished share of the work, 0 to 1."""
+        """Same as :attr:`errors`; at the first call ``progress`` is called with the finished share, 0 to 1."""
         if "_errors" not in vars(self):
             from kaneflex.solve.error_estimates import error_estimates
 
@@ -154,17 +154,17 @@ class Solution:
 
     @cached_property
     def frequencies(self) -> tuple[float, ...]:
-        """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, the MOST_FREQUENCIES lowest at most."""
+        """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, at most MOST_FREQUENCIES."""
         return natural_frequencies(self.model)
 
     @cached_property
     def rigid(self) -> RigidMotion:
-        """The rigid motion at the stored times."""
+        """Rigid motion at the stored times."""
         return self.model.motion.at(self.times)
 
     @property
     def motion(self) -> Motion:
-        """What sensors, events and pictures read; it keeps what it computes, so that a reader asks for it once."""
+        """Motion for sensors, events and pictures; it caches its results, so request it once."""
         whole = None if self.whole is None else self.whole.motion
         if self.model.coupled is not None:
             from kaneflex.response.coupled_motion import CoupledMotion
@@ -181,16 +181,16 @@ class Solution:
 
     @cached_property
     def coordinates(self) -> Rates:
-        """z, z', z'' of the mechanism's coordinates, each of shape (n, n_times)."""
+        """Coordinates z, z', z'' of the mechanism, each (n, n_times)."""
         return self.motion.coordinates
 
     def state(self, instant: int = -1) -> dict[str, dict[str, float]]:
-        """The coordinates and their rates at a stored instant, the last one by default, as ``solve.start`` takes them.
+        """Coordinates and rates at a stored instant, by default the last one, in the form of ``solve.start``.
 
         Parameters
         ----------
         instant : int
-            Its number among ``times``.
+            Index in ``times``.
 
         Returns
         -------
@@ -198,7 +198,7 @@ class Solution:
             ``displacements`` and ``velocities``: coordinate -> number in SI.
         """
         names, moved = start_coordinates(self.model), self.motion.state
-        # what no scene can say, and no run can tell from zero
+        # too small for a scene, and for a run the same as zero
         numbers = ([0.0 if abs(x) < 1.0 / LARGEST else float(x) for x in part[:, instant]] for part in moved)
         return {key: dict(zip(names, part, strict=True)) for key, part in zip(STATE, numbers, strict=True)}
 
@@ -206,7 +206,7 @@ class Solution:
         """The same motion at other instants within the run (dense output).
 
         Coordinates follow the quintic through the stored displacements, velocities and accelerations; under preset
-        ``coupled`` they are put onto the constraints, and accelerations and reactions computed anew.
+        ``coupled`` they are projected onto the constraints, and accelerations and reactions are computed again.
 
         Parameters
         ----------
@@ -222,7 +222,7 @@ class Solution:
         first, last = (self.times[0], self.times[-1]) if len(self.times) > 1 else (np.nan, np.nan)
         if not ((times >= first) & (times <= last)).all():
             asked = f"{times.min():.9g} to {times.max():.9g} s"
-            raise ValueError(f"instants from {asked} asked for, where the run has {first:.9g} to {last:.9g} s")
+            raise ValueError(f"instants from {asked} are outside the run, {first:.9g} to {last:.9g} s")
         if self.model.coupled is not None:
             from kaneflex.multibody.dense_output import between
 
@@ -238,16 +238,16 @@ class Solution:
 
     @property
     def impacts(self) -> tuple[Impact, ...]:
-        """What contacts did from closing to opening, by their ends, those that last at the end of the run last."""
+        """Impacts of contacts, by their ends; those that last at the end of the run come last."""
         record = getattr(self.trajectory, "contacts", None)
         return () if record is None else record.impacts
 
     @cached_property
     def series(self) -> dict[str, Series]:
-        """Every sensor's values with unit and meaning, companions ``NAME_rigid`` included.
+        """Values of every sensor with unit and meaning, companions ``NAME_rigid`` included.
 
-        Raises SceneError where a run that came to its end has a value that left double precision on the way. Under
-        preset coupled a mechanism may go where its rigid one doesn't close: what is measured against that has no value.
+        Raises SceneError if a completed run has a value that is not finite. Under preset coupled the mechanism may pass
+        positions where its rigid reference does not close; readings relative to that are NaN.
         """
         from kaneflex.response.sensors import measure
 
@@ -259,26 +259,26 @@ class Solution:
                 raise SceneError(
                     f"sensors.{name.removesuffix('_rigid')}", None,
                     f"it has no finite value at t = {self.times[lost.argmax()]:.6g} s",
-                    "Correct the numbers that make it so large, or leave the sensor out",
+                    "Check the numbers that make it so large, or leave the sensor out",
                 )  # fmt: skip
         return measured
 
     @cached_property
     def stresses(self) -> dict[str, LinkStresses]:
-        """Stresses of every elastic link whose sections have a shape, at the stored times."""
+        """Stresses of every elastic link with section shapes, at the stored times."""
         from kaneflex.response.stresses import stresses_of
 
         return stresses_of(self.motion)
 
     def keep(self, measured: dict[str, Series]) -> None:
-        """Take what someone else has read of the motion as its :attr:`series`: values that are finite everywhere."""
+        """Store series read elsewhere as :attr:`series`; all values must be finite."""
         vars(self)["series"] = measured
 
     def statistics(self, name: str) -> Statistics:
-        """Least, greatest, mean and root mean square of a series of :attr:`series` over the stored times.
+        """Minimum, maximum, mean and root mean square of a series of :attr:`series` over the stored times.
 
-        The greatest of a contact's force or torque is that of its impacts, which may lie between stored times, at the
-        nearest of them. Raises ValueError where a run stopped before its first instant.
+        The maximum of a contact's force or torque includes the peaks of impacts between stored times, assigned to the
+        nearest stored time. Raises ValueError if the run stopped before its first instant.
         """
         if not len(self.times):
             raise ValueError(f"{name} has no values: {self.message}")
@@ -295,12 +295,12 @@ class Solution:
 
     @cached_property
     def _statistics(self) -> dict[str, Statistics]:
-        """Those of every series, impacts apart."""
+        """Statistics of every series, without impacts."""
         return statistics_of_all({name: each.values for name, each in self.series.items()}, self.times)
 
     @property
     def drive_angles(self) -> dict[str, np.ndarray]:
-        """Each drive's coordinate at the stored times [rad or m]."""
+        """Coordinate of each drive at the stored times [rad or m]."""
         return {drive: self.rigid[f"{drive}.angle"] for drive in self.model.scene.drives}
 
     @cached_property
@@ -316,15 +316,15 @@ class Solution:
         return self.labelled.dataset()
 
     def to_xarray(self) -> xarray.Dataset:
-        """:attr:`dataset`, by the name that pandas has for it."""
+        """Same as :attr:`dataset`, by the name that pandas uses."""
         return self.dataset
 
     def to_netcdf(self, path: Path | str) -> None:
-        """Write all sensors with their units as results.nc of a run."""
+        """Write all sensors with their units as a run's results.nc."""
         self.labelled.to_netcdf(Path(path))
 
     def to_csv(self, path: Path | str) -> None:
-        """Write all sensors over time as results.csv of a run."""
+        """Write all sensors over time as a run's results.csv."""
         self.labelled.to_csv(Path(path), along="time")
 
     @overload
@@ -346,7 +346,7 @@ class Solution:
         return kaneflex.write_report(self, folder, self.plot(folder=folder))
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The sensors as columns over ``time`` [s]; ``attrs`` holds their units by name."""
+        """Sensors as columns over ``time`` [s]; ``attrs`` has their units by name."""
         values = {name: series.values for name, series in self.series.items()}
         with told("to_dataframe", None), installed("pandas", "tables", "pandas"):
             import pandas
@@ -360,9 +360,9 @@ class Solution:
         Raises
         ------
         KeyError
-            For a name that is not a sensor; it names the nearest one.
+            For an unknown sensor; names the nearest one.
         ValueError
-            Where a run stopped before its first instant: it says why.
+            If the run stopped before its first instant.
         """
         if sensor not in self.series:
             from kaneflex.support.errors import nearest
@@ -376,7 +376,7 @@ class Solution:
 def _restored(
     scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None
 ) -> Solution:
-    """The solution that was pickled."""
+    """Solution from its pickled parts."""
     from kaneflex.solve.loading import load
 
     model = load(scene)
@@ -388,7 +388,7 @@ def _restored(
 
 
 def _between(trajectory: Trajectory, times: np.ndarray) -> Trajectory:
-    """The motion at other instants: the quintic through z, z', z'' of those that are stored."""
+    """Motion at other instants, by the quintic through the stored z, z', z''."""
     from scipy.interpolate import BPoly
 
     knots = np.stack([trajectory.z, trajectory.v, trajectory.a], axis=1)
@@ -401,7 +401,7 @@ def _between(trajectory: Trajectory, times: np.ndarray) -> Trajectory:
 
 
 def natural_frequencies(model: Model) -> tuple[float, ...]:
-    """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, the MOST_FREQUENCIES lowest at most."""
+    """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, at most MOST_FREQUENCIES."""
     from kaneflex.multibody.building import has_modes, reference_modes
 
     count = min(model.equations.size, MOST_FREQUENCIES) if has_modes(model) else 0

@@ -1,4 +1,4 @@
-"""From a scene in space to a model: of its module drives and loads are derived, all else is numbers."""
+"""Loading of a scene in space: drives and loads are derived, everything else is numbers."""
 
 from __future__ import annotations
 
@@ -51,20 +51,20 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
 
 _ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
-"""Shares of a run at which reactions are looked at: its start, and where nothing is likely to be in line."""
+"""Shares of a run at which reactions are checked: its start, and others away from aligned positions."""
 
 
 _LOOKED_AT = 200
-"""Instants of a run at which the deformation is looked at."""
+"""Instants of a run at which the deformation is checked."""
 
 _REPEATS = 1e-6
-"""Change of a drive or a load over a cycle that rounding and tables may leave, as a share of it, or of one."""
+"""Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 _OPEN = 1e-3
-"""How far a loop may move shapes that are given, as a share of the mechanism's size."""
+"""Change of given shapes by closing the loops that is accepted, as a share of the mechanism's size."""
 
 
 def load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
-    """:func:`kaneflex.solve.loading.load` of a mechanism in space."""
+    """Variant of :func:`kaneflex.solve.loading.load` for mechanisms in space."""
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     if options.dynamics == "coupled" and not moves_with_links(scene, options.dynamics):
         ignored += tuple(_idle_settings(scene))
@@ -72,7 +72,7 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
             options = replace(options, forward_tolerance=scene.solve.tolerance or options.forward_tolerance)
     generated, derived = find_spatial_module(scene, progress)
     coupled = options.dynamics == "coupled"
-    if coupled:  # before its shapes are found
+    if coupled:  # before its shapes are computed
         check_memory(scene, options, len(scene.drives) + len(scene.loads) + 10 * len(scene.bodies))
         system = build_coupled_system(scene, generated, options)
     else:
@@ -101,36 +101,36 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
 
 
 def _idle_settings(scene: Scene) -> Iterator[str]:
-    """What ``solve`` asks for of the coupled equations where rigid bodies have none of them."""
+    """Notes on ``solve`` entries of the coupled equations that have no effect on rigid bodies."""
     solve = scene.solve
     if solve.tolerance is not None and "tolerance" in solve.forward.model_fields_set:
-        used = f"rigid bodies in space have solve.forward.tolerance = {solve.forward.tolerance:g}"
-        yield f"{used}: solve.tolerance = {solve.tolerance:g} is left out"
+        used = f"rigid bodies in space use solve.forward.tolerance = {solve.forward.tolerance:g}"
+        yield f"{used}: solve.tolerance = {solve.tolerance:g} has no effect"
     if solve.integrator is not None:
         used = f"rigid bodies in space are integrated by solve.forward.method = {solve.forward.method}"
-        yield f"{used}: solve.integrator = {solve.integrator} is left out"
+        yield f"{used}: solve.integrator = {solve.integrator} has no effect"
 
 
 def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:
-    """A warning for each link whose elements don't have the modes that the scene asks for."""
+    """Warning for each link whose elements have fewer modes than the scene requests."""
     asked = scene.solve.modes
     if asked == "all" or "modes" not in scene.solve.model_fields_set:
         return []
     links = {name: each for name, each in system.layout.shapes.items() if isinstance(each, SpatialShapes)}
     return [
-        f"{name} has {each.most} modes of bending in either plane, which solve.modes = {asked} takes: "
-        "give the link more elements for more"
+        f"{name} has only {each.most} bending modes per plane, fewer than solve.modes = {asked}: "
+        "more elements give more"
         for name, each in links.items() if int(asked) > each.most
     ]  # fmt: skip
 
 
 def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) -> Model:
-    """Of bodies in space that deform: no linear equations beside theirs."""
+    """Model of deforming bodies in space, without linear equations."""
     return rigid_model(scene, options, motion, reference_instant(scene, options, motion)[0])
 
 
 def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
-    """:func:`kaneflex.solve.loading.neighbour` of a mechanism in space."""
+    """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space."""
     options = neighbour_options(model, scene)
     if options.dynamics == "coupled":
         return refined_in_space(model, scene, options)
@@ -141,7 +141,7 @@ def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
 
 
 def refined_in_space(model: Model, scene: Scene, options: Options, closer: float = 1.0) -> Model:
-    """:func:`kaneflex.solve.loading.refined` of a mechanism in space."""
+    """Variant of :func:`kaneflex.solve.loading.refined` for mechanisms in space."""
     scene = acting(scene, options)
     system = build_coupled_system(scene, model.module.system.module, options)
     motion, energy = _moving(system, options, lambda stage: None, closer)
@@ -151,9 +151,9 @@ def refined_in_space(model: Model, scene: Scene, options: Options, closer: float
 def _moving(
     system: SpatialSystem, options: Options, progress: Progress, closer: float = 1.0
 ) -> tuple[SpatialKinematics, Energy | None]:
-    """The rigid motion of a system, its free joints integrated, and the energy of these.
+    """Motion of a system with integrated free joints, and the energy of these.
 
-    ``closer``: what of a cycle's change may be left, as a share of what else may.
+    ``closer``: factor on the tolerance of a cycle's change.
     """
     module, energy, start = SpatialModule(system), None, start_of(system)
     rigid = options.dynamics in ("rigid", "coupled")
@@ -176,7 +176,7 @@ def _moving(
     else:
         motion = SpatialKinematics(module, system.parameters, Followed(system, start))
         _check_bushings(motion, options)
-    # a number that is determined where the mechanism starts need not be elsewhere
+    # a reaction that is determinate at the start may be indeterminate elsewhere
     lost = open_reactions(system, map(motion.curve, options.duration * _ELSEWHERE))
     if rigid:
         check_spatial_sensors(system.scene, lost)
@@ -184,27 +184,27 @@ def _moving(
 
 
 def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
-    """Sweep a prescribed motion for bushings that it turns too far."""
+    """Raise SceneError if a prescribed motion turns a bushing too far."""
     system = motion.module.system
     if len(system.tables.bushings):
         times = np.linspace(0.0, options.duration, SWEEP + 1)
         far = overturned(system.mechanism, system.instants(motion.curve.rows(times)).bushings)
         if far:
-            raise SceneError(f"springs.{far[0]}.bushing", None, far[1], "Turn it less, or write a torque as a law")
+            raise SceneError(f"springs.{far[0]}.bushing", None, far[1], "Turn it less, or use a load with a law")
 
 
 def _cycle(
     system: SpatialSystem, start: State, options: Options, share: Callable[[float], None], closer: float
 ) -> tuple[Run, Verdict]:
-    """The cycle that repeats, and what is to be said of it.
+    """Periodic motion near a start, and the verdict on it.
 
-    Raises SceneError where what acts doesn't repeat, and where the motion can't go on.
+    Raises SceneError if drives or loads are not periodic, or the motion can't continue.
     """
     _check_repeats(system, start, options.duration)
     try:
         start = balanced(system, start)
     except (ArithmeticError, np.linalg.LinAlgError):
-        pass  # what moves fast needn't have an equilibrium near
+        pass  # fast motion may have no equilibrium nearby
     run, verdict = SpatialCycles(system, options, start, closer).repeated(start, share)
     if verdict is None:
         assert run.stopped is not None
@@ -213,7 +213,7 @@ def _cycle(
 
 
 def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None:
-    """Drives and loads must be after a cycle what they were, but for whole turns."""
+    """Raise SceneError unless drives and loads are periodic, up to full turns."""
     courses = [system.courses(t) for t in (0.0, duration)]
     x = np.array([start.q[system.columns(system.told_joints, COORDINATE)],
                   start.u[system.columns(system.told_joints, SPEED)]])  # fmt: skip
@@ -229,16 +229,15 @@ def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None
     named += zip(system.mechanism.loads, sizes[1] - sizes[0], sizes[0], strict=True)
     for name, changed, before in named:
         if (abs(changed) > _REPEATS * max(1.0, abs(before).max())).any():
-            reason = f"what {name} asks for is after a cycle not what it was"
-            cure = "Let every drive, law and table repeat within the cycle, or start from zero or quasistatic"
+            reason = f"{name} is not periodic"
+            cure = "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic"
             raise SceneError("solve.start", "periodic", reason, cure)
 
 
 def _slow(system: SpatialSystem, start: State, duration: float) -> State:
-    """The start on the slow motion, see :mod:`kaneflex.solve.slow_start`.
+    """Quasi-static initial state, see :mod:`kaneflex.solve.slow_start`.
 
-    Free joints, which no one holds, are followed by their speeds and accelerations of the first instant. Raises
-    SceneError if no deformation is found that balances what acts at the start.
+    Free joints keep their initial speeds and accelerations. Raises SceneError if no equilibrium is found at the start.
     """
     try:
         still = balanced(system, start)
@@ -267,54 +266,51 @@ def _slow(system: SpatialSystem, start: State, duration: float) -> State:
 
 
 def _given(system: SpatialSystem, start: State) -> State:
-    """The start with the shapes and their rates that the scene gives.
+    """Initial state with the shapes and rates that the scene gives.
 
-    Raises SceneError for what laid_over refuses, and for shapes that the loops don't leave where they are.
+    Raises SceneError as ``laid_over``, and for shapes that the loops change.
     """
     q, u, at, rates = start.q.copy(), start.u.copy(), system.modal_coordinates, system.modal_speeds
     q[at], u[rates] = laid_over(system.scene, shape_dimensions(system), q[at], u[rates])
     try:
         found = system.project(start.t, q, u, start.choice)
-        far, reason = abs(found.q - q)[at].max(initial=0.0), "with these shapes the loops don't close"
+        far, reason = abs(found.q - q)[at].max(initial=0.0), "the loops don't close with these shapes"
     except ArithmeticError as error:
-        far, reason = np.inf, f"there {error}"
+        far, reason = np.inf, f"in this state {error}"
     if not far <= _OPEN * system.mechanism.size:
-        cure = "Give shapes that leave the joints where they are, as solution.state() has them"
+        cure = "Give shapes that keep the joints closed, for example those of solution.state()"
         raise SceneError("solve.start", "a table of a state", reason, cure)
     _check_rates(system, u, found.u)
     return found
 
 
 def _check_rates(system: SpatialSystem, asked: np.ndarray, found: np.ndarray) -> None:
-    """Raise SceneError where the loops make a given rate of a shape another one."""
+    """Raise SceneError if the loops change a given rate of a shape."""
     given, largest = given_start(system.scene).velocities, abs(found / system.measure).max(initial=0.0)
     for (name, dimension), k in zip(shape_dimensions(system).items(), system.modal_speeds, strict=True):
         if name in given and abs(found[k] - asked[k]) > _OPEN * system.measure[k] * largest:
             made = f"{found[k] + 0.0:.6g} {'rad/s' if dimension is ANGLE else 'm/s'}"
             raise SceneError(
                 f"solve.start.velocities.{name}", given[name], f"joints and drives make it {made}",
-                "Give rates of shapes that leave the joints as they move, as solution.state() has them",
+                "Give rates consistent with the joints, for example those of solution.state()",
             )  # fmt: skip
 
 
 def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:
-    """A mechanism in space, where it starts, and its motion at that instant."""
+    """Mechanism in space, its initial state, and its motion at that instant."""
     system = build_spatial_system(scene, find_spatial_module(scene, progress)[0])
     start = start_of(system)
     return system, start, _standing(SpatialModule(system), start).at(0.0)
 
 
 def _standing(module: SpatialModule, start: State) -> SpatialKinematics:
-    """A mechanism in space that stays where it starts."""
+    """Kinematics of a mechanism in space that stays in its initial state."""
     system = module.system
     return SpatialKinematics(module, system.parameters, Standing(system, start))
 
 
 def check_spatial_sensors(scene: Scene, open_reactions: Collection[str]) -> None:
-    """No sensor may read what no equation determines.
-
-    Raises SceneError that names the sensor and the joint.
-    """
+    """Raise SceneError, which names sensor and joint, if a sensor reads a statically indeterminate reaction."""
     for name, sensor in scene.sensors.items():
         joint = str(sensor.target)
         own = sorted(each for each in open_reactions if each.rpartition(".")[0] == joint)
@@ -322,6 +318,6 @@ def check_spatial_sensors(scene: Scene, open_reactions: Collection[str]) -> None
         if sensor.kind in ("joint_force", *DRIVE_KINDS) and any(each.startswith(f"{joint}.{part}") for each in own):
             raise SceneError(
                 f"sensors.{name}.{sensor.kind}", joint,
-                "more constraints hold the motion than it needs: rigid bodies don't say how this force is shared",
-                "Measure another one, or release what is held twice, as by a spherical joint for a revolute one",
+                "the force is statically indeterminate: constraints are redundant, and rigid bodies don't determine it",
+                "Choose another sensor, or remove redundant constraints: a spherical joint instead of a revolute one",
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A scene as one readable module of Python: rigid motion, elements, joints, modes, integration and sensors."""
+"""Export of a scene as one readable Python module: rigid motion, elements, joints, modes, integration and sensors."""
 
 from __future__ import annotations
 
@@ -36,27 +36,27 @@ from kaneflex.support.escaping import visible
 MOST_LINES = 400
 """Lines of a file that can be read in one go."""
 _FEW = 3
-"""Ranges of coordinates that are said one by one."""
+"""Largest number of coordinate ranges that are listed one by one."""
 
 
 def standalone(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> str:
-    """Text of one module that solves a scene with numpy and numba alone.
+    """Text of one module that solves a scene with numpy and numba only.
 
     Raises
     ------
     SceneError
-        For what one readable file can't hold; it names the entry.
+        For features that the file does not support; names the entry.
     """
     _check_scene(scene)
     model = load(scene, progress)
     _check_model(model)
-    progress("what the run does")
+    progress("solving")
     begun = solve(model).trajectory
-    assert isinstance(begun, Trajectory)  # of one-way presets
+    assert isinstance(begun, Trajectory)  # one-way preset
     from kaneflex.derive.standalone import element_text
 
     geometric = model.options.geometric
-    progress("the element's matrices")
+    progress("element matrices")
     said = Texts(model)
     sensing = sensor_text(said)
     texts = [
@@ -76,44 +76,44 @@ def standalone(scene: Scene, progress: Callable[[str], None] = lambda stage: Non
     text = narrowed(re.sub("\n\n\n\n+", "\n\n\n", "".join(texts)))
     lines = text.count("\n")
     if lines > MOST_LINES:
-        reason = f"{lines} lines, more than the {MOST_LINES} that one file may have to be read"
+        reason = f"the file would have {lines} lines, the limit is {MOST_LINES}"
         raise SceneError("--standalone", visible(scene.name), reason, ELSE)
     return text
 
 
 def _check_scene(scene: Scene) -> None:
-    """Raise SceneError for what the one file has no place for, before anything is computed."""
+    """Raise SceneError for features that the file does not support, before anything is computed."""
     options = resolve_options(scene)
     if scene.is_spatial:
-        raise SceneError("--standalone", "a mechanism in space", "the file is written of planar ones", ELSE)
+        raise SceneError("--standalone", "a mechanism in space", "only planar mechanisms are supported", ELSE)
     if options.dynamics != "dynamic":
-        what = "nothing deforms" if options.dynamics == "rigid" else f"its equations are {options.dynamics}"
-        raise SceneError("solve.preset", options.preset, f"{what}: the file holds linear ones that are integrated",
-                         f"Take --preset stiffened or linear of a scene with a beam. {ELSE}")  # fmt: skip
+        what = "no body is elastic" if options.dynamics == "rigid" else f"its equations are {options.dynamics}"
+        raise SceneError("solve.preset", options.preset, f"{what}: the file needs linear, integrated equations",
+                         f"Use --preset stiffened or linear with an elastic body. {ELSE}")  # fmt: skip
     left_out = [name for name in ("spin", "gyroscopic", "euler", "convective") if not getattr(options, name)]
     kinds = {"revolute", "prismatic", "weld"}
     damping = None if scene.damping is None else scene.damping.kind
     refused: list[tuple[object, str, object, str]] = [
-        (options.reduction != "none", "solve.reduction", options.reduction, "the file integrates all coordinates"),
+        (options.reduction != "none", "solve.reduction", options.reduction, "the file does not support reductions"),
         (options.integrator not in ("radau", "spectral"), "solve.integrator", options.integrator,
-         "the file integrates by radau or spectral"),
-        (left_out, "solve.terms", ", ".join(left_out), "the file holds the equations with all their terms"),
+         "the file supports radau and spectral only"),
+        (left_out, "solve.terms", ", ".join(left_out), "the file needs all terms"),
         ((options.rotary and _has(scene, "rotary")) or _has(scene, "shear"), "beam.theory", "not euler-bernoulli",
-         "the file has the matrices of Euler-Bernoulli's beam"),
-        (damping not in (None, "rayleigh"), f"damping.{damping}", None, "the file damps as Rayleigh does"),
-        (damping and not options.damping, "solve.terms.damping", False, "the file keeps the scene's damping"),
-        (scene.springs, f"springs.{next(iter(scene.springs), '')}", None, "the file has no springs"),
-        (scene.torques, f"loads.{next(iter(scene.torques), '')}.torque_at", None, "the file's loads are forces"),
-        (scene.spreads, f"loads.{next(iter(scene.spreads), '')}.spread_on", None, "the file's loads act at points"),
-        (scene.contacts, f"contacts.{next(iter(scene.contacts), '')}", None, "the file has no contacts"),
-        (scene.events, f"events.{next(iter(scene.events), '')}", None, "the file knows no events"),
+         "the file supports Euler-Bernoulli beams only"),
+        (damping not in (None, "rayleigh"), f"damping.{damping}", None, "the file supports Rayleigh damping only"),
+        (damping and not options.damping, "solve.terms.damping", False, "the file needs the scene's damping"),
+        (scene.springs, f"springs.{next(iter(scene.springs), '')}", None, "the file does not support springs"),
+        (scene.torques, f"loads.{next(iter(scene.torques), '')}.torque_at", None, "the file does not support torques"),
+        (scene.spreads, f"loads.{next(iter(scene.spreads), '')}.spread_on", None, "the file has no distributed loads"),
+        (scene.contacts, f"contacts.{next(iter(scene.contacts), '')}", None, "the file does not support contacts"),
+        (scene.events, f"events.{next(iter(scene.events), '')}", None, "the file does not support events"),
     ]  # fmt: skip
     refused += [(joint.kind not in kinds or joint.friction is not None, f"joints.{name}", joint.kind,
-                 "the file has pins, guides and welds without friction") for name, joint in scene.joints.items()]
-    refused += [(drive.kind == "free", f"drives.{name}", "free", "the file's drives are prescribed")
+                 "the file has pins, guides and welds without friction only") for name, joint in scene.joints.items()]
+    refused += [(drive.kind == "free", f"drives.{name}", "free", "the file does not support free drives")
                 for name, drive in scene.drives.items()]
     refused += [(body.beam and body.beam.axially_rigid, f"bodies.{name}.beam.axially_rigid", True,
-                 "the file's links stretch") for name, body in scene.bodies.items()]
+                 "the file does not support axially rigid links") for name, body in scene.bodies.items()]
     for wrong, key, value, reason in refused:
         if wrong:
             raise SceneError(key, value, reason, ELSE)
@@ -124,25 +124,25 @@ def _has(scene: Scene, term: str) -> bool:
 
 
 def _check_model(model: Model) -> None:
-    """Raise SceneError for what only the assembled model knows."""
+    """Raise SceneError for unsupported features of the assembled model."""
     from kaneflex.derive.standalone import BEAM
 
     beam = getattr(model.module, "beam", None)
     if beam is None or not beam.__name__.endswith(f".{BEAM}"):
-        raise SceneError("bodies", None, "a beam's section changes along it", ELSE)
+        raise SceneError("bodies", None, "the file does not support tapered beams", ELSE)
     if getattr(model.module, "LOOPS", ()):
-        raise SceneError("joints", None, "a loop is closed by Newton's method, not in closed form", ELSE)
+        raise SceneError("joints", None, "the file does not support loops closed by Newton's method", ELSE)
     known = {monomial for affine in model.kept.values() for each in affine.terms for monomial in each}
     jumps = sorted(name for name in known if ".link.jump_" in name)
     if jumps:
-        raise SceneError("loads", jumps[0], "an axial force acts between the ends of a link", ELSE)
+        raise SceneError("loads", jumps[0], "the file does not support axial forces between a link's ends", ELSE)
     for body, how in carried_bodies(model.scene).items():
         if how.kind != "guided":
-            raise SceneError(f"bodies.{body}", None, "elastic links carry it without a guide", ELSE)
+            raise SceneError(f"bodies.{body}", None, "the file has no rigid bodies carried without guide", ELSE)
 
 
 def _title(scene: Scene) -> str:
-    """Name and description as text within three quotes: nothing in it ends them or is an escape."""
+    """Name and description as text within triple quotes, with quotes and backslashes replaced."""
     lines = textwrap.wrap(f"{visible(scene.name)}: {visible(scene.description)}", LINE - 6)
     return "\n".join(lines).replace("\\", "/").replace('"', "'")
 
@@ -151,7 +151,7 @@ def _title(scene: Scene) -> str:
 
 
 def _maps(texts: Texts) -> str:
-    """Statements that make L of every link and of every guided body."""
+    """Statements that compute L of every link and every guided body."""
     sizes = dict.fromkeys(texts.guided, 3) | {name: 3 * len(link.nodes) for name, link in texts.links.items()}
     shapes = (f"{name!r}: np.zeros((3, {size}, N))" for name, size in sizes.items())
     lines = [wrapped("L = ", shapes, "{}", indent=4)]
@@ -192,7 +192,7 @@ def _map_of_link(texts: Texts, name: str) -> Iterator[str]:
 
 
 def _runs(pairs: Sequence[tuple[int, int]]) -> Iterator[tuple[str, str]]:
-    """Pairs of numbers that both go up by one from pair to pair, as two ranges."""
+    """Ranges of pairs that both increase by one from pair to pair."""
     groups: list[list[tuple[int, int]]] = []
     for row, column in pairs:
         if groups and groups[-1][-1] == (row - 1, column - 1):
@@ -206,20 +206,20 @@ def _runs(pairs: Sequence[tuple[int, int]]) -> Iterator[tuple[str, str]]:
 
 
 def _foreshortening(texts: Texts) -> str:
-    """What joints hold of each link, and the functions that close them when bent links shorten."""
+    """Rows of each link at joints, and the functions that keep joints closed when bent links shorten."""
     model = texts.model
     held = {name: sorted(texts.interfaces.held_rows(link.part)) for name, link in model.links.items()}
     used: set[int] = set()
     for name, rows in held.items():
         pattern = as_array(texts.frame.maps[name].pattern())[rows]
         used |= set(np.flatnonzero(pattern.sum(axis=0)).tolist())
-    used_text = f"USED = {sorted(used)!r}  # and what of z moves that"
+    used_text = f"USED = {sorted(used)!r}  # elements of z that move them"
     if len(used) == len(model.coordinates):
-        used_text = "USED = list(range(N))  # and what of z moves that"
+        used_text = "USED = list(range(N))  # elements of z that move them"
     loose = any(len(rows) < 3 for rows in held.values())
     functions = filled(parts.FORESHORTENING, undetermined=parts.UNDETERMINED * loose)
     texts_held = wrapped("HELD = ", (f"{name!r}: {rows!r}" for name, rows in held.items()), "{}",
-                         "  # what joints hold of each link")  # fmt: skip
+                         "  # rows of each link at joints")  # fmt: skip
     return f"\n\n{texts_held}\n{used_text}\n{functions}"
 
 
@@ -227,7 +227,7 @@ def _foreshortening(texts: Texts) -> str:
 
 
 def _integration(model: Model, begun: Trajectory) -> Iterator[str]:
-    """The steps or the harmonics by which the run found its motion."""
+    """Text of the time steps or harmonics of the run."""
     if begun.solver.startswith("spectral"):
         from kaneflex.integrate.spectral import MODES, SPARE, periodic_orbit
 

@@ -1,4 +1,4 @@
-"""The numbers of a model in one file, and the functions of the generated modules that it holds."""
+"""Numbers of a model in one file, and the functions that it takes from the generated modules."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import visible
 
 LINE = 118
-"""Characters of a line at most, less the comma behind it."""
-ELSE = "Take --language c or `kaneflex run`"
-"""What to do with a scene that one file can't hold."""
+"""Largest line length, without a trailing comma."""
+ELSE = "Use --language c or `kaneflex run`"
+"""Advice for scenes that the file does not support."""
 
 
 def filled(text: str, **values: object) -> str:
-    """A text with what it names in double brackets."""
+    """Text with the names in double brackets replaced."""
     return re.sub("<<(\\w+)>>", lambda found: str(values[found[1]]), text)
 
 
 def _source(name: str, module: ModuleType) -> tuple[ast.FunctionDef, str]:
-    """A function of a module's file and its text, decorator included."""
+    """A function of a module's file and its text, including the decorator."""
     text = Path(str(module.__file__)).read_text(encoding="utf-8")
     node = next(each for each in ast.parse(text).body if isinstance(each, ast.FunctionDef) and each.name == name)
     first = min([node.lineno, *(each.lineno for each in node.decorator_list)])
@@ -39,11 +39,11 @@ def _source(name: str, module: ModuleType) -> tuple[ast.FunctionDef, str]:
 
 
 _UNPACKED = re.compile(r"    \(?([^()\"]*?)\)? = unpacked\(p, \d+\)\n")
-"""The statement that reads the numbers of ``motion``."""
+"""Statement that unpacks the numbers of ``motion``."""
 
 
 def names_of_parameters(model: Model) -> dict[str, str]:
-    """Path of a number that ``motion`` reads -> what its text calls it, in the order of p."""
+    """Path of a number that ``motion`` reads -> its name there, in the order of p."""
     found = _UNPACKED.search(_source("motion", model.module)[1])
     assert found is not None
     names = [name.strip() for name in found[1].split(",") if name.strip()]
@@ -58,7 +58,7 @@ def names_of_parameters(model: Model) -> dict[str, str]:
 
 
 def parameters(model: Model) -> str:
-    """Fields with the numbers that ``motion`` reads, but places of tables."""
+    """Fields with the numbers that ``motion`` reads, except places of tables."""
     units = dict(model.module.PARAMETERS)
     lines = []
     for k, (path, name) in enumerate(names_of_parameters(model).items()):
@@ -69,20 +69,20 @@ def parameters(model: Model) -> str:
 
 
 def number(model: Model, path: str, value: float) -> str:
-    """A number of the scene by its name in P, where it has one."""
+    """A number of the scene, by its name in P if it has one."""
     names = names_of_parameters(model)
     return f"P.{names[path]}" if path in names else short(value)
 
 
 def short(value: float | Sequence[float]) -> str:
-    """A number, or a tuple of numbers, whole ones without their zeros."""
+    """A number or a tuple of numbers; whole numbers without decimals."""
     if isinstance(value, Sequence):
         return f"({', '.join(map(short, value))})"
     return str(int(value)) if float(value).is_integer() and abs(value) < 1e6 else repr(float(value))
 
 
 def wrapped(name: str, entries: Iterable[object], brackets: str = "()", note: str = "", indent: int = 0) -> str:
-    """A statement with a list of entries, in lines that begin where the first one does."""
+    """Statement with a list of entries, broken into aligned lines."""
     texts = [f"{each}," for each in entries]
     if not texts:
         return f"{' ' * indent}{name}{brackets}{note}"
@@ -102,7 +102,7 @@ def wrapped(name: str, entries: Iterable[object], brackets: str = "()", note: st
 
 
 def narrowed(text: str) -> str:
-    """Text with lines that are too long broken behind a comma within brackets, below what that bracket holds."""
+    """Text with long lines broken after commas within brackets, aligned with the bracket's content."""
     while (found := _last_comma(text)) is not None:
         row, column, below = found
         lines = text.split("\n")
@@ -113,7 +113,7 @@ def narrowed(text: str) -> str:
 
 
 def _last_comma(text: str) -> tuple[int, int, int] | None:
-    """Of the first line that is too long: its number, the place of the last comma to break at, and of what is below."""
+    """First line that is too long: its number, the column of the last comma to break at, and of the alignment."""
     lines, opened, found, depth = text.split("\n"), list[int](), None, 0
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         row, column = token.start[0] - 1, token.start[1]
@@ -132,7 +132,7 @@ def _last_comma(text: str) -> tuple[int, int, int] | None:
 
 
 def kept_scalars(model: Model) -> dict[int, int]:
-    """Places of the scalars that the file reads -> their places there: all but what rigid joints exert."""
+    """Indices of the scalars that the file reads -> indices in the file; forces of rigid joints are dropped."""
     joints = tuple(f"{name}." for name in model.scene.joints)
     kept = [k for k, (name, *_) in enumerate(model.module.SCALARS) if not name.startswith(joints)]
     return {k: place for place, k in enumerate(kept)}
@@ -143,8 +143,8 @@ def data(model: Model) -> str:
     alpha, beta = model.rayleigh
     lines = [
         *[f"GRAVITY = np.array({short(tuple(scene.gravity))})  # m/s^2"] * any(scene.gravity),
-        f"ALPHA, BETA = {float(alpha)!r}, {float(beta)!r}  # of Rayleigh's damping [1/s], [s]",
-        f"STEPS, DURATION = {options.steps}, {float(options.duration)!r}  # of the run: instants, time [s]",
+        f"ALPHA, BETA = {float(alpha)!r}, {float(beta)!r}  # Rayleigh damping [1/s], [s]",
+        f"STEPS, DURATION = {options.steps}, {float(options.duration)!r}  # steps and duration [s] of the run",
     ]
     beams = []
     for name, link in model.links.items():
@@ -156,23 +156,23 @@ def data(model: Model) -> str:
     fixed = [f"{name!r}: {value!r}" for name, value in module.CONSTANTS.items() if value]
     known = {name for name, *_ in module.SCALARS} | set(module.CONSTANTS)
     frames = (f"{body}.{name}" for body in scene.bodies for name in BODY_SCALARS)
-    fixed += [f"{name!r}: math.nan" for name in frames if name not in known]  # nobody asks for these
+    fixed += [f"{name!r}: math.nan" for name in frames if name not in known]  # never read
     lines.append(wrapped("CONSTANTS = ", fixed, "{}", "  # scalars in neither are zero"))
     lines.append(f"N = {len(model.coordinates)}  # elastic coordinates z")
     return "\n".join(lines)
 
 
 def tables(model: Model) -> Iterator[str]:
-    """Values of the tables that the motion reads, and how they are read."""
+    """Values of the tables that the motion reads, and the functions that read them."""
     known: dict[tuple[bytes, bytes], str] = {}
     for path in model.module.TABLES:
         reader = getattr(model.scene, path.split(".")[0])[path.split(".")[1]]
         if reader.period is None or reader.interpolation != "spline" or path.startswith("drives."):
-            reason = "the file reads tables of loads that repeat themselves, joined by splines"
+            reason = "the file supports periodic tables of loads with splines only"
             raise SceneError(f"{path}.interpolation", reader.interpolation, reason, ELSE)
         table = reader.read_table()
         if abs(np.linspace(0.0, table.x[-1], len(table.x)) - table.x).max() > 1e-12 * table.x[-1]:
-            raise SceneError(f"{path}.table", None, "its rows are not evenly spaced from zero on", ELSE)
+            raise SceneError(f"{path}.table", None, "its rows are not evenly spaced from zero", ELSE)
         if not known:
             yield parts.SPLINE
         name = f"TABLE_{len(known) + 1}"
@@ -182,14 +182,14 @@ def tables(model: Model) -> Iterator[str]:
 
 
 def _knots(x: np.ndarray) -> str:
-    """Numbers in a row, evenly spaced ones by their ends."""
+    """Numbers in a row; evenly spaced ones by their ends."""
     if abs(np.linspace(x[0], x[-1], len(x)) - x).max() <= 1e-15 * abs(x).max():
         return f"np.linspace({float(x[0])!r}, {float(x[-1])!r}, {len(x)})"
     return f"np.array({tuple(x.tolist())!r})"
 
 
 def _table(name: str, x: np.ndarray, y: np.ndarray) -> str:
-    """A table by its values, decimal ones as whole numbers by their differences, which are short."""
+    """A table by its values; decimal numbers as short differences of whole numbers."""
     scale = next((10**k for k in range(8) if (np.round(y * 10**k) / 10**k == y).all()), None)
     words, kind, of = [repr(each) for each in y.tolist()], "float", ""
     if scale is not None:
@@ -209,7 +209,7 @@ def _table(name: str, x: np.ndarray, y: np.ndarray) -> str:
 
 
 def functions(model: Model) -> list[str]:
-    """Text of ``motion``, behind the functions of laws that it calls."""
+    """Text of ``motion``, after the functions of laws that it calls."""
     from kaneflex.generated import laws
 
     node, text = _source("motion", model.module)
@@ -217,7 +217,7 @@ def functions(model: Model) -> list[str]:
     body = _pruned(body, kept_scalars(model))
     places = _places(model)
     body = re.sub(r", p, int\((\w+)\)\)", lambda found: f", *{places[found[1]]})", body)
-    assert not re.search(r"\bp\b", body), "motion reads p in a way that is not known here"
+    assert not re.search(r"\bp\b", body), "motion reads p in an unknown way"
     names = [name for path, name in names_of_parameters(model).items() if not path.endswith(".table")]
     waiting, known = [node], dict[str, str]()
     while waiting:
@@ -230,7 +230,7 @@ def functions(model: Model) -> list[str]:
 
 
 def _pruned(body: str, kept: dict[int, int]) -> str:
-    """Statements without what only scalars ask for that are not kept; places of the others in their new order."""
+    """Statements without those that only dropped scalars need, with the other scalars renumbered."""
     found: list[str] = []
     needed: set[str] = set()
     for line in reversed(body.rstrip("\n").split("\n")):
@@ -265,7 +265,7 @@ def _places(model: Model) -> dict[str, str]:
 
 
 def _function(text: str) -> str:
-    """A function's text with the first line of its docstring, lines broken where they are too long."""
+    """Text of a function with the first line of its docstring; long lines are broken."""
     text = re.sub(r'(?s)"""(.*?)\n.*?"""', r'"""\1"""', text, count=1)
     return "\n\n" + "\n".join(_broken(line) for line in text.split("\n")).rstrip() + "\n"
 

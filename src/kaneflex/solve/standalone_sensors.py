@@ -1,4 +1,4 @@
-"""The sensors of a model in one file: the balances that joints' reactions follow from, and an expression a sensor."""
+"""Sensors of a model in one file: equilibrium for the joints' reactions, and an expression per sensor."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from kaneflex.support.errors import SceneError
 
 _LUMPS = "for to, on, m, J, at, push in "
 _SIDES = "for row, sign, column, units, arm in "
-_RUN = "Take `kaneflex run`, or leave the sensor out"
+_RUN = "Use `kaneflex run`, or leave the sensor out"
 
 
 Pair = tuple[float, float]
 
 
 class Lump(NamedTuple):
-    """A mass at a point of a body: mass, inertia, place, and L of that where deformation moves it."""
+    """A mass at a point of a body: mass, inertia, position, and the point's L if deformation moves it."""
 
     body: str
     m: str
@@ -31,23 +31,24 @@ class Lump(NamedTuple):
     to: str | None
 
     def inertia(self, moved: bool = False) -> str:
-        """m (a - g) and J epsilon, with the elastic motion where asked for."""
+        """Text of m (a - g) and J epsilon, with the elastic motion if ``moved``."""
         more = f", product({self.to}, z)" if moved and self.to is not None else ""
         return f"inertia(s, {self.body!r}, {self.m}, {self.J}, {short(self.at)}{more})"
 
 
 def pair(values: Sequence[float] | None) -> Pair:
-    """Two numbers of the plane."""
+    """Two components of a planar vector."""
     assert values is not None
     x, y = values
     return float(x), float(y)
 
 
 class Texts:
-    """Expressions of a model's points, loads and masses; ``s``, ``L``, ``z``, ``d``, ``w``, ``f``, ``r`` as there."""
+    """Expressions of a model's points, loads and masses; ``s``, ``L``, ``z``, ``d``, ``w``, ``f``, ``r`` as in the
+    file."""
 
     def __init__(self, model: Model) -> None:
-        assert model.frame is not None and model.interfaces is not None  # of what has elastic links
+        assert model.frame is not None and model.interfaces is not None  # there are elastic links
         self.model, self.scene, self.links = model, model.scene, model.links
         self.frame, self.interfaces = model.frame, model.interfaces
         self.guided = tuple(model.frame.bodies)
@@ -64,14 +65,14 @@ class Texts:
         return f"R[{body!r}][0] @ {short(vector)}" if body != "ground" else f"np.array({short(vector)})"
 
     def motion(self, address: Address) -> str | None:
-        """L of the displacement and turn of a point, global; None where deformation does not move it."""
+        """Global L of a point's displacement and rotation; None if deformation does not move it."""
         body, node = address.body, self.node(address)
         if node is not None:
             return f"node_map(s, {body!r}, L[{body!r}], {node})"
         return f"L[{body!r}]" if body in self.guided else None
 
     def force(self, name: str) -> str:
-        """Global force of a load, and no moment."""
+        """Global force of a load, with zero moment."""
         load = self.scene.forces[name]
         direction = pair(load.direction)
         if load.axes == "global":
@@ -100,7 +101,7 @@ class Texts:
         return [name for name, at in on.items() if at is not None and (at.body, self.node(at)) == (body, node)]
 
     def lumps(self) -> str:
-        """Rows of what deformation moves at a point: L, body, mass, inertia, place, load."""
+        """Rows of points that deformation moves: L, body, mass, inertia, position, load."""
         sites: list[tuple[str, int | None]] = [(body, None) for body in self.guided]
         sites += [(name, k) for name, link in self.links.items() for k in range(len(link.nodes))]
         rows = []
@@ -114,7 +115,7 @@ class Texts:
         return wrapped(_LUMPS, rows, indent=4).removeprefix(f"    {_LUMPS}")
 
     def place(self, address: Address) -> str:
-        """Global place of a displaced point with its rates."""
+        """Global position of a displaced point with its rates."""
         body, node = address.body, self.node(address)
         if body == "ground":
             return f"np.array(({short(self.at(address))}, (0, 0), (0, 0)))"
@@ -134,7 +135,7 @@ class Texts:
 
 
 class Reactions:
-    """Unknown reactions of all joints: columns, and the balances of nodes at joints and of rigid bodies."""
+    """Unknown reactions of all joints: columns, and the equilibrium of nodes at joints and of rigid bodies."""
 
     def __init__(self, texts: Texts) -> None:
         self.texts, self.scene = texts, texts.scene
@@ -176,7 +177,7 @@ class Reactions:
                     yield f"    {self.guide(name)}[:, :2] = {self.guide(name)}[:, :2] @ R[{carrier!r}][0].T"
 
     def _terms(self, body: str, node: int | None) -> Iterator[str]:
-        """Signed terms of a balance: forces at the ends of elements, inertia, loads."""
+        """Signed terms of an equilibrium: element end forces, inertia, loads."""
         texts = self.texts
         if node is not None:
             if node < len(texts.links[body].nodes) - 1:
@@ -190,16 +191,16 @@ class Reactions:
             yield f"- {self._about(body, node, at, texts.force(name))}"
 
     def _about(self, body: str, node: int | None, at: Pair, push: str) -> str:
-        """A force with its moment about a rigid body's start, or about the node that it acts on."""
+        """Force with its moment about a rigid body's start, or about the node that it acts on."""
         direct = node is not None or at == (0.0, 0.0)
         return push if direct else f"about({self.texts.rotated(body, at)}, {push})"
 
     def guide(self, name: str) -> str:
-        """What the unit reactions of a guide are called."""
+        """Name of a guide's unit reactions."""
         return f"guide_{list(self.scene.joints).index(name) + 1}"
 
     def _sides(self) -> str:
-        """Row of a balance, sign, first column, unit reactions and their arm, of both sides of every joint."""
+        """Row of the equilibrium, sign, first column, unit reactions and their arm, for both sides of every joint."""
         texts, rows = self.texts, []
         for name, joint in self.scene.joints.items():
             units = self.guide(name) if joint.kind == "prismatic" else "np.eye(3)"
@@ -241,14 +242,14 @@ class Reactions:
 
 
 class Expressions:
-    """An expression for each sensor of a scene."""
+    """Expression for each sensor of a scene."""
 
     def __init__(self, texts: Texts, reactions: Reactions) -> None:
         self.texts, self.scene, self.reactions = texts, texts.scene, reactions
         self.named: dict[tuple[str, str], str] = {}
 
     def names(self) -> str:
-        """Statements of what several sensors may read."""
+        """Statements of expressions that several sensors read."""
         found = []
         for kind in ("place", "cut"):
             rows = [f"{key!r}: {text}" for (of, key), text in self.named.items() if of == kind]
@@ -267,11 +268,11 @@ class Expressions:
         read = self._section if sections else getattr(self, f"_{sensor.kind}", None)
         target = sensor.target
         if read is None or (sections and address_of(sensor).body not in self.texts.links):
-            raise SceneError(f"sensors.{name}", str(target), "the file does not read that", _RUN)
+            raise SceneError(f"sensors.{name}", str(target), "the file does not support this sensor", _RUN)
         of_link = isinstance(target, Address) and target.body in self.texts.links
         if of_link and (self.texts.node(address_of(sensor)) is None or self.texts.at(address_of(sensor))[1]):
-            raise SceneError(f"sensors.{name}", str(target), "the file reads a link at its nodes",
-                             "Give the link elements that end there, or take `kaneflex run`")  # fmt: skip
+            raise SceneError(f"sensors.{name}", str(target), "the file supports links at their nodes only",
+                             "Give the link elements that end there, or use `kaneflex run`")  # fmt: skip
         return read(sensor)
 
     def _component(self, sensor: Sensor, body: str, vector: str) -> str:
@@ -327,7 +328,7 @@ class Expressions:
         return self._velocity(sensor, 2)
 
     def _section(self, sensor: Sensor) -> str:
-        """N, V, M of the elements beside a node: one of them where something acts, else the mean of both."""
+        """Section forces N, V, M at a node: of one adjacent element if something acts there, else the mean of both."""
         address = address_of(sensor)
         link, node = self.texts.links[address.body], self.texts.node(address)
         assert node is not None  # checked before
@@ -363,7 +364,7 @@ class Expressions:
 
 
 def _in_lines(rows: Iterable[tuple[str, str]]) -> str:
-    """A dictionary of entries with their units, those of one unit side by side while there is room."""
+    """Dictionary of entries with their units; entries of one unit share lines."""
     lines: list[tuple[str, str]] = []
     for row, unit in rows:
         if lines and lines[-1][1] == unit and len(lines[-1][0]) + len(row) + len(unit) < LINE - 18:
@@ -376,7 +377,7 @@ def _in_lines(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def sensor_text(texts: Texts) -> str:
-    """The functions ``sensors`` and ``main``."""
+    """Text of the functions ``sensors`` and ``main``."""
     model, scene, reactions = texts.model, texts.scene, Reactions(texts)
     expressions = Expressions(texts, reactions)
     rows = {name: expressions.of(name, sensor) for name, sensor in scene.sensors.items()}

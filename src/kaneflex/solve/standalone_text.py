@@ -1,13 +1,13 @@
-"""The parts of a model in one file that are the same for all scenes; ``<<name>>`` stands for what a scene has."""
+"""Fixed parts of the standalone file; ``<<name>>`` marks the scene's own parts."""
 
 HEAD = '''"""<<title>>
 
 Elastic displacements z about the rigid motion of the mechanism obey linear equations, paper (107), (117), whose
-matrices follow that motion (docs/theory.md of kaneflex, which wrote this file):
+matrices depend on that motion (docs/theory.md of kaneflex, which wrote this file):
     M(t) z'' + (C_s + C_d) z' + (K_s + K_d<<plus>>) z = F(t),  C_s = alpha M + beta K_s,
     C_d = 2 omega G,  K_d = epsilon G - omega^2 M<<tension>>
 SI units; angles in rad. `python FILE.py` prints the extremes of the sensors, `python FILE.py OUT.csv` writes their
-series, too. In loops of your own: scalars(t), equations(t), modes(t), trajectory(), sensors(t, z, v, a).
+series, too. Functions to call: scalars(t), equations(t), modes(t), trajectory(), sensors(t, z, v, a).
 """
 
 import math
@@ -34,7 +34,7 @@ SPLINE = '''
 
 @njit(**OPTIONS)
 def table(x, y, m, h):
-    """Cubic spline at x through y at 0, h, 2 h ... with the curvatures m there; it repeats itself."""
+    """Periodic cubic spline at x through y at 0, h, 2 h ... with the curvatures m there."""
     k, r = int(x // h), x / h - x // h
     i, j = k % len(y), (k + 1) % len(y)
     return (1 - r) * y[i] + r * y[j] + h * h / 6 * ((r**3 - r) * m[j] + ((1 - r) ** 3 - 1 + r) * m[i])
@@ -56,12 +56,12 @@ def scalars(t):
 
 
 def product(a, b):
-    """Matrix product of what stands with its rates, x, x', x'', along the first axis (Leibniz)."""
+    """Matrix product with its first and second rate, stacked along the first axis (Leibniz)."""
     return np.array([a[0] @ b[0], a[1] @ b[0] + a[0] @ b[1], a[2] @ b[0] + 2 * a[1] @ b[1] + a[0] @ b[2]])
 
 
 def frame(s, body):
-    """Place of a body's start, and the rotation R of its axes."""
+    """Position of a body's start, and the rotation R of its axes, with rates."""
     names = "c s omega epsilon x y v_x v_y a_x a_y"
     c, sine, omega, epsilon, *start = (s.get(f"{body}.{name}", 0.0) for name in names.split())
     R, S = np.array([[c, -sine], [sine, c]]), np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -69,20 +69,20 @@ def frame(s, body):
 
 
 def point(s, body, at):
-    """Global place of a point of a rigid body."""
+    """Global position of a point of a rigid body, with rates."""
     start, R = frame(s, body)
     return start + R @ np.array(at)
 
 
 def inertia(s, body, m, J, at, moved=None):
-    """m (a - g) and J epsilon of a mass fixed to a body, with the elastic motion of its place; paper (43), (89)."""
+    """Inertia m (a - g) and J epsilon of a mass fixed to a body, with its elastic motion; paper (43), (89)."""
     a = point(s, body, at)[2]<<less>>
     total = np.array([m * a[0], m * a[1], J * s.get(f"{body}.epsilon", 0.0)])
     return total if moved is None else total + (m, m, J) * (moved[2] + ALPHA * moved[1])
 
 
 def maps(s):
-    """L of q = L z, paper (66): joints share global displacements, all else is a link's own, in its axes."""
+    """Maps L of q = L z, paper (66): joints share global displacements, other coordinates are in the link's axes."""
 <<maps>>
 
 '''
@@ -90,7 +90,7 @@ def maps(s):
 NODE_MAP = '''
 
 def node_map(s, link, L, k):
-    """Global displacement and turn of a link's node."""
+    """Global displacement and rotation of a link's node."""
     return np.concatenate([product(frame(s, link)[1], L[:, 3 * k:3 * k + 2]), L[:, 3 * k + 2:3 * k + 3]], axis=1)
 '''
 
@@ -103,7 +103,7 @@ ELEMENTS = {  # M, G, K_s, f<<H_>> of all elements
 
 
 def beam(s, link):
-    """M, C, K, F, K_s of every element of a link, paper (107)."""
+    """Matrices M, C, K, F, K_s of every element of a link, paper (107)."""
     <<unpacked>>
     names = "omega epsilon link.a_x link.a_y link.P_0"
     omega, epsilon, a_x, a_y, P_0 = (s.get(f"{link}.{name}", 0.0) for name in names.split())
@@ -150,7 +150,7 @@ A, B = NODES[:, None] ** np.arange(1, 4) / np.arange(1, 4) @ INVERSE, 1.0 / np.a
 
 
 def steps(z, v, loaded=1.0):
-    """z, v, a after each step from states in columns, by Radau IIA of order 5 (Hairer and Wanner 1996, section IV.5).
+    """Yield z, v, a after steps from states in columns: Radau IIA, order 5 (Hairer and Wanner 1996, section IV.5).
 
     Unknowns are the accelerations x_s of three stages: M_s x_s + C_s v_s + K_s z_s = loaded F_s with
     v_s = v + h sum a_sr x_r,  z_s = z + c_s h v + h^2 sum (a a)_sr x_r
@@ -171,7 +171,7 @@ def steps(z, v, loaded=1.0):
 FROM_STATE = '''
 
 def trajectory():
-    """z, z', z'' at all instants, (3, STEPS + 1, N), from the state that the run begins with."""
+    """States z, z', z'' at all instants, (3, STEPS + 1, N), from the initial state."""
     z, v = (np.array(each).reshape(N, 1) for each in <<start>>)
     M, C, K, F, _ = equations(0.0)
     first = z, v, np.linalg.solve(M, F[:, None] - C @ v - K @ z)
@@ -181,9 +181,9 @@ def trajectory():
 REPEATED = '''
 
 def trajectory():
-    """z, z', z'' of the motion that repeats itself, (3, STEPS + 1, N).
+    """States z, z', z'' of the periodic motion, (3, STEPS + 1, N).
 
-    A cycle takes x = (z, h v) to A x + b; columns of A are those of unit states without load, b that from rest.
+    A cycle maps x = (z, h v) to A x + b; columns of A come from unit states without load, b from rest.
     """
     h, unit = DURATION / STEPS, np.eye(2 * N, 2 * N + 1)
     for z, v, _ in steps(unit[:N], unit[N:] / h, np.eye(1, 2 * N + 1, 2 * N)[0]):
@@ -199,16 +199,16 @@ GRIDS = <<grids>>  # instants of the cycle, and corrections on them
 
 
 def harmonics(z, count, order=0):
-    """A derivative of the trigonometric polynomials through z, (instants, n), at so many instants of the cycle."""
+    """Derivative of the trigonometric polynomials through z, (instants, n), at ``count`` instants of the cycle."""
     half, k = len(z) // 2, np.arange(len(z) // 2 + 1)
     waves = np.exp(2j * np.pi * (np.outer(np.arange(count), k) % count) / count) * np.where(k % half == 0, 1, 2)
     return (waves * (2j * np.pi * k / DURATION) ** order @ np.fft.rfft(z, axis=0)).real / len(z)
 
 
 def trajectory():
-    """z, z', z'' of the motion that repeats itself, (3, STEPS + 1, N), by Fourier collocation on ever finer grids.
+    """States z, z', z'' of the periodic motion, (3, STEPS + 1, N), by Fourier collocation on finer and finer grids.
 
-    GMRES (Saad and Schultz 1986) in y, z = L^-T y, K = L L^T; each vector is the answer of the mean equations."""
+    GMRES (Saad and Schultz 1986) in y, z = L^-T y, K = L L^T; preconditioned by the mean equations."""
     z = None
     for count, corrections in GRIDS:
         M, C, K, F, _ = map(np.array, zip(*(equations(DURATION * k / count) for k in range(count))))
@@ -250,7 +250,7 @@ FORESHORTENING = '''
 
 @cache
 def statics(link):
-    """Static shapes of unit displacements where joints hold a link, and its stiffness against these."""
+    """Static shapes of unit displacements of a link at its joints, and its stiffness against these."""
     K_s, held = np.zeros((3 * len(LINKS[link][0]),) * 2), HELD[link]
     for e, each in enumerate(ELEMENTS[link][2]):
         K_s[3 * e:3 * e + 6, 3 * e:3 * e + 6] += each
@@ -262,7 +262,7 @@ def statics(link):
 def shortened(L, q, z):
     """Displacements (u, v, theta) of all nodes with the shortening s(x) = 1/2 int v'^2 of bent axes, and its z.
 
-    Joints stay closed by what strains the links least: sum (L^T K L) z = -sum L^T K s over what joints hold.
+    Joints stay closed with the least strain energy of the links: sum (L^T K L) z = -sum L^T K s over joints.
     """
     S, g, short = np.zeros((3, N, N)), np.zeros((3, N)), {}
     for link, held in HELD.items():
@@ -274,7 +274,7 @@ def shortened(L, q, z):
         push = L[link][:, held].transpose(0, 2, 1) @ statics(link)[1]
         S, g = S + product(push, L[link][:, held]), g - product(push, short[link][:, held])
     S, g, own = S[:, USED][:, :, USED], g[:, USED], np.zeros((3, N))
-    S = S * (1.0 + 1e-11 * np.eye(len(USED)))  # what nothing determines moves least
+    S = S * (1.0 + 1e-11 * np.eye(len(USED)))  # undetermined displacements stay small
 <<undetermined>>    own[0, USED] = np.linalg.solve(S[0], g[0])
     own[1, USED] = np.linalg.solve(S[0], g[1] - S[1] @ own[0, USED])
     own[2, USED] = np.linalg.solve(S[0], g[2] - 2 * S[1] @ own[1, USED] - S[2] @ own[0, USED])
@@ -289,12 +289,12 @@ UNDETERMINED = '''    S[0] += 1e-11 * np.diag(np.diag(S[0]) == 0.0)
 SENSORS = '''
 
 def about(arm, push):
-    """A force with a moment at the end of an arm, about its beginning."""
+    """Force and moment at the end of an arm, about its beginning."""
     return push + np.array([0.0, 0.0, arm[0] * push[1] - arm[1] * push[0]])
 
 
 def sensors(t, z, v, a):
-    """What every sensor reads at time t with the elastic coordinates z, z', z''."""
+    """Readings of all sensors at time t with the elastic coordinates z, z', z''."""
     s, z = scalars(t), np.array([z, v, a])
     L, R, f<<g>> = maps(s), {body: frame(s, body)[1] for body in <<bodies>>}, {}<<empty>>
     q = {link: product(L[link], z) for link in LINKS}
@@ -313,7 +313,7 @@ TURNED = '''        ends = f[link].reshape(-1, 2, 3)  # and in global axes
 TENSION = ",  K_g by the axial force of the rigid mechanism"
 
 REACTIONS = '''\
-    # joints exert what every node at a joint and every rigid body lacks in its balance b, moments over a length
+    # reactions balance the residual b of nodes at joints and of rigid bodies; moments are divided by a length
     A, b = np.zeros((<<rows>>, <<columns>>)), np.zeros(<<rows>>)
 <<balances>>
     for row, sign, column, units, arm in <<sides>>:
@@ -339,6 +339,6 @@ def main():
 if __name__ == "__main__":
     main()
 '''
-ANGLES = '''    for name in <<names>>:  # that turn on and on
+ANGLES = '''    for name in <<names>>:  # full turns
         series[name] = np.unwrap(series[name])
 '''

@@ -1,11 +1,11 @@
-"""The elastic equations frozen at one instant, as a linear system with named states, inputs and outputs.
+"""State space of the elastic equations at one instant, with named states, inputs and outputs.
 
     M z'' + C z' + K z = F_0 + F_u u                    x = (z, z'),   x' = A x + B u,   y = C x + D u
 
-M, C, K hold the terms that the preset keeps, at that instant. An input u is what a load, or the acceleration of a
-drive, has beyond its value at the instant; an output y is what a sensor shows beyond its reading with z = z' = u = 0
-and the inertia of the rigid motion. The shares of the inputs in K (a load's part of the axial forces in K_g) stay those
-of the instant, and the foreshortening, which is of second order, is left out.
+M, C, K hold the terms of the preset at that instant. An input u is the deviation of a load, or of a drive's
+acceleration, from its value at the instant; an output y is the deviation of a sensor from its reading with z = z' = u
+= 0 and the inertia of the rigid motion. The inputs' effect on K (a load's part of the axial forces in K_g) is that of
+the instant, and foreshortening, of second order, is neglected.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from kaneflex.support.atomic_output import write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError, nearest
 
 FORCES = ("joint_force", *DRIVE_KINDS)
-"""Sensors that need equations which balance at every instant: those of a frozen model don't."""
+"""Sensors that need equations which balance at every instant, unlike those of a frozen model."""
 
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """A linear system in SI units; made by :func:`linearise`.
+    """Linear system in SI units; made by :func:`linearise`.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class StateSpace:
         Loads by name, and NAME.acceleration of each joint whose motion is prescribed; sensors by name.
     input_units, output_units : tuple of str
     t : float
-        The instant [s].
+        Instant [s].
     drives : mapping of str to float
         Coordinate of each drive at the instant [rad or m].
     """
@@ -80,17 +80,17 @@ class StateSpace:
         return values[np.argsort(abs(values), kind="stable")]
 
     def frequency_response(self, frequencies: Sequence[float] | np.ndarray) -> np.ndarray:
-        """What the outputs answer to harmonic inputs of one, G(i w) = C (i w - A)^-1 B + D.
+        """Complex response of the outputs to harmonic inputs, G(i w) = C (i w - A)^-1 B + D.
 
         Parameters
         ----------
         frequencies : (n,)
-            In Hz.
+            Frequencies [Hz].
 
         Returns
         -------
         ndarray (n, n_outputs, n_inputs)
-            Complex amplitudes, in units of the outputs over those of the inputs.
+            Complex amplitudes for unit inputs, in units of the outputs over those of the inputs.
         """
         one = np.eye(len(self.A))
         points = 2j * np.pi * np.asarray(frequencies, dtype=float)
@@ -100,8 +100,8 @@ class StateSpace:
     def save(self, path: Path | str) -> None:
         """Write everything as NumPy .npz, MATLAB .mat or Modelica .mo, by the path's ending.
 
-        Names are arrays of strings in the first two; the third has A, B, C, D alone, and a variable for each input and
-        output.
+        The first two contain the names as arrays of strings; the third has A, B, C, D only, and a variable for each
+        input and output.
 
         Raises
         ------
@@ -122,35 +122,35 @@ class StateSpace:
         else:
             from scipy.io import savemat
 
-            # A cell array of strings: MATLAB pads a matrix of characters.
+            # a cell array of strings, since MATLAB pads a matrix of characters
             savemat(data, arrays | {name: np.array(texts, dtype=object) for name, texts in names.items()})
         write_bytes(path, _undated(data.getvalue()) if path.suffix == ".mat" else data.getvalue())
 
 
 def check_file_kind(path: Path) -> None:
-    """Raise OutputError for a file that is neither .npz, .mat nor .mo."""
+    """Raise OutputError unless a file is .npz, .mat or .mo."""
     if path.suffix not in (".npz", ".mat", ".mo"):
-        raise OutputError(str(path), None, "not a kind of file for matrices", "End the name in .npz, .mat or .mo")
+        raise OutputError(str(path), None, "unknown file type for matrices", "Use the ending .npz, .mat or .mo")
 
 
 def _undated(mat: bytes) -> bytes:
-    """A MATLAB 5 file whose header text, 116 bytes, says nothing of when and where it was made."""
+    """MATLAB 5 file with a header text, 116 bytes, without date and machine."""
     return b"MATLAB 5.0 MAT-file, state space by kaneflex".ljust(116) + mat[116:]
 
 
 @takes(model="model", t="number", sensors="texts")
 def linearise(model: SceneLike, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:
-    """The elastic equations at one instant as a state space.
+    """State space of the elastic equations at one instant.
 
-    Under preset ``coupled`` those of all bodies, about the steady deformation: states are the shapes of the links and
-    the coordinates of as many joints as are free, JOINT.angle or JOINT.position; outputs are central differences.
+    Under preset ``coupled``, of all bodies about the steady deformation: states are the shapes of the links and the
+    coordinates of the free joints, JOINT.angle or JOINT.position; output matrices are central differences.
 
     Parameters
     ----------
     model : Model, Solution, Scene or path
-        Of a frozen model the matrices are those of its own angle.
+        A frozen model has the matrices of its own angle.
     t : float, optional
-        The instant [s]; by default the one at which the first drive stands at ``solve.mode_angle``.
+        Instant [s]; by default the one at which the first drive is at ``solve.mode_angle``.
     sensors : sequence of str, optional
         Outputs; by default every sensor of the scene that `available_sensors` names. Every kind is linear in
         (z, z', z'', u): displacements, velocities, accelerations, positions, section forces, strains and, where the
@@ -163,11 +163,11 @@ def linearise(model: SceneLike, t: float | None = None, sensors: Sequence[str] |
     """
     model = model_from(model)
     if model.options.dynamics in ("rigid", "quasistatic"):
-        reason = f"a {model.options.dynamics} model has no states"
+        reason = f"a {model.options.dynamics} model has no states to linearise"
         cure = "Choose preset linear or stiffened, for a scene with an elastic body"
         raise SceneError("solve.preset", model.options.preset, reason, cure)
     if model.scene.is_spatial and model.options.dynamics != "coupled":
-        reason = "in space only preset coupled is linearised so far"
+        reason = "in space only preset coupled can be linearised"
         raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled")
     t = model.reference_time if t is None else t
     chosen = _chosen(model, sensors)
@@ -188,7 +188,8 @@ def linearise(model: SceneLike, t: float | None = None, sensors: Sequence[str] |
 
 
 class _Frozen(NamedTuple):
-    """M z'' + C z' + K z = F_u u at one instant, and y = by_state x + by_acceleration z'' + by_inputs u."""
+    """Linear equations M z'' + C z' + K z = F_u u at one instant, and y = by_state x + by_acceleration z'' + by_inputs
+    u."""
 
     names: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -214,7 +215,7 @@ def _one_way(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:
 
 
 def _coupled(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:
-    """The coupled equations about the steady deformation; the sensors by central differences."""
+    """Coupled equations about the steady deformation; sensors by central differences."""
     from kaneflex.solve.coupled_linearisation import inputs, linear_about, readings
 
     found = linear_about(model, t)
@@ -242,19 +243,19 @@ def _chosen(model: Model, names: Sequence[str] | None) -> dict[str, Sensor]:
             raise SceneError("sensors", name, "the scene has no such sensor", nearest(name, model.scene.sensors))
         if name not in available:
             kind = model.scene.sensors[name].kind.replace("_", " ")
-            reason = f"a {kind} of frozen matrices does not follow from the elastic coordinates"
+            reason = f"a {kind} can't be computed from frozen matrices"
             raise SceneError("sensors", name, reason, "Leave it out, or use preset linear or stiffened")
     return {name: available[name] for name in names}
 
 
 _NO_RATE = 1e-9
-"""What a unit acceleration of a drive may move a link by [m/s^2 or rad/s^2] and still count as leaving it alone."""
+"""Acceleration of a link per unit acceleration of a drive [m/s^2 or rad/s^2] that counts as none."""
 Shift = dict[str, float]
-"""Scalar of the motion -> what one unit of an input adds to it."""
+"""Scalar of the motion -> its change per unit of an input."""
 
 
 def _inputs(model: Model, rigid: RigidMotion) -> dict[str, Shift]:
-    """Every load's magnitude and every prescribed acceleration, as what they do to the scalars of the motion."""
+    """Changes of the motion's scalars by every load's magnitude and every prescribed acceleration."""
     shifts: dict[str, Shift] = {name: {name: 1.0} for name in model.scene.loads}
     bodies = [*model.scene.bodies]
     angle = {name: np.arctan2(rigid[f"{name}.s"][0], rigid[f"{name}.c"][0]) for name in bodies}
@@ -275,7 +276,7 @@ def _inputs(model: Model, rigid: RigidMotion) -> dict[str, Shift]:
 
 
 def _has_terms(model: Model, shift: Shift) -> bool:
-    """Whether the module has the inertia loads of an acceleration, which a steady motion does without."""
+    """Whether the module has the inertia loads of an acceleration, which a steady motion does not need."""
     known = {factor for _, _, target, factors in model.motion.module.TERMS if target == "F" for factor in factors}
     keys = {"epsilon": "{}.epsilon", "a_x": "{}.link.a_x", "a_y": "{}.link.a_y"}
     return all(
@@ -287,7 +288,7 @@ def _has_terms(model: Model, shift: Shift) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _ShiftedMotion(RigidMotion):
-    """A rigid motion with something added to some of its scalars, a different amount at each time."""
+    """Rigid motion with increments of some scalars, different at each time."""
 
     shift: Mapping[str, np.ndarray] = field(default_factory=dict)
 
@@ -296,7 +297,7 @@ class _ShiftedMotion(RigidMotion):
 
 
 def _shifted(model: Model, t: float, shifts: Sequence[Shift]) -> _ShiftedMotion:
-    """The instant as often as there are shifts, the k-th with the k-th one."""
+    """The instant once per shift, with that shift applied."""
     rigid = model.motion.at(np.full(len(shifts), t))
     names = set().union(*shifts)
     columns = {name: np.array([shift.get(name, 0.0) for shift in shifts]) for name in names}
@@ -304,13 +305,13 @@ def _shifted(model: Model, t: float, shifts: Sequence[Shift]) -> _ShiftedMotion:
 
 
 def _load_of(model: Model, t: float, shifts: Sequence[Shift]) -> np.ndarray:
-    """dF/du, shape (n, n_inputs)."""
+    """Derivative dF/du, (n, n_inputs)."""
     columns = _shifted(model, t, [{}, *shifts]).column_of(model.reduced.F)
     return columns[:, 1:] - columns[:, :1]
 
 
 class _Readings:
-    """The sensors' readings at one instant as functions of z, z', z'' and the inputs, all affine."""
+    """Readings of the sensors at one instant as affine functions of z, z', z'' and the inputs."""
 
     def __init__(self, model: Model, t: float, sensors: Mapping[str, Sensor]):
         options = replace(model.options, foreshortening=False)
@@ -318,7 +319,7 @@ class _Readings:
         self.model, self.t, self.count = replace(model, options=options, scene=scene), t, len(sensors)
 
     def by_coordinates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Derivatives by z, z' and z'' of what is integrated, each (n_outputs, n)."""
+        """Derivatives by z, z' and z'' of the integrated coordinates, each (n_outputs, n)."""
         basis = self.model.modal_basis
         n = self.model.reduced.size
         units = np.eye(n) if basis is None else basis

@@ -1,4 +1,4 @@
-"""What contacts and frictions did in a run, in numbers: for its summary, and as labelled arrays."""
+"""Results of contacts and friction of a run: for its summary, and as labelled arrays."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 
 _ABOUT = {
     "begin": ("s", "s", "instant at which the contact closes"),
-    "end": ("s", "s", "instant at which it opens; not a number where it lasts"),
+    "end": ("s", "s", "instant at which it opens; NaN if it lasts"),
     "approach": ("m/s", "rad/s", "speed at which the gap shrinks at the begin"),
     "separation": ("m/s", "rad/s", "speed at which the gap grows at the end"),
-    "impulse": ("N s", "N m s", "of the normal force"),
+    "impulse": ("N s", "N m s", "impulse of the normal force"),
     "peak": ("N", "N m", "largest normal force"),
     "lost": ("J", "J", "energy lost"),
-    "x": ("m", "global place of the contact at the begin, along x"),
+    "x": ("m", "global position of the contact at the begin, along x"),
     "y": ("m", "the same along y"),
 }
-"""Numbers of an impact: units, of flanks, which have no place, in the second one, and meaning."""
+"""Numbers of an impact: unit, unit for flanks (which have no place), and meaning."""
 
 
 _STILL = 1e-9
-"""Share of the largest speed of a friction below which it is at rest."""
+"""Share of a friction's largest speed below which it is at rest."""
 
 
 class FrictionSummary(PlainTable):
@@ -56,7 +56,7 @@ class ContactSummary(PlainTable):
 
 
 def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
-    """Every contact by name; none of a run by equations without them."""
+    """Summary of every contact by name; empty if the equations have no contacts."""
     record = record_of(solution)
     found = {}
     for k, name in enumerate(() if record is None else record.names):
@@ -76,7 +76,7 @@ def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
 
 
 def friction_summaries(solution: Solution) -> dict[str, FrictionSummary]:
-    """Every friction by the name of its joint or contact."""
+    """Summary of every friction by the name of its joint or contact."""
     record, found = _rubbing(solution), {}
     for k, name in enumerate(() if record is None else record.names):
         assert record is not None
@@ -92,31 +92,31 @@ def friction_summaries(solution: Solution) -> dict[str, FrictionSummary]:
 
 
 def undetermined_frictions(solution: Solution) -> list[str]:
-    """Warnings of joints whose own drive keeps them still: the drive and friction both hold them, by any share."""
+    """Warnings of joints held still by both their drive and friction, whose shares are indeterminate."""
     record, scene, found = _rubbing(solution), solution.model.scene, []
     for k, name in enumerate(() if record is None else record.names):
         assert record is not None
         drive, speed = scene.drives.get(name), abs(record.speed[:, k])
         still = speed <= _STILL * speed.max()
         before, after = np.r_[False, still[:-1]], np.r_[still[1:], False]
-        still &= before | after  # no single instant, at which it turns back
+        still &= before | after  # no single instant of reversal
         friction = scene.frictions[name]
         if drive is None or drive.free or not still.any() or friction.law not in ("coulomb", "stribeck"):
             continue
         limit = ((friction.mu_static or friction.mu) * record.pressed[:, k] + friction.preload)[still].max()
         turns = scene.turns_at(name)
         found.append(
-            f"friction at {name} is not determined at {still.sum()} of {len(still)} instants, first at t = "
-            f"{solution.times[still.argmax()]:.6g} s, where its drive holds it still: it may be anything up to "
-            f"{limit:.4g} {'N m' if turns else 'N'} either way, and {'drive_torque' if turns else 'drive_force'} "
-            "differs by as much; what is shown is one choice"
+            f"friction at {name} is statically indeterminate at {still.sum()} of {len(still)} instants, first at t = "
+            f"{solution.times[still.argmax()]:.6g} s, where its drive holds it still: any value up to "
+            f"{limit:.4g} {'N m' if turns else 'N'} either way is possible, and "
+            f"{'drive_torque' if turns else 'drive_force'} differs by as much; one of these is shown"
         )
     return found
 
 
 def labelled_frictions(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
-    """Coordinates and variables: ``friction_force`` and the like over time and ``friction``, of pins ``pin_torque`` and
-    the like over ``pin``."""
+    """Coordinates and variables of frictions: ``friction_force`` etc. over time and ``friction``, of pins
+    ``pin_torque`` etc. over ``pin``."""
     record = _rubbing(solution)
     coordinates: dict[str, Entry] = {}
     variables: dict[str, Entry] = {}
@@ -132,18 +132,18 @@ def labelled_frictions(solution: Solution) -> tuple[dict[str, Entry], dict[str, 
             (push, record.force, units[0], f"{push} of friction on the second side"),
             ("speed", record.speed, units[1], "speed of the second side past the first"),
             ("pressed", record.pressed, units[0],
-             "what presses the sides together" + turns * ", times the radius of the pin"),
-            ("lost", record.lost, "J", "energy that friction has lost so far"),
-            ("bristles", record.bristles, "rad" if turns else "m", "how far the bristles of law lugre are bent"),
+             "normal force between the sides" + turns * ", times the radius of the pin"),
+            ("lost", record.lost, "J", "energy lost by friction so far"),
+            ("bristles", record.bristles, "rad" if turns else "m", "deflection of the bristles of law lugre"),
         ):  # fmt: skip
             variables[f"{kind}_{key}"] = (both, values[:, columns], {"units": unit, "long_name": meaning})
-        variables[f"{kind}_sticks"] = (both, sticks, {"long_name": "1 where it is stuck"})
+        variables[f"{kind}_sticks"] = (both, sticks, {"long_name": "1 if sticking"})
     return coordinates, variables
 
 
 def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
-    """Coordinates and variables: ``contact_gap`` and the like over time and ``contact``, ``impact_begin`` and the like
-    over ``impact``, of backlash over ``flank`` and ``flank_impact``; ``clearance_x`` and the like over time and
+    """Coordinates and variables of contacts: ``contact_gap`` etc. over time and ``contact``, ``impact_begin`` etc.
+    over ``impact``, of backlash over ``flank`` and ``flank_impact``; ``clearance_x`` etc. over time and
     ``clearance``."""
     record = record_of(solution)
     if record is None:
@@ -163,21 +163,21 @@ def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, E
 
 
 def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, Entry]:
-    """What some of the contacts did, over ``kind``, and their impacts: of flanks in angles and torques."""
+    """Variables of contacts of one kind, and of their impacts; for flanks in angles and torques."""
     turns, both = int(kind == "flank"), ("time", kind)
     columns = [record.names.index(name) for name in names]
     push = "torque" if turns else "force"
     variables: dict[str, Entry] = {
         f"{kind}_gap": (both, record.gap[:, columns], {
             "units": ("m", "rad")[turns], "long_name": f"gap between the sides of a {kind}",
-            "comment": "below zero by how deep they are in each other"
+            "comment": "negative by the penetration"
             + ("" if turns else "; of a circle in a circle the clearance less the eccentricity"),
         }),
         f"{kind}_{push}": (both, record.force[:, columns], {
             "units": ("N", "N m")[turns], "long_name": f"normal {push} of a {kind}",
         }),
         f"{kind}_lost": (both, record.lost[:, columns], {
-            "units": "J", "long_name": f"energy that a {kind} has lost so far",
+            "units": "J", "long_name": f"energy lost by a {kind} so far",
         }),
     }  # fmt: skip
     impacts = [impact for impact in record.impacts if impact.contact in names]
@@ -194,9 +194,10 @@ def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, En
 
 
 def eccentricity(solution: Solution, name: str) -> np.ndarray:
-    """Of a pin or a block in its clearance, (n_times,): 0 in the middle, 1 where it touches, more by how deep it is.
+    """Eccentricity of a pin or block in its clearance, (n_times,): 0 in the middle, 1 at contact, more under
+    penetration.
 
-    That of a block is that of the corner which is nearest to its face.
+    For a block, that of the corner nearest to its face.
     """
     loose = solution.model.scene.loose[name]
     gaps = np.array([solution.motion.contact(key)[0] for key in loose.contacts])
@@ -204,13 +205,13 @@ def eccentricity(solution: Solution, name: str) -> np.ndarray:
 
 
 def _in_clearances(solution: Solution) -> dict[str, Entry]:
-    """Where pins and blocks are in their clearances."""
+    """Positions of pins and blocks in their clearances."""
     both, names = ("time", "clearance"), list(solution.model.scene.loose)
     places = np.array([solution.motion.clearance(name) for name in names])
     about = {
-        "clearance_x": ("m", "place of a pin in its bearing along x, global; of a block along its guide"),
-        "clearance_y": ("m", "place of a pin in its bearing along y, global; of a block across its guide"),
-        "clearance_angle": ("rad", "angle of a pin's body against its bearing's; tilt of a block in its guide"),
+        "clearance_x": ("m", "position of a pin in its bearing along x, global; of a block along its guide"),
+        "clearance_y": ("m", "position of a pin in its bearing along y, global; of a block across its guide"),
+        "clearance_angle": ("rad", "angle of a pin's body relative to its bearing's; tilt of a block in its guide"),
     }
     found: dict[str, Entry] = {
         key: (both, places[:, k].T, {"units": unit, "long_name": meaning})
@@ -227,6 +228,6 @@ def _rubbing(solution: Solution) -> FrictionRecord | None:
 
 
 def record_of(solution: Solution) -> ContactRecord | None:
-    """What the contacts of a run did; None of one without, by equations without them, or that stopped at its start."""
+    """Record of a run's contacts; None without contacts, or if the run stopped at its start."""
     record = getattr(solution.trajectory, "contacts", None)
     return record if record is not None and record.names and len(record.gap) else None

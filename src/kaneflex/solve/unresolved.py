@@ -1,4 +1,4 @@
-"""The modes that the steps of a coupled run are too long for."""
+"""Modes that a coupled run's steps do not resolve."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.plain_table import PlainTable
 
 FASTEST_DECAY = 20.0
-"""Step of Gauss's method over a time constant from which it leaves a third and more of what decays: its stability
+"""Step of Gauss's method over a time constant from which at least a third of a decaying part remains: its stability
 function (1 + z/2 + z^2/10 + z^3/120)/(1 - z/2 + z^2/10 - z^3/120) is -0.30 at z = -20, and tends to -1."""
 FEWEST_STEPS = 3
-"""Steps in a period below which Gauss-Legendre shifts a vibration's phase by 2 % and more of each radian."""
+"""Steps per period below which Gauss-Legendre shifts a vibration's phase by 2 % or more."""
 
 
 class UnresolvedMode(PlainTable):
     """Mode of the reference configuration that the steps of a coupled run do not resolve.
 
-    Steps under control of their error leave out only vibrations that are smaller than the error allowed; what such a
-    mode bears of forces is then its static share.
+    Error-controlled steps skip only vibrations below the tolerance; such a mode carries its static share of forces.
     """
 
     frequency_hz: float = Field(description="natural frequency, Hz")
@@ -32,12 +31,11 @@ class UnresolvedMode(PlainTable):
 
 
 def unresolved(solution: Solution) -> list[UnresolvedMode]:
-    """The modes with fewer than FEWEST_STEPS mean steps in a period, by frequency; none where no coupled equations were
-    integrated.
+    """Modes with fewer than FEWEST_STEPS mean steps per period, by frequency; none without coupled equations.
 
-    Under error control these are modes whose own vibration is smaller than the error allowed: their share of
-    displacements is right within it. Forces and accelerations are the static ones but for what such a vibration is
-    worth: omega^2 times the displacement allowed, which a slow mechanism's accelerations may not exceed by far.
+    Under error control the vibration of these modes is below the tolerance, so displacements are correct within it.
+    Forces and accelerations are static, except for such a vibration's contribution: omega^2 times the tolerance, which
+    may exceed the accelerations of a slow mechanism.
     """
     model, trajectory = solution.model, solution.trajectory
     if model.coupled is None or isinstance(trajectory, Trajectory) or not model.coupled.shape_columns:
@@ -49,7 +47,7 @@ def unresolved(solution: Solution) -> list[UnresolvedMode]:
     step = float(trajectory.times[-1] - trajectory.times[0]) / trajectory.steps
     try:
         names, omega, shapes = modes_at_rest(model)
-    except SceneError:  # of a dead centre, which the model warns of
+    except SceneError:  # dead centre, of which the model warns
         return []
     deforming = [k for k, name in enumerate(names) if name.split(".")[1].startswith(("axial", "transverse"))]
     found = []
@@ -62,9 +60,9 @@ def unresolved(solution: Solution) -> list[UnresolvedMode]:
 
 
 def left_by_gauss(solution: Solution) -> list[str]:
-    """A warning where dampers stop something within a step of Gauss's method: that is A-stable, but not L-stable.
+    """Warning if damping is faster than a step of Gauss's method, which is A-stable, but not L-stable.
 
-    Steps know laws and springs between points by their slopes, and are Radau's where these damp.
+    Steps with damping laws, or dampers between points, use Radau.
     """
     model, trajectory = solution.model, solution.trajectory
     damped = model.scene.damping is not None
@@ -78,6 +76,6 @@ def left_by_gauss(solution: Solution) -> list[str]:
     if fastest * step < FASTEST_DECAY:
         return []
     return [
-        f"solve.integrator = 'gauss' lets ring what is overdamped, by the error allowed: the fastest decay takes "
-        f"{1.0 / fastest:.2g} s, a step {step:.2g} s; take solve.integrator = 'radau'"
+        f"solve.integrator = 'gauss' leaves overdamped modes oscillating within the tolerance: the fastest decay "
+        f"takes {1.0 / fastest:.2g} s, a step {step:.2g} s; use solve.integrator = 'radau'"
     ]

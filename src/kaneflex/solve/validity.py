@@ -1,4 +1,4 @@
-"""What should make a user doubt a result that came out without an error."""
+"""Warnings about results of runs that ended without an error."""
 
 from __future__ import annotations
 
@@ -20,43 +20,44 @@ from kaneflex.solve.work import nominal_seconds
 from kaneflex.support.errors import UserError
 
 ADDED_UP = 0.01
-"""Share of a sensor's peak that steps may add up to, were each as wrong as the worst of them, without a second run."""
+"""Share of a sensor's peak up to which the sum of step errors, each as large as the worst, is accepted without a
+second run."""
 COUPLING = 3.0
-"""Relative change of a loop's stiffness by a deflection, over that deflection as a share of the link's length: what
-fits best where `stiffened` and `coupled` are known to part (four-bar at 150 to 300 rpm, engine, slider-crank-150)."""
+"""Relative change of a loop's stiffness per deflection as a share of the link's length: fitted to known differences of
+`stiffened` and `coupled` (four-bar at 150 to 300 rpm, engine, slider-crank-150)."""
 LEAST_DEFLECTION = 0.002
-"""Deflection, as a share of a link's length, below which no resonance is looked for that would enlarge its worth."""
+"""Deflection, as a share of a link's length, below which its effect on the motion is not checked."""
 LONGEST_SECOND = 10.0
-"""Nominal seconds of a run up to which another one is solved only to find out what could be wrong with it."""
+"""Nominal seconds of a run up to which it is solved a second time for a check."""
 FEWEST_STEPS = 10
-"""Steps in a period of the lowest mode below which a run is said to be coarse."""
+"""Steps per period of the lowest mode below which a run is reported as coarse."""
 LARGEST_BEND = 0.1
-"""Bending in a floating frame, as a share of a link's length, beyond which coupled equations are in doubt."""
+"""Bending in a floating frame, as a share of a link's length, above which coupled equations are doubtful."""
 LARGEST_COUPLING = 0.05
-"""Share of a sensor's peak that what deflections do to the motion may be worth, unless the equations know it."""
+"""Largest accepted effect of deflections on the motion, as a share of a sensor's peak, if the equations neglect it."""
 LARGEST_ERROR = 0.01
-"""Error allowed in a coupled run's steps, as a share of its largest deformation, beyond which that is in doubt."""
+"""Tolerance of a coupled run's steps, as a share of its largest deformation, above which that is doubtful."""
 LARGEST_GAP = 1e-4
-"""Share of the energy turned over that a run with free joints may lose or gain without a word."""
+"""Energy error of a run with free joints, as a share of the energy turned over, that is accepted."""
 LARGEST_PART, MEAN_PART = 0.05, 0.002
-"""Share of a sensor's peak by which its values found in two ways may part, at one instant, as where a start from rest
-is a shock, and in the root mean square of all."""
+"""Accepted difference of a sensor computed in two ways, as a share of its peak: at one instant, as for a
+start from rest, and in the root mean square."""
 LARGEST_ROUNDING = 1e-5
-"""Share of a quasi-static answer that rounding may change without a word."""
+"""Relative rounding error of a quasi-static solution that is accepted."""
 LARGEST_STRETCH = 0.05
-"""Change of a link's length, as a share of it, beyond which small-displacement theory is in doubt."""
+"""Relative change of a link's length above which small-displacement theory is doubtful."""
 LARGEST_DEFLECTION = 0.05
-"""Transverse displacement, as a share of a link's length, beyond which small-displacement theory is in doubt."""
+"""Transverse displacement, as a share of a link's length, above which small-displacement theory is doubtful."""
 STILL = 64 * np.finfo(float).eps
-"""Share of a mechanism's size by which its coordinates may change where it stands still."""
+"""Share of a mechanism's size by which coordinates of a mechanism at rest may change."""
 ZERO = 1e-6
-"""Share of the largest reading in a unit below which a sensor's peak may be rounding."""
+"""Share of the largest reading in a unit below which a sensor's peak may be rounding error."""
 
 
 def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[str]:
-    """Warnings about a finished run: a step too long for its lowest mode, deflections too large for the theory."""
+    """Warnings about a finished run: unresolved modes, large deflections, energy balance and others."""
     model, coupled = solution.model, solution.model.coupled is not None
-    stepped = not getattr(solution.trajectory, "solver", "").startswith("spectral")  # harmonics leave no mode out
+    stepped = not getattr(solution.trajectory, "solver", "").startswith("spectral")  # harmonics resolve all modes
     found = [*foreseen(model, frequencies, solution.times, stepped), *_parted(solution), *_unbalanced(solution)]
     if coupled:
         found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
@@ -79,9 +80,10 @@ def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[
 
 
 def foreseen(model: Model, frequencies: Sequence[float], times: np.ndarray, stepped: bool) -> list[str]:
-    """Warnings that are known without a solution: of steps, of rounding, and of stiffness that forces take away.
+    """Warnings known without a solution: of steps, rounding, and stiffness reduced by forces.
 
-    frequencies: natural ones [Hz], rising; times: stored instants [s] (n,); stepped: whether steps are taken
+    ``frequencies``: natural ones [Hz], ascending; ``times``: stored instants [s] (n,); ``stepped``: whether there are
+    time steps.
     """
     lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
     found: list[str] = []
@@ -92,34 +94,34 @@ def foreseen(model: Model, frequencies: Sequence[float], times: np.ndarray, step
 
 
 def _deformed(name: str, length: float, stretched: np.ndarray, share: float, coupled: bool) -> Iterator[str]:
-    """Warnings where a link's displacements are too large for what is made of them.
+    """Warnings if a link's displacements are too large for the theory.
 
-    stretched: by how much it is longer [m], (n_times,); share: of its length, by which it moves across its axis at most
+    ``stretched``: change of its length [m], (n_times,); ``share``: largest transverse displacement over its length.
     """
     stretch = abs(stretched).max() / length
     if stretch > LARGEST_STRETCH:
         yield (
-            f"{name} stretches by {stretch:.2g} of its length: strains are taken as small, so its forces and "
-            "frequencies mean little"
+            f"{name} stretches by {stretch:.2g} of its length: the theory assumes small strains, so its forces and "
+            "frequencies are unreliable"
         )
     if coupled and share > LARGEST_BEND:
         yield (
-            f"{name} bends out of its own axis by {share:.0%} of its length: its shortening is "
-            "complete to the second order only, so compare with a geometrically exact model"
+            f"{name} bends by {share:.0%} of its length: its shortening is accurate to second order only, so compare "
+            "with a geometrically exact model"
         )
     if not coupled and share > LARGEST_DEFLECTION:
         yield (
-            f"{name} moves across its axis by {share:.0%} of its length: displacements are "
-            "taken as small, so compare with a geometrically exact model"
+            f"{name} deflects by {share:.0%} of its length: the theory assumes small displacements, so compare with "
+            "a geometrically exact model"
         )
 
 
 def _unbalanced(solution: Solution) -> Iterator[str]:
-    """A warning where the energy of what was integrated with free joints gets lost or comes from nowhere."""
+    """Warning if the energy balance of integrated free joints does not close."""
     energy, options = solution.energy, solution.model.options
     if energy is None or energy.drift <= LARGEST_GAP or _stood(solution):
         return
-    missing = f"does not close: {energy.drift:.2g} of the energy turned over is missing or too much"
+    missing = f"does not close: its error is {energy.drift:.2g} of the energy turned over"
     if moves_with_links(solution.model.scene, options.dynamics):
         if solution.model.coupled is not None and not isinstance(solution.trajectory, Trajectory):
             from kaneflex.multibody.lost_branch import cause  # which few runs need
@@ -127,7 +129,7 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
             if said := cause(solution.model.coupled, solution.trajectory):
                 yield f"the energy balance {missing}, {said}"
                 return
-        more = ", or ask for more steps" * (solution.model.coupled is not None)
+        more = ", or increase solve.steps" * (solution.model.coupled is not None)
         yield f"the energy balance {missing}; lower solve.tolerance from {options.tolerance:g}{more}"
     else:
         lower = f"lower solve.forward.tolerance from {options.forward_tolerance:g}"
@@ -135,8 +137,7 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
 
 
 def _stood(solution: Solution) -> bool:
-    """Whether nothing moved but by rounding, as where friction holds it: all energy that was turned over is rounding's.
-    """
+    """Whether nothing moved except for rounding, for example held by friction: the energy error is then rounding."""
     system, trajectory = solution.model.coupled, solution.trajectory
     if system is None or isinstance(trajectory, Trajectory) or not len(solution.times):
         return False
@@ -145,14 +146,12 @@ def _stood(solution: Solution) -> bool:
 
 
 def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
-    """A warning where it matters that the motion acts on the deflections, but they don't act on the motion.
+    """Warning if the neglected effect of deflections on the motion matters.
 
-    In a loop a link that moves across its axis by a share of its length turns the forces and the inertia of what it
-    holds by about that angle: the equations change by some COUPLING times the share. How much the answer changes with
-    them is a matter of resonance, a fold of it or a hundred, and is found by solving once more with a stiffness that
-    differs by as much. In open chains the change is of second order in the share.
-
-    shares: link -> largest displacement across its axis, as a share of its length
+    In a loop, a transverse deflection rotates forces and inertia by about its share of the link's length: the stiffness
+    changes by about COUPLING times that share. The effect on the solution depends on resonance and is found by a second
+    solution with that much change in stiffness. In open chains it is of second order. ``shares``: link -> largest
+    transverse displacement as a share of its length.
     """
     model = solution.model
     share = max(shares.values(), default=0.0)
@@ -168,34 +167,33 @@ def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
     )
     try:
         other = solve(replace(model, equations=equations, reduced=reduced))
-    except UserError:  # at the brink of having no such state, which is said elsewhere
+    except UserError:  # close to having no such state, which is reported elsewhere
         return []
     if other.outcome is not Outcome.COMPLETED:
         return []
     worth = {name: apart.max(initial=0.0) for name, apart in _apart(solution, other).items()}
-    zero = _zero(solution)  # forces are read with the links' own stiffness, so that a pin's moment would not be zero
+    zero = _zero(solution)  # with the changed stiffness a pin's moment would not be zero
     worth = {name: share for name, share in worth.items() if share > LARGEST_COUPLING and name not in zero}
     if not worth:
         return []
     worst, link = max(worth, key=worth.__getitem__), max(shares, key=shares.__getitem__)
-    more = f", and more than {LARGEST_COUPLING:.0%} of that of {len(worth) - 1} sensors more" if len(worth) > 1 else ""
+    more = f", and more than {LARGEST_COUPLING:.0%} of that of {len(worth) - 1} other sensors" if len(worth) > 1 else ""
     return [
-        f"{link} moves across its axis by {share:.1%} of its length: what that does to the motion, which preset "
-        f"{model.options.preset} leaves out, is worth some {worth[worst]:.0%} of the peak of {worst}{more}; compare "
-        "with preset coupled"
+        f"{link} deflects by {share:.1%} of its length: the effect on the motion, which preset {model.options.preset} "
+        f"neglects, changes {worst} by about {worth[worst]:.0%} of its peak{more}; compare with preset coupled"
     ]
 
 
 def few_steps(model: Model, lowest: float) -> list[str]:
-    """A warning where a period of the lowest mode [Hz] has few steps, or few of the instants that are stored."""
+    """Warning if a period of the lowest mode [Hz] has too few steps, or too few stored instants."""
     per_period = 1.0 / (lowest * model.step)
     if per_period >= FEWEST_STEPS:
         return []
     cure = at_least(int(model.options.steps * FEWEST_STEPS / per_period) + 1, model.options)
     if model.coupled is not None:
         return [
-            f"{per_period:.2g} stored instants in a period of the lowest mode ({lowest:.4g} Hz): the run follows free "
-            f"vibrations between them, but neither its results nor their extremes show them; {cure}"
+            f"{per_period:.2g} stored instants in a period of the lowest mode ({lowest:.4g} Hz): stored results and "
+            f"extremes do not resolve free vibrations, although the integration does; {cure}"
         ]
     return [
         f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
@@ -204,7 +202,7 @@ def few_steps(model: Model, lowest: float) -> list[str]:
 
 
 def _ill_conditioned(model: Model, times: np.ndarray) -> list[str]:
-    """A warning where rounding alone may change quasi-static displacements, forces and torques."""
+    """Warning if rounding may change quasi-static displacements and forces noticeably."""
     static = model.options.dynamics == "quasistatic" or (
         model.options.dynamics == "dynamic" and model.options.start == "quasistatic"
     )
@@ -214,52 +212,52 @@ def _ill_conditioned(model: Model, times: np.ndarray) -> list[str]:
     if share <= LARGEST_ROUNDING:
         return []
     return [
-        f"the stiffness is ill-conditioned: rounding alone may change the quasi-static answer by some {share:.1g} of "
-        "it; make the stiffest links rigid, or give fewer elements"
+        f"the stiffness matrix is ill-conditioned: rounding may change the quasi-static solution by about "
+        f"{share:.1g} of its value; make the stiffest links rigid, or use fewer elements"
     ]
 
 
 def _parted(solution: Solution) -> list[str]:
-    """A warning where forces or accelerations found in two ways part: then they are no truer than that.
+    """Warning if forces or accelerations computed in two ways differ: the difference estimates their error.
 
-    What a single step does is seen in the accelerations, by `_by_velocities`. What many steps add up, as where
-    vibrations of ten steps a period lose a little in each of them, is seen in no single one, but it is not more than
-    their number times that: where so much would matter, the run is repeated in steps half as long.
+    The error of a single step shows in the accelerations, see `_by_velocities`. Accumulated errors, such as numerical
+    damping of vibrations with ten steps per period, are at most the number of steps times that: if so much would
+    matter, the run is repeated with half the step.
     """
     options, run = solution.model.options, solution.trajectory
     fixed = options.dynamics == "dynamic" and options.integrator not in ("scipy", "spectral")
     if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
         return []
     parts = _apart(solution, _by_velocities(solution))
-    said = _part_by(solution, "by the equations of motion and by the change of velocities", parts)
+    said = _part_by(solution, "by the equations of motion and by differences of velocities", parts)
     added_up = options.steps * max((part.max() for part in parts.values()), default=0.0)
-    seen = len(run.times) == options.steps + 1  # where not every step is stored, none is seen
+    seen = len(run.times) == options.steps + 1  # only if every step is stored
     if not said and (added_up > ADDED_UP or not seen) and nominal_seconds(solution) < LONGEST_SECOND:
         halved = _apart(solution, _in_half_steps(solution))
-        said = _part_by(solution, "in steps of this length and of half of it", halved)
-    cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or take integrator radau")
+        said = _part_by(solution, "in steps of this length and half of it", halved)
+    cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or use integrator radau")
     if options.start != "periodic":
-        cure += ", or start on the slow motion, by solve.start = quasistatic or periodic"
+        cure += ", or use solve.start = quasistatic or periodic"
     return [
-        f"{text}: vibrations are excited that the steps don't resolve; displacements may be right, but for forces and "
-        f"accelerations {cure}"
+        f"{text}: vibrations are excited that the steps don't resolve; displacements may be correct, but for accurate "
+        f"forces and accelerations {cure}"
         for text in said
     ]
 
 
 def _by_velocities(solution: Solution) -> Solution:
-    """The solution with accelerations by the change of velocities.
+    """Solution with accelerations from differences of velocities.
 
-    The equations of motion give accelerations from what loads and stiffness leave unbalanced, so that an error of a
-    displacement far too small to be seen, of a mode that the steps don't resolve, counts at that mode's stiffness. The
-    velocities know another acceleration, by Simpson's rule over two steps:
+    The equations of motion give accelerations from the residual of loads and stiffness, so that a tiny displacement
+    error of an unresolved mode is multiplied by its stiffness. The velocities give independent accelerations, by
+    Simpson's rule over two steps:
 
         (v_2 - v_0) / (2 h) = (a_0 + 4 a_1 + a_2) / 6 + O(h^4)
 
-    Sensors are linear in the accelerations: they are read once more with what lies between the two.
+    Sensors are linear in the accelerations: they are read again with the difference.
     """
     run, step = solution.trajectory, solution.model.step
-    even = abs(np.diff(run.times) / step - 1.0) < 1e-6  # not where steps were left out
+    even = abs(np.diff(run.times) / step - 1.0) < 1e-6  # not across skipped steps
     inner = (even[:-1] & even[1:])[:, None]
     apart = (run.v[2:] - run.v[:-2]) / (2.0 * step) - (run.a[:-2] + 4.0 * run.a[1:-1] + run.a[2:]) / 6.0
     by_velocities = run.a.copy()
@@ -268,7 +266,7 @@ def _by_velocities(solution: Solution) -> Solution:
 
 
 def _in_half_steps(solution: Solution) -> Solution:
-    """The same run in steps half as long, at the same instants; itself where it does not complete in those."""
+    """The same run with half the step, at the same instants; the given one if that run fails."""
     from kaneflex.integrate.run import integrate
     from kaneflex.solve.simulation import run_of, storing
 
@@ -282,9 +280,9 @@ def _in_half_steps(solution: Solution) -> Solution:
 
 
 def _apart(solution: Solution, other: Solution) -> dict[str, np.ndarray]:
-    """Difference of every sensor in two runs, at the instants that both have, as a share of its peak.
+    """Difference of every sensor in two runs, at common instants, as a share of its peak.
 
-    What is zero but for rounding has none of its own: it is measured against what else there is in its unit.
+    Sensors that are zero up to rounding are compared with the largest reading of their unit.
     """
     count = min(len(solution.times), len(other.times))
     shared = solution.times[:count] == other.times[:count]  # one of them may have been ended by an event
@@ -296,7 +294,7 @@ def _apart(solution: Solution, other: Solution) -> dict[str, np.ndarray]:
 
 
 def _zero(solution: Solution) -> set[str]:
-    """Sensors that may be zero but for rounding."""
+    """Sensors that may be zero up to rounding."""
     peaks, least = _peaks(solution), _least_peaks(solution)
     return {name for name, series in solution.series.items() if peaks[name] <= least[series.unit]}
 
@@ -306,7 +304,7 @@ def _peaks(solution: Solution) -> dict[str, float]:
 
 
 def _least_peaks(solution: Solution) -> dict[str, float]:
-    """By unit the peak below which a sensor's may be rounding: a share of the largest."""
+    """Peak by unit below which a sensor may be rounding error: a share of the largest."""
     found: dict[str, float] = {}
     for name, peak in _peaks(solution).items():
         unit = solution.series[name].unit
@@ -315,43 +313,42 @@ def _least_peaks(solution: Solution) -> dict[str, float]:
 
 
 def _part_by(solution: Solution, ways: str, parts: dict[str, np.ndarray]) -> list[str]:
-    """Which sensor, found in two ways, parts most, by how much and when; nothing where none does by too much."""
+    """Sensor that differs most between two ways, with size and time; empty if differences are accepted."""
     largest = {name: (part.max(initial=0.0), np.sqrt(np.mean(part**2))) for name, part in parts.items() if len(part)}
     parted = [name for name, (one, mean) in largest.items() if one > LARGEST_PART or mean > MEAN_PART]
     if not parted:
         return []
     worst = max(parted, key=lambda name: largest[name][0])
-    more = f", and {len(parted) - 1} more of the sensors" if len(parted) > 1 else ""
+    more = f", as do {len(parted) - 1} more sensors" if len(parted) > 1 else ""
     at = solution.times[parts[worst].argmax()]
-    return [f"{worst} {ways} part by {largest[worst][0]:.2g} of its peak at t = {at:.6g} s{more}"]
+    return [f"{worst} {ways} differs by {largest[worst][0]:.2g} of its peak at t = {at:.6g} s{more}"]
 
 
 def _lost(solution: Solution) -> Iterator[str]:
-    """Warnings where sensors of a coupled run have no value."""
+    """Warnings of sensors without value in a coupled run."""
     for name, series in solution.series.items():
         lost = ~np.isfinite(series.values)
         if lost.any():
             yield (
                 f"{name} has no value at {lost.sum()} of {len(lost)} instants, first at t = "
-                f"{solution.times[lost.argmax()]:.6g} s: the deformed mechanism is then where the rigid one, which it "
-                "is measured against, doesn't close"
+                f"{solution.times[lost.argmax()]:.6g} s: it is measured relative to the rigid mechanism, "
+                "which does not close there"
             )
 
 
 def _jammed(solution: Solution) -> Iterator[str]:
-    """Warnings where friction presses the sides of contacts into each other."""
+    """Warnings of contacts that friction jams."""
     record = getattr(solution.trajectory, "frictions", None)
     for name, instant in () if record is None else zip(record.names, record.jams, strict=True):
         if np.isfinite(instant):
             yield (
-                f"friction at {name} presses its sides into each other, first at t = {instant:.6g} s (Painleve's "
-                "paradox): between rigid ones no force would agree with it, or several would; how hard these jam is "
-                "up to the contact's stiffness"
+                f"friction at {name} jams, first at t = {instant:.6g} s (Painleve's paradox): rigid sides would have "
+                "no consistent contact force, or several; the computed force depends on the contact's stiffness"
             )
 
 
 def _loose(solution: Solution) -> list[str]:
-    """A warning where the error allowed in coupled steps is no small part of the largest deformation."""
+    """Warning if the tolerance of coupled steps is large compared with the largest deformation."""
     from kaneflex.solve.coupled import longest
 
     model, motion = solution.model, solution.motion
@@ -364,16 +361,16 @@ def _loose(solution: Solution) -> list[str]:
         return []
     wanted = 0.1 * LARGEST_ERROR * largest / longest(model.scene)
     return [
-        f"solve.tolerance = {model.options.tolerance:g} allows errors of {allowed:.2g} m where no link deforms by more "
-        f"than {largest:.2g} m; lower it to {wanted:.0e} for the deformation and its forces"
+        f"solve.tolerance = {model.options.tolerance:g} allows errors of {allowed:.2g} m, but links deform by at most "
+        f"{largest:.2g} m; lower it to {wanted:.0e} for accurate deformations and forces"
     ]
 
 
 def _left_ringing(solution: Solution) -> list[str]:
-    """A warning where vibrations that the tolerance leaves to a coupled run count beside slow accelerations.
+    """Warning if unresolved vibrations of a coupled run are large compared with slow accelerations.
 
-    A mode that the steps don't follow may ring by the displacement d that is allowed, which is an acceleration of
-    omega^2 d. Whether it does is found by a run with a tenth of the tolerance.
+    A mode that the steps don't resolve may vibrate with a displacement d up to the tolerance, an acceleration of
+    omega^2 d. This is checked by a run with a tenth of the tolerance.
     """
     from kaneflex.solve.coupled import longest
     from kaneflex.solve.unresolved import left_by_gauss, unresolved
@@ -394,7 +391,7 @@ def _left_ringing(solution: Solution) -> list[str]:
     other = solve(replace(model, options=replace(options, tolerance=tenth)))
     parts = _apart(solution, other) if other.outcome is Outcome.COMPLETED else {}
     return found + [
-        f"{text}: vibrations smaller than the error allowed count in accelerations; lower solve.tolerance, or take "
-        "preset stiffened"
+        f"{text}: vibrations below the tolerance affect accelerations; lower solve.tolerance, or use preset "
+        "stiffened"
         for text in _part_by(solution, f"at solve.tolerance = {options.tolerance:g} and {tenth:g}", parts)
     ]

@@ -1,7 +1,7 @@
-"""Many models of one scene: each is the scene with settings over it, loaded like the one before, and solved.
+"""Variants of one scene: settings over it, loaded with reuse of the previous model, and solved.
 
-Every study is a question put to these: a sweep reads its points of them, sensitivities the neighbours of a run, the
-stability over speeds its models; runs whose time counts go one by one, see :mod:`kaneflex.study.runs`.
+Studies use them: a sweep for its points, sensitivities for neighbours of a run, stability for speeds; runs whose time
+is measured are loaded separately, see :mod:`kaneflex.study.runs`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 
 Settings = Sequence[str]
-"""Of the form path=value, laid over a scene."""
+"""Settings path=value over a scene."""
 Solver = Callable[[Model], Solution]
 Name = TypeVar("Name", bound=Hashable)
 Found = TypeVar("Found")
@@ -34,14 +34,14 @@ class Variant:
     settings: tuple[str, ...]
 
     def of(self, scene: Scene) -> Scene:
-        """The scene by this model."""
+        """The scene with these settings."""
         return with_settings(scene, self.settings)
 
 
 class Variants:
-    """Models of one scene. What one has in common with the one loaded before is taken from that.
+    """Models of one scene, each loaded with the common parts of the previous one.
 
-    ``alike``: whether so many of them are to be read that have the same equations that reading is worth compiling.
+    ``alike``: whether many of them have the same equations, so that compiling the sensors pays off.
     """
 
     def __init__(self, scene: Scene, alike: bool = False) -> None:
@@ -50,20 +50,19 @@ class Variants:
         self._readings: tuple[ElasticEquations | None, CompiledReadings | None] = None, None
 
     def load(self, settings: Settings) -> Model:
-        """The model of the scene with these settings; raises what ``load`` and ``with_settings`` raise."""
+        """Model of the scene with these settings; raises as ``load`` and ``with_settings``."""
         model, last = load(with_settings(self.scene, settings), like=self._last), self._last
         self._last = model if last is None else model.sharing(last)
         return self._last
 
     def solve(self, settings: Settings) -> Solution:
-        """The solution of that model, its sensors read where that is compiled; which of them are does not depend on
-        the models before.
-        """
+        """Solution with these settings; sensors are read by compiled code if possible, which does not depend on
+        previous models."""
         solution = solve(self.load(settings))
         if self.alike and solution.outcome is Outcome.COMPLETED and has_compiled_readings(solution.model):
             trajectory = cast(Trajectory, solution.trajectory)
             series = self._readings_of(solution).measure(solution.motion, (trajectory.z, trajectory.v, trajectory.a))
-            if series is not None:  # else it is for the readers to say what is wrong
+            if series is not None:  # else the usual readers report the error
                 solution.keep(series)
         return solution
 
@@ -76,7 +75,7 @@ class Variants:
 
 
 def has_compiled_readings(model: Model) -> bool:
-    """Whether models that differ by drives' speeds have the same equations, of which reading can be compiled."""
+    """Whether models that differ in drives' speeds only share equations, so that reading can be compiled."""
     return model.coupled is None and not model.scene.is_spatial and not of_an_instant(model.scene, model.options)
 
 
@@ -85,14 +84,14 @@ def read(
     reader: Callable[[Name, Solution], Found],
     solver: Solver = solve,
 ) -> Iterator[tuple[Name, Found | Exception]]:
-    """What is read of each model's solution, in their order, or the exception that came instead.
+    """Yield the reading of each model's solution in order, or the exception raised instead.
 
-    What is found of one does not depend on the others, whatever goes wrong with them.
+    Results do not depend on the other models.
     """
     for name, model in models.items():
         found: Found | Exception
         try:
             found = reader(name, solver(model()))
-        except Exception as error:  # whatever one model breaks, the others are to be computed
+        except Exception as error:  # an error of one model must not stop the others
             found = error
         yield name, found

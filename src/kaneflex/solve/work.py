@@ -1,4 +1,4 @@
-"""The work of a run, by its counts: what is done besides depends on no clock, so that every machine has one result."""
+"""Work of a run from its counts, independent of the clock, so that results are the same on every machine."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _OF_A_STEP, _IN_SPACE, _OF_A_BAND = 2.5e-6, 1e-6, 5e-8
-"""Seconds on one core of a server of 2023, within a factor of three over 16 runs of shipped scenes: of a coupled step
-in the plane by each coordinate; of an evaluation in space by the square of the number of speeds, as its mass matrix is
-dense; of a one-way step by what factorising a band takes, n (w + 1)^2."""
+"""Seconds on one core of a server of 2023, within a factor of three over 16 runs of shipped
+scenes: per coupled step in the plane and coordinate; per evaluation in space and squared number of speeds, as its
+mass matrix is dense; per one-way step and operation of a band factorisation, n (w + 1)^2."""
 
 
 def nominal_seconds(solution: Solution) -> float:
-    """How long [s] a run takes on that machine, its set-up aside."""
+    """Nominal duration [s] of a run on that machine, without set-up."""
     model, run = solution.model, solution.trajectory
     if model.coupled is not None:
         engine, tried = model.coupled.engine, getattr(run, "steps", 0) + getattr(run, "rejected", 0)
-        # The tangent of a cycle with contacts or friction is differences of cycles, four for each freedom.
+        # the tangent of a cycle with contacts or friction takes four cycles per freedom
         differs = model.options.start == "periodic" and len(engine.contacts) + len(engine.holds) > 0
         return _OF_A_STEP * tried * engine.size * (1 + 4 * model.solved_for * differs)
     if model.coupled_in_space is not None:
@@ -29,5 +29,5 @@ def nominal_seconds(solution: Solution) -> float:
 
 
 def seconds_of_steps(model: Model, steps: int) -> float:
-    """The same of so many steps of one-way equations."""
+    """Nominal duration [s] of ``steps`` steps of one-way equations."""
     return _OF_A_BAND * steps * model.system.n * (1 + model.system.half_bandwidth) ** 2

@@ -1,11 +1,10 @@
-"""Many models of one scene, and the questions put to them.
+"""Studies: runs of many models of one scene.
 
-A model is a :class:`kaneflex.solve.variants.Variant`: settings over the scene. What
-they have in common is computed once where only what they show counts (`kaneflex.solve.variants`), and each of them is
-run whole where what it takes counts, too (`runs`).
+A model is a :class:`kaneflex.solve.variants.Variant`: settings over the scene. `kaneflex.solve.variants` computes the
+common parts once; `runs` runs each model from the start, to measure its time, too.
 
-Sweeps: `study` reads the file, `points` says where, `records` what is kept of a point, `store` keeps what is finished,
-`sweep` goes through them in this process, in processes of this machine or in those of a Dask cluster, `dataset` labels
-the results. `comparison` puts models side by side, `trade` ranks them by error and time; `differences` says how far two
-are apart. `sensitivity` reads slopes from neighbours.
+Sweeps: `study` reads the file, `plan` numbers the points, `records` defines the result of a point, `store` keeps
+finished points, `sweep` solves the others in this process, in processes of this machine or on a Dask cluster, `dataset`
+labels the results. `comparison` compares models, `trade` ranks them by error and time, `differences` measures the error
+between two, `sensitivity` computes derivatives by finite differences.
 """

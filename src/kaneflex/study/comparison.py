@@ -1,4 +1,4 @@
-"""The same scene by several models: every sensor side by side, and how far apart the curves are."""
+"""Comparison of several models of one scene: all sensors, and their differences."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ if TYPE_CHECKING:
     from kaneflex.solve.loading import Progress
 
 PRESETS_COMPARED = ("linear", "stiffened", "coupled")
-"""From the plainest to the most complete: the last is what the others are measured against."""
+"""From the simplest to the most complete; the last one is the reference."""
 PEERS = "kaneflex.peers"
-"""Entry points by which other programs that scenes can be built in are plugged in: name -> module with ``check(scene)``
-and ``solve(scene, resolution, progress) -> Curves``."""
+"""Entry points of other programs that run scenes: name -> module with ``check(scene)`` and ``solve(scene, resolution,
+progress)``."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Several models of one scene over the same instants. Made by :func:`compare`.
+    """Results of several models of one scene at the same instants. Made by :func:`compare`.
 
     Attributes
     ----------
     scene : Scene, Model, Solution or path
     against : str
-        The model that the others are measured against.
+        Name of the reference model.
     curves : mapping of str to Curves
-        By model, all over the same instants.
+        By model, all at the same instants.
     left_out : mapping of str to str
         Models that could not be run to the end, with the reason.
     """
@@ -59,7 +59,7 @@ class Comparison:
 
     @cached_property
     def differences(self) -> tuple[Difference, ...]:
-        """Every sensor of every other model that both have, sensor by sensor."""
+        """Differences of every other model from the reference, by sensor, for sensors that both have."""
         reference = self.curves[self.against]
         return tuple(
             self._difference(sensor, model)
@@ -77,7 +77,7 @@ class Comparison:
     def labelled(self) -> Labelled:
         """All curves: dimensions ``model`` and ``time`` [s], a variable for each sensor in SI.
 
-        NaN stands where a model does not give a sensor.
+        NaN where a model does not give a sensor.
         """
         none = np.full(len(self.times), np.nan)
         variables = {
@@ -109,34 +109,34 @@ def compare(
     peer: str | None = None,
     resolution: Resolution = FINE_ENOUGH,
 ) -> Comparison:
-    """Run a scene under several presets, and in another program, and put their sensors side by side.
+    """Run a scene under several presets, and in another program, and compare their sensors.
 
     Parameters
     ----------
     scene : Scene
-        All but its preset stays as it is.
+        All settings but the preset are kept.
     presets : sequence of str, optional
-        By default PRESETS_COMPARED; beside another program the scene's own.
+        By default PRESETS_COMPARED; with ``peer``, the scene's own preset.
     against : str, optional
-        The model that the others are measured against; by default the other program, else the last preset that ran.
+        Name of the reference model; by default the other program, else the last preset that ran.
     progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     peer : str, optional
-        Another program that builds and runs the scene, too: "exudyn", or one that is plugged in under PEERS.
+        Another program that also runs the scene: "exudyn", or one registered as an entry point of group PEERS.
     resolution : Resolution
-        How fine that program computes.
+        Mesh and steps of that program.
 
     Returns
     -------
     Comparison
-        Over the instants of the reference; the other curves are interpolated linearly to them. A preset that the
-        scene can't be run with is in ``left_out`` with its reason.
+        At the instants of the reference; the other curves are interpolated linearly. Presets that fail are in
+        ``left_out`` with the reason.
 
     Raises
     ------
     SceneError
-        For a preset that does not exist, a scene without sensors or that the other program can't build, a reference
-        that did not run, or where fewer than two ran.
+        If a preset does not exist, the scene has no sensors or the other program can't build it, the reference
+        failed, or fewer than two models ran.
     """
     from kaneflex.solve.variants import Variant
     from kaneflex.study.runs import Runs
@@ -163,37 +163,38 @@ def compare(
 
 
 def check_request(scene: Scene, presets: Sequence[str], against: str | None, others: Sequence[str] = ()) -> None:
-    """Raise SceneError for what can't be compared, before anything is computed; ``others`` are no presets."""
+    """Check presets, reference and sensors before anything is computed, else raise SceneError; ``others`` are
+    programs."""
     for preset in presets:
         if preset not in PRESETS:
             raise SceneError("--presets", preset, "unknown preset", nearest(preset, PRESETS))
     for other in others:
         programs = entry_points(group=PEERS).names
         if other not in programs:
-            raise SceneError("--with", other, "no program to compare with", nearest(other, sorted(programs)))
+            raise SceneError("--with", other, "unknown program", nearest(other, sorted(programs)))
     asked = [*presets, *others]
     if len(set(asked)) < max(2, len(asked)):
-        cure = "Name each model once" if len(set(asked)) < len(asked) else "Name another one, too"
-        raise SceneError("--presets", ",".join(presets), "not two or more different models", cure)
+        cure = "Name each model once" if len(set(asked)) < len(asked) else "Name at least two"
+        raise SceneError("--presets", ",".join(presets), "a comparison needs two or more different models", cure)
     if against is not None and against not in asked:
-        raise SceneError("--against", against, "not among the models compared", nearest(against, asked))
+        raise SceneError("--against", against, "not one of the compared models", nearest(against, asked))
     if not scene.sensors:
-        raise SceneError("sensors", None, "the scene has none: there is nothing to compare", "Give it a sensor")
+        raise SceneError("sensors", None, "the scene has no sensors to compare", "Add a sensor to the scene")
 
 
 def side_by_side(
     scene: Scene, found: Mapping[str, Curves], left_out: Mapping[str, str], against: str | None
 ) -> Comparison:
-    """The curves of several models over the instants of the reference.
+    """Interpolate the curves of several models to the instants of the reference.
 
     Raises
     ------
     SceneError
-        Where the reference is missing or nothing is left to compare it with.
+        If the reference failed, or fewer than two models ran.
     """
     if len(found) < 2 or (against is not None and against not in found):
         reasons = "; ".join(f"{model}: {reason}" for model, reason in left_out.items())
-        what = "too few of them can be run" if len(found) < 2 else f"{against}, the reference, can't be run"
+        what = "fewer than two of them can be run" if len(found) < 2 else f"{against}, the reference, can't be run"
         raise SceneError("--presets", ",".join([*found, *left_out]), f"{what} ({reasons})", "Choose other presets")
     reference = against or list(found)[-1]
     last, shortest = min((curves.times[-1], model) for model, curves in found.items())
@@ -202,7 +203,7 @@ def side_by_side(
     common = {model: _at(curves, times) for model, curves in found.items()}
     for model, curves in found.items():
         if curves.times[-1] > last * (1 + 1e-9):
-            note = f"peaks and differences are of its first {last:.4g} s, where the run of {shortest} ends"
+            note = f"peaks and differences cover the first {last:.4g} s only: the run of {shortest} ends there"
             common[model] = replace(common[model], notes=(*curves.notes, note))
     return Comparison(scene, reference, common, left_out)
 

@@ -1,4 +1,4 @@
-"""The finished points of a sweep as labelled arrays, written as netCDF, or as Zarr block by block (extra ``zarr``)."""
+"""Finished points of a sweep as labelled arrays, written as netCDF, or as Zarr in blocks (extra ``zarr``)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from kaneflex.support.labelled import Labelled
 
 
 def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0) -> Labelled:
-    """Finished points of these numbers.
+    """Dataset of the finished points with these numbers.
 
-    ``instants`` is how many each series is filled up to; where no point has any, there are none.
+    ``instants`` is the length to which series are padded; 0 leaves the series out.
 
     Returns
     -------
     Labelled
         Dimensions ``point`` and ``statistic`` (min, max, rms, mean); along ``point`` a coordinate for each parameter,
-        named by its path, in the unit that the study gives it. A variable for each sensor in SI, NaN where a point was
-        not completed; ``outcome`` and ``reason`` say how it ended. With series also ``NAME_series`` over ``point`` and
-        ``instant``, at the times ``time`` [s], filled up with NaN where a run has fewer instants than another.
+        named by its path, in the study's unit. A variable for each sensor in SI, NaN where a point was not completed;
+        ``outcome`` and ``reason`` describe how it ended. With series also ``NAME_series`` over ``point`` and
+        ``instant``, at the times ``time`` [s], padded with NaN.
     """
     import kaneflex
 
@@ -49,7 +49,7 @@ def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0)
 
 
 def _labels(store: Store) -> dict[str, dict[str, str]]:
-    """Sensor -> its attributes, by name, so that the order in which points ended is of no matter."""
+    """Sensor -> attributes, sorted by name, so that the order in which points finished does not matter."""
     return {name: dict(zip(("units", "long_name"), store.labels[name], strict=True)) for name in sorted(store.labels)}
 
 
@@ -74,7 +74,7 @@ def _series(store: Store, points: Sequence[int], instants: int) -> dict[str, tup
 
 
 def column(values: Sequence[Value]) -> tuple[np.ndarray, dict[str, str]]:
-    """The values of a parameter as an array, with the unit that all of them have; texts where they differ in it."""
+    """Values of a parameter as an array, with their common unit; as texts if the units differ."""
     parts = [number_and_unit(value) for value in values]
     units = {unit for _, unit in filter(None, parts)}
     if None in parts or len(units) > 1:
@@ -87,7 +87,7 @@ def column(values: Sequence[Value]) -> tuple[np.ndarray, dict[str, str]]:
 
 
 def write_netcdf(plan: Plan, store: Store, path: Path) -> None:
-    """Write :func:`labelled` of all points whole, as netCDF."""
+    """Write :func:`labelled` of all points as one netCDF file."""
     partial = path.with_name(f".{path.name}.partial")
     points = sorted(store.finished)
     labelled(plan, store, points, longest(plan, store)).to_netcdf(partial)
@@ -95,27 +95,27 @@ def write_netcdf(plan: Plan, store: Store, path: Path) -> None:
 
 
 def longest(plan: Plan, store: Store) -> int:
-    """Instants of the point that has the most."""
+    """Largest number of instants of a point; 0 without series."""
     return max(map(store.instants, store.finished), default=0) if plan.series else 0
 
 
 _POINTS = 1024
-"""Points of a chunk, where there are no series."""
+"""Points of a chunk without series."""
 _BLOCK = 2**23
-"""Numbers of a block of series: what is in memory at a time."""
+"""Numbers of a block of series: limits the memory in use."""
 
 
 def demand_zarr() -> None:
-    """Raise SceneError where zarr is not installed."""
-    with told("--format", "zarr"), installed("zarr", "zarr", "xarray", "zarr", instead="take netcdf"):
+    """Raise SceneError if zarr is not installed."""
+    with told("--format", "zarr"), installed("zarr", "zarr", "xarray", "zarr", instead="use netcdf"):
         import xarray  # noqa: F401
         import zarr  # noqa: F401
 
 
 def write_zarr(plan: Plan, store: Store, path: Path) -> None:
-    """Write :func:`kaneflex.study.dataset.labelled` as Zarr, a block of points at a time, so that memory stays flat.
+    """Write :func:`kaneflex.study.dataset.labelled` as Zarr, one block of points at a time, which limits memory.
 
-    Version 2 of the format: version 3 has no settled way to keep texts.
+    Version 2 of the format: version 3 has no standard for texts.
     """
     partial = path.with_name(f".{path.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)

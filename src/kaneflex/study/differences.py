@@ -1,4 +1,4 @@
-"""How far a model's sensors are from a reference's."""
+"""Differences of a model's sensors from those of a reference."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from kaneflex.solve.curves import Curves
 
 _NOTHING = 1e-9
-"""Share of the largest peak that its unit may have, by all sensors and the loads, below which one shows rounding."""
+"""Share of the largest peak expected of a unit, from all sensors and loads, below which a curve is rounding error."""
 _CLOSE = 1e-9
-"""Share of a run by which the ends of two may differ through rounding."""
+"""Share of a run by which two end times may differ through rounding."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One sensor of one model beside the reference, in SI.
+    """Difference of one sensor between a model and the reference, in SI.
 
     Attributes
     ----------
@@ -45,19 +45,19 @@ class Difference:
 
     @property
     def peak_share(self) -> float | None:
-        """The largest difference as a share of the reference's peak; None where that is zero."""
+        """Largest difference as a share of the reference's peak; None if that is zero."""
         return self.peak_difference / self.reference_peak if self.reference_peak else None
 
     @property
     def rms_share(self) -> float | None:
-        """The rms difference as a share of the reference's peak; None where that is zero."""
+        """Rms difference as a share of the reference's peak; None if that is zero."""
         return self.rms_difference / self.reference_peak if self.reference_peak else None
 
 
 def difference(
     sensor: str, model: str, unit: str, times: np.ndarray, values: np.ndarray, reference: np.ndarray, peak: float
 ) -> Difference:
-    """Of two series over the same instants, (n_times,) each; ``peak`` is the reference's."""
+    """Difference of two series at the same instants, (n_times,) each; ``peak`` is the reference's."""
     gap = values - reference
     mean_square = np.trapezoid(gap**2, times) / (times[-1] - times[0])
     own, most = float(abs(values).max()), float(abs(gap).max())
@@ -68,23 +68,22 @@ def differences(
     scene: Scene, sensors: Sequence[str], model: str, curves: Curves, reference: Curves, period: float | None,
     between: bool = True,
 ) -> tuple[Difference, ...]:  # fmt: skip
-    """The errors of a model, max|y - y_ref| and its rms over time beside max|y_ref|.
+    """Differences of a model from a reference, max|y - y_ref| and the rms over time, with max|y_ref|.
 
-    Curves are read between their instants by straight lines, as results are drawn and compared: what a model has no
-    instant for is an error of it.
+    Curves are interpolated linearly, as results are plotted: coarse storage counts as an error of the model.
 
     Parameters
     ----------
     sensors : sequence of str
-        Those that are compared. One that shows nothing but rounding in the reference is left out.
+        Compared sensors. Those that are only rounding error in the reference are left out.
     model : str
         Its name.
     period : float or None
-        Cycle [s] that the reference repeats: a longer run is compared over its last cycle. None compares over what
-        both cover, from the start.
+        Cycle [s] that the reference repeats: a longer run is compared over its last cycle. None compares the time
+        that both cover.
     between : bool
-        At the reference's instants, too. Without them only the model's own count: its equations, not how densely it is
-        stored.
+        Compare at the reference's instants, too. Without them the error excludes the interpolation of the model's
+        stored values.
     """
     ours, theirs = _common_instants(curves, reference, period, between)
     floors = _floors(scene, reference)
@@ -102,9 +101,9 @@ def differences(
 def _common_instants(
     curves: Curves, reference: Curves, period: float | None, between: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where two models are compared [s]: ascending instants of the model, and those of the reference that go with them.
+    """Instants [s] of the comparison: ascending ones of the model, and the matching ones of the reference.
 
-    Of one that repeats itself the model's last cycle goes with the reference's only one.
+    For periodic references, the model's last cycle is matched with the reference's cycle.
     """
     end = curves.times[-1]
     start = 0.0 if period is None else end - period
@@ -120,14 +119,14 @@ def _common_instants(
 
 
 def worst(found: Sequence[Difference]) -> Difference:
-    """The sensor with the largest error as a share of its reference's peak."""
+    """Sensor with the largest error as a share of its reference's peak."""
     return max(found, key=lambda difference: difference.peak_share)
 
 
 def _floors(scene: Scene, reference: Curves) -> dict[str, float]:
-    """Unit of sensors -> what shows rounding in it: a moment beside forces on the mechanism's arms, too.
+    """Unit -> level of rounding error; moments are related to forces by the mechanism's longest arm.
 
-    Motions give their rates once a cycle or run, and no faster: what vibrates may well be small in itself.
+    Rates are related to motions by one turn a cycle or run, not by higher frequencies: vibrations may be small.
     """
     peaks: dict[str, float] = defaultdict(float)
     for name, sensor in scene.sensors.items():

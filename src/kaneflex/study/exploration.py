@@ -1,4 +1,4 @@
-"""A scene of which a few numbers are left open between two ends: what the sliders of a window move."""
+"""A scene with a few numbers that vary between two ends: the sliders of the explorer."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from kaneflex.support.errors import SceneError, StoppedEarly, nearest
 
 @dataclass(frozen=True)
 class Varied:
-    """A number of the scene that is left open.
+    """A number of the scene that varies.
 
     Attributes
     ----------
     path : str
-        Of its entry, as in `kaneflex run --set`.
+        Path of the entry, as in `kaneflex run --set`.
     unit : str
-        Of the three numbers; empty: SI.
+        Unit of low, high and start; empty: SI.
     low, high : float
-        The ends.
+        Ends of the range.
     start : float
-        The scene's own number, or the end next to it; half way where the scene has none in that unit.
+        The scene's own number, limited to the range; the middle if the scene has none in that unit.
     whole : bool
-        Whether only whole numbers are meant: elements, modes, steps.
+        Whether only whole numbers are allowed: elements, modes, steps.
     """
 
     path: str
@@ -45,21 +45,21 @@ class Varied:
     whole: bool
 
     def setting(self, value: float) -> str:
-        """What lays a value over the scene, as path=value."""
+        """Setting path=value for a value."""
         number = round(value) if self.whole else float(value)
         return setting(self.path, f"{number!r} {self.unit}" if self.unit else number)
 
 
 def varied(scene: Scene, text: str) -> Varied:
-    """What "path=low:high" leaves open of a scene: main.speed=2000:6000rpm, rod.elements=1:8.
+    """Parse "path=low:high": main.speed=2000:6000rpm, rod.elements=1:8.
 
-    A unit at `high` is that of `low`, too, where that has none. Two ends without a point or a unit are whole numbers.
+    The unit of `high` applies to a `low` without unit. Ends without decimal point and unit are whole numbers.
 
     Raises
     ------
     SceneError
-        For a path that leads nowhere, anything else than two rising numbers with one unit, and a number that the scene
-        can't have where the slider is to begin.
+        If the path does not exist, the ends are not two ascending numbers with one unit, or the scene does not allow
+        the start value.
     """
     path, equals, ends = (part.strip() for part in text.partition("="))
     first, colon, last = (part.strip() for part in ends.partition(":"))
@@ -69,15 +69,15 @@ def varied(scene: Scene, text: str) -> Varied:
         raise SceneError("--vary", text, "not of the form PATH=LOW:HIGH with two numbers", cure)
     unit = high[1]
     if low[1] not in ("", unit):
-        raise SceneError("--vary", text, f"{low[1]!r} and {unit!r} are two units", "Give both ends the same one")
+        raise SceneError("--vary", text, f"{low[1]!r} and {unit!r} are different units", "Give both ends the same unit")
     if not (math.isfinite(low[0]) and math.isfinite(high[0]) and low[0] < high[0]):
-        raise SceneError("--vary", text, "not two rising numbers", cure)
+        raise SceneError("--vary", text, "the second number is not greater than the first", cure)
     whole = not unit and all(end.lstrip("+-").isdecimal() for end in (first, last))
     found = Varied(path, unit, low[0], high[0], _start(scene, path, unit, low[0], high[0]), whole)
     try:
         with_settings(scene, [found.setting(found.start)])
     except SceneError as error:
-        reason = f"the scene refuses {found.start:.6g} {unit}".rstrip() + f", where the slider begins: {error.reason}"
+        reason = f"the start value {found.start:.6g} {unit}".rstrip() + f" is not allowed: {error.reason}"
         raise SceneError("--vary", text, reason, error.cure) from None
     return found
 
@@ -94,19 +94,19 @@ def _start(scene: Scene, path: str, unit: str, low: float, high: float) -> float
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
-    """A scene with what is left open of it.
+    """A scene and its varied numbers.
 
     Attributes
     ----------
     scene : Scene
     open : tuple of Varied
     sensors : tuple of str
-        Those that are looked at; all where none is named.
+        Displayed sensors; empty: all.
 
     Raises
     ------
     SceneError
-        If nothing is left open, something twice, or a sensor is not one of the scene's.
+        If nothing varies, a number varies twice, or a sensor does not exist.
     """
 
     scene: Scene
@@ -115,10 +115,10 @@ class Exploration:
 
     def __post_init__(self) -> None:
         if not self.open:
-            raise SceneError("--vary", None, "nothing varies", "Give a number two ends: --vary main.speed=2000:6000rpm")
+            raise SceneError("--vary", None, "nothing varies", "Give a range: --vary main.speed=2000:6000rpm")
         demand_once(("--vary", each.path, tuple(resolved(self.scene.raw, each.path))) for each in self.open)
         if not self.scene.sensors:
-            raise SceneError("sensors", None, "the scene has none to look at", "Give it one, see docs/scene/sensors.md")
+            raise SceneError("sensors", None, "the scene has no sensors", "Add a sensor, see docs/scene/sensors.md")
         unknown = [name for name in self.sensors if name not in self.scene.sensors]
         if unknown:
             cure = nearest(unknown[0], self.scene.sensors)
@@ -129,16 +129,16 @@ class Exploration:
         return Variants(self.scene)
 
     def settings(self, values: Sequence[float]) -> list[str]:
-        """What makes the scene that of these values, as path=value."""
+        """Settings path=value for these values."""
         return [each.setting(value) for each, value in zip(self.open, values, strict=True)]
 
     def solve(self, values: Sequence[float] | None = None) -> Solution:
-        """What `kaneflex run` computes of the scene at these values, or of the scene as it is.
+        """Run the scene at these values, or as it is if None, like `kaneflex run`.
 
         Raises
         ------
         SceneError
-            Where the scene can't be run there, or the run stops early: it says why.
+            If the scene can't be run at these values, or the run stops early.
         """
         solution = solve(self._variants.load([] if values is None else self.settings(values)))
         if solution.outcome is not Outcome.COMPLETED:

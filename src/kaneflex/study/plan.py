@@ -1,4 +1,4 @@
-"""A study with its scene read and its points numbered: what is computed, wherever that happens."""
+"""Plan of a study: its scene and its numbered points."""
 
 from __future__ import annotations
 
@@ -30,38 +30,38 @@ OWN_NAMES = ("point", "statistic", "instant", "outcome", "reason", "time")
 
 
 _MANY = 20
-"""Runs in the time of reading which reading is compiled, or more."""
+"""Number of runs that take as long as compiling the sensors' kernels."""
 _POINT, _VALUE = 500, 70
-"""Bytes of a point as it is planned and numbered, and of each of its values."""
+"""Bytes of a planned point, and of each of its values."""
 
 
 def names_file(path: str) -> bool:
-    """Whether the entry at a path of the scene names a file."""
+    """Whether the entry at a path of the scene is a file name."""
     return path.rpartition(".")[2] in FILE_KEYS.values()
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a sweep computes.
+    """Scene, points and options of a sweep.
 
     Attributes
     ----------
     scene : Scene
-        With the study's settings laid over it.
+        With the study's settings applied.
     points : mapping of int to Point
-        By number; only some of them where they are solved in chunks.
+        By number; a chunk's plan has only some of them.
     series : bool
         Whether every sensor is kept over time.
     sensitivities : tuple of str
-        Paths of what the sensors are differentiated by.
+        Paths of the numbers by which sensors are differentiated.
     frozen : bool
-        Whether modal bases keep their shapes in the derivatives.
+        Whether the derivatives keep the modal bases fixed.
     files : mapping of str to bytes
-        Tables and modal data that the scene or a point names, by absolute path.
+        Contents of tables and modal data of the scene and its points, by absolute path.
     poincare : Poincare or None
-        Which instants alone are kept as series.
+        Poincare section: its instants alone are kept as series.
     alike : bool
-        Whether most points differ from the one before by drives' speeds alone.
+        Whether most points differ from the previous one only in drives' speeds.
     """
 
     scene: Scene
@@ -75,43 +75,43 @@ class Plan:
 
     @cached_property
     def variants(self) -> Variants:
-        """The models of its points."""
+        """Models of its points."""
         from kaneflex.solve.variants import Variants
 
         return Variants(self.scene, self.alike)
 
     def with_points(self, points: Mapping[int, Point]) -> Plan:
-        """The same of other points, whose models take what they can from those of these."""
+        """The same plan with other points, which reuse what these points' models have computed."""
         found = replace(self, points=points)
         vars(found)["variants"] = self.variants
         return found
 
     def at(self, index: int) -> Scene:
-        """The scene at a point. Raises SceneError for values that the scene can't have."""
+        """The scene at a point. Raises SceneError if the scene does not allow its values."""
         return with_settings(self.scene, self.settings(index))
 
     def settings(self, index: int) -> list[str]:
-        """What makes the scene that of a point, as path=value."""
+        """Settings path=value of a point."""
         own = [setting(path, value) for path, value in self.points[index].items()]
         return own + self.poincare.settings(with_settings(self.scene, own)) if self.poincare else own
 
     @cached_property
     def digest(self) -> str:
-        """Of all that the results depend on."""
+        """Digest of everything that the results depend on."""
         kept = (self.series, self.sensitivities, self.frozen, self.poincare and self.poincare.model_dump())
         return digest(self.scene, self.files, list(self.points.values()), kept)
 
 
 def make_plan(given: Path | str | Mapping[str, Any], more: Sequence[str] = ()) -> Plan:
-    """The plan of a study's file, or of its tables, whose ``scene`` may also be a Scene.
+    """Make the plan of a study's file or of its tables, whose ``scene`` may also be a Scene.
 
-    Files that tables name stand relative to the current folder, as do those of ``more``: settings beside the study's.
+    File names in tables and in ``more`` (further settings) are relative to the current folder.
 
     Raises
     ------
     SceneError
-        For what is no study, a scene that can't be read, a path that leads nowhere, an entry that is set twice, or
-        names of sensors that the dataset needs itself. Values that only some points have are not tried.
+        If the study or its scene can't be read, a path does not exist, an entry is set twice, or a sensor has a
+        reserved name. Values other than the first point's are not checked.
     """
     own = None
     if isinstance(given, Mapping):
@@ -133,7 +133,7 @@ def make_plan(given: Path | str | Mapping[str, Any], more: Sequence[str] = ()) -
     demand_once(("sensitivities", name, place_of(scene, name)) for name in study.sensitivities)
     for sensor in scene.sensors:
         if sensor in (*OWN_NAMES, *points[0]) or sensor.removesuffix("_series") in scene.sensors.keys() - {sensor}:
-            raise SceneError(f"sensors.{sensor}", None, "the dataset has that name already", "Rename the sensor")
+            raise SceneError(f"sensors.{sensor}", None, "the dataset uses that name itself", "Rename the sensor")
     if study.poincare is not None:
         study.poincare.settings(scene)  # raises SceneError
     kept_series = study.series or study.poincare is not None
@@ -142,16 +142,16 @@ def make_plan(given: Path | str | Mapping[str, Any], more: Sequence[str] = ()) -
 
 
 def _check_memory(study: Study) -> None:
-    """Refuse more points than the machine's memory holds, before the first of them is made."""
+    """Raise SceneError if the points need more memory than the machine has."""
     count, there = size_of(study), installed()
     each = _POINT + _VALUE * (len(study.parameters) + len(study.points[0] if study.points else ()))
     if there is not None and count * each > there:
         reason = f"{count:,} points need {gib(count * each)}, and this machine has {gib(there)}"
-        raise SceneError("study", study.scene, reason, f"Ask for {there // (2 * each):,} at most")
+        raise SceneError("study", study.scene, reason, f"Use at most {there // (2 * each):,} points")
 
 
 def _alike(scene: Scene, points: Sequence[Point]) -> bool:
-    """Whether on the average _MANY points follow each other that differ by drives' speeds alone."""
+    """Whether on average at least _MANY successive points differ only in drives' speeds."""
     places = {path: resolved(scene.raw, path) for path in points[0]}
     others = [path for path, keys in places.items() if keys[0] != "drives" or keys[2:] != ["speed"]]
     changes = sum(any(one[path] != two[path] for path in others) for one, two in pairwise(points))
@@ -159,7 +159,7 @@ def _alike(scene: Scene, points: Sequence[Point]) -> bool:
 
 
 def digest(scene: Scene, files: Mapping[str, bytes], *more: object) -> str:
-    """Sixteen hexadecimal digits of a scene, the files that it names, kaneflex's own sources, and what else counts."""
+    """Sixteen hexadecimal digits of a scene, its files, kaneflex's own sources and ``more``."""
     contents = {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
     about = [sources_digest(), scene.raw, contents, *more]
     return hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()[:16]
@@ -181,7 +181,7 @@ def _settings(given: Sequence[str], folder: Path) -> list[str]:
 
 
 def _set(scene: Scene, settings: Sequence[str]) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """What settings change, as :func:`demand_once` takes it; each may name what those before it add to the scene."""
+    """Entries that settings change, for :func:`demand_once`; a setting may refer to what those before it add."""
     raw = scene.raw
     for text in settings:
         name = text.partition("=")[0].strip()
@@ -190,7 +190,7 @@ def _set(scene: Scene, settings: Sequence[str]) -> Iterator[tuple[str, str, tupl
 
 
 def _varied(scene: Scene, study: Study) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """The same of what varies: every listed point has the paths of the first one."""
+    """Entries that vary, for :func:`demand_once`; all listed points have the paths of the first one."""
     yield from (("parameters", name, tuple(resolved(scene.raw, name))) for name in study.parameters)
     for point in study.points[:1]:
         yield from (("points", name, tuple(resolved(scene.raw, name))) for name in point)
@@ -199,19 +199,19 @@ def _varied(scene: Scene, study: Study) -> Iterator[tuple[str, str, tuple[str, .
 def _named(name: str, folder: Path) -> Scene:
     if name not in shipped_scenes() and not (folder / name).is_file():
         cure = nearest(name, [*shipped_scenes(), *(file.name for file in folder.glob("*.toml"))])
-        raise SceneError("scene", name, "no shipped scene and no file of that name beside the study", cure)
+        raise SceneError("scene", name, "neither a shipped scene nor a file in the study's folder", cure)
     return read_scene(name if name in shipped_scenes() else folder / name)
 
 
 def _whole_path(key: str, value: Value, folder: Path) -> Value:
-    """The absolute path of a file that is named relative to the study's folder; any other value as it is."""
+    """Absolute path of a file named relative to the study's folder; other values unchanged."""
     if names_file(key) and isinstance(value, str) and value != "none":
         return str((folder / value).resolve())
     return value
 
 
 def file_places(scene: Scene) -> dict[str, str]:
-    """Path of every entry of the scene that names a file -> that file."""
+    """Path of every entry that names a file -> that file."""
     return {path: entry[key] for path, (entry, key) in file_entries(scene.raw).items()}
 
 

@@ -1,4 +1,4 @@
-"""Poincare sections: a motion read once a period of a drive, and which instants of a run these are."""
+"""Poincare sections: sensors sampled once per period of a drive."""
 
 from __future__ import annotations
 
@@ -14,48 +14,48 @@ from kaneflex.support.errors import SceneError, nearest
 
 
 class Poincare(SceneTable):
-    """Every sensor read once a period of a drive: once a cycle, if it has one, else once a turn.
+    """Sensors sampled once per period of a drive: its law's period, else one turn.
 
-    A run takes `periods` of them, of which the first `discard` are left out, until what the start has left is gone.
+    A run lasts `periods` periods; the first `discard` are left out as transient.
     """
 
-    drive: str = Field(description="whose period it is")
-    periods: WholeNumber = Field(description="how many a run takes")
-    discard: Annotated[int, Field(ge=0)] = Field(default=0, description="how many of them are left out")
+    drive: str = Field(description="drive whose period is used")
+    periods: WholeNumber = Field(description="periods of a run")
+    discard: Annotated[int, Field(ge=0)] = Field(default=0, description="periods left out at the start")
 
     def settings(self, scene: Scene) -> list[str]:
-        """What makes a run last that long, with `solve.steps` of the scene in each period.
+        """Settings of the run's duration and of its steps, `solve.steps` of the scene per period.
 
         Raises
         ------
         SceneError
-            For a drive without a period, or no steps.
+            If the drive has no period, or steps are not given.
         """
         if self.discard >= self.periods:
-            reason = f"a run takes {self.periods} periods in all"
-            raise SceneError("poincare.discard", self.discard, reason, "Leave out fewer, or give more periods")
+            reason = f"a run has only {self.periods} periods"
+            raise SceneError("poincare.discard", self.discard, reason, "Discard fewer, or increase periods")
         duration = self.periods * self.period(scene)
         return [f"solve.duration={duration!r}", f"solve.steps={self.periods * self.steps(scene)}"]
 
     def period(self, scene: Scene) -> float:
-        """Of the drive in a scene [s]."""
+        """Period of the drive [s]."""
         drive = scene.drives.get(self.drive)
         if drive is None:
             raise SceneError("poincare.drive", self.drive, "no drive of that name", nearest(self.drive, scene.drives))
         period = drive.period or (2 * math.pi / abs(drive.speed) if drive.speed else None)
         if period is None or (drive.period is None and scene.slides(self.drive)):
-            cure = "Name one with a speed, or give its law a period"
+            cure = "Choose a drive with a speed, or give its law a period"
             raise SceneError("poincare.drive", self.drive, "its motion has no period", cure)
         return period
 
     def steps(self, scene: Scene) -> int:
-        """Stored instants of a period."""
+        """Stored instants per period."""
         if scene.solve.steps is None:
-            raise SceneError("poincare", None, "how many instants of a period are stored is not said",
+            raise SceneError("poincare", None, "the number of stored instants per period is not given",
                              'Give settings = ["solve.steps=200"]')  # fmt: skip
         return scene.solve.steps
 
     def instants(self, times: int) -> slice:
-        """Which of so many stored instants of a run are in the section: the last one ends its last period."""
+        """Slice of a run's ``times`` stored instants that form the section; each ends a period."""
         each = (times - 1) // self.periods
         return slice((self.discard + 1) * each, None, each)

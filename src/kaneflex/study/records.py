@@ -1,4 +1,4 @@
-"""Points of a sweep: what is kept of each."""
+"""Results of the points of a sweep."""
 
 from __future__ import annotations
 
@@ -17,25 +17,26 @@ if TYPE_CHECKING:
 
 STATISTICS = ("min", "max", "rms", "mean")
 COMPLETED, REFUSED, FAILED = "completed", "refused", "failed"
-"""Outcomes beside those of a run that stopped early: a point that can't be run, and one that broke the program."""
+"""Outcomes in addition to those of a run that stopped early: REFUSED by a UserError, FAILED by any
+other error."""
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What is kept of a point.
+    """Result of a point.
 
     Attributes
     ----------
     point : int
-        Its number.
+        Number of the point.
     outcome, reason : str
-        How it ended, and why if not completed.
+        Outcome of the run, and the reason if it was not completed.
     statistics : mapping of str to tuple of float
         Sensor -> STATISTICS in SI; of completed points only.
     labels : mapping of str to tuple of str
         Sensor -> unit and meaning.
     times : ndarray or None
-        Stored instants [s], shape (n_times,), where series are kept.
+        Stored instants [s], shape (n_times,), if series are kept.
     series : mapping of str to ndarray
         Sensor -> values in SI, each of shape (n_times,).
     """
@@ -50,20 +51,20 @@ class Record:
 
 
 def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
-    """Records of points in their order; it never raises, but says in a record what went wrong.
+    """Solve points in the given order and yield their records; errors are recorded, not raised.
 
-    What a record holds does not depend on the points beside it.
+    The record of a point does not depend on the other points.
     """
     for point in points:
         try:
             found = _record(plan, point, plan.variants.solve(plan.settings(point)))
-        except Exception as error:  # whatever one point breaks, the others are to be computed
+        except Exception as error:  # an error of one point must not stop the others
             found = _failure(point, error)
         yield found
 
 
 def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
-    """Every point of a plan, and the seconds that they took."""
+    """Records of all points of a plan, and the seconds that they took."""
     started = time.perf_counter()
     return list(solve_points(plan, list(plan.points))), time.perf_counter() - started
 

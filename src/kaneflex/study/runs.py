@@ -1,4 +1,4 @@
-"""Models of a scene run one by one, each once: their curves, and what they took."""
+"""Runs of a scene's models, each once, with their curves and times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from kaneflex.solve.variants import Variant
 from kaneflex.support.errors import SceneError, StoppedEarly
 
 ROUNDS = 5
-"""Repeats of each model, at most."""
+"""Largest number of repeats of each model."""
 
 
 @dataclass(frozen=True)
@@ -32,16 +32,16 @@ class Timing:
     Attributes
     ----------
     once : float
-        Deriving and compiling: not paid again.
+        Derivation and compilation, done once.
     set_up : float
-        From the scene to the matrices, without ``once``.
+        Scene to matrices, without ``once``.
     solve : float
-        The motion, over ``steps`` steps.
+        Integration over ``steps`` steps.
     read : float
-        The sensors, from the motion.
+        Evaluation of the sensors.
     operations : int or None
-        Multiply-adds by which M, C, K and F follow from the scalars of the motion, once: one for each number that is
-        not zero. None where no equations of this form are integrated.
+        Multiply-adds of one evaluation of M, C, K and F from the scalars of the motion: one per nonzero coefficient.
+        None for models without these equations.
     """
 
     once: float
@@ -53,16 +53,16 @@ class Timing:
 
     @property
     def total(self) -> float:
-        """What a run costs that is not the first."""
+        """Time of a repeated run [s]."""
         return self.set_up + self.solve + self.read
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What came of a model: its curves and what they took.
+    """Curves of a model and the time that they took.
 
-    ``judged`` tells whether the curves' notes hold all that the run warns of, which may take a second run; else what
-    its model does.
+    ``judged``: whether the curves' notes hold all warnings of the run, which may need a second run, or only the
+    model's.
     """
 
     curves: Curves
@@ -76,7 +76,7 @@ def run(scene: Scene, judged: bool = False, progress: Progress = lambda stage: N
     Raises
     ------
     SceneError
-        For a scene that can't be solved; StoppedEarly for a run that did.
+        If the scene can't be solved; StoppedEarly if the run stops early.
     """
     started = time.perf_counter()
     model = load(scene, progress)
@@ -95,13 +95,13 @@ def run(scene: Scene, judged: bool = False, progress: Progress = lambda stage: N
 
 def _values(solution: Solution) -> dict[str, np.ndarray]:
     if solution.outcome is not Outcome.COMPLETED:
-        cure = "Compare the others, or shorten solve.duration"
+        cure = "Leave this preset out, or shorten solve.duration"
         raise StoppedEarly("solve.preset", solution.model.options.preset, solution.message.rstrip("."), cure)
     return {name: solution.series[name].values for name in solution.model.scene.sensors}
 
 
 def operations(model: Model) -> int | None:
-    """Multiply-adds of its equations, see :class:`Timing`."""
+    """Multiply-adds of a model's equations, see :class:`Timing`."""
     if model.options.dynamics != "dynamic":
         return None
     return sum(int(np.count_nonzero(getattr(model.system, name).data)) for name in "MCKF")
@@ -109,7 +109,7 @@ def operations(model: Model) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Variants of a scene, each run once when it is first asked for: what came of it is kept.
+    """Variants of a scene, each run once at the first request and then kept.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Runs:
         Called with the name of each stage that can take longer than a moment.
     kept : dict of Variant to Run
     failed : dict of Variant to SceneError
-        Those that can't be run to their end.
+        Variants that can't be run to the end.
     """
 
     scene: Scene
@@ -127,7 +127,7 @@ class Runs:
     failed: dict[Variant, SceneError] = field(default_factory=dict)
 
     def run(self, variant: Variant, judged: bool = False) -> Run:
-        """What came of a variant; raises the SceneError for which it can't be run to its end."""
+        """Result of a variant; raises its SceneError if it can't be run to the end."""
         if variant in self.failed:
             raise self.failed[variant]
         if variant not in self.kept or (judged and not self.kept[variant].judged):
@@ -139,9 +139,9 @@ class Runs:
         return self.kept[variant]
 
     def repeats(self, variants: Sequence[Variant], deadline: float) -> dict[Variant, list[Timing]]:
-        """Every variant run again, all once a round, to and fro, so that a slow spell of the machine meets them all.
+        """Run every variant again, all once per round, in alternating order, to even out slow phases of the machine.
 
-        One round at least, ROUNDS at most; none is begun after the deadline, of ``time.perf_counter``.
+        One to ROUNDS rounds; none begins after the deadline, a time of ``time.perf_counter``.
         """
         scenes = {variant: variant.of(self.scene) for variant in variants}
         found: dict[Variant, list[Timing]] = {variant: [] for variant in variants}
@@ -168,13 +168,13 @@ class Cost:
     set_up, solve, read, total : float
         As in :class:`kaneflex.study.runs.Timing`; the median of the totals, not the total of the medians.
     spread : float or None
-        Largest total less the smallest, as a share of the median; None of a single repeat.
+        Largest minus smallest total, as a share of the median; None for a single repeat.
     ns_per_step : float
-        Of ``solve``, rigid motion and start included.
+        ``solve`` per step, rigid motion and start included.
     steps, repeats : int
     operations : int or None
     first : float
-        Wall time of the first run of all, with deriving and compiling where they were still to be done.
+        Wall time of the first run, with derivation and compilation if needed.
     """
 
     set_up: float
@@ -190,7 +190,7 @@ class Cost:
 
 
 def cost(first: Timing, repeats: Sequence[Timing]) -> Cost:
-    """Medians and spread of at least one repeat; the first run, which compiles, counts in none of them."""
+    """Medians and spread of at least one repeat; the first run, which compiles, is excluded."""
     totals = [timing.total for timing in repeats]
     total, solve = statistics.median(totals), statistics.median(timing.solve for timing in repeats)
     return Cost(

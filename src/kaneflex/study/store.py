@@ -1,4 +1,4 @@
-"""The folder of a sweep: a journal of finished points, which survives an interruption, and the dataset at the end."""
+"""Folder of a sweep: journal of finished points, which survives interruptions, and the final dataset."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from kaneflex.support.terminal import log_warning
 
 STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER, LOCK_FILE = "study.json", "journal.jsonl", "series", ".lock"
 BEGIN_ANEW = "Restore it from a copy, choose another folder, or begin anew with --force"
-"""What to do about a damaged file, of which nothing is changed."""
+"""Fix for a damaged file; kaneflex does not change it."""
 RESULT_FILES = {"netcdf": "sweep.nc", "zarr": "sweep.zarr"}
 
 
 @dataclass(frozen=True, eq=False)
 class Store:
-    """What is finished of a sweep. Made by :func:`open_store`.
+    """Finished points of a sweep. Made by :func:`open_store`.
 
-    A point is finished when its line stands in the journal; its series have been renamed into place before.
+    A point is finished when its line is in the journal; its series are written before.
 
     Attributes
     ----------
     folder : Path
     finished : dict of int to int
-        Finished point -> where its line begins in the journal.
+        Finished point -> offset of its line in the journal.
     labels : dict of str to tuple of str
-        Sensor -> unit and meaning, of all finished points.
+        Sensor -> unit and meaning, from all finished points.
     """
 
     folder: Path
@@ -51,12 +51,12 @@ class Store:
 
     @property
     def result(self) -> Path | None:
-        """The dataset, where the sweep is complete."""
+        """Path of the dataset if the sweep is complete."""
         files = (self.folder / name for name in RESULT_FILES.values())
         return next((file for file in files if os.path.lexists(file)), None)
 
     def add(self, record: Record) -> None:
-        """Keep a finished point; of one that is kept already nothing is written."""
+        """Store a finished point, unless it is stored already."""
         if record.point in self.finished:
             return
         new = {name: words for name, words in record.labels.items() if name not in self.labels}
@@ -96,37 +96,37 @@ class Store:
                 yield Record(point, entry["outcome"], entry["reason"], statistics)
 
     def series(self, point: int) -> dict[str, np.ndarray]:
-        """The series of a completed point by sensor, times [s] under ""; none where none were kept."""
+        """Series of a completed point by sensor, times [s] under ""; empty if none were kept."""
         if not self._series_file(point).exists():
             return {}
         with np.load(self._series_file(point), allow_pickle=False) as found:
             return {name: found[name] for name in found}
 
     def keeps_series(self, point: int) -> bool:
-        """Whether the series of a completed point are there, and whole."""
+        """Whether the series of a completed point exist and can be read."""
         try:
             return bool(self.series(point))
-        except Exception:  # of a damaged archive anything is raised, by any of the libraries that read it
+        except Exception:  # a damaged archive raises various errors from several libraries
             return False
 
     def instants(self, point: int) -> int:
-        """How many instants the series of a point have; 0 where none were kept."""
+        """Number of instants of a point's series; 0 if none were kept."""
         if not self._series_file(point).exists():
             return 0
         with np.load(self._series_file(point)) as found:
             return len(found[""])
 
     def close(self) -> None:
-        """The dataset is written: what it was made from goes."""
+        """Delete the journal and series after the dataset is written."""
         (self.folder / JOURNAL_FILE).unlink()
         shutil.rmtree(self.folder / SERIES_FOLDER, ignore_errors=True)
 
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Make the folder if need be, and keep every other sweep out of it as long as this one lasts.
+    """Make the folder if needed, and lock it against other sweeps.
 
-    The system lifts the lock when the process ends, however it does.
+    The system releases the lock when the process ends.
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -134,7 +134,7 @@ def alone(folder: Path) -> Iterator[None]:
         try:
             lock.acquire()
         except Timeout:
-            reason, cure = "another sweep is writing into it", "Wait for its end, or choose another name"
+            reason, cure = "another sweep is writing into it", "Wait until it ends, or choose another folder"
             raise OutputError(str(folder), None, reason, cure) from None
     try:
         yield
@@ -143,18 +143,18 @@ def alone(folder: Path) -> Iterator[None]:
 
 
 def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
-    """Begin a sweep in an empty folder, or go on with the one that was begun there.
+    """Begin a sweep in an empty folder, or continue the one in it.
 
     Raises
     ------
     OutputError
-        If the folder holds something else, or another study and ``force`` is not given; or can't be written.
+        If the folder holds other files, or another study without ``force``, or can't be written.
     """
     with writing(folder):
         entries = {entry.name for entry in folder.iterdir()} - {LOCK_FILE}
         if entries and STUDY_FILE not in entries:
-            reason = f"the folder holds other things and no {STUDY_FILE}: nothing is written into it"
-            raise OutputError(str(folder), None, reason, "Choose another name")
+            reason = f"the folder holds other files and no {STUDY_FILE}"
+            raise OutputError(str(folder), None, reason, "Choose another folder")
         if entries and force:
             _empty(folder)
             entries = set()
@@ -167,7 +167,7 @@ def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
 
 
 def _empty(folder: Path) -> None:
-    """Take away what an earlier sweep left; the folder itself stays, since it is locked."""
+    """Delete the files of an earlier sweep; the locked folder itself stays."""
     shutil.rmtree(folder / SERIES_FOLDER, ignore_errors=True)
     shutil.rmtree(folder / RESULT_FILES["zarr"], ignore_errors=True)
     for name in (JOURNAL_FILE, RESULT_FILES["netcdf"], STUDY_FILE):
@@ -182,30 +182,30 @@ def _demand_same(file: Path, plan: Plan) -> None:
         raise OutputError(str(file), None, reason, BEGIN_ANEW) from None
     known = found.get("digest") if isinstance(found, dict) else None
     if not isinstance(known, str):
-        raise OutputError(str(file), None, "it is damaged: it does not say of which study it is", BEGIN_ANEW)
+        raise OutputError(str(file), None, "it is damaged: the digest of its study is missing", BEGIN_ANEW)
     if known != plan.digest:
         raise OutputError(
             str(file.parent), None, "it was begun with another study, scene or version of kaneflex",
-            "Choose another name, or begin anew with --force",
+            "Choose another folder, or begin anew with --force",
         )  # fmt: skip
 
 
 def _checked(entry: str) -> bytes:
-    """A line of the journal, which begins with a checksum of the rest."""
+    """Journal line with a checksum of its content in front."""
     return f'{{"check": "{zlib.crc32(entry.encode()):08x}", {entry[1:]}\n'.encode()
 
 
 def _entry(line: bytes) -> dict[str, Any] | None:
-    """What a line of the journal says, if it is as it was written."""
+    """Content of a journal line; None if it is damaged."""
     text = line.decode("utf-8", "replace")
     entry = "{" + text[len('{"check": "00000000", ') :].rstrip("\n")
     return json.loads(entry) if _checked(entry) == line else None
 
 
 def _begun(folder: Path, plan: Plan) -> Store:
-    """What the journal holds; a last line that was cut off is taken away.
+    """Store of the points in the journal; an incomplete last line is cut off.
 
-    A point whose line or series are damaged is not finished: it is computed again, and what is left of it stays.
+    Points whose line or series are damaged are computed again.
     """
     store, journal, damaged = Store(folder), folder / JOURNAL_FILE, 0
     if not os.path.lexists(journal):
@@ -229,5 +229,5 @@ def _begun(folder: Path, plan: Plan) -> Store:
             begin += len(line)
     lost = len(plan.points.keys() - store.finished)
     if damaged:
-        log_warning(f"{journal}: {damaged} of its lines are damaged; {lost} points are left to be computed")
+        log_warning(f"{journal}: {damaged} lines are damaged; {lost} points remain to be computed")
     return store

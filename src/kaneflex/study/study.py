@@ -1,4 +1,4 @@
-"""STUDY.toml: which scene, which of its entries vary, and how; and the points that follow, in a fixed order.
+"""STUDY.toml: scene, varied entries, and the resulting points in a fixed order.
 
 The last parameter varies fastest, samples faster than lists.
 """
@@ -27,16 +27,16 @@ from kaneflex.support.units import NUMBER_WITH_UNIT
 
 def _one_value(value: object) -> object:
     if not isinstance(value, bool | int | float | str):
-        raise Fault("no single value", "Give numbers, texts, true or false; for each vector make a study with settings")
+        raise Fault("not a single value", "Give numbers, texts, true or false; set vectors by settings, one study each")
     return value
 
 
 Value = Annotated[StrictBool | StrictInt | StrictFloat | StrictStr, BeforeValidator(_one_value)]
-"""What an entry of a scene is set to."""
+"""Value of an entry of a scene."""
 
 
 def number_and_unit(value: object) -> tuple[float, str] | None:
-    """The parts of 6000 or "6000 rpm"; None for what is neither."""
+    """Number and unit of 6000 or "6000 rpm"; None for other values."""
     if isinstance(value, bool):
         return None
     if isinstance(value, int | float):
@@ -46,25 +46,25 @@ def number_and_unit(value: object) -> tuple[float, str] | None:
 
 
 class Axis(SceneTable):
-    """How one entry of the scene varies: over `values`, over `count` numbers from `from` to `to`, or sampled."""
+    """Values of one varied entry: a list, `count` numbers from `from` to `to`, or samples."""
 
-    values: tuple[Value, ...] | None = Field(default=None, description="a list, also written without this table")
+    values: tuple[Value, ...] | None = Field(default=None, description="list, also written without this table")
     from_: Value | None = Field(default=None, alias="from", description="first of equally spaced numbers")
-    to: Value | None = Field(default=None, description="the last of them")
-    count: WholeNumber | None = Field(default=None, description="how many")
-    low: Value | None = Field(default=None, description="samples lie above it")
-    high: Value | None = Field(default=None, description="and below it")
-    scale: Literal["linear", "log"] = Field(default="linear", description="`log`: equal ratios, not differences")
+    to: Value | None = Field(default=None, description="last of them")
+    count: WholeNumber | None = Field(default=None, description="number of them")
+    low: Value | None = Field(default=None, description="lower end of samples")
+    high: Value | None = Field(default=None, description="upper end of samples")
+    scale: Literal["linear", "log"] = Field(default="linear", description="`log`: equal ratios instead of differences")
 
     @validated_by(mode="after")
     def _complete(self) -> Axis:
         kind = the_one_given(self, ("values", "from_", "low"))
         if kind == "values" and (not self.values or len(set(map(repr, self.values))) < len(self.values)):
-            raise Fault("empty, or a value stands in it twice", "Give each value once")
+            raise Fault("empty, or a value is listed twice", "Give each value once")
         wanted = {"values": (), "from_": ("to", "count"), "low": ("high",)}[kind]
         for name in ("to", "count", "high"):
             if (getattr(self, name) is None) == (name in wanted):
-                verb = "missing" if name in wanted else "of no use"
+                verb = "missing" if name in wanted else "not allowed here"
                 raise Fault(f"{name} is {verb}", "Write {from = 1, to = 2, count = 5} or {low = 1, high = 2}")
         if kind != "values":
             _check_ends(*self.ends, self.scale)
@@ -77,59 +77,59 @@ class Axis(SceneTable):
 
     @property
     def ends(self) -> tuple[Value, Value]:
-        """What the numbers lie between."""
+        """Ends of the range."""
         return (self.low, self.high) if self.sampled else (self.from_, self.to)
 
 
 def _check_ends(first: Value, last: Value, scale: str) -> None:
     ends = [number_and_unit(value) for value in (first, last)]
     if None in ends or ends[0][1] != ends[1][1]:
-        raise Fault("not two numbers with the same unit", "Write like {from = '2000 rpm', to = '6000 rpm', count = 5}")
+        raise Fault("not two numbers with the same unit", "Write {from = '2000 rpm', to = '6000 rpm', count = 5}")
     (a, _), (b, _) = ends
     if not (math.isfinite(a) and math.isfinite(b)) or a == b:
         raise Fault("the ends are equal or not finite", "Give two different numbers")
     if scale == "log" and not (a > 0 and b > 0):
-        raise Fault("a logarithmic scale needs numbers above zero", "Take scale = 'linear'")
+        raise Fault("a logarithmic scale needs positive numbers", "Use scale = 'linear'")
 
 
 def _as_axis(value: object) -> object:
     if isinstance(value, list):
         return {"values": value}
     if not isinstance(value, dict | Axis):
-        raise Fault("neither a list nor a table", "Write [1, 2, 4] or {from = 1, to = 4, count = 7}; what is fixed "
-                    "belongs to settings")  # fmt: skip
+        raise Fault("neither a list nor a table", "Write [1, 2, 4] or {from = 1, to = 4, count = 7}; fixed values "
+                    "belong to settings")  # fmt: skip
     return value
 
 
 class Sample(SceneTable):
-    """How the entries with `low` and `high` are sampled, all together."""
+    """Sampling of all entries with `low` and `high` together."""
 
     method: Literal["random", "latin-hypercube", "sobol"] = Field(
         default="sobol", description="`sobol`: scrambled, its count a power of two"
     )
-    count: WholeNumber = Field(description="how many samples")
+    count: WholeNumber = Field(description="number of samples")
     seed: Annotated[int, Field(ge=0)] = Field(default=0, description="the same seed gives the same samples")
 
     @validated_by(mode="after")
     def _balanced(self) -> Sample:
         if self.method == "sobol" and self.count & (self.count - 1):
             power = 2 ** round(math.log2(self.count))
-            raise Fault("a Sobol sequence is balanced at powers of two only", f"Take {power}", "count")
+            raise Fault("a Sobol sequence needs a power of two", f"Use {power}", "count")
         return self
 
 
 class Study(SceneTable):
-    """A sweep: every combination of the lists and ranges, and at each of them every listed point and sample."""
+    """A sweep: all combinations of the lists and ranges, each with all listed points and samples."""
 
     scene: str = Field(description="name of a shipped scene, or of a file relative to this one")
-    settings: tuple[str, ...] = Field(default=(), description='what else is changed, as `"path=value"`')
+    settings: tuple[str, ...] = Field(default=(), description='other changes of the scene, as `"path=value"`')
     parameters: dict[str, Annotated[Axis, BeforeValidator(_as_axis)]] = Field(
         default={}, description="by path of the entry: a list, `{from, to, count, scale}` or `{low, high, scale}`"
     )
     points: tuple[dict[str, Value], ...] = Field(default=(), description="listed points: `{path = value}`, same paths")
     sample: Sample | None = Field(default=None, description="see below")
-    series: StrictBool = Field(default=False, description="whether to keep every sensor over time")
-    sensitivities: tuple[str, ...] = Field(default=(), description="paths of what every sensor is differentiated by")
+    series: StrictBool = Field(default=False, description="keep every sensor over time")
+    sensitivities: tuple[str, ...] = Field(default=(), description="paths of numbers to differentiate sensors by")
     basis: Literal["frozen", "recomputed"] = Field(default="frozen", description="modal bases in the derivatives")
     poincare: Poincare | None = Field(default=None, description="every sensor once a period of a drive, see below")
 
@@ -137,26 +137,26 @@ class Study(SceneTable):
     def _consistent(self) -> Study:
         sampled = [path for path, axis in self.parameters.items() if axis.sampled]
         if sampled and self.sample is None:
-            raise Fault(f"{sampled[0]} is to be sampled", "Give sample = {method = 'sobol', count = 16}", "sample")
+            raise Fault(f"{sampled[0]} needs a sample table", "Give sample = {method = 'sobol', count = 16}", "sample")
         if self.sample is not None and not sampled:
-            raise Fault("there is nothing to sample", "Give a parameter {low = 1, high = 2}", "sample")
+            raise Fault("no parameter is sampled", "Give a parameter {low = 1, high = 2}", "sample")
         if not self.parameters and not self.points:
-            raise Fault("nothing varies", "Give [parameters], or points", "parameters")
+            raise Fault("nothing varies", "Give [parameters] or points", "parameters")
         if self.poincare is not None and (self.series or self.sensitivities):
-            raise Fault("a section has its own series, without derivatives", "Leave the others out", "poincare")
+            raise Fault("it can't be combined with series or sensitivities", "Leave these out", "poincare")
         listed = set(self.points[0]) if self.points else set()
         if any(set(point) != listed for point in self.points) or (self.points and not listed):
-            raise Fault("the points differ in what they set", "Give every point the same paths", "points")
+            raise Fault("the points set different entries", "Give every point the same paths", "points")
         return self
 
 
 def read_study(path: Path | str) -> Study:
-    """The study of a TOML file.
+    """Read a study from a TOML file.
 
     Raises
     ------
     SceneError
-        For a file that is not a study; it names every problem.
+        If the file is not a valid study; names every problem.
     """
     path = Path(path)
     try:
@@ -166,15 +166,15 @@ def read_study(path: Path | str) -> Study:
     except FileNotFoundError:
         raise SceneError("study", path.name, "no such file", "Give the path of a study") from None
     except (ValueError, RecursionError) as error:
-        raise SceneError("study", path.name, f"not TOML: {error}", "Correct that line") from None
+        raise SceneError("study", path.name, f"not TOML: {error}", "Correct the line named") from None
     if "bodies" in raw and "parameters" not in raw:
-        cure = f"Write a study beside it, a file with scene = {path.name!r} and a table of parameters"
-        raise SceneError("study", path.name, "it is a scene, and a sweep needs to know what to vary of it", cure)
+        cure = f"Write another file with scene = {path.name!r} and a table of parameters"
+        raise SceneError("study", path.name, "it is a scene, not a study", cure)
     return study_of(raw)
 
 
 def study_of(raw: dict[str, Any]) -> Study:
-    """The study of tables, as a file holds them. Raises SceneError, which names every problem."""
+    """Study from the tables of its file. Raises SceneError, which names every problem."""
     try:
         return Study.model_validate(raw)
     except ValidationError as error:
@@ -184,11 +184,11 @@ def study_of(raw: dict[str, Any]) -> Study:
 Point = dict[str, Value]
 """Path of an entry of the scene -> its value."""
 _ROUNDING = 1e-9
-"""What equal spacing may leave of whole numbers."""
+"""Rounding error of equally spaced whole numbers."""
 
 
 def points_of(study: Study) -> list[Point]:
-    """Every point of a study: combinations of its lists and ranges, at each the listed points and the samples.
+    """All points of a study: combinations of its lists and ranges, with the listed points and the samples.
 
     Samples are drawn in the unit cube of all sampled parameters at once (scipy.stats.qmc), then scaled.
     """
@@ -209,7 +209,7 @@ def points_of(study: Study) -> list[Point]:
 
 
 def size_of(study: Study) -> int:
-    """How many points :func:`points_of` makes of it."""
+    """Number of points that :func:`points_of` makes."""
     counts = [axis.count or len(axis.values or ()) for axis in study.parameters.values() if not axis.sampled]
     return math.prod(counts) * (len(study.points) or 1) * (1 if study.sample is None else study.sample.count)
 
@@ -234,9 +234,9 @@ def _samples(axes: dict[str, Axis], sample: Sample) -> list[Point]:
 
 
 def _between(axis: Axis, share: np.ndarray) -> list[Value]:
-    """Values at shares of the way from one end to the other, in the ends' unit; the ends themselves are exact.
+    """Values at shares of the way from one end to the other, in the ends' unit; the ends are exact.
 
-    Whole numbers stay whole between two plain ones where every value is: numbers of elements must be.
+    Numbers stay whole if both ends and all values are whole, as numbers of elements must be.
     """
     first, last = axis.ends
     (a, unit), (b, _) = number_and_unit(first), number_and_unit(last)

@@ -1,4 +1,4 @@
-"""Go through the points of a plan that are not finished, and write the dataset."""
+"""Solve the unfinished points of a plan, then write the dataset."""
 
 from __future__ import annotations
 
@@ -24,14 +24,13 @@ if TYPE_CHECKING:
     import xarray
 
 _RECENT = 200
-"""Points whose rate is told: not the first ones, for which everything was compiled."""
+"""Number of recent points whose rate is reported: the first ones include compilation."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep is: points `done` of `total`, `failed` of them, `now` of them since it was started; and how many
-    points a second the last ones were, 0 before the first.
-    """
+    """Progress of a sweep: `done` of `total` points, `failed` of them, `now` of them since the start; `rate` of the
+    last points [1/s], 0 before the first."""
 
     done: int
     total: int
@@ -41,7 +40,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """Time left at that rate [s]; None before the first point."""
+        """Time left at this rate [s]; None before the first point."""
         return (self.total - self.done) / self.rate if self.rate else None
 
     def __str__(self) -> str:
@@ -51,7 +50,7 @@ class Progress:
 
 
 def duration(seconds: float) -> str:
-    """Seconds in words of a clock: 48 s, 3 min 5 s, 2 h 7 min."""
+    """Duration in s, min and h: 48 s, 3 min 5 s, 2 h 7 min."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"
@@ -60,7 +59,7 @@ def duration(seconds: float) -> str:
 
 @dataclass(frozen=True)
 class Finished:
-    """A complete sweep: its dataset's file, how many points it has, and the reasons of those that failed by number."""
+    """A complete sweep: file of the dataset, number of points, and reasons of failed points by number."""
 
     path: Path
     total: int
@@ -74,11 +73,11 @@ class Finished:
 
 
 Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
-"""Solves the points of these numbers, in whatever order."""
+"""Solves the points with these numbers, in any order."""
 
 
 def in_this_process(plan: Plan, points: Sequence[int]) -> Generator[Record, None, None]:
-    """Some points after the others."""
+    """Solve points one after the other in this process."""
     yield from solve_points(plan, points)
 
 
@@ -91,32 +90,32 @@ def sweep(
     force: bool = False,
     form: str = "netcdf",
 ) -> Finished:
-    """Compute what is not finished of a plan, then write the dataset into the folder.
+    """Compute the unfinished points of a plan, then write the dataset into the folder.
 
-    Whatever stops it, a point that was finished is not computed again by the next call.
+    After an interruption, the next call continues with the unfinished points.
 
     Parameters
     ----------
     study : Plan, path or mapping
-        A study's file, or its tables, of which :func:`kaneflex.study.plan.make_plan` makes the plan.
+        A study's file, or its tables, as for :func:`kaneflex.study.plan.make_plan`.
     folder : path
-        New, or that of the same sweep.
+        New or empty folder, or that of the same sweep.
     solver : Solver
-        Where the points are solved: in this process; :func:`kaneflex.in_processes` and :func:`kaneflex.on_cluster`
-        make others. The results don't depend on it.
+        Solves the points, by default in this process; others: :func:`kaneflex.in_processes`,
+        :func:`kaneflex.on_cluster`. The results don't depend on it.
     progress : callable, optional
         Called with a Progress at the start and after each point.
     force : bool
-        Whether to begin anew in a sweep's folder.
+        Whether to begin again in a sweep's folder.
     form : str
-        "netcdf", or "zarr", which is written block by block.
+        "netcdf", or "zarr", written in blocks.
 
     Raises
     ------
     SceneError
-        If zarr is wanted and not installed.
+        If zarr is requested and not installed.
     OutputError
-        If the folder holds other things, is damaged, can't be written, or another sweep is writing into it.
+        If the folder holds other files, is damaged, can't be written, or another sweep is writing into it.
     """
     plan, folder = study if isinstance(study, Plan) else make_plan(study), Path(folder)
     if form == "zarr":
@@ -135,10 +134,10 @@ def sweep(
 def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Progress], None]) -> None:
     total, before = len(plan.points), len(store.finished)
     failed = sum(record.outcome != COMPLETED for record in store.records(store.finished))
-    moments = deque([time.perf_counter()], maxlen=_RECENT)  # the start, as long as few are finished
+    moments = deque([time.perf_counter()], maxlen=_RECENT)  # contains the start until _RECENT points are finished
     progress(Progress(before, total, failed, 0, 0.0))
     todo = [point for point in plan.points if point not in store.finished]
-    with closing(solver(plan, todo)) as records:  # whatever ends the loop ends the workers
+    with closing(solver(plan, todo)) as records:  # ends the workers whenever the loop ends
         for record in records:
             store.add(record)
             failed += record.outcome != COMPLETED
@@ -165,7 +164,7 @@ def _finished(store: Store, plan: Plan) -> Finished:
     with _faults_of(path):
         found = read_labelled(path, _ENDINGS)
     if found.attributes.get("study") != plan.digest or not found.variables.keys() >= {*_ENDINGS}:
-        raise OutputError(str(path), None, "it is not the dataset of this study", BEGIN_ANEW)
+        raise OutputError(str(path), None, "it belongs to another study", BEGIN_ANEW)
     endings = zip(*(found.variables[name][1] for name in _ENDINGS), strict=True)
     failures = {int(point): str(reason) for point, outcome, reason in endings if outcome != COMPLETED}
     return Finished(path, len(plan.points), failures)

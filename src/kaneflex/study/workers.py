@@ -1,4 +1,4 @@
-"""Many points on many workers: chunks that last about a second, and processes of this machine that solve them."""
+"""Distribution of points over workers in chunks of about a second, and worker processes of this machine."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from kaneflex.study.study import Point, number_and_unit
 from kaneflex.support.arguments import takes
 
 SECONDS = 1.0
-"""What a chunk is to last: long against sending it, short against what an interruption loses."""
+"""Target duration of a chunk: long compared with sending it, short compared with what an interruption loses."""
 _TRIES = 3
-"""Workers that may die over a point before it is given up."""
-DIED = f"the process that solved it died, {_TRIES} times: killed, or out of memory"
+"""Number of workers that may die on a point before it is given up."""
+DIED = f"its worker process died {_TRIES} times: killed, or out of memory"
 
 Points = dict[int, Point]
 Answer = tuple[list[Record], float]
-"""Records of a chunk and the seconds that they took."""
+"""Records of a chunk, and the seconds that they took."""
 
 
 class Lost(Exception):
@@ -40,17 +40,17 @@ class Pool(Protocol):
     workers: int
 
     def submit(self, points: Points) -> Hashable:
-        """Begin a chunk; what stands for it until it is finished."""
+        """Begin a chunk; returns its key."""
 
     def finished(self) -> Iterable[tuple[Hashable, Callable[[], Answer]]]:
-        """Wait until something is finished: each with what gives its answer or raises Lost."""
+        """Wait until a chunk is finished; pairs of its key and a function that returns the answer or raises Lost."""
 
     def close(self) -> None:
-        """End, whatever is under way."""
+        """Stop all work."""
 
 
 def first_of_each_kind(plan: Plan, todo: Sequence[int]) -> list[int]:
-    """Points that may differ in the equations: by texts, by switches, and by which numbers are zero."""
+    """First point of each set with the same equations: the same texts, switches and zero numbers."""
     first: dict[tuple[object, ...], int] = {}
     for point in todo:
         first.setdefault(tuple(_kind(path, value) for path, value in plan.points[point].items()), point)
@@ -67,8 +67,7 @@ def _kind(path: str, value: object) -> object:
 def in_chunks(plan: Plan, todo: Sequence[int], start: Callable[[Plan], Pool]) -> Generator[Record, None, None]:
     """Solve points on the workers of a pool.
 
-    Those that may need equations of their own come first and are solved here: they are derived and compiled once,
-    before a worker starts.
+    Points that may need other equations are solved here first: each is derived and compiled once, before workers start.
     """
     here = first_of_each_kind(plan, todo)
     yield from solve_points(plan, here)
@@ -102,28 +101,28 @@ def _through(plan: Plan, todo: Sequence[int], pool: Pool) -> Generator[Record, N
 
 
 class Queue:
-    """Points that wait, handed out in chunks that last about SECONDS by what the finished ones took.
+    """Waiting points, handed out in chunks of about SECONDS, estimated from the finished ones.
 
-    Those whose worker died come again one by one and with nothing beside them: the death of one process can take
-    what others compute along, so that only a point that is alone is known to be the cause.
+    Points of a dead worker are repeated one at a time with no other work in progress: a dying process can end its
+    neighbours' work, so that only a point that runs alone is known to be the cause.
     """
 
     def __init__(self, todo: Sequence[int]) -> None:
         self._todo = deque(todo)
         self._again: deque[int] = deque()
         self._tries: Counter[int] = Counter()
-        self._alone = False  # whether what was taken last came again
-        self._seconds: float | None = None  # of a point
+        self._alone = False  # whether the last chunk taken is a repetition
+        self._seconds: float | None = None  # per point
 
     def __bool__(self) -> bool:
         return bool(self._todo or self._again)
 
     def ready(self, waiting: int, most: int) -> bool:
-        """Whether a chunk may be taken while so many are under way, of `most` at a time."""
+        """Whether a chunk may be taken while ``waiting`` chunks are in progress, ``most`` at a time."""
         return bool(self) and waiting < (1 if self._alone or self._again else most)
 
     def take(self, workers: int) -> tuple[int, ...]:
-        """The next chunk: one point as long as nothing is known, and no more than a fair share of the rest."""
+        """Next chunk: a single point until times are known, and at most a fair share of the rest."""
         self._alone = bool(self._again)
         if self._alone:
             return (self._again.popleft(),)
@@ -132,11 +131,11 @@ class Queue:
         return tuple(self._todo.popleft() for _ in range(size))
 
     def lasted(self, points: int, seconds: float) -> None:
-        """A chunk of so many points is finished."""
+        """Record the duration of a finished chunk."""
         self._seconds = seconds / points
 
     def lost(self, chunk: tuple[int, ...]) -> list[int]:
-        """A chunk whose worker died: its points come again; returned are those that are given up."""
+        """Queue the points of a dead worker's chunk again; returns those that are given up."""
         self._tries.update(chunk)
         given_up = [point for point in chunk if self._tries[point] >= _TRIES]
         self._again.extend(point for point in chunk if self._tries[point] < _TRIES)
@@ -144,14 +143,14 @@ class Queue:
 
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""Set to 1 for workers, unless they are set already: there is a process for each core."""
+"""Set to 1 for workers, unless set already: there is one process per core."""
 _own: Plan | None = None
 """In a worker: the plan without its points."""
 
 
 @takes(workers="whole")
 def in_processes(workers: int) -> Callable[[Plan, Sequence[int]], Generator[Record, None, None]]:
-    """Solves points in so many processes of this machine."""
+    """Solver that runs points in ``workers`` processes of this machine."""
 
     def solve(plan: Plan, todo: Sequence[int]) -> Generator[Record, None, None]:
         yield from in_chunks(plan, todo, lambda plan: Processes(plan, workers))
@@ -160,7 +159,7 @@ def in_processes(workers: int) -> Callable[[Plan, Sequence[int]], Generator[Reco
 
 
 class Processes:
-    """A pool of processes, started anew when one of them dies: the executor then gives all of them up."""
+    """A pool of processes, restarted when one of them dies, since the executor then ends all of them."""
 
     def __init__(self, plan: Plan, workers: int) -> None:
         self.workers = workers
@@ -169,7 +168,7 @@ class Processes:
         self._executor = self._started()
 
     def _started(self) -> ProcessPoolExecutor:
-        # spawn: a forked copy of a process that has threads can lock itself
+        # spawn: a fork of a process with threads can deadlock
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(self.workers, context, initializer=_prepare, initargs=(self._plan,))
 
@@ -202,7 +201,7 @@ def _answer(future: Future[Answer]) -> Answer:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Processes started within find ONE_THREAD in their environment, before they import what reads it."""
+    """Set ONE_THREAD in the environment of processes started within, before they import numerical libraries."""
     ours = [name for name in ONE_THREAD if name not in os.environ]
     os.environ.update(dict.fromkeys(ours, "1"))
     try:
@@ -214,14 +213,14 @@ def _one_thread() -> Iterator[None]:
 
 def _prepare(plan: Plan) -> None:
     global _own
-    # Ctrl-C goes to every process of the terminal; only the one that keeps the journal is to act on it
+    # Ctrl-C goes to all processes of the terminal; only the main process, which keeps the journal, handles it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _own = plan
 
 
 def _end_with_parent() -> None:
-    """A worker of a sweep that was killed would wait for its next chunk for ever."""
+    """End a worker whose parent process was killed, which would wait for ever."""
     multiprocessing.parent_process().join()
     os._exit(1)
 

@@ -1,4 +1,4 @@
-"""Numbers of a scene that sensors are differentiated by."""
+"""Numbers of a scene by which sensors are differentiated."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.units import RATIO, to_si
 
 _TABLES = ("gravity", "ground", "bodies", "masses", "drives", "loads", "springs", "joints", "damping", "sensors")
-"""Entries of the scene whose numbers the equations or the sensors hold."""
+"""Tables of the scene whose numbers enter the equations or the sensors."""
 _UNITS_IN_LISTS = {"gravity": "m/s^2", "ground": "m", "points": "m", "centre": "m", "section": "m", "taper": "m",
                    "rayleigh": "Hz", "fibre": "m", "at": "m", "inertia": "kg m^2", "velocity": "m/s",
                    "angular_velocity": "rad/s"}  # fmt: skip
-"""Word on the path of a list of numbers -> their unit; the others are plain numbers."""
+"""Key of a list of numbers -> their unit; lists of other keys hold plain numbers."""
 _DIRECTIONS = ("direction", "axis", "x", "y")
-"""Lists whose length counts for nothing: reading makes it one."""
+"""Lists that are normalised when read."""
 
 _OF_SPRINGS = {"stiffness": ("N/m", "N m/rad"), "damping": ("N s/m", "N m s/rad")}
-"""Units along a line, and about an axis."""
+"""Units of translational and of torsional springs."""
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,15 @@ class Parameter:
     Attributes
     ----------
     name : str
-        As it was asked for, like "rod.E".
+        As requested, like "rod.E".
     path : tuple of str
-        Where it stands, like ("bodies", "rod", "beam", "E").
+        Keys of the entry, like ("bodies", "rod", "beam", "E").
     value : float
-        In SI, never zero; of a direction as it is written, whatever its length.
+        In SI, never zero; components of directions as written, not normalised.
     unit : str
         Its SI unit; "1" for a plain number.
     index : int or None
-        Which number of a list it is, from 0; None where it stands by itself.
+        Index in a list, from 0; None for a single number.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Parameter:
     index: int | None = None
 
     def scaled(self, scene: Scene, factor: float) -> Scene:
-        """The scene with ``factor`` times the value."""
+        """The scene with the value multiplied by ``factor``."""
         written: object = self.value * factor
         if self.index is not None:
             numbers = list(_written_at(scene, self.path))
@@ -60,12 +60,12 @@ class Parameter:
 
 
 def find_parameters(scene: Scene, names: Sequence[str]) -> tuple[Parameter, ...]:
-    """The parameters of these paths, short ones as ``with_settings`` takes them; of a list with a number's place.
+    """Parameters of these paths, short ones as in ``with_settings``; numbers of lists end with their index.
 
     Raises
     ------
     SceneError
-        For a path that leads nowhere or is no number of the mechanism, and for a number that is zero.
+        If a path does not exist or is not a number of the mechanism, or the number is zero.
     """
     found = [_find(scene, name) for name in names]
     demand_once(("sensitivities", parameter.name, (parameter.path, parameter.index)) for parameter in found)
@@ -73,12 +73,12 @@ def find_parameters(scene: Scene, names: Sequence[str]) -> tuple[Parameter, ...]
 
 
 def place_of(scene: Scene, name: str) -> tuple[tuple[str, ...], int | None]:
-    """The keys that a parameter's name means, short or whole, and its place in a list, if it ends with one.
+    """Keys of a parameter's short or full name, and its index in a list, if any.
 
-    Raises SceneError for a path that leads nowhere, or to several places.
+    Raises SceneError if the path does not exist or is ambiguous.
     """
     if not name.strip():
-        raise SceneError("sensitivities", name, "an empty path", "Write like rod.E,main.speed")
+        raise SceneError("sensitivities", name, "an empty path", "Write for example rod.E,main.speed")
     whole, _, last = name.rpartition(".")
     index = int(last) if whole and last.isdecimal() else None
     return tuple(resolved(scene.raw, name if index is None else whole)), index
@@ -91,26 +91,26 @@ def _find(scene: Scene, name: str) -> Parameter:
     if isinstance(value, tuple) and index is not None and index < len(value):
         value = value[index]
     elif isinstance(value, tuple):
-        cure = f"Name one of its {len(value)} numbers, like {whole}.0"
+        cure = f"Choose one of its {len(value)} numbers, for example {whole}.0"
         raise SceneError(name, str(value), "a list of numbers", cure)
     elif index is not None:
-        raise SceneError(name, value, "no list that numbers could be taken from", f"Write {whole}")
+        raise SceneError(name, value, "not a list of numbers", f"Write {whole}")
     if path[0] not in _TABLES:
         cure = f"Give a path within {', '.join(_TABLES[:-1])} or {_TABLES[-1]}"
-        raise SceneError(name, value, "no number of the mechanism", cure)
+        raise SceneError(name, value, "not a number of the mechanism", cure)
     if value is None:
-        raise SceneError(name, None, "the scene gives no such number", f"Set it, like --set {name}=VALUE")
+        raise SceneError(name, None, "the scene gives no such number", f"Set it: --set {name}=VALUE")
     if not isinstance(value, float):
-        raise SceneError(name, str(value), "not a number that can change a little", "Give the path of a quantity")
+        raise SceneError(name, str(value), "not a real number", "Choose a quantity")
     if value == 0.0:
         cure = "Give it a value"
-        raise SceneError(name, value, "the derivative at zero is not available: equations may leave a zero out", cure)
+        raise SceneError(name, value, "no derivative at zero: the equations may omit zero terms", cure)
     unit = _unit(scene, path) if index is None else _unit_in_list(path, index)
     return Parameter(name, path, value, unit, index)
 
 
 def _written_at(scene: Scene, path: Sequence[str]) -> object:
-    """The value at a path in SI; of a direction the numbers that the scene gives, by which users take differences."""
+    """Value at a path in SI; directions as written, not normalised, so that differences are those of the input."""
     value, written = _value_at(scene, path), given_value(scene.raw, path)
     if path[-1] in _DIRECTIONS and isinstance(value, tuple) and isinstance(written, list):
         return tuple(to_si(component, RATIO) for component in written)
@@ -137,7 +137,7 @@ def _unit_in_list(path: tuple[str, ...], index: int) -> str:
 
 
 def _unit(scene: Scene, path: tuple[str, ...]) -> str:
-    """SI unit of the number at a path; of what a joint's or load's kind decides, by that kind."""
+    """SI unit of the number at a path, which may depend on the joint's or load's kind."""
     table, owner, *rest = path
     known = [dimension.unit for dimension in dimensions(path)]
     if len(known) == 2:

@@ -1,7 +1,7 @@
-"""The runs of a coupled model's neighbours, in the steps that the model's own run has taken.
+"""Runs of a coupled model's neighbours in the steps of the model's own run.
 
-How the control of the steps' error would answer to the parameter is so no part of a difference between them: the steps
-keep their number and their shares of the run.
+Fixed steps keep the step size control out of the differences: the number of steps and their shares of the run are those
+of the model's run.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ from kaneflex.support.errors import SceneError
 State = tuple[np.ndarray, np.ndarray]
 """q and v, (n,) each."""
 _SOLVED = 1e-12
-"""Share of the mechanism's size to which each step is solved: what is left must be small beside the differences."""
+"""Tolerance of each step as a share of the mechanism's size: far below the differences between neighbours."""
 _APART = 1e-2
-"""Step of the differences along a state of the cycle's start, as a share of how far it moves within the cycle."""
+"""Step of the differences along a state of the cycle's start, as a share of its range within the cycle."""
 _SINGULAR = 1e14
-"""Condition beyond which other states than the found one return, too."""
+"""Condition number beyond which the periodic solution is not isolated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A finished coupled run, which neighbours take again."""
+    """A finished coupled run, whose steps neighbours repeat."""
 
     solution: Solution
 
     def __call__(self, model: Model) -> Solution:
-        """The run of a neighbour; of one that does not complete its first cycle, that one.
+        """Run of a neighbour; if its first cycle is not completed, that cycle.
 
-        The start of a cycle goes by Newton's method where the neighbour returns, with the run's own tangent: all
-        neighbours' starts are off by as much, to the second order of their distance.
+        For periodic runs, one Newton step with the monodromy matrix of the own run moves the start of the cycle to the
+        neighbour's periodic solution. Its error is the same for all neighbours to second order of their distance.
 
         Raises
         ------
         SceneError
-            If the run could be periodic in other ways, too.
+            If the periodic solution is not isolated.
         """
         start = beginning(model)
         if self.solution.model.options.start == "periodic":
@@ -57,8 +57,8 @@ class Replay:
                 return as_solution(model, cycle, 0.0)
             if not np.linalg.cond(self._returning) < _SINGULAR:
                 raise SceneError(
-                    "solve.start", "periodic", "the periodic run is not the only one nearby",
-                    "Damp the motion, or start from zero or quasistatic",
+                    "solve.start", "periodic", "the periodic motion is not isolated: others exist nearby",
+                    "Add damping, or start from zero or quasistatic",
                 )  # fmt: skip
             start = self._cycle.moved(model.coupled, *start, -np.linalg.solve(self._returning, self._gap(model, cycle)))
         return as_solution(model, self._run(model, *start), 0.0)
@@ -68,29 +68,29 @@ class Replay:
         return self.solution.trajectory
 
     def _run(self, model: Model, q: np.ndarray, v: np.ndarray) -> CoupledTrajectory:
-        """The run of a model from q and v, which are put onto the constraints."""
+        """Run of a model from q and v, which are projected onto the constraints."""
         stretch = model.step / self.solution.model.step
         method = replace(method_of(model), tolerance=_SOLVED)
         return integrate(model.coupled, q, v, self._own.times * stretch, method, ends=self._own.ends * stretch)
 
     def _beside(self, rigid: State) -> State:
-        """The start of the run's cycle, moved by what the undeformed bodies of a neighbour stand elsewhere."""
+        """Start of the run's cycle, shifted by the difference of the two undeformed mechanisms' states."""
         q, v = beginning(self.solution.model)
         return self._own.q[0] + rigid[0] - q, self._own.v[0] + rigid[1] - v
 
     @cached_property
     def _cycle(self) -> Returning:
-        """The independent coordinates at the start of the run."""
+        """Independent coordinates at the start of the run."""
         own = self._own
         return returning(self.solution.model.coupled, float(own.times[0]), own.q[0], own.v[0])
 
     def _gap(self, model: Model, cycle: CoupledTrajectory) -> np.ndarray:
-        """By what the independent coordinates and their rates differ from those at the start, after a cycle, (2 k,)."""
+        """Independent coordinates and rates at the end of a cycle minus those at its start, (2 k,)."""
         return self._cycle.missed(model.coupled, cycle)
 
     @cached_property
     def _returning(self) -> np.ndarray:
-        """How that gap follows the start of the cycle, (2 k, 2 k): the monodromy matrix less one."""
+        """Derivative of that gap with respect to the start, (2 k, 2 k): the monodromy matrix minus the identity."""
         own, model = self._own, self.solution.model
         engine = model.coupled.engine
         size = engine.numbers(at.MEASURE, engine.size)[self._cycle.which]

@@ -1,4 +1,4 @@
-"""Derivatives of every sensor of a run, over time and of its extremes."""
+"""Derivatives of all sensors of a run over time, and of their extremes."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     import xarray
 
 DYNAMICS = ("dynamic", "quasistatic", "coupled")
-"""What can be differentiated; so named in kaneflex.scene.options."""
+"""Kinds of dynamics that can be differentiated, as in kaneflex.scene.options."""
 _NOTHING = 1e-9
-"""Share of a sensor's largest value that a slope must reach somewhere, or the sensors don't depend on the parameter."""
+"""Share of a sensor's largest value below which a slope counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Derivative:
-    """dy/dp of one sensor: what it is, its values over the stored times (n_times,), and of the statistics."""
+    """Derivative dy/dp of one sensor: meaning, values over the stored times (n_times,), and those of the statistics."""
 
     parameter: Parameter
     meaning: str
@@ -51,10 +51,10 @@ class Sensitivities:
         The run.
     parameters : tuple of Parameter
     frozen : bool
-        Whether the modal bases were kept.
+        Whether the modal bases were kept fixed.
     slopes : mapping of str to mapping of str to ndarray
-        Parameter's name -> sensor -> p dy/dp over the stored times, (n_times,), in the sensor's unit. Of a parameter
-        that stretches the cycle they are taken at a fixed share of it: at a fixed angle of the drive.
+        Parameter's name -> sensor -> p dy/dp over the stored times, (n_times,), in the sensor's unit. If the
+        parameter changes the cycle's duration, derivatives are taken at a fixed angle of the drive.
     """
 
     solution: Solution
@@ -63,7 +63,7 @@ class Sensitivities:
     slopes: Mapping[str, Mapping[str, np.ndarray]]
 
     def series(self, parameter: Parameter, sensor: str) -> np.ndarray:
-        """dy/dp over the stored times, (n_times,), in the sensor's unit over the parameter's."""
+        """Derivative dy/dp over the stored times, (n_times,), in the sensor's unit divided by the parameter's."""
         return self.slopes[parameter.name][sensor] / parameter.value
 
     def unit(self, parameter: Parameter, sensor: str) -> str:
@@ -78,7 +78,7 @@ class Sensitivities:
         times = self.solution.times
         rms = np.sqrt(mean_over_time(y**2, times))
         values = {"min": y.min(), "max": y.max(), "rms": rms, "mean": mean_over_time(y, times)}
-        # an extreme moves along the curve, where the curve is flat: its value changes as the curve does there
+        # the slope is zero at an extreme: its shift in time does not change its value to first order
         slopes = {"min": slope[np.argmin(y)], "max": slope[np.argmax(y)], "mean": mean_over_time(slope, times)}
         slopes["rms"] = mean_over_time(y * slope, times) / rms if rms else 0.0
         plain = {key: float(value / parameter.value) for key, value in slopes.items()}
@@ -86,12 +86,12 @@ class Sensitivities:
         return SensorDerivative(unit=self.unit(parameter, sensor), **plain, **logarithmic)
 
     def peak(self, parameter: Parameter, sensor: str) -> float | None:
-        """By how many per cent a sensor's largest magnitude grows with one per cent; None where that is zero."""
+        """Per cent by which a sensor's largest magnitude grows if the parameter grows by 1 %; None if it is zero."""
         y, of = self.solution.series[sensor].values, self.of(parameter, sensor)
         return of.log_max if abs(y.max()) >= abs(y.min()) else of.log_min
 
     def summary(self) -> dict[str, ParameterSensitivity]:
-        """What ``summary.json`` holds: parameter's name -> value, unit and the derivatives by sensor."""
+        """Entries of ``summary.json``: parameter's name -> value, unit and the derivatives by sensor."""
         return {
             parameter.name: ParameterSensitivity(
                 value=parameter.value,
@@ -118,8 +118,8 @@ class Sensitivities:
     def labelled(self) -> Labelled:
         """All derivatives over time.
 
-        The coordinates of the run's own; a variable ``d_SENSOR_d_PARAMETER`` for each sensor and parameter, with
-        ``units``, ``long_name`` and the parameter's ``value`` in SI.
+        A variable ``d_SENSOR_d_PARAMETER`` for each sensor and parameter, with ``units``, ``long_name`` and the
+        parameter's ``value`` in SI, over the coordinates of the run.
         """
         variables = {}
         for name, derivative in self.named().items():
@@ -148,20 +148,20 @@ def sensitivities(
     names : sequence of str
         Paths of the scene like "rod.E" or "drives.main.speed".
     frozen : bool
-        Keep the modal bases; else they follow the parameter, where modes are used at all.
+        Keep the modal bases fixed, else recompute them for each value of the parameter.
     progress : callable, optional
         Called with the finished share of the work, 0 to 1.
 
     Raises
     ------
     SceneError
-        For a run that can't be differentiated, and for a path that is no number or changes no sensor.
+        If the run can't be differentiated, or a path is not a number or changes no sensor.
     """
     model = solution.model
     check_differentiable(model.scene, continued=solution.whole is None and solution.times[0] != 0.0)
     if solution.outcome is not Outcome.COMPLETED or solution.whole is not None:
-        reason = "only a whole run that was completed can be differentiated"
-        raise SceneError("sensitivities", solution.outcome.name.lower(), reason, "Differentiate what simulate gave")
+        reason = "only a complete run can be differentiated"
+        raise SceneError("sensitivities", solution.outcome.name.lower(), reason, "Use the solution of simulate")
     parameters = find_parameters(model.scene, names)
     slopes = {}
     for parameter, found in differentiated(solution, parameters, frozen):
@@ -175,21 +175,21 @@ def sensitivities(
 def check_differentiable(scene: Scene, continued: bool) -> None:
     """Raise SceneError for a run that can't be differentiated, with the entry.
 
-    ``continued`` tells whether it goes on from the last state of another one.
+    ``continued``: whether it starts from the last state of another run.
     """
     refuse(
-        (continued, "after", None, "how the state that a run continues from follows the parameter is not known",
+        (continued, "after", None, "the initial state comes from another run, and its derivative is not known",
          "Differentiate a run from its start"),
     )  # fmt: skip
     options = resolve_options(scene)
     refuse(
-        (options.dynamics not in DYNAMICS, "solve.preset", options.preset, "its sensors can't be differentiated",
-         "Take preset linear, stiffened, quasistatic or coupled, with a body that has a beam"),
+        (options.dynamics not in DYNAMICS, "solve.preset", options.preset, "sensors can't be differentiated with it",
+         "Use preset linear, stiffened, quasistatic or coupled, with a body that has a beam"),
         (options.start == "given", "solve.start", "a table of a state",
-         "how a given state follows the parameter is not known", "Start from zero, quasistatic or periodic"),
+         "the derivative of a given initial state is not known", "Start from zero, quasistatic or periodic"),
     )  # fmt: skip
     refuse_contacts(
-        scene, "sensitivities", None, "the instants of the impacts would move with the parameter", "Leave it out"
+        scene, "sensitivities", None, "the instants of impacts depend on the parameter", "Leave it out"
     )
     coupled = options.dynamics == "coupled"
     for name in scene.loads:
@@ -197,19 +197,19 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
         turning = None if law is None else law.kinks() if coupled else law.jumps()
         refuse(
             (turning is not None, f"loads.{name}.law", scene.loads[name].law,
-             f"the instants at which {turning} {'turns' if coupled else 'jumps'} would move with the parameter",
-             "Write a law without, like sqrt(x**2 + small**2) for abs(x)"),
+             f"the instants at which {turning} {'has a kink' if coupled else 'jumps'} depend on the parameter",
+             "Use a smooth law, for example sqrt(x**2 + small**2) for abs(x)"),
         )  # fmt: skip
     free = next((name for name, drive in scene.drives.items() if drive.free), None)
     stopping = next((name for name, event in scene.events.items() if event.stop), None)
     refuse(
         (options.integrator == "scipy", "solve.integrator", "scipy",
-         "what it does within a step has no derivative here", "Take gauss or radau"),
+         "its steps can't be differentiated", "Use gauss or radau"),
         (free is not None and not coupled, f"drives.{free}.free", True,
-         "a motion that follows the forces is differentiated with the links it moves",
-         "Take preset coupled, or give the drive a speed, a law or a table"),
+         "a free drive can be differentiated under preset coupled only",
+         "Use preset coupled, or give the drive a speed, a law or a table"),
         (stopping is not None, f"events.{stopping}.stop", True,
-         "the end of the run would move with the parameter", "Leave stop out"),
+         "the end of the run depends on the parameter", "Leave stop out"),
     )  # fmt: skip
 
 
@@ -217,5 +217,5 @@ def _demand_some(solution: Solution, parameter: Parameter, slopes: Mapping[str, 
     largest = {sensor: abs(series.values).max(initial=0.0) for sensor, series in solution.series.items()}
     if not any(abs(slopes[sensor]).max(initial=0.0) > _NOTHING * size for sensor, size in largest.items()):
         raise SceneError(
-            parameter.name, parameter.value, "no sensor depends on it", "Give another parameter, or add a sensor"
+            parameter.name, parameter.value, "no sensor depends on it", "Choose another parameter, or add a sensor"
         )

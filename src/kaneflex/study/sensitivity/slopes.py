@@ -1,8 +1,8 @@
-"""The slopes of a run's sensors along its parameters, through the runs of four neighbours each.
+"""Slopes of a run's sensors along its parameters, from the runs of four neighbours each.
 
 A slope is the logarithmic derivative p dx/dp, in the unit of x, at a fixed share of the cycle or of the run: the
-difference quotient of fourth order, (x(-2h) - 8 x(-h) + 8 x(h) - x(2h)) / 12 h (Fornberg 1988, Math. Comp. 51). What is
-equal in all neighbours has a slope of exactly zero.
+difference quotient of fourth order, (x(-2h) - 8 x(-h) + 8 x(h) - x(2h)) / 12 h (Fornberg 1988, Math. Comp. 51).
+Quantities that are equal in all neighbours have a slope of exactly zero.
 """
 
 from __future__ import annotations
@@ -28,30 +28,30 @@ from kaneflex.support.errors import SceneError
 Slopes = Mapping[str, np.ndarray]
 """Sensor -> p dy/dp over the stored times, (n_times,), in the sensor's unit."""
 SHARES = (-2, -1, 1, 2)
-"""Where the neighbours lie, in relative steps of the parameter."""
+"""Neighbours' positions in relative steps of the parameter."""
 _STEP = 4e-4
-"""Relative step from neighbour to neighbour, where the curves are as smooth as the runs of mechanisms mostly are: what
-is left out and what rounding leaves are then about the same."""
+"""First relative step between neighbours: truncation and rounding errors are then about equal for typical curves."""
 _BENT = 2e-4
-"""Share of a slope by which differences over one and over two steps may differ: its square times ten is left out."""
+"""Largest difference of the quotients over one and two steps, as a share of the slope; the truncation error is about
+ten times its square."""
 _SMALLEST = 1e-7
-"""Relative step below which rounding would be louder than any slope."""
+"""Relative step below which rounding errors dominate."""
 _QUIET = 1e-2
-"""Share of a sensor's largest value below which its slope is weighed against that."""
+"""Share of a sensor's largest value that slopes are compared with if they are smaller."""
 
 
 def differentiated(
     solution: Solution, parameters: Sequence[Parameter], frozen: bool
 ) -> Iterator[tuple[Parameter, Slopes]]:
-    """Each parameter with its slopes, as they are found; ``frozen`` where modal bases are kept.
+    """Yield each parameter with its slopes; ``frozen``: modal bases are kept fixed.
 
-    Steps are as small as the curves' bends ask for: what vibrates for long, or turns often, is shifted by many radians
-    with a small change of a number.
+    Steps are reduced until the quotients over one and two steps agree: a small change of a parameter may shift the
+    phase of a long vibration by many radians.
 
     Raises
     ------
     SceneError
-        If a neighbour has no such equations or no such run, or a quasi-static answer is held by inertia relief alone.
+        If a neighbour has other equations or its run fails, or a quasi-static solution relies on inertia relief.
     """
     model = solution.model
     _refuse_relief(model, solution.times[0])
@@ -84,53 +84,53 @@ def differentiated(
 
 
 def neighbour_at(model: Model, parameter: Parameter, change: float, frozen: bool) -> Model:
-    """The model whose parameter is 1 + change times as large; ``frozen`` where it keeps the modal bases.
+    """Model with the parameter multiplied by 1 + change; ``frozen``: it keeps the modal bases.
 
     Raises
     ------
     SceneError
-        If a small change of the parameter changes which equations there are, or what can be assembled.
+        If a small change of the parameter changes the equations or the mesh, or makes the scene invalid.
     """
     try:
         scene = parameter.scaled(model.scene, 1.0 + change)
     except SceneError as error:
         raise SceneError(
-            parameter.name, parameter.value, f"a small change of it makes no scene: {error.reason}",
-            "Give another parameter: this one is fixed by what else the scene says",
+            parameter.name, parameter.value, f"a small change of it makes the scene invalid: {error.reason}",
+            "Choose another parameter: other entries determine this one",
         ) from None  # fmt: skip
     if scene.structure_hash() != parameter.scaled(model.scene, 1.0).structure_hash():
         raise SceneError(
-            parameter.name, parameter.value, "a small change of it makes other equations",
-            "Move it off the value at which the equations change",
+            parameter.name, parameter.value, "a small change of it changes the equations",
+            "Choose another value: the equations change at this one",
         )  # fmt: skip
     elements = {name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.links}
     if any(len(mesh(scene, name, elements[name])) != len(link.nodes) for name, link in model.links.items()):
         raise SceneError(
-            parameter.name, parameter.value, "a small change of it makes another mesh",
-            "Move it off the value at which the numbers of elements change",
+            parameter.name, parameter.value, "a small change of it changes the mesh",
+            "Choose another value: the number of elements changes at this one",
         )  # fmt: skip
     return neighbour(model, scene, frozen)
 
 
 def slope(values: Sequence[np.ndarray], step: float) -> np.ndarray:
-    """p dx/dp from the values at the neighbours, in the order of SHARES."""
+    """Derivative p dx/dp from the values at the neighbours, in the order of SHARES."""
     lowest, low, high, highest = values
     return (8.0 * (high - low) - (highest - lowest)) / (12.0 * step)
 
 
 def bend(values: Sequence[np.ndarray], step: float) -> np.ndarray:
-    """By how much the difference quotients of second order over 2 h and 4 h differ: h^2 / 2 of the third derivative."""
+    """Difference of the second-order quotients over 2 h and 4 h: h^2 / 2 times the third derivative."""
     lowest, low, high, highest = values
     return (highest - lowest) / (4.0 * step) - (high - low) / (2.0 * step)
 
 
 def _values(neighbour: tuple[Parameter, int], solution: Solution) -> Slopes:
-    """Every sensor of a neighbour's run, which must be complete."""
+    """Sensors of a neighbour's run, which must be complete."""
     parameter, _ = neighbour
     if solution.outcome is not Outcome.COMPLETED:
         raise SceneError(
-            parameter.name, parameter.value, f"with a small change of it there is no such run: {solution.message}",
-            "Damp the motion, or start from zero or quasistatic",
+            parameter.name, parameter.value, f"with a small change of it the run fails: {solution.message}",
+            "Add damping, or start from zero or quasistatic",
         )  # fmt: skip
     return {sensor: series.values for sensor, series in solution.series.items()}
 
@@ -145,11 +145,11 @@ def _refuse_relief(model: Model, t: float) -> None:
     if model.options.dynamics == "quasistatic" and mechanism_modes(model, t):
         raise SceneError(
             "solve.preset", model.options.preset,
-            "mechanism modes are left to inertia relief, whose rounding would drown the differences",
-            "Take preset stiffened, or hold the mechanism",
+            "rigid-body modes are carried by inertia relief, whose rounding errors exceed the differences",
+            "Use preset stiffened, or restrain the mechanism",
         )  # fmt: skip
 
 
 def _largest(values: np.ndarray) -> float:
-    """The largest magnitude; what has no value, as where a rigid mechanism does not close, is left out."""
+    """Largest magnitude of the finite values; a rigid mechanism that does not close has none."""
     return float(abs(values[np.isfinite(values)]).max(initial=0.0))

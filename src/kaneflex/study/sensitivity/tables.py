@@ -1,4 +1,4 @@
-"""What ``summary.json`` says of derivatives."""
+"""Tables of derivatives in ``summary.json``."""
 
 from __future__ import annotations
 

@@ -15,11 +15,11 @@ from kaneflex.solve.simulation import not_repeated
 from kaneflex.support.errors import SceneError
 
 FIRST_STEPS, MOST_STEPS = 256, 16384
-"""Steps of the first attempt over a period, and those at which refining ends."""
+"""Steps per period of the first attempt and of the last one."""
 CONVERGED = 1e-7
-"""Change of the spectral radius by twice the steps, as a share of it or of one, at which refining ends."""
+"""Change of the spectral radius between two attempts, relative to the larger of it and one, that ends refinement."""
 MARGIN = 1e-5
-"""How far above one the spectral radius must be to be called unstable: a double multiplier 1 splits by rounding."""
+"""Excess of the spectral radius over one that counts as unstable: rounding splits a double multiplier 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class Multipliers:
     values : ndarray (2 n,)
         Complex, largest modulus first.
     period : float
-        What they belong to [s].
+        Period [s].
     steps : int
         Steps of the two-stage Gauss-Legendre method over the period.
     change : float
-        Of the spectral radius against half the steps, as a share of it, or of one where it is smaller.
+        Change of the spectral radius from half the steps, relative to the larger of it and one.
     """
 
     values: np.ndarray
@@ -45,7 +45,7 @@ class Multipliers:
 
     @property
     def radius(self) -> float:
-        """Largest modulus: above one, a disturbance grows by it in every period."""
+        """Largest modulus: a disturbance grows by this factor per period."""
         return float(abs(self.values[0]))
 
     @property
@@ -58,20 +58,20 @@ class Multipliers:
 
     @property
     def growth_rate(self) -> float:
-        """Rate [1/s] at which the fastest disturbance grows: log(radius) / period."""
+        """Growth rate [1/s] of the fastest disturbance: log(radius) / period."""
         return float(np.log(self.radius) / self.period)
 
 
 def floquet_multipliers(model: Model) -> Multipliers:
-    """Multipliers of M z'' + C z' + K z = 0 over a period, with as many steps as they need.
+    """Floquet multipliers of M z'' + C z' + K z = 0 over a period, with as many steps as needed.
 
-    The method is of order four and neither damps nor excites: from one attempt to the next its steps are halved, until
-    the spectral radius changes by no more than CONVERGED.
+    The method has order four and no numerical damping. The number of steps is doubled until the spectral radius changes
+    by at most CONVERGED.
 
     Raises
     ------
     SceneError
-        If the model has no elastic equations with time-varying coefficients, no cycle, or does not repeat itself.
+        If the model has no elastic equations with time-varying coefficients, no cycle, or is not periodic.
     """
     check_periodic(model)
     period, before = model.scene.period, None
@@ -87,54 +87,54 @@ def floquet_multipliers(model: Model) -> Multipliers:
 
 
 def check_periodic(model: Model) -> None:
-    """Raise SceneError unless the equations are periodic ones with elastic coordinates."""
+    """Raise SceneError unless the model has periodic equations with elastic coordinates."""
     options = model.options
     if options.dynamics != "dynamic" or not model.reduced.size:
-        reason = "has no elastic equations whose coefficients change with the motion"
+        reason = "it has no elastic equations whose coefficients vary with the motion"
         raise SceneError("solve.preset", options.preset, reason, "Choose preset linear or stiffened, with a beam")
     if not options.cycles:
         raise SceneError(
-            "solve.duration", model.scene.solve.duration, "there is no cycle whose end could be held against its start",
-            "Give a drive a speed and a cycle, or a law and a period, and no duration",
+            "solve.duration", model.scene.solve.duration, "stability needs a cycle, and the scene has none",
+            "Give a drive a speed and a cycle, or a law and a period, and leave out solve.duration",
         )  # fmt: skip
     reason = not_repeated(model)
     if reason is not None:
-        raise SceneError("stability", None, reason, "Let every drive, law and table repeat within the cycle")
+        raise SceneError("stability", None, reason, "Make every drive, law and table periodic with the cycle")
 
 
 def _multipliers(model: Model, period: float, steps: int) -> np.ndarray:
     cycle = cycle_map(model.system, model.scalars, 0.0, period, steps, "gauss")
     if cycle.outcome is not Outcome.COMPLETED:
-        raise SceneError("stability", None, cycle.message, "Change the model: such a motion has no multipliers")
+        raise SceneError("stability", None, cycle.message, "Change the model: this motion has no Floquet multipliers")
     return leading(np.linalg.eigvals(cycle.monodromy), model.reduced.size)
 
 
 FINEST, COARSEST = 2048, 8
-"""Steps of a period between which the search runs."""
+"""Largest and smallest number of steps per period of the search."""
 _RATIO = 2**0.5
-"""From one number of steps to the next one that is tried."""
+"""Ratio of successive numbers of steps."""
 _SPURIOUS, _SHARE = 1e-4, 0.05
-"""Logarithm of the growth in a period, beyond that of the equations themselves, at which an integrator is called
-unstable, and the share of the equations' own growth that is added to it."""
+"""Growth per period, beyond that of the equations, at which an integrator counts as unstable: its logarithm,
+and the share of the equations' own growth added to it."""
 PER_PERIOD, PER_CYCLE = 10, 72
-"""Steps in a period of the lowest mode, and of the motion, that are recommended at least."""
+"""Recommended steps at least: per period of the lowest mode, and per cycle of the motion."""
 
 
 @dataclass(frozen=True)
 class StepLimit:
-    """What an integrator needs.
+    """Largest stable step of an integrator.
 
     Attributes
     ----------
     integrator : str
         Name in ``kaneflex.integrate.methods.METHODS``.
     steps : int or None
-        Fewest steps of a period from which on, up to ``FINEST``, every number that was tried is stable; None if even
-        ``FINEST`` are not.
+        Fewest steps per period from which on, up to ``FINEST``, every tried number is stable; None if ``FINEST`` is
+        unstable.
     step : float or None
         Period / steps [s].
     limited : bool
-        Whether coarser steps were found unstable; else none down to ``COARSEST`` were.
+        Whether coarser steps are unstable; else all down to ``COARSEST`` are stable.
     """
 
     integrator: str
@@ -144,9 +144,9 @@ class StepLimit:
 
 
 def step_limits(model: Model, multipliers: Multipliers) -> tuple[StepLimit, ...]:
-    """Limits of the integrators that preset linear and stiffened can have, by bisection from fine to coarse steps.
+    """Stability limits of the integrators of presets linear and stiffened, by bisection from fine to coarse steps.
 
-    Stable is a step by which no disturbance grows in a period by more than the equations themselves let it grow.
+    A step is stable if no disturbance grows faster per period than by the equations themselves.
     """
     own = np.log(max(1.0, multipliers.radius))
     allowed = float(np.exp((1.0 + _SHARE) * own + _SPURIOUS))
@@ -155,10 +155,10 @@ def step_limits(model: Model, multipliers: Multipliers) -> tuple[StepLimit, ...]
 
 
 def recommended(limits: tuple[StepLimit, ...], lowest: float) -> StepLimit | None:
-    """The integrator of highest order that is stable with the steps that resolve a mode and the motion.
+    """The stable integrator of highest order with enough steps to resolve the lowest mode and the motion.
 
-    Where none is, the one of the largest stable step, with that. lowest: highest value over the cycle of the lowest
-    frequency that is not zero [Hz]. None where no integrator is stable.
+    If none is stable at these steps, the one with the largest stable step. ``lowest``: highest value over the cycle of
+    the lowest nonzero frequency [Hz]. None if no integrator is stable.
     """
     stable = [limit for limit in limits if limit.steps is not None]
     if not stable:
@@ -175,7 +175,7 @@ def _limit(model: Model, name: str, period: float, allowed: float) -> StepLimit:
         cycle = cycle_map(model.system, model.scalars, 0.0, period, steps, name, model.options.rho_infinity)
         return cycle.outcome is Outcome.COMPLETED and abs(np.linalg.eigvals(cycle.monodromy)).max() <= allowed
 
-    # from fine to coarse, and not by bisection alone: coarse steps may be stable again by chance
+    # from fine to coarse, not by bisection alone: some coarse steps may be stable by chance
     fewest, tried = None, FINEST
     while tried >= COARSEST:
         if not stable(tried):

@@ -1,4 +1,4 @@
-"""Everything about the stability of a scene, with a sentence for each finding."""
+"""Stability report of a scene, with one sentence for each finding."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from kaneflex.support.arguments import takes
 from kaneflex.support.terminal import share_of, silent
 
 FREQUENCIES = 6
-"""Lowest frequencies that are followed."""
+"""Number of lowest frequencies that are reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """What :func:`stability` found; SI.
+    """Results of :func:`stability` in SI.
 
     Attributes
     ----------
@@ -33,11 +33,11 @@ class Stability:
     multipliers : Multipliers
     frozen : Frozen
     buckling : Buckling or None
-        None where something is held by nothing.
+        None if the mechanism is not fully restrained.
     limits : tuple of StepLimit
     recommended : StepLimit or None
     sweep : Sweep or None
-        Where speeds were asked for.
+        If speeds were requested.
     """
 
     model: Model
@@ -53,11 +53,11 @@ class Stability:
 
     @property
     def findings(self) -> dict[str, str]:
-        """A sentence on each subject."""
+        """One sentence on each subject."""
         return findings(self)
 
     def as_data(self) -> dict[str, object]:
-        """All of it as plain data, numbers that are not finite as None."""
+        """All results as plain data; numbers that are not finite become None."""
         m, frozen, limit = self.multipliers, self.frozen, self.recommended
         data: dict[str, object] = {
             "scene": self.model.scene.name,
@@ -90,22 +90,22 @@ def stability(
     scene: SceneLike, speeds: np.ndarray | None = None, progress: Callable[[str], None] | None = None,
     orders: Sequence[float] = ORDERS,
 ) -> Stability:  # fmt: skip
-    """Judge the stability of a scene's periodic equations.
+    """Stability of a scene's periodic equations.
 
     Parameters
     ----------
     scene : Scene, Model, Solution or path
     speeds : ndarray, optional
-        Of the first drive, rising, to be gone through as well [rad/s, or m/s of a guide].
+        Ascending speeds of the first drive for a sweep [rad/s, or m/s of a guide].
     progress : callable, optional
         Called with the name of each stage.
     orders : sequence of float
-        Multiples of that drive's turns that are held against the frequencies, where there are speeds.
+        Multiples of that drive's rotation frequency that are compared with the frequencies of a sweep.
 
     Raises
     ------
     SceneError
-        If the model has no periodic elastic equations, or its first drive no constant speed to be varied.
+        If the model has no periodic elastic equations, or speeds are given and the first drive has no constant speed.
     """
     scene = scene_from(scene)
     if speeds is not None:
@@ -139,7 +139,7 @@ def _plain(value: object) -> object:
 
 
 _ILL = 1e12
-"""Condition number above which solutions lose more than the twelve digits that nobody misses."""
+"""Condition number above which the matrices count as nearly singular."""
 
 
 def findings(found: Stability) -> dict[str, str]:
@@ -162,45 +162,45 @@ def findings(found: Stability) -> dict[str, str]:
 
 def _of_multipliers(found: Stability) -> str:
     m = found.multipliers
-    open_share = "" if m.converged else f"; the steps leave {m.change:.1g} of it open"
+    open_share = "" if m.converged else f"; it is converged only to {m.change:.1g}"
     if m.unstable:
-        cause = "" if found.model.options.geometric else "; K_g is left out, which may be why: compare preset stiffened"
+        cause = "" if found.model.options.geometric else "; K_g is left out: compare preset stiffened"
         return f"unstable: a disturbance grows {m.radius:.5g}-fold in a period of {m.period:.5g} s{open_share}{cause}"
     if abs(m.radius - 1.0) <= max(1e-5, m.change):
-        return f"neutrally stable: a disturbance neither grows nor dies (largest multiplier {m.radius:.9g}){open_share}"
-    return f"stable: a disturbance shrinks to {m.radius:.4g} of itself in a period of {m.period:.5g} s{open_share}"
+        return f"neutrally stable: disturbances neither grow nor decay (largest multiplier {m.radius:.9g}){open_share}"
+    return f"stable: a disturbance decays to {m.radius:.4g} of its size in a period of {m.period:.5g} s{open_share}"
 
 
 def _of_frozen(found: Stability) -> str:
     frozen, scene = found.frozen, found.model.scene
     low, high = frozen.frequencies[:, 0].min(), frozen.frequencies[:, 0].max()
-    text = f"lowest frequency {low:.5g} to {high:.5g} Hz over the cycle" if high else "the lowest frequency is lost"
+    text = f"lowest frequency {low:.5g} to {high:.5g} Hz over the cycle" if high else "the lowest frequency is unknown"
     text += ", in axes that turn with the links" if turns(found.model) else ""
     if (seen := whirl(found.model)) is not None:
         lowest = (("forward", seen.of(1)[:2]), ("backward", seen.of(-1)[:2]))
         whirls = [f"{way} {', '.join(f'{each:.5g}' for each in values)}" for way, values in lowest if len(values)]
-        text += f"; in fixed axes whirls of {' and '.join(whirls)} Hz" if whirls else ""
+        text += f"; whirl in fixed axes: {' and '.join(whirls)} Hz" if whirls else ""
     worst = int(frozen.growth.argmax())
     if frozen.growth[worst] <= 1e-6 * max(1.0, abs(frozen.growth).max()):
         return text
     drive = next(iter(scene.drives))
     at = scene.written_coordinate(drive, float(frozen.coordinates[worst]))
-    return f"{text}; frozen at {drive} = {at}, they would grow by {frozen.growth[worst]:.4g} 1/s"
+    return f"{text}; frozen at {drive} = {at}, a disturbance grows at {frozen.growth[worst]:.4g} 1/s"
 
 
 def _of_buckling(found: Stability) -> str:
     if found.buckling is None:
-        return "no load to buckle under: something is held by nothing"
+        return "no buckling load: the mechanism is not fully restrained"
     margin = found.buckling.margin
     if math.isinf(margin):
-        return "nothing is pushed along its axis"
+        return "no link is in compression"
     times, scene = found.buckling.times, found.model.scene
     drive = next(iter(scene.drives))
     coordinate = found.frozen.coordinates[int(found.buckling.factors.argmin())]
     at = f"at {drive} = {scene.written_coordinate(drive, float(coordinate))} (of {len(times)} instants)"
     if margin < 1.0:
-        return f"beyond the buckling load: {margin:.4g} of the axial forces would do, {at}"
-    return f"the axial forces could be {margin:.4g} times as large, {at}"
+        return f"beyond the buckling load: {margin:.4g} times the axial forces buckle it, {at}"
+    return f"{margin:.4g} times the axial forces reach the buckling load, {at}"
 
 
 def _of_steps(found: Stability) -> str:
@@ -215,8 +215,8 @@ def _of_steps(found: Stability) -> str:
         elif limit.limited:
             ranges.append(f"{limit.integrator} up to {limit.step:.4g} s ({limit.steps} in a period)")
     if found.multipliers.unstable:
-        return f"the motion itself is unstable; no disturbance grows faster than by itself with {'; '.join(ranges)}"
-    return f"stable are {'; '.join(ranges)}"
+        return f"the motion itself is unstable; integrators that add no growth: {'; '.join(ranges)}"
+    return f"stable integrators: {'; '.join(ranges)}"
 
 
 def _of_recommended(found: Stability) -> str:
@@ -233,8 +233,8 @@ def _of_recommended(found: Stability) -> str:
 
 def _of_condition(found: Stability) -> str:
     M, K = found.frozen.condition_M.max(), found.frozen.condition_K.max()
-    text = f"M {M:.2g}, K {K:.2g}, with diagonals scaled to one"
-    return f"{text}: nearly singular, digits are lost" if max(M, K) > _ILL else text
+    text = f"M {M:.2g}, K {K:.2g}, after scaling the diagonals to one"
+    return f"{text}: nearly singular, results lose accuracy" if max(M, K) > _ILL else text
 
 
 def _of_speeds(found: Stability) -> str:
@@ -245,7 +245,7 @@ def _of_speeds(found: Stability) -> str:
         return scene.written_speed(drive, float(speed), 5)
 
     ends, gap = [written(swept.speeds[k]) for k in (0, -1)], written(swept.widest_gap)
-    missed = f"a band narrower than {gap} may be missed but at 2 f / k turns of a frozen frequency f"
+    missed = f"bands narrower than {gap} may be missed, except at 2 f / k turns of a frozen frequency f"
     if (scene.drives[drive].speed or 0.0) < 0.0:
         ends[1] += " backwards"
     if not swept.bands:
@@ -255,7 +255,7 @@ def _of_speeds(found: Stability) -> str:
 
 
 def _of_orders(scene: Scene, swept: Sweep) -> str:
-    """Speeds at which orders meet frequencies, order by order."""
+    """Speeds at which engine orders meet frequencies, by order."""
     where = {"fixed": "fixed axes", "link": "axes that turn with the links"}[swept.axes]
     met: dict[float, list[str]] = {}
     for order, mode, speed in sorted(swept.crossings(), key=lambda each: (each.order, each.speed)):

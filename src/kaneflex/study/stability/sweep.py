@@ -1,4 +1,4 @@
-"""Multipliers and frequencies against the speed of the first drive, and the bands in which the motion is unstable."""
+"""Floquet multipliers and frequencies against the speed of the first drive, and unstable speed ranges."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from kaneflex.study.stability.floquet import Multipliers, floquet_multipliers
 from kaneflex.support.errors import SceneError
 
 _EDGE = 2e-5
-"""Share of the sweep's width to which a band's edge is found between two of its speeds."""
+"""Tolerance of a band's edge as a share of the sweep's width."""
 
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-"""Engine orders, multiples of the drive's turns, that are held against the frequencies."""
+"""Engine orders: multiples of the drive's rotation frequency that are compared with the frequencies."""
 
 FORWARD = "forward whirl"
 
 
 class Crossing(NamedTuple):
-    """An engine order meets a frequency (the first is 1) at a speed [rad/s]."""
+    """Speed [rad/s] at which an engine order meets a frequency; modes count from 1."""
 
     order: float
     mode: int
@@ -36,7 +36,7 @@ class Crossing(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """What a range of speeds does.
+    """Results of a sweep over speeds.
 
     Attributes
     ----------
@@ -48,17 +48,18 @@ class Sweep:
     growth_rates : ndarray (n_speeds,)
         log(radius) / period [1/s].
     converged : ndarray (n_speeds,)
-        Whether the radius no longer changed with the steps.
+        Whether the radius is converged.
     lowest, mean, highest : ndarray (n_speeds, count)
-        Of each natural frequency over the cycle [Hz]: of rotors in fixed axes, else frozen, in the links' axes.
+        Extremes and mean of each natural frequency over the cycle [Hz]: rotors' in fixed axes, else frozen ones in the
+        links' axes.
     bands : tuple of (float, float)
-        Speeds between which the motion is unstable; a band that the range cuts off ends where the range does.
+        Unstable speed ranges, limited to the sweep.
     orders : tuple of float
-        Multiples of the drive's turns that are held against the frequencies.
+        Engine orders.
     modes : tuple of str
-        What each frequency is called: "mode 1", of rotors "forward whirl 1", "backward whirl 1", "torsion or axial 1".
+        Name of each frequency: "mode 1", of rotors "forward whirl 1", "backward whirl 1", "torsion or axial 1".
     axes : str
-        "fixed", or "link" where the axes of an elastic link turn.
+        "fixed", or "link" if the axes of an elastic link turn.
     """
 
     drive: str
@@ -76,25 +77,26 @@ class Sweep:
 
     @property
     def critical(self) -> list[Crossing]:
-        """Critical speeds of a rotor: where its turns meet a forward whirl, as an unbalance does, by interpolation."""
+        """Critical speeds of a rotor: crossings of order 1 with a forward whirl, which unbalance excites;
+        interpolated."""
         met = _crossings(self.speeds, self.mean, (1.0,))
         whirls = [each for each in met if self.modes[each.mode - 1].startswith(FORWARD)]
         return sorted(whirls, key=lambda each: each.speed)
 
     def crossings(self) -> list[Crossing]:
-        """Where orders meet the mean of a frequency, between two speeds by a straight line."""
+        """Crossings of the orders with the mean frequencies, interpolated linearly."""
         return _crossings(self.speeds, self.mean, self.orders)
 
     @property
     def widest_gap(self) -> float:
-        """Largest distance of two neighbouring speeds: a narrower unstable band between them may be missed."""
+        """Largest distance of two neighbouring speeds; narrower unstable bands between them may be missed."""
         return float(np.diff(self.speeds).max())
 
 
 def _crossings(
     speeds: np.ndarray, frequencies: np.ndarray, orders: Sequence[float], share: float = 1.0
 ) -> list[Crossing]:
-    """Speeds at which a multiple of the turns meets ``share`` times a frequency, (n_speeds, count) in Hz."""
+    """Speeds at which a multiple of the rotation frequency is ``share`` times a frequency, (n_speeds, count) in Hz."""
     found = []
     for mode, own in enumerate(frequencies.T):
         for order in orders:
@@ -106,9 +108,9 @@ def _crossings(
 
 
 def _resonances(speeds: np.ndarray, mean: np.ndarray) -> list[float]:
-    """Where bands begin as a pulsation grows from nothing, the widest first: at 2 f / k turns (Bolotin 1964, ch. 2).
+    """Speeds of parametric resonances for vanishing excitation, widest first: 2 f / k turns (Bolotin 1964, ch. 2).
 
-    As many as there are speeds at most, and none that is one of them.
+    At most as many as there are speeds, and none of these.
     """
     width = _EDGE * (speeds[-1] - speeds[0])
     found: list[float] = []
@@ -119,15 +121,15 @@ def _resonances(speeds: np.ndarray, mean: np.ndarray) -> list[float]:
 
 
 def speeds_between(low: float, high: float, points: int) -> np.ndarray:
-    """Evenly spaced speeds from low to high; a standstill is left out, because nothing repeats itself there."""
+    """Evenly spaced speeds from low to high; zero speed, which has no period, is left out."""
     return np.linspace(low, high, points) if low > 0.0 else np.linspace(0.0, high, points + 1)[1:]
 
 
 def check_sweep(scene: Scene) -> str:
-    """The drive whose speed is varied. Raises SceneError where the first drive has no constant speed."""
+    """Name of the first drive. Raises SceneError if it has no constant speed."""
     name, drive = next(iter(scene.drives.items()), (None, None))
     if drive is None or drive.kind != "constant speed":
-        reason = "the first drive has no constant speed that could be varied"
+        reason = "the first drive has no constant speed to vary"
         raise SceneError("--vary", None, reason, "Leave --vary out, or give that drive a speed and a cycle")
     return name
 
@@ -136,20 +138,18 @@ def sweep(
     scene: Scene, speeds: np.ndarray, count: int, progress: Callable[[float], None] = lambda share: None,
     orders: Sequence[float] = ORDERS,
 ) -> Sweep:  # fmt: skip
-    """Multipliers and ``count`` lowest frozen frequencies of a scene at some speeds [rad/s or m/s], rising.
+    """Multipliers and the ``count`` lowest frozen frequencies of a scene at ascending speeds [rad/s or m/s].
 
-    The drive moves as the scene has it, forwards or backwards.
-
-    Speeds at which a pulsation can excite one of these frequencies are looked at beside them: a band around one may be
+    The drive keeps its direction. Speeds of parametric resonances are added, since unstable bands around them may be
     narrower than the distance of two speeds.
 
     Raises
     ------
     SceneError
-        If the first drive has no constant speed, or the scene can't be judged at one of them.
+        If the first drive has no constant speed, or the multipliers can't be computed at one of them.
     """
     drive, variants = check_sweep(scene), Variants(scene)
-    way = math.copysign(1.0, scene.drives[drive].speed or 1.0)  # the scene's own
+    way = math.copysign(1.0, scene.drives[drive].speed or 1.0)
 
     def at(speed: float) -> tuple[Model, Multipliers]:
         model = variants.load([f"drives.{drive}.speed={way * float(speed)!r}"])
@@ -184,7 +184,7 @@ def sweep(
 
 
 def _followed(whirls: Sequence[Whirl], count: int) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names and frequencies (n_speeds, count) [Hz] of the lowest modes of a rotor, by their way and number."""
+    """Names and frequencies (n_speeds, count) [Hz] of a rotor's lowest modes, by whirl direction and number."""
     curves = list[tuple[str, np.ndarray]]()
     for way, name in ((1, FORWARD), (-1, "backward whirl"), (0, "torsion or axial")):
         own = [each.of(way) for each in whirls]
@@ -196,7 +196,7 @@ def _followed(whirls: Sequence[Whirl], count: int) -> tuple[tuple[str, ...], np.
 def _bands(
     speeds: np.ndarray, unstable: list[bool], judge: Callable[[float], bool]
 ) -> tuple[tuple[float, float], ...]:
-    """Ranges of unstable speeds: a change between two neighbours is narrowed down by bisection."""
+    """Ranges of unstable speeds; edges are refined by bisection."""
     edges = [float(speeds[0])] if unstable[0] else []
     width = _EDGE * (speeds[-1] - speeds[0])
     for k in np.flatnonzero(np.diff(np.array(unstable, dtype=int))):

@@ -1,1 +1,1 @@
-"""Models of one scene, ranked by what they cost against what they leave wrong."""
+"""Models of one scene, ranked by cost and error."""

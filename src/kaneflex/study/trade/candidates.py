@@ -1,4 +1,4 @@
-"""The models of a scene that are tried."""
+"""Candidate models of a scene."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ _ONE_WAY = ("quasistatic", "linear", "stiffened")
 _ELEMENTS = (1, 2, 4)
 _MODES = (2, 4, 6)
 _COARSER = (2, 4)
-"""What the scene's steps are divided by."""
+"""Divisors of the scene's steps."""
 _LOOSE = (1e-6, 1e-4)
-"""Errors of a step that are tried under preset coupled."""
+"""Tolerances of a step under preset coupled."""
 _CHOICES = ("integrator", "modes", "reduction", "terms")
-"""Entries of the scene's ``solve`` that choose among models: candidates make these choices anew, as the preset's."""
+"""Entries of the scene's ``solve`` that select a model; candidates replace them."""
 
 
 def neutral_settings(scene: Scene) -> tuple[str, ...]:
-    """Settings that take the scene's own choice of a model away. How it starts and how long it runs is none."""
+    """Settings that remove the scene's own choice of a model; start and duration are kept."""
     return tuple(f"solve.{key}=none" for key in _CHOICES if key in scene.raw.get("solve", {}))
 
 
 def neutral(scene: Scene) -> Scene:
-    """The scene with its ``neutral_settings`` and preset ``stiffened`` laid over it."""
+    """The scene with its ``neutral_settings`` and preset ``stiffened``."""
     return with_settings(scene, [*neutral_settings(scene), "solve.preset=stiffened"])
 
 
@@ -36,7 +36,7 @@ STIFFENED = Variant("stiffened", ("solve.preset=stiffened",))
 
 
 def repeated_cycle(scene: Scene) -> float | None:
-    """The cycle [s] that runs of the scene repeat; None of those that don't repeat themselves."""
+    """Cycle [s] that runs of the scene repeat; None if they are not periodic."""
     options = resolve_options(scene)
     return scene.period if options.cycles and options.start == "periodic" else None
 
@@ -47,18 +47,18 @@ def elements_of(scene: Scene) -> dict[str, int]:
 
 
 def elements_set(scene: Scene, count: int) -> tuple[str, ...]:
-    """Settings by which every elastic link has so many elements."""
+    """Settings that give every elastic link ``count`` elements."""
     return tuple(f"bodies.{name}.beam.elements={count}" for name in elements_of(scene))
 
 
 def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
-    """Term groups that the scene and that kind of dynamics have."""
+    """Term groups that occur in the scene with this kind of dynamics."""
     own = (name for name in TERM_NAMES if name not in UNUSED_TERMS[dynamics] and has_term(scene, name))
     return tuple(name for name in own if name != "damping" or scene.damping is not None)
 
 
 def candidates_of(scene: Scene) -> tuple[Variant, ...]:
-    """Candidates for a neutral scene: the presets first, then fewer elements, modes and steps, integrators, terms."""
+    """Candidates for a neutral scene: presets, then fewer elements, modes and steps, other integrators, fewer terms."""
     return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_integrators(), *_without_terms(scene))))
 
 
@@ -101,7 +101,7 @@ def _integrators() -> Iterator[Variant]:
 def _without_terms(scene: Scene) -> Iterator[Variant]:
     for preset, dynamics in (("quasistatic", "quasistatic"), ("stiffened", "dynamic")):
         for term in terms_of(scene, dynamics):
-            # Stiffened without K_g is preset linear, but for the foreshortening of its displacements.
+            # without K_g this is preset linear plus foreshortening
             yield Variant(f"{preset} without {term}", (f"solve.preset={preset}", f"solve.terms.{term}=false"))
 
 

@@ -1,4 +1,4 @@
-"""The cheapest model of a scene that keeps a tolerance, found by indicators and few runs."""
+"""Choice of the cheapest model within a tolerance, by indicators and few runs."""
 
 from __future__ import annotations
 
@@ -29,23 +29,22 @@ from kaneflex.support.module_cache import cache_folder, keep
 
 _DYNAMICS = {"quasistatic": "quasistatic", "stiffened": "dynamic"}
 _FAMILIES = ("rigid", *_DYNAMICS, "coupled")
-"""Presets that can be chosen; stiffened without K_g is preset linear, and the paper's is for comparisons."""
+"""Presets that can be chosen. Preset linear is stiffened without K_g; preset paper is for comparisons only."""
 _HOPELESS = 3.0
-"""Multiple of the tolerance above which an indicator, known to first order, is taken at its word."""
+"""Multiple of the tolerance above which a first-order indicator excludes a model."""
 _INTEGRATING = {"none": 0.0, "spectral": 1.0, "radau": 1.7, "gauss": 1.0, "generalised-alpha": 0.65, "newmark": 0.5}
-"""Work of a step of each integrator that candidates have."""
+"""Relative work of a step of each integrator."""
 
 
 def choose(
     scene: Scene, tolerance: float = 0.01, sensors: Sequence[str] | None = None,
     progress: Progress = lambda stage: None,
 ) -> Choice:  # fmt: skip
-    """Find the cheapest model of a scene whose sensors stay within a tolerance of the converged ones.
+    """Find the cheapest model whose sensors agree with the converged ones within a tolerance.
 
-    Candidates are those of :func:`kaneflex.study.trade.candidates.candidates_of`, from the least expected work upwards,
-    until one is within the tolerance; then terms are left out one after the other, the least indicated first, as long
-    as it stays.
-    A preset that the indicators speak against is first tried at its finest, and given up if that fails.
+    Candidates (:func:`kaneflex.study.trade.candidates.candidates_of`) are tried in order of expected work until one is
+    within the tolerance. Then groups of terms are dropped one by one, the smallest indicator first, while it stays
+    within. A preset with unfavourable indicators is first tried at its finest, and given up if that fails.
 
     Parameters
     ----------
@@ -55,8 +54,7 @@ def choose(
     Raises
     ------
     SceneError
-        As :func:`kaneflex.study.trade.ranking.trade`: where the reference is not converged at that tolerance nothing is
-        chosen.
+        As :func:`kaneflex.study.trade.ranking.trade`, for example if the reference is not converged.
     """
     started = time.perf_counter()
     sensors = check_request(scene, tolerance, 1.0, sensors)
@@ -87,7 +85,7 @@ def choose(
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Models held against a reference, with a record of what came of each."""
+    """Comparisons of models with a reference, and a record of each."""
 
     runs: Runs
     sensors: tuple[str, ...]
@@ -99,7 +97,8 @@ class Trials:
     kept: set[Variant] = field(default_factory=set)
 
     def within(self, candidate: Variant) -> bool:
-        """Whether it is within the tolerance: by a price that leaves no doubt, or a run; what can't be run is not."""
+        """Whether a candidate is within the tolerance, by its price if that decides, else by a run; False if it can't
+        be run."""
         if candidate not in self.errors:
             self.errors[candidate] = ()
             try:
@@ -111,7 +110,7 @@ class Trials:
         return candidate in self.kept
 
     def _judge(self, candidate: Variant, curves: Curves | None, run: bool = False) -> bool:
-        """Whether curves tell if a candidate is within the tolerance; those of a run do."""
+        """Whether curves decide if a candidate is within the tolerance; curves of a run always do."""
         if curves is None:
             return False
         reference, tolerance = self.reference, self.tolerance
@@ -132,14 +131,14 @@ class Trials:
         return True
 
     def note(self, name: str, reason: str) -> None:
-        """Keep why a model was not run to its end."""
+        """Record why a model was not run to the end."""
         self.attempts.append(
             Attempt(model=name, error=None, worst_sensor=None, within=False, priced=False, reason=reason)
         )
 
 
 def cheapest(trials: Trials, found: Mapping[str, float | None]) -> Variant:
-    """The candidate of least expected work that is within the tolerance; the reference itself where none is."""
+    """Candidate of least expected work within the tolerance; the reference itself if there is none."""
     work = {}
     for each in (candidate for candidate in candidates_of(trials.runs.scene) if _preset(candidate) in _FAMILIES):
         try:
@@ -177,7 +176,7 @@ def _doubtful(trials: Trials, preset: str, found: Mapping[str, float | None]) ->
 
 
 def _fails(trials: Trials, preset: str, work: Mapping[Variant, float]) -> bool:
-    """Whether the finest model of a preset is out of tolerance: then the coarser ones are not tried."""
+    """Whether the finest model of a preset is out of tolerance; then its coarser models are not tried."""
     whole = (each for each in work if _preset(each) == preset and not _single_term(each) and not _reduced(each))
     finest = max(whole, key=lambda each: _fineness(each.of(trials.runs.scene)))
     if trials.within(finest):
@@ -189,7 +188,7 @@ def _fails(trials: Trials, preset: str, work: Mapping[Variant, float]) -> bool:
 def _without_terms(
     trials: Trials, candidate: Variant, found: Mapping[str, float | None]
 ) -> tuple[Variant, list[str]]:
-    """The candidate without every group of terms that the tolerance can do without, and those groups."""
+    """Candidate without all groups of terms that the tolerance allows to drop, and those groups."""
     dropped: list[str] = []
     dynamics = _DYNAMICS.get(_preset(candidate))
     if dynamics is None:
@@ -207,10 +206,10 @@ def _without_terms(
 
 
 def expected_work(scene: Scene, candidate: Variant) -> float:
-    """Wall time of a run [us] as it was on one machine, for an order that is the same everywhere.
+    """Estimated wall time of a run [us], measured on one machine; only the order of candidates matters.
 
-    Setting up; then by step a dense solve quasi-statically, band matrices dynamically, and reading the sensors, for
-    which a reduction has to be undone. Only the order counts.
+    Set-up, and per step: a dense solve (quasi-static) or band matrices (dynamic), and reading the sensors, for which a
+    modal reduction is expanded.
     """
     model = candidate.of(scene)
     options, elements = resolve_options(model), elements_of(model)
@@ -231,11 +230,10 @@ def expected_work(scene: Scene, candidate: Variant) -> float:
 def remembered_choice(
     scene: Scene, tolerance: float, sensors: Sequence[str] | None = None, progress: Progress = lambda stage: None
 ) -> Choice:
-    """The choice from the cache, else :func:`kaneflex.study.trade.choice.choose`'s, which is then kept.
+    """Choice from the cache, else from :func:`kaneflex.study.trade.choice.choose`, which is then stored.
 
-    A file that can't be read as a choice is replaced.
-
-    Parameters and errors are those of ``choose``; OutputError where the cache can't be written.
+    Unreadable cache files are replaced. Parameters and errors are those of ``choose``; OutputError if the cache can't
+    be written.
     """
     path = choice_file(scene, tolerance, check_request(scene, tolerance, 1.0, sensors))
     try:
@@ -247,9 +245,9 @@ def remembered_choice(
 
 
 def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str]) -> Path:
-    """Where the choice for a scene is kept: by its structure, and by all else that it depends on.
+    """Cache file of a scene's choice, named by digests of the structure and of everything else that it depends on.
 
-    That is every entry of the scene, the contents of its tables, the sensors, the tolerance and kaneflex's own sources.
+    These are the scene's entries and tables, the sensors, the tolerance and kaneflex's own sources.
     """
     files = {place: Path(file).read_bytes() for place, file in file_places(scene).items()}
     about = digest(scene, files, sorted(sensors), tolerance)

@@ -1,4 +1,4 @@
-"""What each group of terms is worth along the quasi-static answer, before any model is run."""
+"""Effect of each group of terms along the quasi-static solution, before any model is run."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.quasistatic import answers, quasistatic
 
 _SAMPLES = 360
-"""Instants over the cycle or the run."""
+"""Instants over the cycle or run."""
 _BUCKLING_SAMPLES = 24
 
 
 def indicators(scene: Scene) -> dict[str, float | None]:
     """First-order changes of the quasi-static displacements by group of terms, and two ratios.
 
-    Leaving a term A(t) z out of K z = F changes the answer by K^-1 A z, to first order; z is the quasi-static answer
-    with every term. The change is taken as a share of the largest displacement of its kind (axial, transverse,
-    rotation, ...), the largest share counts. For "dynamics" the term is M z'' + C z', what quasi-statics neglects.
+    Leaving a term A(t) z out of K z = F changes the solution by K^-1 A z to first order, where z is the quasi-static
+    solution with every term. The change is relative to the largest displacement of its kind (axial, transverse,
+    rotation, ...); the largest value counts. For "dynamics" the term is M z'' + C z', which quasi-statics neglects.
 
     Parameters
     ----------
     scene : Scene
-        A neutral one: :func:`kaneflex.study.trade.candidates.neutral`.
+        Neutral scene, see :func:`kaneflex.study.trade.candidates.neutral`.
 
     Returns
     -------
     mapping of str to float or None
         "spin", "euler", "geometric", "gyroscopic", "damping", "dynamics"; "speed_ratio", the fastest turning drive's
         speed over the lowest natural frequency, and "buckling_ratio", the reciprocal of the least load factor of
-        :func:`kaneflex.response.frozen.buckling`; None where it can't be said.
+        :func:`kaneflex.response.frozen.buckling`; None if not defined.
 
     Raises
     ------
     SceneError
-        For a scene that can't be loaded.
+        If the scene can't be loaded.
     """
     model = load(with_settings(scene, [f"solve.steps={_SAMPLES}"]))
     ratios = {"speed_ratio": _speed_ratio(model), "buckling_ratio": _buckling_ratio(model)}
@@ -48,7 +48,7 @@ def indicators(scene: Scene) -> dict[str, float | None]:
     try:
         z, v, a = quasistatic(model, times, periodic=model.options.cycles)
         changes = {name: _change(model, times, z, term) for name, term in _terms(model, times, z, v, a).items()}
-    except np.linalg.LinAlgError:  # nothing holds the mechanism at some instant
+    except np.linalg.LinAlgError:  # K is singular at some instant: the mechanism is not restrained
         changes = dict.fromkeys(("spin", "euler", "geometric", "gyroscopic", "damping", "dynamics"))
     return changes | ratios
 
@@ -56,7 +56,7 @@ def indicators(scene: Scene) -> dict[str, float | None]:
 def _terms(
     model: Model, times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """The forces of each group of terms along z, of shape (n_times, n)."""
+    """Forces of each group of terms along z, (n_times, n)."""
     equations, rigid = model.reduced, model.motion.at(times)
 
     def force(affine: Affine, along: np.ndarray) -> np.ndarray:
@@ -75,7 +75,7 @@ def _terms(
 
 
 def _change(model: Model, times: np.ndarray, z: np.ndarray, term: np.ndarray) -> float:
-    """max|K^-1 term| / max|z|, each within one kind of coordinates; the largest."""
+    """Ratio max|K^-1 term| / max|z| within one kind of coordinates; the largest over all kinds."""
     if not term.any():
         return 0.0
     change = abs(answers(model, times, term)).max(axis=0)

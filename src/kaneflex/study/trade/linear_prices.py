@@ -1,8 +1,8 @@
-"""Models of a periodic scene by corrections of one motion, where a run would load, solve and judge each anew.
+"""Curves of a periodic scene's linear models by corrections of one motion, without a run of each.
 
-The one-way equations M z'' + C z' + K z = F are linear. What those without a group of terms leave of the motion with
-it, K_g z where K_g is left out, drives one linear solve on the same harmonics; what it changes in a sensor is the price
-of the group: to first order by the first correction, then by the next ones, until what is left is too little to matter.
+The one-way equations M z'' + C z' + K z = F are linear. The residual that a model leaves for the reference motion, K_g
+z if K_g is dropped, drives a linear solve on the same harmonics. Its effect on a sensor is the price of the dropped
+group: to first order by the first correction, then by further ones until the residual is negligible.
 """
 
 from __future__ import annotations
@@ -33,31 +33,32 @@ from kaneflex.study.differences import Difference
 from kaneflex.study.trade.candidates import elements_of
 
 _SHARE = 1e-3
-"""Of what a model's equations leave of the motion that is corrected, that its corrections may leave."""
+"""Residual at which corrections end, as a share of the first one."""
 DOUBT, _LEAST = 0.02, 1e-3
-"""Share of an error to which it is known by a price, as if no error was less; measured: docs/accuracy.md."""
+"""Relative uncertainty of an error that was found by a price, and the least error for it; measured:
+docs/accuracy.md."""
 _CONVERGED = ("spectral", "radau", "none")
-"""Integrators whose steps change less than models do."""
+"""Integrators whose discretisation error is below the models' differences."""
 _SETTING = re.compile(
     r"solve\.(preset|integrator|steps|modes|terms\.(spin|gyroscopic|euler|geometric|damping))=|.*\.beam\.elements="
 )
-"""What leaves the rigid motion and its loads as they are."""
+"""Settings that leave the rigid motion and its loads unchanged."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearPrices:
-    """Curves of a scene's linear models about one motion. Made by :meth:`of`.
+    """Curves of a scene's linear models, from one periodic motion. Made by :meth:`of`.
 
     Attributes
     ----------
     scene : Scene
-        The neutral one.
+        The neutral scene.
     model : Model
-        Its own, of preset ``stiffened``.
+        Its model with preset ``stiffened``.
     orbit : Orbit
-        Its motion.
+        Its periodic motion.
     sensors : tuple of str
-        Those that count.
+        Compared sensors.
     """
 
     scene: Scene
@@ -70,9 +71,9 @@ class LinearPrices:
 
     @classmethod
     def of(cls, scene: Scene, sensors: Sequence[str]) -> LinearPrices | None:
-        """Of a neutral scene; None where its motion is no periodic one that corrections find, or not clearly stable.
+        """Prices of a neutral scene; None unless it has a clearly stable periodic solution that corrections find.
 
-        Raises SceneError where it can't be loaded.
+        Raises SceneError if the scene can't be loaded.
         """
         options = resolve_options(scene)
         stops = any(event.stop for event in scene.events.values())
@@ -90,11 +91,9 @@ class LinearPrices:
         return found
 
     def curves(self, variant: Variant, every: bool = False) -> Curves | None:
-        """What a variant's sensors show at its own steps; None where it is no linear model of this rigid motion.
+        """Sensors of a variant at its own steps; None unless it is a linear model of this rigid motion.
 
-        every: sensor of the scene, not those alone that count
-
-        Raises SceneError for settings that the scene can't have.
+        ``every``: include all sensors of the scene. Raises SceneError if the scene does not allow the settings.
         """
         if not all(map(_SETTING.match, variant.settings)):
             return None
@@ -139,7 +138,7 @@ class LinearPrices:
         return self._orbits[key]
 
     def _corrected(self, model: Model) -> tuple[Model, Orbit] | None:
-        """The motion of another model, from this one's; None where it is not found or not clearly stable."""
+        """Periodic motion of another model, corrected from this one's; None if not found or not clearly stable."""
         z, grid = self.orbit.z, self.orbit.grid
         same = model.reduced is self.model.reduced
         if not same:
@@ -157,7 +156,8 @@ class LinearPrices:
 def decided(
     found: Sequence[Difference], tolerance: float, doubt: Callable[[str], float] = lambda sensor: 0.0
 ) -> bool:
-    """Whether errors by prices, with doubts about the reference on top, are within a tolerance or not for sure."""
+    """Whether errors by prices, with their uncertainty and the reference's, are certainly within or certainly beyond a
+    tolerance."""
 
     errors = {each.sensor: each.peak_share or 0.0 for each in found}
 
@@ -174,5 +174,5 @@ def _mesh(scene: Scene) -> tuple[int, ...]:
 
 
 def _equations(options: Options) -> Options:
-    """Options that tell equations apart: how they are solved does not."""
+    """Options that determine the equations, without those of the solution method."""
     return replace(options, preset="", steps=1, integrator="", start="", tolerance=0.0)

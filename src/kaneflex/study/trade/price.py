@@ -1,8 +1,8 @@
-"""What clearances and friction change in a scene's sensors: runs with them against runs with tight joints, or without.
+"""Effect of clearances and friction on a scene's sensors: runs with and without them.
 
-A mechanism with impacts may be chaotic: two of its runs that begin next to each other part, so that no difference at an
-instant says anything. What is compared are statistics over the run, the largest absolute value and the rms, and beside
-each change stands by how much the statistic itself changes with a ten times smaller tolerance of a step.
+Motion with impacts may be chaotic: neighbouring runs diverge, so that differences at an instant say nothing. Therefore
+statistics over the run are compared, the largest absolute value and the rms, each with its change under a ten times
+smaller tolerance of a step.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from kaneflex.study.trade.ranking import check_sensors
 from kaneflex.support.errors import SceneError
 
 _FINER = 0.1
-"""Share of the tolerance of a step at which the statistics are taken once more."""
+"""Factor on the tolerance of a step for the second run."""
 _FINEST = 1e-13
 _ALIKE = 0.2
-"""Angle [rad] up to which bodies of a tight mechanism stand as they do with clearances."""
+"""Angle [rad] up to which bodies of the tight mechanism count as in the same position as with clearances."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a part of the scene changes in a sensor, in its SI unit.
+    """Effect of a part of the scene on a sensor, in SI.
 
     Attributes
     ----------
     peak, rms : tuple of float
         Largest absolute value, and root of the mean square over time, with the part and without.
     doubt : tuple of float
-        By how much peak and rms with the part change where the run is ten times finer; no numbers where it can't be.
+        Change of peak and rms with the part under a ten times smaller tolerance; NaN if that run fails.
     """
 
     sensor: str
@@ -60,16 +60,16 @@ class Change:
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Changes of peak and rms as shares of those without the part; no number where there is nothing without."""
+        """Changes of peak and rms relative to the values without the part; NaN if these are zero."""
         return _share(self.peak[0] - self.peak[1], self.peak[1]), _share(self.rms[0] - self.rms[1], self.rms[1])
 
     @property
     def doubts(self) -> tuple[float, float]:
-        """The same of what they are not known better than."""
+        """Uncertainties of peak and rms, relative to the values without the part."""
         return _share(self.doubt[0], self.peak[1]), _share(self.doubt[1], self.rms[1])
 
     def matters(self, tolerance: float) -> bool:
-        """Whether peak or rms change by more than a share, with the doubt about them taken off."""
+        """Whether peak or rms change by more than a share, less their uncertainty."""
         pairs = zip((self.peak, self.rms), self.doubt, strict=True)
         return any(
             abs(one - other) - (0.0 if math.isnan(doubt) else doubt) > tolerance * other
@@ -83,7 +83,8 @@ def _share(part: float, whole: float) -> float:
 
 @dataclass(frozen=True)
 class Price:
-    """What a part of the scene changes: its name, the settings that take it out, what then goes, and each sensor."""
+    """Effect of a part of the scene: name, settings that remove it, sensors that are removed with it, changes by
+    sensor."""
 
     part: str
     settings: tuple[str, ...]
@@ -93,7 +94,7 @@ class Price:
 
 @dataclass(frozen=True, eq=False)
 class Prices:
-    """Made by :func:`price`: every part, and those that were not priced, with the reason."""
+    """Effects of all parts, and reasons of those left out. Made by :func:`price`."""
 
     scene: Scene
     tolerance: float
@@ -102,7 +103,7 @@ class Prices:
 
 
 def has_price(scene: Scene) -> bool:
-    """Whether joints of a scene have clearances, or anything has friction."""
+    """Whether a scene has joints with clearance, or friction."""
     return bool(_loose(scene) or _rubbing(scene))
 
 
@@ -113,27 +114,27 @@ def price(
     sensors: Sequence[str] | None = None,
     progress: Progress = lambda stage: None,
 ) -> Prices:
-    """Run a scene with each of its clearances and frictions and without, and with all of a kind and with none.
+    """Run a scene with and without each of its clearances and frictions, and without all of a kind.
 
     Parameters
     ----------
     scene, sensors, progress
         As :func:`kaneflex.study.trade.ranking.trade` takes them; the scene is run as it is.
     tolerance : float
-        Share by which a statistic has to change in order to matter.
+        Relative change of a statistic that counts.
     budget : float
-        Seconds after which no further part is begun.
+        Seconds after which no further part is run.
 
     Raises
     ------
     SceneError
-        For sensors that the scene doesn't have, and where it can't be run, or not without any one of its clearances.
+        If a sensor does not exist, or the scene can't be run, or not without any of its parts.
     """
     check_sensors(scene, sensors)
     runs, deadline = Runs(scene, progress), time.perf_counter() + budget
     whole, finer = runs.run(Variant("as it is", ())).curves, None
     if tolerance_of(scene) * _FINER >= _FINEST:
-        with suppress(SceneError):  # then nothing is known of its statistics
+        with suppress(SceneError):  # the uncertainty is then unknown
             finer = runs.run(Variant("finer", (f"solve.tolerance={tolerance_of(scene) * _FINER!r}",))).curves
     prices: list[Price] = []
     left_out: dict[str, str] = {}
@@ -147,14 +148,14 @@ def price(
             without = runs.run(Variant(f"without the {part}", settings)).curves
             counted = [name for name in sensors or scene.sensors if name not in gone]
             if not counted:
-                reason = "every sensor that counts goes with it"
-                raise SceneError("sensors", None, reason, "Measure something that is there without it, too")
+                reason = "no requested sensor exists without it"
+                raise SceneError("sensors", None, reason, "Choose a sensor that also exists without it")
             changes = tuple(_change(scene, name, whole, without, finer) for name in counted)
             prices.append(Price(part, settings, gone, changes))
         except SceneError as error:
             left_out[part] = str(error)
     if not prices:
-        raise SceneError("joints", None, "; ".join(left_out.values()), "Compare scenes of your own by kaneflex compare")
+        raise SceneError("joints", None, "; ".join(left_out.values()), "Write a scene without them and compare")
     return Prices(scene, tolerance, tuple(prices), left_out)
 
 
@@ -165,7 +166,7 @@ def _loose(scene: Scene) -> tuple[str, ...]:
 
 
 def _rubbing(scene: Scene) -> dict[str, str]:
-    """Joints and contacts with friction -> where the scene has it."""
+    """Joints and contacts with friction -> path of its entry."""
     found = {}
     for table in ("joints", "contacts"):
         for name, entry in scene.raw.get(table, {}).items():
@@ -182,7 +183,7 @@ def _has(entry: Any, path: str) -> bool:
 
 
 def _parts(scene: Scene) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Every joint with a clearance, everything with friction, and all of a kind where there are some."""
+    """Each joint with a clearance, each joint or contact with friction, and all of a kind together."""
     for kind, names in (("clearance", _loose(scene)), ("friction", tuple(_rubbing(scene)))):
         yield from ((kind, (name,)) for name in names)
         if len(names) > 1:
@@ -190,7 +191,7 @@ def _parts(scene: Scene) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def smooth(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Settings that take the friction of joints and contacts away, and the sensors that go with it."""
+    """Settings that remove the friction of joints and contacts, and the sensors removed with it."""
     paths = _rubbing(scene)
     owners = {name: contact.joint for name, contact in scene.contacts.items()}
     gone = tuple(
@@ -201,16 +202,16 @@ def smooth(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[s
 
 
 def _left_out(scene: Scene, sensors: Sequence[str]) -> Iterator[str]:
-    """Settings that leave sensors out, and the events that wait for them."""
+    """Settings that remove sensors, and the events that use them."""
     yield from (f"sensors.{sensor}=none" for sensor in sensors)
     yield from (f"events.{name}=none" for name, event in scene.events.items() if event.sensor in sensors)
 
 
 def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Settings that take the clearances of joints away, and the sensors that go with them.
+    """Settings that remove the clearances of joints, and the sensors removed with them.
 
-    What a tight joint holds was free before: as many free drives go, those that come last first, as the mechanism is
-    determined without. A tight pin closes its loop as the scene stands at its start; flanks without play are a weld.
+    A tight joint removes freedoms: as many free drives are removed, the last ones first, such that the mechanism is
+    statically determinate. Loops of tight pins close near the initial position; flanks without play are welds.
     """
     poses = place(tight_start(scene)).poses
     settings: list[str] = []
@@ -231,7 +232,7 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tupl
     gone = _without_their_joint(scene, names, welded)
     settings += _left_out(scene, gone)
     free = [name for name in reversed(scene.drives) if scene.drives[name].free and name not in welded]
-    reason = "it has too few free drives to be held by tight joints"
+    reason = "the scene has too few free drives to remove"
     closed = [name for name in names if name not in welded]
     for dropped, ways in product(combinations(free, held), _ways(scene, closed)):
         found = (*settings, *ways, *(f"drives.{name}=none" for name in dropped))
@@ -241,14 +242,14 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tupl
             turned = max(abs(math.remainder(pose[2] - poses[k][2], math.tau)) for k, pose in place(tight).poses.items())
             if turned < _ALIKE:
                 return found, gone
-            reason = "it closes in another way"
+            reason = "its loops close in another position"
         except SceneError as error:
             reason = str(error)
-    raise SceneError("joints", ", ".join(names), f"without clearance: {reason}", "Leave the clearance out by hand")
+    raise SceneError("joints", ", ".join(names), f"without clearance: {reason}", "Write a scene without the clearance")
 
 
 def _ways(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Settings that say how the loops of tight joints close, where they close any: as the scene stands at its start."""
+    """Settings that close the loops of tight joints near the initial position, if they close any."""
     angles = {body: f"{body}={float(pose[2])!r}" for body, pose in place(tight_start(scene)).poses.items()}
     sides = {name: [side.body for side in scene.loose[name].sides if side.body in angles] for name in names}
     for bodies in ({name: list(angles) for name in names}, sides):
@@ -257,7 +258,7 @@ def _ways(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
 
 
 def _without_their_joint(scene: Scene, names: Sequence[str], welded: Sequence[str]) -> tuple[str, ...]:
-    """Sensors of what isn't there without the clearances: their contacts, places in them, and what welds have not."""
+    """Sensors that don't exist without the clearances: of their contacts, of places in them, of welded joints."""
     found = []
     for name, sensor in scene.sensors.items():
         target = sensor.target

@@ -1,4 +1,4 @@
-"""Every candidate run, its error against the reference and its cost, and the cheapest that is good enough."""
+"""Ranking of all candidates by error and cost, and the cheapest within the tolerance."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from kaneflex.support.errors import SceneError, nearest, refuse
 from kaneflex.support.terminal import silent
 
 _FIRST_RUNS = 0.6
-"""Share of the budget after which no further candidate is begun: the rest is for repeats."""
+"""Share of the budget after which no further candidate is run: the rest is for repeats."""
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """One candidate: its errors by sensor, its cost, and what comes and goes between two of its steps."""
+    """A candidate with its errors by sensor, its cost, and the loads that its steps do not resolve."""
 
     candidate: Variant
     differences: tuple[Difference, ...]
@@ -40,17 +40,17 @@ class Ranked:
 
     @property
     def worst(self) -> Difference:
-        """The sensor with the largest error as a share of its peak."""
+        """Sensor with the largest error as a share of its peak."""
         return worst(self.differences)
 
     @property
     def error(self) -> float:
-        """That error: max|y - y_ref| / max|y_ref|."""
+        """Largest error max|y - y_ref| / max|y_ref| of a sensor."""
         return self.worst.peak_share
 
     @property
     def rms(self) -> float:
-        """The largest rms error of a sensor as a share of its peak."""
+        """Largest rms error of a sensor as a share of its peak."""
         return max(difference.rms_share for difference in self.differences)
 
 
@@ -66,7 +66,7 @@ class Trade:
         Share of a sensor's peak.
     reference : Reference
     ranked : tuple of Ranked
-        By total time, the cheapest first.
+        Candidates by total time, the cheapest first.
     left_out : mapping of str to str
         Candidates that were not run to the end, with the reason.
     """
@@ -79,21 +79,21 @@ class Trade:
     left_out: Mapping[str, str]
 
     def good_enough(self, entry: Ranked) -> bool:
-        """Whether every sensor stays within the tolerance, with the reference's own doubt on top."""
+        """Whether every sensor stays within the tolerance, including the reference's uncertainty."""
         return self.reference.within(entry.differences, self.tolerance, entry.undersampled)
 
     def settings_of(self, entry: Ranked) -> tuple[str, ...]:
-        """What makes the scene this model, of the form path=value."""
+        """Settings path=value that select this model."""
         return (*neutral_settings(self.scene), *entry.candidate.settings)
 
     @cached_property
     def chosen(self) -> Ranked | None:
-        """The cheapest candidate that is good enough; None where none is."""
+        """Cheapest candidate within the tolerance; None if there is none."""
         return next((entry for entry in self.ranked if self.good_enough(entry)), None)
 
     @cached_property
     def front(self) -> tuple[Ranked, ...]:
-        """The Pareto front: candidates that no cheaper one beats in error, the cheapest first."""
+        """Pareto front, the cheapest first: candidates without a cheaper and more accurate one."""
         found: list[Ranked] = []
         for entry in self.ranked:
             if not found or entry.error < found[-1].error:
@@ -110,29 +110,28 @@ def trade(
     progress: Progress | None = None,
     candidates: Sequence[Variant] | None = None,
 ) -> Trade:
-    """Run a ladder of models on a scene and rank them by error and time.
+    """Run candidate models of a scene and rank them by error and time.
 
     Parameters
     ----------
     scene : Scene
-        Its preset, integrator, modes, reduction and terms are chosen anew; what is compared is its own run, from its
-        start or on its periodic state.
+        Its preset, integrator, modes, reduction and terms are replaced; start and duration are kept.
     tolerance : float
-        Error allowed of each sensor, as a share of the largest absolute value of the reference.
+        Allowed error of each sensor, as a share of the largest absolute value of the reference.
     budget : float
         Seconds for the candidates and their repeats, after the reference.
     sensors : sequence of str, optional
-        Those that count; all by default.
+        Compared sensors; all by default.
     progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     candidates : sequence of Variant, optional
-        The models to try, by default :func:`kaneflex.study.trade.candidates.candidates_of`'s.
+        Models to run, by default :func:`kaneflex.study.trade.candidates.candidates_of`.
 
     Raises
     ------
     SceneError
-        For a scene in which nothing deforms or that shows nothing, sensors that it does not have, a reference that
-        can't be run or does not converge, or where no candidate can be run.
+        If the scene has no elastic body or no sensor, a sensor does not exist, the reference fails or does not
+        converge, or no candidate can be run.
     """
     scene = scene_from(scene)
     sensors = check_request(scene, tolerance, budget, sensors)
@@ -160,29 +159,29 @@ def trade(
 
 
 def check_sensors(scene: Scene, sensors: Sequence[str] | None) -> None:
-    """SceneError for sensors that count and are none, or where there is none at all."""
+    """Raise SceneError if a sensor does not exist, or the scene has none."""
     if not scene.sensors:
-        raise SceneError("sensors", None, "the scene has none: there is nothing to measure", "Give it a sensor")
+        raise SceneError("sensors", None, "the scene has no sensors to compare", "Add a sensor to the scene")
     for name in sensors or ():
         if name not in scene.sensors:
             raise SceneError("--sensors", name, "the scene has no such sensor", nearest(name, scene.sensors))
 
 
 def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:
-    """The sensors that count; SceneError for what can't be asked, before anything is computed."""
+    """Names of the compared sensors; raises SceneError for an invalid request before anything is computed."""
     refuse(
-        (not 0 < tolerance < 1, "--tolerance", tolerance, "a share of each sensor's peak",
-         "Give one between 0 and 100 %"),
-        (not budget > 0, "--budget", budget, "no time to run anything in", "Give a positive time, like 60s"),
+        (not 0 < tolerance < 1, "--tolerance", tolerance, "not a share of each sensor's peak",
+         "Give a value between 0 and 100 %"),
+        (not budget > 0, "--budget", budget, "not a positive time", "Write for example 60s"),
     )  # fmt: skip
     check_sensors(scene, sensors)
     modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
     refuse(
         (isinstance(scene.solve.start, Start), "solve.start", "a table of a state",
-         "the models that are compared have different coordinates", "Start from zero, quasistatic or periodic"),
+         "the compared models have different coordinates", "Start from zero, quasistatic or periodic"),
         (modal is not None, f"bodies.{modal}.modal_data", modal and Path(str(scene.bodies[modal].modal_data)).name,
-         "only preset coupled takes modal data: there is one model", "Give the body a beam"),
-        (not elements_of(scene), "bodies", None, "none has a beam: there is one model only", "Give a body a beam"),
+         "only preset coupled accepts modal data, so there is nothing to compare", "Give the body a beam"),
+        (not elements_of(scene), "bodies", None, "no body has a beam: there is only one model", "Give a body a beam"),
     )  # fmt: skip
     return tuple(sensors or scene.sensors)
 

@@ -1,4 +1,4 @@
-"""What a choice of a model was made on: the part of ``summary.json`` that says so."""
+"""Record of a choice of a model, in ``summary.json``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The finest model of a scene, and how far it is itself from what it converges to."""
+"""Finest model of a scene, and an error estimate for it."""
 
 from __future__ import annotations
 
@@ -16,38 +16,38 @@ from kaneflex.study.trade.linear_prices import LinearPrices
 from kaneflex.support.errors import SceneError
 
 _FINER = (1, 2, 4)
-"""Elements of each link and steps, times the scene's own."""
+"""Factors on the scene's elements and steps."""
 _COUPLED_LEVELS = ((1, 0, 1.0), (2, 2, 0.1), (4, 4, 0.1))
-"""Preset coupled, ever finer: times the scene's elements, modes added to each link, times the tolerance of a step."""
+"""Refinements of preset coupled: factor on the elements, modes added to each link, factor on the tolerance."""
 _FINE_ENOUGH, _KNOWN = 0.1, 0.25
-"""Shares of the tolerance: a change at which refining ends, and one that is still allowed at its end.
+"""Changes, as shares of the tolerance, at which refinement ends, and that are accepted at the finest model.
 
-Preset coupled, which is derived for each number of modes, is refined no further than that.
+Preset coupled, which is derived for each number of modes, is refined only to the second.
 """
 _PROBED = 180
-"""Steps of a cycle at which coupled is compared, at least."""
+"""Least steps of a cycle at which coupled is compared."""
 _LEFT_BETWEEN = 0.5
-"""Share of a change between a model's instants that is left between those of one with twice as many."""
+"""Share of a change between a model's instants that counts for a model with twice as many."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What candidates are measured against.
+    """Reference of the candidates' errors.
 
     Attributes
     ----------
     model : Variant
-        Of the neutral scene.
+        Variant of the neutral scene.
     curves : Curves
     period : float or None
-        Cycle that it repeats [s].
+        Cycle that the curves repeat [s].
     refinement : mapping of str to float
-        By sensor: largest change by the last refinement, as a share of the peak; see :func:`find_reference`.
+        By sensor: largest change in the last refinement, as a share of the peak; see :func:`find_reference`.
     coupling : mapping of str to float
-        By sensor: the same of the step from ``stiffened`` to ``coupled``; empty where ``coupled`` is the reference
-        or can't be run.
+        By sensor: largest change from ``stiffened`` to ``coupled``; empty if ``coupled`` is the reference or can't be
+        run.
     note : str
-        What is not known of it: why ``coupled`` can't be run, and what its own run warns of; empty if nothing.
+        Why ``coupled`` can't be run, and warnings of the reference's run; empty if none.
     """
 
     model: Variant
@@ -59,17 +59,17 @@ class Reference:
 
     @property
     def name(self) -> str:
-        """Its preset and how fine it is."""
+        """Preset and fineness."""
         return self.model.name
 
     def doubt(self, sensor: str) -> float:
-        """How far the reference itself may be off, as a share of the sensor's peak."""
+        """Error estimate of the reference itself, as a share of the sensor's peak."""
         return self.refinement.get(sensor, 0.0) + self.coupling.get(sensor, 0.0)
 
     def within(self, found: Sequence[Difference], tolerance: float, undersampled: Sequence[str] = ()) -> bool:
-        """Whether every error, with the doubt about the reference on top, is within a tolerance; no errors are not.
+        """Whether every error, plus the reference's own, is within a tolerance; False without errors.
 
-        A model is not that steps over what its loads do: how much of it its instants meet is luck.
+        Models whose steps do not resolve their loads are not within: their error is a matter of luck.
         """
         close = all(each.peak_share + self.doubt(each.sensor) <= tolerance for each in found)
         return bool(found) and close and not undersampled
@@ -78,33 +78,32 @@ class Reference:
 def find_reference(
     runs: Runs, sensors: Sequence[str], tolerance: float, priced: LinearPrices | None = None
 ) -> Reference:
-    """Preset ``stiffened``, refined until it stands; ``coupled`` where that changes a sensor by too much.
+    """Preset ``stiffened``, refined until converged; ``coupled`` if that changes a sensor too much.
 
-    The change by a refinement is taken at the coarser model's instants. Between them, where the finer one has twice as
-    many, half of it counts: so much is left between the finer one's at a corner; where a curve is smooth, a quarter.
+    Changes are measured at the coarser model's instants. Between them half the change counts if the finer one has twice
+    as many: interpolation leaves half at a corner, a quarter on a smooth curve.
 
     Parameters
     ----------
     runs : Runs
-        Of a neutral scene: :func:`kaneflex.study.trade.candidates.neutral`.
+        Runs of a neutral scene: :func:`kaneflex.study.trade.candidates.neutral`.
     sensors : sequence of str
-        Those that count.
+        Compared sensors.
     tolerance : float
-        Error that candidates may have, as a share of each sensor's peak. Coupled is needed where it changes a sensor
-        by a quarter of it.
+        Allowed error of candidates, as a share of each sensor's peak. ``coupled`` is the reference if it changes a
+        sensor by more than a quarter of it.
     priced : LinearPrices, optional
-        What gives the curves of preset ``stiffened`` without runs.
+        Gives the curves of preset ``stiffened`` without runs.
 
     Raises
     ------
     SceneError
-        Where refining still changes a sensor by more than a quarter of the tolerance, or a load comes and goes between
-        two steps of the finest model: nothing can be ranked against that.
+        If the finest model is not converged to a quarter of the tolerance, or does not resolve a load.
     """
     scene = runs.scene
     stiffened = _refined(runs, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH, priced)
     probe = COUPLED
-    if priced is not None:  # compared at its own instants, of which a few hundred do
+    if priced is not None:  # a few hundred instants are enough, since it is compared at its own
         steps = max(_PROBED, resolve_options(scene).steps // 4)
         probe = Variant(f"coupled, {steps} steps", (*COUPLED.settings, f"solve.steps={steps}"))
     try:
@@ -119,7 +118,7 @@ def find_reference(
 
 
 def _stiffened_levels(scene: Scene) -> list[Variant]:
-    """Ever finer models."""
+    """Models of preset ``stiffened``, from coarse to fine."""
     steps = resolve_options(scene).steps
     levels = []
     for factor in _FINER:
@@ -137,9 +136,9 @@ def _coupled_levels(scene: Scene) -> list[Variant]:
     for factor, added, tighter in _COUPLED_LEVELS:
         modes, tolerance = modes_of(scene) + added, tighter * tolerance_of(scene)
         settings = ["solve.preset=coupled", f"solve.tolerance={tolerance!r}"]
-        if added:  # the scene's own number may be more than a coarse link has, which its default allows for
+        if added:  # an explicit number may exceed a coarse link's modes, the default never does
             settings.append(f"solve.modes={modes}")
-        if factor > 1:  # the modes are those of the mesh; one of as many elements as modes has them in any case
+        if factor > 1:  # a mesh with as many elements as modes has enough modes
             finer = {name: max(factor * count, modes) for name, count in elements_of(scene).items()}
             settings += [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]
         levels.append(Variant(f"coupled, {modes} modes a link, tolerance {tolerance:.3g}", tuple(settings)))
@@ -167,12 +166,12 @@ def _refined(
 def _changes(
     scene: Scene, sensors: Sequence[str], coarse: Curves, fine: Curves, period: float | None
 ) -> dict[str, float]:
-    """By sensor: largest change from a coarse model to a fine one, and what of it is left between its instants."""
+    """By sensor: largest change from a coarse model to a fine one, including half of that between its instants."""
     there, everywhere = (
         differences(scene, sensors, "coarse", coarse, fine, period, between) for between in (False, True)
     )
     if not there:
-        raise SceneError("sensors", ", ".join(sensors), "they show nothing, or only rounding", "Name others")
+        raise SceneError("sensors", ", ".join(sensors), "they are zero or rounding errors only", "Choose other sensors")
     pairs = zip(there, everywhere, strict=True)
     return {own.sensor: max(own.peak_share, _LEFT_BETWEEN * between.peak_share) for own, between in pairs}
 
@@ -181,17 +180,17 @@ def _check(scene: Scene, name: str, curves: Curves, changes: Mapping[str, float]
     if curves.undersampled:
         raise SceneError(
             "--tolerance", f"{100 * tolerance:.3g}%",
-            f"in the finest model ({name}) {curves.undersampled[0]}; nothing can be ranked against it",
-            "Give the scene more solve.steps, or a load that changes more slowly",
+            f"in the finest model ({name}) {curves.undersampled[0]}, so it can't be a reference",
+            "Increase solve.steps, or use a smoother load",
         )  # fmt: skip
     sensor = max(changes, key=changes.__getitem__)
     if changes[sensor] > _KNOWN * tolerance:
         enough = changes[sensor] / _KNOWN
-        looser = f"Ask for {100 * enough:.2g}% or more, refine" if enough < 1 else "Refine"
+        looser = f"Use {100 * enough:.2g}% or more, increase" if enough < 1 else "Increase"
         raise SceneError(
             "--tolerance", f"{100 * tolerance:.3g}%",
-            f"the finest model ({name}) still changes {sensor} by {100 * changes[sensor]:.2g} % when it is "
-            "refined, so nothing can be ranked against it",
-            f"{looser} the scene's solve.steps and elements, choose other sensors, or give the scene damping"
+            f"the finest model ({name}) is not converged: refinement still changes {sensor} by "
+            f"{100 * changes[sensor]:.2g} %",
+            f"{looser} the scene's solve.steps and elements, choose other sensors, or add damping"
             + (", or solve.start = periodic" if scene.period and scene.solve.start != "periodic" else ""),
         )  # fmt: skip

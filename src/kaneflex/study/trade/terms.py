@@ -1,4 +1,4 @@
-"""What each complete group of terms costs a scene's equations, and what they lose without it."""
+"""Cost of each group of terms in a scene's equations, and the error without it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _IN_WORDS = {
 
 @dataclass(frozen=True)
 class Group:
-    """A group of terms by two models: one that has it, one that is the same without it.
+    """A group of terms, as two models: with it, and the same without it.
 
     Attributes
     ----------
@@ -45,27 +45,26 @@ class Group:
 
 @dataclass(frozen=True)
 class Effect:
-    """What a group is worth and what it costs.
+    """Effect and cost of a group of terms.
 
     Attributes
     ----------
     group : Group
     differences : tuple of Difference
-        Of the model without it from the one with it, by sensor that shows more than rounding; empty
-        where it does not run without, too.
+        Differences of the model without it from the one with it, by sensor above rounding error; empty if the model
+        without it fails.
     needed : bool
         Whether leaving it out changes a sensor by more than the tolerance, or stops the run.
     operations : int or None
-        Multiply-adds that it adds to one evaluation of M, C, K and F.
+        Additional multiply-adds of one evaluation of M, C, K and F.
     ns_per_step : float or None
-        Time that it adds to a step, by medians; within the spread of either it is noise.
+        Additional time per step, from medians; not significant within ``noise_ns``.
     noise_ns : float or None
-        Half the larger spread of the two, in ns per step; None of a single repeat.
+        Half the larger spread of the two, in ns per step; None for a single repeat.
     reason : str
-        Why the run without it stopped.
+        Why the run without it stopped early.
     priced : bool
-        Whether the differences are its price, see :mod:`kaneflex.study.trade.linear_prices`, not those of two runs:
-        then there is no time.
+        Whether the differences come from :mod:`kaneflex.study.trade.linear_prices`, without runs and times.
     """
 
     group: Group
@@ -79,18 +78,18 @@ class Effect:
 
     @property
     def worst(self) -> Difference | None:
-        """The sensor that changes most as a share of its peak."""
+        """Sensor with the largest change as a share of its peak."""
         return worst(self.differences) if self.differences else None
 
     @property
     def rms(self) -> float | None:
-        """The largest rms change of a sensor as a share of its peak."""
+        """Largest rms change of a sensor as a share of its peak."""
         return max((found.rms_share for found in self.differences), default=None)
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """The groups of a scene's equations. Made by :func:`terms`.
+    """Effects of the groups of a scene's equations. Made by :func:`terms`.
 
     Attributes
     ----------
@@ -98,11 +97,11 @@ class Terms:
     sensors : tuple of str
     tolerance : float
     effects : tuple of Effect
-        The needed ones first, then by change.
+        Effects, the largest first.
     full : Cost
-        Of preset ``stiffened`` with all groups.
+        Cost of preset ``stiffened`` with all groups.
     left_out : mapping of str to str
-        Groups that this can't be said of, with the reason.
+        Groups without result, with the reason.
     """
 
     scene: Scene
@@ -114,7 +113,7 @@ class Terms:
 
 
 def groups(scene: Scene) -> tuple[Group, ...]:
-    """The groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling."""
+    """Groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling."""
 
     def without(name: str, *settings: str) -> Variant:
         return Variant(f"without {name}", (*STIFFENED.settings, *settings))
@@ -146,9 +145,9 @@ def terms(
     progress: Progress | None = None,
     chosen: Sequence[Group] | None = None,
 ) -> Terms:
-    """Leave each group of terms out of preset ``stiffened``, one at a time, at the scene's own elements and steps.
+    """Drop each group of terms from preset ``stiffened``, one at a time, at the scene's own elements and steps.
 
-    By one linear solve each where the motion is periodic and linear and that decides, else by a run each.
+    Each by one linear solve if the motion is periodic and linear and this decides, else by a run.
 
     Parameters
     ----------
@@ -160,7 +159,7 @@ def terms(
     Raises
     ------
     SceneError
-        For what :func:`kaneflex.study.trade.ranking.check_request` refuses, and where ``stiffened`` can't be run.
+        For invalid requests, see :func:`kaneflex.study.trade.ranking.check_request`, or if ``stiffened`` can't be run.
     """
     scene = scene_from(scene)
     sensors = check_request(scene, tolerance, budget, sensors)
@@ -172,7 +171,7 @@ def terms(
     effects = [effect for effect in prices.values() if effect is not None]
     to_run = [group for group, effect in prices.items() if effect is None]
     for model in (each for group in to_run for each in (group.kept, group.dropped)):
-        with suppress(SceneError):  # it is kept, too
+        with suppress(SceneError):  # Runs keeps the error
             runs.run(model)
     repeats = runs.repeats(list(runs.kept), time.perf_counter() + budget)
     costs = {model: cost(first.timing, repeats[model]) for model, first in runs.kept.items()}
@@ -190,10 +189,10 @@ def terms(
 
 
 def _priced(scene: Scene, prices: LinearPrices, tolerance: float, group: Group) -> Effect | None:
-    """An effect by its price; None of what has none, or one that leaves in doubt whether the group is needed."""
+    """Effect of a group by its price; None if there is none, or it leaves open whether the group is needed."""
     try:
         whole, without = prices.curves(group.kept, every=True), prices.curves(group.dropped)
-    except SceneError:  # a run says why
+    except SceneError:  # the run reports the cause
         return None
     if whole is None or without is None:
         return None
