@@ -192,7 +192,7 @@ def test_in_space_it_is_refused_with_a_preset_that_serves():
 
 def test_a_law_that_jumps_is_refused_by_name():
     scene = with_settings(read_scene("four-bar-motor"), ['loads.motor.law="0.3 * sign(main_speed)"'])
-    with pytest.raises(SceneError, match=r"loads.motor: steps end where its law jumps"):
+    with pytest.raises(SceneError, match=r"loads.motor: discontinuous loads can't be exported as C"):
         coupled_in_c(scene)
 
 

@@ -220,7 +220,7 @@ def test_what_richer_coupled_models_cannot_do_is_said():
     space = with_settings(space, [*COUPLED, "solve.start=zero", "solve.modes=1", "solve.errors=all"])
     given = kaneflex.scene.start.Start(**solved(space).state())
     begun = space.seen(solve=space.solve.model_copy(update={"start": given}))
-    assert "in the state that it is given in space" in solved(begun).errors[1]
+    assert "can't be transferred to other shapes" in solved(begun).errors[1]
 
 
 def test_a_run_says_what_it_took_and_shows_it_everywhere(tmp_path, caplog):

@@ -177,7 +177,7 @@ def test_richer_models_that_take_long_are_not_solved_without_being_asked(monkeyp
 def test_what_cannot_be_estimated_is_said(tmp_path):
     for name, settings, said in (
         ("engine-paper", [], "not estimated under preset paper"),
-        ("elastic-double-pendulum", ["solve.preset=stiffened", "solve.steps=50"], "the motion of free joints"),
+        ("elastic-double-pendulum", ["solve.preset=stiffened", "solve.steps=50"], "on free joints"),
         ("double-pendulum", ["solve.preset=rigid", "solve.duration=0.01 s"], "no body is elastic"),
     ):
         estimates, reason = solved(kaneflex.read_scene(name), *settings).errors

@@ -69,7 +69,7 @@ def test_what_leaves_double_precision_on_the_way_is_named(tmp_path):
     solution = solve(derived_on_the_fly(CANTILEVER.format(law="1e60 * t * 1e60 * 1e60 * 1e20"), tmp_path))
     with np.errstate(over="ignore", invalid="ignore"), pytest.raises(SceneError) as error:
         _ = solution.series
-    assert str(error.value).startswith("sensors.tip: it has no finite value at t = 0.1 s. Correct the numbers")
+    assert str(error.value).startswith("sensors.tip: it has no finite value at t = 0.1 s. Check the numbers")
 
 
 def test_a_spike_between_two_steps_is_named(tmp_path):

@@ -194,7 +194,7 @@ def test_a_run_in_the_trap_says_so(speed, warned):
     found = lost_stiffness(
         model("rotating-cantilever", "solve.preset=linear", f"shaft.speed={speed * unit!r}"), np.linspace(0.0, 0.1, 11)
     )
-    assert [text.startswith("the spin takes away all stiffness") for text in found] == [True] * warned
+    assert ["because of the spin" in text for text in found] == [True] * warned
 
 
 def test_runs_that_keep_their_stiffness_say_nothing():

@@ -62,7 +62,7 @@ class CoupledMotion(Motion):
 
     @property
     def has_rigid_forces(self) -> bool:
-        """Whether rigid forces exist: not if free joints follow the deformation, as the rigid mechanism would then
+        """True if rigid forces exist: not if free joints follow the deformation, as the rigid mechanism would then
         vibrate with them."""
         scene, twin = self.model.scene, self.model.module
         deforms = self.system.shape_columns and not (scene.contacts or scene.frictions)

@@ -259,7 +259,7 @@ class Deformation:
 
     @property
     def _gyroscopic(self) -> bool:
-        """Whether C_d acts: without z', on the rotation of the joint axes only, it is a spin term."""
+        """True if C_d acts: without z', on the rotation of the joint axes only, it is a spin term."""
         options = self.model.options
         return options.gyroscopic if self.turned is None else options.spin
 

@@ -39,7 +39,7 @@ class ElasticMotion(Motion):
 
     @property
     def has_rigid_forces(self) -> bool:
-        """Whether rigid forces are determined: not in a structure at rest, whose supports may be redundant."""
+        """True if rigid forces are determined: not in a structure at rest, whose supports may be redundant."""
         return not self.model.scene.is_frame
 
     def taken(self, instants: np.ndarray) -> ElasticMotion:

@@ -57,7 +57,7 @@ class Motion(ABC):
     @property
     @abstractmethod
     def has_rigid_forces(self) -> bool:
-        """Whether forces of the rigid mechanism are available, too."""
+        """True if forces of the rigid mechanism are available, too."""
 
     @abstractmethod
     def taken(self, instants: np.ndarray) -> Motion:

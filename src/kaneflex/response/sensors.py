@@ -93,7 +93,7 @@ class Reader:
         return getattr(self, f"_{sensor.kind}")(sensor)
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
-        """Whether the rigid mechanism determines a reading: not for sections of bodies with modal data."""
+        """True if the rigid mechanism determines a reading: not for sections of bodies with modal data."""
         return sensor.kind not in SECTION_KINDS or self.scene.bodies[address_of(sensor).body].modal is None
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:

@@ -84,7 +84,7 @@ class SpatialReader(Reader):
         return cast(SpatialCoupledMotion, self.motion).from_rigid(address.body, self.scene.point(address))
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
-        """Whether the rigid mechanism determines a reading: not if it is statically indeterminate."""
+        """True if the rigid mechanism determines a reading: not if it is statically indeterminate."""
         lost = self.motion.model.module.open_reactions
         if sensor.kind in SECTION_KINDS:
             of = self.scene.joints.items()

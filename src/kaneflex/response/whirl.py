@@ -50,7 +50,7 @@ class Whirl:
 
 
 def turns(model: Model) -> bool:
-    """Whether the axes of an elastic link, in which its coordinates are, rotate."""
+    """True if the axes of an elastic link, in which its coordinates are, rotate."""
     rigid = model.motion.at(np.linspace(0.0, model.options.duration, 5)[:-1])
     return any(np.any(rigid.frame(name).omega) for name in model.links)
 

@@ -249,7 +249,7 @@ class _Cycles(Cycles[Start, CoupledTrajectory]):
         return cycle.outcome is Outcome.COMPLETED
 
     def repeats(self, cycle: CoupledTrajectory) -> bool:
-        """Whether a cycle repeats: deformations relative to their largest, free joints to their range and that of
+        """True if a cycle repeats: deformations relative to their largest, free joints to their range and that of
         their speeds, within the error of the steps."""
         modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(self.system.modal, self.system.start)])
         change = abs(cycle.q[-1, modal] - cycle.q[0, modal]).max(initial=0.0)

@@ -35,7 +35,7 @@ def linear_about(model: Model, t: float) -> Linear[Any]:
     Raises SceneError if there is no equilibrium, for contacts and friction, and in space if a motion of free joints is
     not known.
     """
-    reason = "contact makes the equations nonlinear"
+    reason = "the equations are nonlinear"
     refuse_contacts(model.scene, "solve.preset", "coupled", reason, "Leave it out")
     found = (_linear_in_space if model.scene.is_spatial else _linear_in_plane)(model, t)
     if found is None:

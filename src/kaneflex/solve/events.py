@@ -27,7 +27,7 @@ def find_events(solution: Solution) -> dict[str, np.ndarray]:
 
 
 def happens(solution: Solution, events: Iterable[Event]) -> bool:
-    """Whether any of these events lies within the solution."""
+    """True if any of these events lies within the solution."""
     return any(len(_passed(_gap(solution, event), event.direction)) for event in events)
 
 

@@ -160,7 +160,7 @@ def timed(model: Model, started: float, derived: float, compiled: float, integra
 
 
 def has_elastic_stage(scene: Scene) -> bool:
-    """Whether linear equations about the rigid mechanism exist besides the coupled ones, for modes and coordinates.
+    """True if linear equations about the rigid mechanism exist besides the coupled ones, for modes and coordinates.
 
     They don't without elastic bodies, with freely moving or overconstrained bodies, with rigid bodies that can't follow
     the links, or with laws of joints without drive.

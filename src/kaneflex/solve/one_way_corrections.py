@@ -60,7 +60,7 @@ def _motion_of(read: Read, richer: Model, coordinates: Rates) -> ElasticMotion:
 
 
 def _is_periodic(model: Model, richer: Sequence[tuple[str, Model]]) -> bool:
-    """Whether richer models are periodic after a run of a model."""
+    """True if richer models are periodic after a run of a model."""
     options = model.options
     if not options.cycles or (options.dynamics == "dynamic" and options.start != "periodic"):
         return False

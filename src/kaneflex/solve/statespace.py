@@ -276,7 +276,7 @@ def _inputs(model: Model, rigid: RigidMotion) -> dict[str, Shift]:
 
 
 def _has_terms(model: Model, shift: Shift) -> bool:
-    """Whether the module has the inertia loads of an acceleration, which a steady motion does not need."""
+    """True if the module has the inertia loads of an acceleration, which a steady motion does not need."""
     known = {factor for _, _, target, factors in model.motion.module.TERMS if target == "F" for factor in factors}
     keys = {"epsilon": "{}.epsilon", "a_x": "{}.link.a_x", "a_y": "{}.link.a_y"}
     return all(

@@ -137,7 +137,7 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
 
 
 def _stood(solution: Solution) -> bool:
-    """Whether nothing moved except for rounding, for example held by friction: the energy error is then rounding."""
+    """True if nothing moved except for rounding, for example held by friction: the energy error is then rounding."""
     system, trajectory = solution.model.coupled, solution.trajectory
     if system is None or isinstance(trajectory, Trajectory) or not len(solution.times):
         return False

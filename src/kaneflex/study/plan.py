@@ -36,7 +36,7 @@ _POINT, _VALUE = 500, 70
 
 
 def names_file(path: str) -> bool:
-    """Whether the entry at a path of the scene is a file name."""
+    """True if the entry at a path of the scene is a file name."""
     return path.rpartition(".")[2] in FILE_KEYS.values()
 
 
@@ -151,7 +151,7 @@ def _check_memory(study: Study) -> None:
 
 
 def _alike(scene: Scene, points: Sequence[Point]) -> bool:
-    """Whether on average at least _MANY successive points differ only in drives' speeds."""
+    """True if on average at least _MANY successive points differ only in drives' speeds."""
     places = {path: resolved(scene.raw, path) for path in points[0]}
     others = [path for path, keys in places.items() if keys[0] != "drives" or keys[2:] != ["speed"]]
     changes = sum(any(one[path] != two[path] for path in others) for one, two in pairwise(points))

@@ -103,7 +103,7 @@ class Store:
             return {name: found[name] for name in found}
 
     def keeps_series(self, point: int) -> bool:
-        """Whether the series of a completed point exist and can be read."""
+        """True if the series of a completed point exist and can be read."""
         try:
             return bool(self.series(point))
         except Exception:  # a damaged archive raises various errors from several libraries

@@ -72,7 +72,7 @@ class Axis(SceneTable):
 
     @property
     def sampled(self) -> bool:
-        """Whether its values come from `sample`."""
+        """True if its values come from `sample`."""
         return self.low is not None
 
     @property

@@ -118,7 +118,7 @@ class Queue:
         return bool(self._todo or self._again)
 
     def ready(self, waiting: int, most: int) -> bool:
-        """Whether a chunk may be taken while ``waiting`` chunks are in progress, ``most`` at a time."""
+        """True if a chunk may be taken while ``waiting`` chunks are in progress, ``most`` at a time."""
         return bool(self) and waiting < (1 if self._alone or self._again else most)
 
     def take(self, workers: int) -> tuple[int, ...]:

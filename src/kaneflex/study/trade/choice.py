@@ -97,7 +97,7 @@ class Trials:
     kept: set[Variant] = field(default_factory=set)
 
     def within(self, candidate: Variant) -> bool:
-        """Whether a candidate is within the tolerance, by its price if that decides, else by a run; False if it can't
+        """True if a candidate is within the tolerance, by its price if that decides, else by a run; False if it can't
         be run."""
         if candidate not in self.errors:
             self.errors[candidate] = ()
@@ -110,7 +110,7 @@ class Trials:
         return candidate in self.kept
 
     def _judge(self, candidate: Variant, curves: Curves | None, run: bool = False) -> bool:
-        """Whether curves decide if a candidate is within the tolerance; curves of a run always do."""
+        """True if curves decide if a candidate is within the tolerance; curves of a run always do."""
         if curves is None:
             return False
         reference, tolerance = self.reference, self.tolerance
@@ -176,7 +176,7 @@ def _doubtful(trials: Trials, preset: str, found: Mapping[str, float | None]) ->
 
 
 def _fails(trials: Trials, preset: str, work: Mapping[Variant, float]) -> bool:
-    """Whether the finest model of a preset is out of tolerance; then its coarser models are not tried."""
+    """True if the finest model of a preset is out of tolerance; then its coarser models are not tried."""
     whole = (each for each in work if _preset(each) == preset and not _single_term(each) and not _reduced(each))
     finest = max(whole, key=lambda each: _fineness(each.of(trials.runs.scene)))
     if trials.within(finest):

@@ -156,7 +156,7 @@ class LinearPrices:
 def decided(
     found: Sequence[Difference], tolerance: float, doubt: Callable[[str], float] = lambda sensor: 0.0
 ) -> bool:
-    """Whether errors by prices, with their uncertainty and the reference's, are certainly within or certainly beyond a
+    """True if errors by prices, with their uncertainty and the reference's, are certainly within or certainly beyond a
     tolerance."""
 
     errors = {each.sensor: each.peak_share or 0.0 for each in found}

@@ -69,7 +69,7 @@ class Change:
         return _share(self.doubt[0], self.peak[1]), _share(self.doubt[1], self.rms[1])
 
     def matters(self, tolerance: float) -> bool:
-        """Whether peak or rms change by more than a share, less their uncertainty."""
+        """True if peak or rms change by more than a share, less their uncertainty."""
         pairs = zip((self.peak, self.rms), self.doubt, strict=True)
         return any(
             abs(one - other) - (0.0 if math.isnan(doubt) else doubt) > tolerance * other
@@ -103,7 +103,7 @@ class Prices:
 
 
 def has_price(scene: Scene) -> bool:
-    """Whether a scene has joints with clearance, or friction."""
+    """True if a scene has joints with clearance, or friction."""
     return bool(_loose(scene) or _rubbing(scene))
 
 

@@ -79,7 +79,7 @@ class Trade:
     left_out: Mapping[str, str]
 
     def good_enough(self, entry: Ranked) -> bool:
-        """Whether every sensor stays within the tolerance, including the reference's uncertainty."""
+        """True if every sensor stays within the tolerance, including the reference's uncertainty."""
         return self.reference.within(entry.differences, self.tolerance, entry.undersampled)
 
     def settings_of(self, entry: Ranked) -> tuple[str, ...]:

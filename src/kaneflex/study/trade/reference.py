@@ -67,7 +67,7 @@ class Reference:
         return self.refinement.get(sensor, 0.0) + self.coupling.get(sensor, 0.0)
 
     def within(self, found: Sequence[Difference], tolerance: float, undersampled: Sequence[str] = ()) -> bool:
-        """Whether every error, plus the reference's own, is within a tolerance; False without errors.
+        """True if every error, plus the reference's own, is within a tolerance; False without errors.
 
         Models whose steps do not resolve their loads are not within: their error is a matter of luck.
         """
