@@ -25,6 +25,10 @@ def engine() -> kaneflex.Comparison:
     return compare(read_scene("engine"), PRESETS)
 
 
+def test_the_repr_is_a_line(engine):
+    assert repr(engine) == f"Comparison(engine: {', '.join(engine.curves)} against {engine.against})"
+
+
 def of(comparison, sensor, model):
     (found,) = (e for e in comparison.differences if (e.sensor, e.model) == (sensor, model))
     return found

@@ -90,8 +90,11 @@ def test_a_solution_is_read_like_a_mapping_and_as_a_frame(engine):
 
 
 def test_reprs_are_a_line_and_a_table_in_a_notebook(engine):
-    for value in (engine, engine.model, engine.model.scene):
+    for value in (engine, engine.model, engine.model.scene, kaneflex.sensitivities(engine, ["rod.E"])):
         assert len(repr(value)) < 160 and "engine" in repr(value)
+    for value in (kaneflex.linearise(engine), kaneflex.export_fmu(engine)):
+        assert len(repr(value)) < 160 and "20 outputs" in repr(value)
+    for value in (engine, engine.model, engine.model.scene):
         assert "<table>" in value._repr_html_()
     assert "mid_transverse" in engine._repr_html_()
     odd = kaneflex.with_settings(engine.model.scene, ['description="<b> & co"'])

@@ -40,6 +40,10 @@ def effects(engine):
     return {effect.group.name: effect for effect in engine.effects}
 
 
+def test_the_repr_is_a_line(engine):
+    assert repr(engine).startswith("Terms(engine, needed: ") and len(repr(engine)) < 160
+
+
 def test_groups_are_those_that_the_scene_has():
     names = [group.name for group in groups(neutral(read_scene("engine")))]
     terms_there = ["spin", "gyroscopic", "euler", "geometric", "damping"]

@@ -51,6 +51,7 @@ def test_the_reference_is_known_well_enough_and_coupling_is_not_needed(engine):
     """Two-way coupling changes the engine by 0.10 %, less than a quarter of 1 %; it counts as doubt."""
     found = engine.reference
     assert found.name == "stiffened, 8 elements, 2880 steps"
+    assert repr(engine).startswith("Trade(engine: ") and len(repr(engine)) < 160
     assert max(found.refinement.values()) == pytest.approx(8e-5, abs=3e-5)
     assert max(found.coupling, key=found.coupling.get) == "crank_pin_force_x"
     assert found.coupling["crank_pin_force_x"] == pytest.approx(0.00103, abs=0.0001)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
@@ -46,6 +46,18 @@ class Trajectory:
     floquet: Floquet
     ns_per_step: float
     solver: str = ""
+
+    def at(self, times: np.ndarray) -> Trajectory:
+        """Motion at other instants: the quintic through the stored z, z', z''."""
+        from scipy.interpolate import BPoly
+
+        knots = np.stack([self.z, self.v, self.a], axis=1)
+        if not knots.size:
+            empty = np.zeros((len(times), 0))
+            return replace(self, times=times, z=empty, v=empty, a=empty)
+        curve = BPoly.from_derivatives(self.times, knots)
+        z, v, a = curve(times), curve.derivative(1)(times), curve.derivative(2)(times)
+        return replace(self, times=times, z=z, v=v, a=a)
 
     @cached_property
     def multipliers(self) -> np.ndarray | None:

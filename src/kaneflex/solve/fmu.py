@@ -63,6 +63,9 @@ class Fmu:
     inputs: tuple[str, ...]
 
 
+    def __repr__(self) -> str:
+        return f"Fmu({len(self.outputs)} outputs, {len(self.inputs)} inputs, {len(self.content)} bytes)"
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sensors that are left out, and a missing library."""

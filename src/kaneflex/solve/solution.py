@@ -227,7 +227,7 @@ class Solution:
             from kaneflex.multibody.dense_output import between
 
             return replace(self, trajectory=between(self.model.coupled, self.trajectory, times), whole=self)
-        return replace(self, trajectory=_between(self.trajectory, times), whole=self)
+        return replace(self, trajectory=self.trajectory.at(times), whole=self)
 
     @cached_property
     def events(self) -> dict[str, np.ndarray]:
@@ -385,19 +385,6 @@ def _restored(
     from kaneflex.solve.coupled import as_solution
 
     return replace(as_solution(model, trajectory, seconds), whole=whole)
-
-
-def _between(trajectory: Trajectory, times: np.ndarray) -> Trajectory:
-    """Motion at other instants, by the quintic through the stored z, z', z''."""
-    from scipy.interpolate import BPoly
-
-    knots = np.stack([trajectory.z, trajectory.v, trajectory.a], axis=1)
-    if not knots.size:
-        empty = np.zeros((len(times), 0))
-        return replace(trajectory, times=times, z=empty, v=empty, a=empty)
-    curve = BPoly.from_derivatives(trajectory.times, knots)
-    z, v, a = curve(times), curve.derivative(1)(times), curve.derivative(2)(times)
-    return replace(trajectory, times=times, z=z, v=v, a=a)
 
 
 def natural_frequencies(model: Model) -> tuple[float, ...]:

@@ -72,6 +72,10 @@ class StateSpace:
     t: float
     drives: Mapping[str, float]
 
+    def __repr__(self) -> str:
+        sizes = (f"{len(getattr(self, part))} {part}" for part in ("states", "inputs", "outputs"))
+        return f"StateSpace({', '.join(sizes)}, t = {self.t:.6g} s)"
+
     @property
     def poles(self) -> np.ndarray:
         """Eigenvalues of A [1/s] whose imaginary part is not negative, by rising modulus."""

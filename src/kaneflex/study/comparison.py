@@ -38,7 +38,7 @@ class Comparison:
 
     Attributes
     ----------
-    scene : Scene, Model, Solution or path
+    scene : Scene
     against : str
         Name of the reference model.
     curves : mapping of str to Curves
@@ -51,6 +51,9 @@ class Comparison:
     against: str
     curves: Mapping[str, Curves]
     left_out: Mapping[str, str]
+
+    def __repr__(self) -> str:
+        return f"Comparison({self.scene.name}: {', '.join(self.curves)} against {self.against})"
 
     @property
     def times(self) -> np.ndarray:
@@ -113,8 +116,13 @@ def compare(
 
     Parameters
     ----------
+<<<<<<< HEAD
     scene : Scene
         All settings but the preset are kept.
+=======
+    scene : Scene, Model, Solution or path
+        All but its preset stays as it is.
+>>>>>>> f3b4a68d (Python: one-line reprs of state spaces, comparisons, trades, terms, sensitivities and FMUs)
     presets : sequence of str, optional
         By default PRESETS_COMPARED; with ``peer``, the scene's own preset.
     against : str, optional

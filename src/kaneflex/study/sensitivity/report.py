@@ -62,6 +62,9 @@ class Sensitivities:
     frozen: bool
     slopes: Mapping[str, Mapping[str, np.ndarray]]
 
+    def __repr__(self) -> str:
+        return f"Sensitivities({self.solution.model.in_short}, by {', '.join(self.slopes)})"
+
     def series(self, parameter: Parameter, sensor: str) -> np.ndarray:
         """Derivative dy/dp over the stored times, (n_times,), in the sensor's unit divided by the parameter's."""
         return self.slopes[parameter.name][sensor] / parameter.value

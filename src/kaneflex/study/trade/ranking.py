@@ -60,7 +60,7 @@ class Trade:
 
     Attributes
     ----------
-    scene : Scene, Model, Solution or path
+    scene : Scene
     sensors : tuple of str
     tolerance : float
         Share of a sensor's peak.
@@ -77,6 +77,9 @@ class Trade:
     reference: Reference
     ranked: tuple[Ranked, ...]
     left_out: Mapping[str, str]
+
+    def __repr__(self) -> str:
+        return f"Trade({self.scene.name}: {len(self.ranked)} models, chosen {self.chosen and self.chosen.name})"
 
     def good_enough(self, entry: Ranked) -> bool:
         """True if every sensor stays within the tolerance, including the reference's uncertainty."""
@@ -114,8 +117,14 @@ def trade(
 
     Parameters
     ----------
+<<<<<<< HEAD
     scene : Scene
         Its preset, integrator, modes, reduction and terms are replaced; start and duration are kept.
+=======
+    scene : Scene, Model, Solution or path
+        Its preset, integrator, modes, reduction and terms are chosen anew; what is compared is its own run, from its
+        start or on its periodic state.
+>>>>>>> f3b4a68d (Python: one-line reprs of state spaces, comparisons, trades, terms, sensitivities and FMUs)
     tolerance : float
         Allowed error of each sensor, as a share of the largest absolute value of the reference.
     budget : float

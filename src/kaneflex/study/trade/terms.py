@@ -111,6 +111,10 @@ class Terms:
     full: Cost
     left_out: Mapping[str, str]
 
+    def __repr__(self) -> str:
+        needed = [effect.group.name for effect in self.effects if effect.needed]
+        return f"Terms({self.scene.name}, needed: {', '.join(needed) or 'none'})"
+
 
 def groups(scene: Scene) -> tuple[Group, ...]:
     """Groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling."""
