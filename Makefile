@@ -11,6 +11,7 @@ BUILD := .build
 BIN := $(BUILD)/venv/bin
 READY := $(BUILD)/venv/ready
 READY_TEST := $(BUILD)/venv/ready-test
+TYPED := $(BUILD)/venv/typed
 DERIVED := $(BUILD)/derived
 
 # Kernels are compiled once for all targets, and the checkout stays clean.
@@ -29,7 +30,12 @@ $(READY): pyproject.toml
 	$(INSTALL) .
 	@touch $@
 
-$(READY_TEST): $(READY)
+# The editable install finds its packages by an import hook, which type checkers do not follow: they read this path.
+$(TYPED): $(READY)
+	@echo "$(CURDIR)/src" > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/kaneflex-types.pth"
+	@touch $@
+
+$(READY_TEST): $(READY) | $(TYPED)
 	$(INSTALL) '.[$(EXTRAS)]'
 	@touch $@
 
