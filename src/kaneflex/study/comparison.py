@@ -116,13 +116,8 @@ def compare(
 
     Parameters
     ----------
-<<<<<<< HEAD
-    scene : Scene
-        All settings but the preset are kept.
-=======
     scene : Scene, Model, Solution or path
-        All but its preset stays as it is.
->>>>>>> f3b4a68d (Python: one-line reprs of state spaces, comparisons, trades, terms, sensitivities and FMUs)
+        All settings but the preset are kept.
     presets : sequence of str, optional
         By default PRESETS_COMPARED; with ``peer``, the scene's own preset.
     against : str, optional

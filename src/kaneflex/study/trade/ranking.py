@@ -117,14 +117,8 @@ def trade(
 
     Parameters
     ----------
-<<<<<<< HEAD
-    scene : Scene
-        Its preset, integrator, modes, reduction and terms are replaced; start and duration are kept.
-=======
     scene : Scene, Model, Solution or path
-        Its preset, integrator, modes, reduction and terms are chosen anew; what is compared is its own run, from its
-        start or on its periodic state.
->>>>>>> f3b4a68d (Python: one-line reprs of state spaces, comparisons, trades, terms, sensitivities and FMUs)
+        Its preset, integrator, modes, reduction and terms are replaced; start and duration are kept.
     tolerance : float
         Allowed error of each sensor, as a share of the largest absolute value of the reference.
     budget : float
