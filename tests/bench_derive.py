@@ -16,6 +16,7 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
+import csv_tables
 from chains import chain
 from rich.progress import track
 
@@ -46,9 +47,10 @@ closed ones from ground to ground. Operations are those of the kernel `motion` w
 Without sharing they multiply with each link; with sharing each link adds the same number. Each is compiled in a new
 process with an empty cache.
 
-| chain | links | derive [s] | module [kB] | operations written out | operations shared | compile `motion` [s] |
-| --- | --- | --- | --- | --- | --- | --- |
 """
+COLUMNS = (
+    "chain", "links", "derive [s]", "module [kB]", "operations written out", "operations shared", "compile motion [s]"
+)  # fmt: skip
 COUPLED_LINKS, COUPLED_MODES = (1, 2, 4, 8), (1, 3, 6)
 COUPLED = """
 import sys
@@ -67,9 +69,8 @@ COUPLED_HEAD = """
 The open chains under preset `coupled`, with 1 to 6 modes a link and the static shapes, over 1 s. The first row
 includes compiling the engine that all scenes share.
 
-| links | modes | coordinates | derive [s] | compile [s] | a step [us] | steps | rejected |
-| --- | --- | --- | --- | --- | --- | --- | --- |
 """
+COUPLED_COLUMNS = ("links", "modes", "coordinates", "derive [s]", "compile [s]", "a step [us]", "steps", "rejected")
 FOOT = """
 {date}, {cores} cores, Python {python}, SymPy {sympy}, numba {numba}; the smallest of {tries}, of
 the coupled equations a single try. Made by
@@ -98,19 +99,20 @@ def compile_seconds(path: Path, structure: str) -> float:
     return float(done.stdout)
 
 
-def row(count: int, closed: bool, tries: int, folder: Path) -> str:
+def row(count: int, closed: bool, tries: int, folder: Path) -> list[str]:
     """One row of the table."""
     derived = [derive_seconds(count, closed, folder) for _ in range(tries)]
     _, path, structure = derived[0]
     compiled = min(compile_seconds(path, structure) for _ in range(tries))
     written_out, shared = import_file(path, structure, REQUIRED_ATTRIBUTES).OPERATIONS["motion"]
-    return (
-        f"| {'closed' if closed else 'open'} | {count} | {min(seconds for seconds, *_ in derived):.2f} "
-        f"| {path.stat().st_size / 1e3:.0f} | {written_out:,} | {shared} | {compiled:.2f} |\n"
-    )
+    seconds = min(seconds for seconds, *_ in derived)
+    return [
+        "closed" if closed else "open", str(count), f"{seconds:.2f}", f"{path.stat().st_size / 1e3:.0f}",
+        f"{written_out:,}", str(shared), f"{compiled:.2f}",
+    ]  # fmt: skip
 
 
-def coupled_row(count: int, modes: int, numba: str, folder: Path) -> str:
+def coupled_row(count: int, modes: int, numba: str, folder: Path) -> list[str]:
     """One row of the coupled equations' table: a process that finds nothing derived, and compiles anew."""
     path = folder / f"open-chain-{count}.toml"
     chain(count, False, folder)
@@ -121,10 +123,10 @@ def coupled_row(count: int, modes: int, numba: str, folder: Path) -> str:
             check=True,
         )  # fmt: skip
     size, derive, compile_, step, steps, rejected = done.stdout.split()
-    return (
-        f"| {count} | {modes} | {size} | {float(derive):.1f} | {float(compile_):.1f} | {float(step):.0f} | {steps} "
-        f"| {rejected} |\n"
-    )
+    return [
+        str(count), str(modes), size, f"{float(derive):.1f}", f"{float(compile_):.1f}", f"{float(step):.0f}", steps,
+        rejected,
+    ]  # fmt: skip
 
 
 def main() -> None:
@@ -144,7 +146,9 @@ def main() -> None:
         date=datetime.date.today().isoformat(), cores=os.cpu_count(), python=platform.python_version(),
         sympy=version("sympy"), numba=version("numba"), tries=asked.tries,
     )  # fmt: skip
-    text = HEAD + "".join(rows) + COUPLED_HEAD + "".join(coupled) + foot
+    docs = asked.output.parent
+    text = HEAD + csv_tables.write("derive-times", COLUMNS, rows, docs)
+    text += COUPLED_HEAD + csv_tables.write("derive-times-coupled", COUPLED_COLUMNS, coupled, docs) + foot
     asked.output.write_text(text, encoding="utf-8", newline="\n")
 
 
