@@ -95,6 +95,16 @@ def test_shear_does_not_jump_beside_a_joint():
     assert beside == pytest.approx(-across, abs=1e-5 * abs(across).max())
 
 
+def test_balances_at_joints_are_evaluated_once_for_all_sections(monkeypatch):
+    """Two balances at each station, and two at each end of the link: it has no joint between these."""
+    sections = balanced(run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").motion)["strip"]
+    asked, section = [], Balance.section
+    monkeypatch.setattr(Balance, "section", lambda self, x, after=False: asked.append(x) or section(self, x, after))
+    for x in np.linspace(0.1, 0.9, 9):
+        sections.section(x)
+    assert len(asked) == 2 * 9 + 2 * 2
+
+
 def test_a_rigid_body_that_links_carry_stays_rigid():
     """The follower's end keeps its distance from the pivot, however far the bent coupler lets it turn, and the pin."""
     solution = run("four-bar-motor", "solve.duration=0.3 s", "solve.steps=600")

@@ -383,4 +383,4 @@ class CoupledMotion(Motion):
 
 def _form(a: np.ndarray, H: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Bilinear form a^T H b at all times."""
-    return np.einsum("it,ij,jt->t", a, H, b)
+    return (a * (H @ b)).sum(axis=0)

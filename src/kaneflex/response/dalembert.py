@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -166,8 +166,8 @@ class Balanced:
         if np.min(abs(stops - x)) > _SAME * stops[-1]:
             last = int(np.searchsorted(stops, x))
             a, b = stops[last - 1], stops[last]
-            rest = (b - x) / (b - a) * self._difference(a, True) + (x - a) / (b - a) * self._difference(b, False)
-            _, V, M = self.quiet.section(x, after) + rest
+            at_a, at_b = self._differences[last - 1]
+            _, V, M = self.quiet.section(x, after) + (b - x) / (b - a) * at_a + (x - a) / (b - a) * at_b
         return N, V, M
 
     @cached_property
@@ -179,6 +179,11 @@ class Balanced:
         acting += [side for contact in scene.contacts.values() for side in contact.sides]
         places = [scene.point(address)[0] for address in acting if address.body == link]
         return np.unique([0.0, motion.system.links[link].length, *places])
+
+    @cached_property
+    def _differences(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Loud less quiet balance at both ends of each part between two stops."""
+        return [(self._difference(a, True), self._difference(b, False)) for a, b in pairwise(self._stops)]
 
     def _difference(self, x: float, after: bool) -> np.ndarray:
         return self.loud.section(x, after) - self.quiet.section(x, after)
