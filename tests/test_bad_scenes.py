@@ -187,7 +187,7 @@ BAD = {
     "branch where a joint is missing": (
         'wrist = {revolute = ["rod.end", "piston"]}\n', "",
         "joints.bore.branch = '+': no loop is closed: rod hangs at pin alone, piston hangs at bore alone. "
-        "Join what hangs, or leave branch out."),
+        "Add the missing joint, like pin = {revolute = [\"rod.end\", \"piston\"]}, or leave branch out."),
     "branch that is none": (
         'branch = "+"', 'branch = "up"',
         "joints.bore.branch = 'up': must be '+' or '-'. Write one of these."),
@@ -386,7 +386,8 @@ BAD = {
         "Write an acceleration like '9.81 m/s^2', or a plain number in m/s^2."),
     "broken TOML": (
         "schema = 1", "schema = ",
-        "scene = 'bad.toml': not TOML: Invalid value (at line 4, column 10). Correct line 4: schema =."),
+        "scene = 'bad.toml': line 4 is not TOML: schema = (Invalid value (at line 4, column 10)). "
+        "Write lines like key = \"50 mm\", or headers like [bodies.rod]."),
     "a unit without quotes": (
         LENGTH, "length = 137 mm",
         'scene = \'bad.toml\': line 17 is not TOML: rod = {length = 137 mm, mass = "0.153 kg", beam = {material = '

@@ -87,7 +87,8 @@ def test_a_preset_that_can_not_be_run_is_left_out_with_its_reason():
 
 def test_too_few_that_run_and_a_lost_reference_are_refused():
     scene = with_settings(read_scene("spin-up"), ["solve.integrator=newmark", "solve.steps=200"])
-    with pytest.raises(SceneError, match=r"fewer than two of them can be run \(coupled: solve.integrator"):
+    said = r"fewer than two of them can be run. Choose other presets.\ncoupled: solve.integrator.*\.$"
+    with pytest.raises(SceneError, match=said):
         compare(scene, ("quasistatic", "coupled"))
     with pytest.raises(SceneError, match="coupled, the reference, can't be run"):
         compare(scene, ("quasistatic", "stiffened", "coupled"), against="coupled")

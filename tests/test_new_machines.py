@@ -141,7 +141,7 @@ def test_a_cylinder_that_dwells_is_followed():
 
 
 def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given():
-    said = "the loop closes in 2 ways at the start, and branch chooses in loops of two bodies only: boom "
+    said = "branch chooses in loops of two bodies only. Choose one, like near = {boom = '6 deg'}:\n  boom 6"
     with pytest.raises(SceneError, match=re.escape(said)):
         place(scene_of(BOOM.replace("WAY", 'branch = "+"')))
 

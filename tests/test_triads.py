@@ -240,7 +240,7 @@ def test_show_places_the_same_assembly():
         (
             (', near = {platform = "16 deg"}', ""),
             "joints.right_knee.near: the loop closes in 4 ways at the start, and branch chooses in loops of two bodies "
-            "only: ",
+            "only. Choose one, like near = {rod = '",
         ),
         (
             ('near = {platform = "16 deg"}', 'near = {crank = "16 deg"}'),

@@ -52,7 +52,7 @@ class _Refusal(click.ClickException):
 
     def show(self, file: object = None) -> None:
         for line in self.message.splitlines():
-            echo(f"Error: {line}", err=True)
+            echo(f"{'' if line.startswith(' ') else 'Error: '}{line}", err=True)
 
 
 @contextmanager

@@ -324,7 +324,7 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tup
         )  # fmt: skip
     ranked = sorted(assemblies, key=off)
     if len(ranked) > 1 and off(ranked[1]) - off(ranked[0]) < _ALIKE:
-        ways = "; ".join(
+        lines = (
             ", ".join(f"{name} {math.degrees(math.remainder(poses[name][2], 2 * math.pi)):.1f} deg" for name in group)
             for poses in assemblies
         )
@@ -332,9 +332,10 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tup
         raise SceneError(
             f"joints.{closing.name}.near",
             {name: f"{math.degrees(angle):g} deg" for name, angle in near.items()} or None,
-            f"the loop closes in {len(ranked)} ways at the start{unsaid}: {ways}",
-            f"Say which, like near = {{{group[0]} = "
-            f"'{math.degrees(math.remainder(assemblies[0][group[0]][2], 2 * math.pi)):.0f} deg'}}",
+            f"the loop closes in {len(ranked)} ways at the start{unsaid}",
+            f"Choose one, like near = {{{group[0]} = "
+            f"'{math.degrees(math.remainder(assemblies[0][group[0]][2], 2 * math.pi)):.0f} deg'}}:\n  "
+            + "\n  ".join(lines),
         )  # fmt: skip
     return ranked[0]
 

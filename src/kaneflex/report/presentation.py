@@ -221,7 +221,7 @@ def _overconstrained(twice: int) -> str:
 def closing_lines(found: Sequence[Closing]) -> dict[str, str]:
     """How near loops come to dead centres, below what :func:`~kaneflex.mechanism.reach.reach_lines` has."""
     kinds = {"transmission angle": True, "smallest singular value": False}
-    told = {kind: "; ".join(each.told for each in found if each.is_angle is angle) for kind, angle in kinds.items()}
+    told = {kind: "\n".join(each.told for each in found if each.is_angle is angle) for kind, angle in kinds.items()}
     return {kind: text for kind, text in told.items() if text}
 
 

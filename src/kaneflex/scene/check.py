@@ -144,7 +144,17 @@ def _no_loop(scene: Scene, closing: tuple[str, ...]) -> tuple[str, str]:
     hanging = [f"{name} hangs at {''.join(at) or 'nothing'} alone" for name, at in held.items() if len(at) < 2]
     if not hanging:
         return "this joint closes no loop", "Leave branch out"
-    return f"no loop is closed: {', '.join(hanging)}", "Join what hangs, or leave branch out"
+    free = [f'"{_free_point(scene, name)}"' for name, at in held.items() if len(at) < 2]
+    missing = f", like pin = {{revolute = [{', '.join(free)}]}}" if len(free) == 2 else ""
+    return f"no loop is closed: {', '.join(hanging)}", f"Add the missing joint{missing}, or leave branch out"
+
+
+def _free_point(scene: Scene, name: str) -> str:
+    """An end of a body that no joint is at."""
+    if scene.bodies[name].length is None:
+        return name
+    used = {str(side) for joint in scene.joints.values() for side in joint.addresses}
+    return f"{name}.end" if f"{name}.start" in used else f"{name}.start"
 
 
 def _poses(scene: Scene) -> Iterator[Problem]:
@@ -309,7 +319,8 @@ def _horizon(scene: Scene) -> Iterator[Problem]:
         given = given_value(scene.raw, key.split("."))
         if drive.cycle and not _is_multiple(drive.cycle, math.tau):
             reason = "the mechanism repeats after whole turns only"
-            yield Problem(key, given, reason, "Give a multiple of 360 deg")
+            plain = "" if isinstance(given, str) else "; plain numbers are in rad"
+            yield Problem(key, given, reason, f"Give a multiple of 360 deg{plain}")
         if not math.isclose(drive.period, scene.period, rel_tol=1e-9):
             reason = f"this cycle takes {drive.period:.6g} s, another drive's {scene.period:.6g} s"
             yield Problem(key, given, reason, "Give cycles that take the same time")

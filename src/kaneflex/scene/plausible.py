@@ -49,9 +49,17 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     """Warnings of what is read from the scene alone: numbers in a wrong unit, and tables' curves where no row is."""
     long = _long_links(scene)
     apart = () if long else _far_apart(scene)
-    read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _massless, _damping, _cuts, _fibres)
+    read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _massless, _damping, _cuts, _fibres, _angles)
     found = (apart, *(each(scene) for each in read))
     return (*long, *(text for each in found for text in each), *_tables(scene))
+
+
+def _angles(scene: Scene) -> Iterator[str]:
+    """Angles of more than a turn by plain numbers, which are in rad."""
+    for path in (*(["drives", name, "angle"] for name in scene.drives), ["solve", "mode_angle"]):
+        given = given_value(scene.raw, path)
+        if isinstance(given, int | float) and abs(given) > math.tau:
+            yield f"{'.'.join(path)} = {given:g} is in rad: write '{given:g} deg' with its unit where degrees are meant"
 
 
 def _cuts(scene: Scene) -> Iterator[str]:

@@ -192,7 +192,7 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
     except ValueError:  # Python makes no whole number of more than 4300 digits, and names no line
         line, digits = _longest_number(text)
         reason = f"line {line}: a whole number of {digits} digits"
-        raise SceneError("scene", name, reason, "Correct it, or write it like 1.5e9") from None
+        raise SceneError("scene", name, reason, "Write it like 1.5e9") from None
     _demand_shallow(raw, name)
     return raw
 
@@ -303,5 +303,5 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
     elif error["type"] in ("bool_type", "bool_parsing"):
         reason, cure = "neither true nor false", "Write true or false, without quotes"
     else:
-        reason, cure = error["msg"][:1].lower() + error["msg"][1:], "Correct the value"
+        reason, cure = error["msg"][:1].lower() + error["msg"][1:], f"Write another {path[-1]}, see the scene reference"
     return Problem(".".join(path), given_value(raw, path), reason, cure)

@@ -15,7 +15,7 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.study.differences import Difference, difference
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import SceneError, nearest
+from kaneflex.support.errors import Problem, SceneError, failed, nearest
 from kaneflex.support.labelled import Labelled
 from kaneflex.support.terminal import silent
 
@@ -196,9 +196,9 @@ def side_by_side(
         If the reference failed, or fewer than two models ran.
     """
     if len(found) < 2 or (against is not None and against not in found):
-        reasons = "; ".join(f"{model}: {reason}" for model, reason in left_out.items())
         what = "fewer than two of them can be run" if len(found) < 2 else f"{against}, the reference, can't be run"
-        raise SceneError("--presets", ",".join([*found, *left_out]), f"{what} ({reasons})", "Choose other presets")
+        problem = Problem("--presets", ",".join([*found, *left_out]), what, "Choose other presets")
+        raise SceneError.gather([problem, *(failed(model, reason) for model, reason in left_out.items())])
     reference = against or list(found)[-1]
     last, shortest = min((curves.times[-1], model) for model, curves in found.items())
     times = found[reference].times

@@ -158,15 +158,18 @@ def read_study(path: Path | str) -> Study:
     SceneError
         If the file is not a valid study; names every problem.
     """
-    path = Path(path)
+    path, text = Path(path), ""
     try:
-        raw: dict[str, Any] = tomllib.loads(read_text(path))
+        text = read_text(path)
+        raw: dict[str, Any] = tomllib.loads(text)
     except Fault as fault:
         raise SceneError("study", path.name, fault.reason, fault.cure) from None
     except FileNotFoundError:
         raise SceneError("study", path.name, "no such file", "Give the path of a study") from None
     except (ValueError, RecursionError) as error:
-        raise SceneError("study", path.name, f"not TOML: {error}", "Correct the line named") from None
+        from kaneflex.support.mistakes import toml_advice
+
+        raise SceneError("study", path.name, *toml_advice(str(error), text)) from None
     if "bodies" in raw and "parameters" not in raw:
         cure = f"Write another file with scene = {path.name!r} and a table of parameters"
         raise SceneError("study", path.name, "it is a scene, not a study", cure)

@@ -85,6 +85,12 @@ class Problem:
         return f"{thing}: {self.reason}. {self.cure}."
 
 
+def failed(name: str, message: str) -> Problem:
+    """Problem of a model by the message that it failed with."""
+    reason, _, cure = message.rstrip(".").rpartition(". ")
+    return Problem(name, None, reason, cure)
+
+
 class UserError(ValueError):
     """Base of the errors that a user can cure; its attributes are those of the first of its `problems`."""
 
@@ -134,7 +140,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name[:LONGEST_NAME], known, n=1, cutoff=0.6)
     if close:
         return f"The nearest known one is {close[0]!r}"
-    return "Known: " + ", ".join(known) if known else "There is none"
+    return "Known: " + ", ".join(known) if known else "There is none: add one first"
 
 
 def _shortened(value: object) -> str:

@@ -40,7 +40,7 @@ def toml_advice(problem: str, text: str) -> tuple[str, str]:
         return f"line {number} defines {name} a second time", "Rename one of them, or write their keys under one header"
     if "Cannot overwrite a value" in problem:
         return f"{reason}, whose key has a value already", "Give each key once"
-    if re.search(rf"=\s*{_NUMBER}\s*(?:[^\W\d_]|%)", line):
+    if re.search(rf"[=\[,]\s*{_NUMBER}\s*(?:[^\W\d_]|%)", line):
         return reason, 'Write a number with a unit in quotes, like "50 mm"'
     if re.search(rf"=\s*{_NUMBER},\d", line):
         return reason, "Write a decimal point, not a comma"
@@ -49,4 +49,10 @@ def toml_advice(problem: str, text: str) -> tuple[str, str]:
         return reason, cure
     if re.search(r"=\s*[^\W\d]", line):
         return reason, 'Write a text in quotes, like "steel"'
-    return f"not TOML: {problem}", f"Correct line {number}: {line}"
+    if line.count('"') % 2 or line.count("'") % 2:
+        return reason, "Close the quotes in this line"
+    if line.startswith("[") and not line.endswith("]"):
+        return reason, "Close the header with ], like [bodies.rod]"
+    if re.match(r"[\w.\-]+\s*:", line):
+        return reason, "Write = between a key and its value"
+    return f"{reason} ({problem})", 'Write lines like key = "50 mm", or headers like [bodies.rod]'

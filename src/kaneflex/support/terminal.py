@@ -54,7 +54,8 @@ def block(title: str, entries: Mapping[str, str]) -> str:
     import click
 
     width = max(map(len, entries))
-    lines = [f"  {name:<{width}}  {text}" for name, text in entries.items()]
+    further = "\n" + " " * (width + 4)
+    lines = [f"  {name:<{width}}  " + text.replace("\n", further) for name, text in entries.items()]
     return "\n".join([click.style(title, bold=True), *lines])
 
 

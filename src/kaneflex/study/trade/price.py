@@ -31,7 +31,7 @@ from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.ranking import check_sensors
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, failed
 
 _FINER = 0.1
 """Factor on the tolerance of a step for the second run."""
@@ -155,7 +155,7 @@ def price(
         except SceneError as error:
             left_out[part] = str(error)
     if not prices:
-        raise SceneError("joints", None, "; ".join(left_out.values()), "Write a scene without them and compare")
+        raise SceneError.gather([failed(part, reason) for part, reason in left_out.items()])
     return Prices(scene, tolerance, tuple(prices), left_out)
 
 

@@ -18,7 +18,7 @@ from kaneflex.study.runs import Cost, Run, Runs, cost
 from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import SceneError, nearest, refuse
+from kaneflex.support.errors import Problem, SceneError, failed, nearest, refuse
 from kaneflex.support.terminal import silent
 
 _FIRST_RUNS = 0.6
@@ -145,8 +145,8 @@ def trade(
     candidates = candidates_of(basis) if candidates is None else candidates
     found, left_out = _first_runs(runs, candidates, time.perf_counter() + _FIRST_RUNS * budget)
     if not found:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
-        raise SceneError("--budget", budget, f"no candidate was run ({reasons})", "Give more time")
+        problem = Problem("--budget", budget, "no candidate was run", "Give more time")
+        raise SceneError.gather([problem, *(failed(name, reason) for name, reason in left_out.items())])
     repeats = runs.repeats(list(found), deadline)
     ranked = [
         Ranked(
