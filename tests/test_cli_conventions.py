@@ -30,7 +30,7 @@ def test_help_lists_every_command_once_by_its_group_on_one_line():
     assert "..." not in "".join(lines)
 
 
-@pytest.mark.parametrize("command", [name for name in COMMANDS if name != "list"])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_help_of_a_command_has_one_sentence_and_an_example(command):
     shown = cli(command, "--help").stdout
     sentence = shown.split("\n\n")[1]
@@ -73,6 +73,20 @@ def test_a_sweep_takes_settings():
         file.write('scene = "engine"\nsettings = ["solve.steps=36"]\n[parameters]\n"main.speed" = ["3000 rpm"]\n')
     found = cli("sweep", "study.toml", "--no-plots", "--set", "rod.length=30 mm", "--preset", "rigid")
     assert found.exit_code == 3 and "Point 0: joints.bore" in found.stderr
+
+
+@pytest.mark.parametrize("command", ["compare", "sweep", "trade", "terms", "stability", "run"])
+def test_pictures_are_drawn_unless_no_plots_is_given(command):
+    shown = cli(command, "--help").stdout
+    assert "--no-plots" in shown and shown.count("--plots") == shown.count("--plots KINDS") == (command == "run")
+
+
+def test_stability_states_the_speeds_that_it_computed():
+    arguments = ("stability", "mathieu", "--no-plots", "-o", "out")
+    earlier = cli(*arguments, "--plots")
+    assert "Warning: --plots is the default" in earlier.stderr and "At the scene's own speed; --vary" in earlier.stdout
+    found = cli(*arguments, "--force", "--vary", "clock.speed=100:300rpm", "--points", "3")
+    assert found.stdout.startswith("At the scene's own speed, and at 3 speeds of clock from 100 rpm to 300 rpm\n")
 
 
 def test_derive_takes_presets_and_the_earlier_spelling():

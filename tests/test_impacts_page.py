@@ -43,7 +43,7 @@ def test_the_commands_draw_what_the_page_says(outputs):
     assert drawn == {"sweep.png", "bifurcation.png", "poincare.png"}
     assert [path.name for path in Path("room-sweep").glob("*.png")] == ["sweep.png"]
     Path("shaken-sweep/poincare.png").unlink()
-    assert "Drawn: shaken-sweep/poincare.png" in cli("sweep", "shaken.toml", "--plots").stdout  # nothing is solved
+    assert "Drawn: shaken-sweep/poincare.png" in cli("sweep", "shaken.toml").stdout  # nothing is solved
     assert "Drawn" not in cli("sweep", "shaken.toml", "--no-plots").stdout
 
 

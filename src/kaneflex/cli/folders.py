@@ -15,7 +15,7 @@ from kaneflex.cli.command import Count, Decorator, Real
 from kaneflex.support.atomic_output import refuse_existing
 from kaneflex.support.errors import OutputError
 from kaneflex.support.output_folders import file_stem, whole_folder, writing
-from kaneflex.support.terminal import Waiting
+from kaneflex.support.terminal import Waiting, echo
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -73,13 +73,20 @@ class Target:
         return self.output
 
 
-_one_picture = click.option("--plots/--no-plots", default=True, show_default=True, help="Draw it as PNG and SVG.")
+def _needless(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:
+    if given:
+        echo("Warning: --plots is the default and no longer an option here", err=True)
+
+
+no_plots = click.option("--no-plots", "plots", is_flag=True, flag_value=False, default=True, help="Draw no pictures.")
+earlier_plots = click.option("--plots", is_flag=True, hidden=True, expose_value=False, callback=_needless)
+_one_picture = together(no_plots, earlier_plots)
 which_pictures = together(
     click.option(
         "--plots", "kinds", metavar="KINDS",
         help="Pictures to draw, as in `kaneflex plot --help`, with commas. [default: mechanism,sensors,loads]",
     ),
-    click.option("--no-plots", "plots", is_flag=True, flag_value=False, default=True, help="Draw no pictures."),
+    no_plots,
 )  # fmt: skip
 moving_options = together(
     click.option("--mp4", is_flag=True, help='Also write the animation as MP4; pip install "kaneflex[mp4]" brings it.'),

@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 @json_option
 @uncollected()
 def list_(as_json: bool) -> None:
-    """List the shipped scenes, the presets and the integrators."""
+    """List the shipped scenes, the presets and the integrators.
+
+    \b
+      kaneflex list --json
+    """
     from kaneflex.integrate.methods import METHODS
     from kaneflex.scene.parts import PRESETS
     from kaneflex.scene.read import descriptions

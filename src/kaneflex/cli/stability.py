@@ -72,7 +72,10 @@ def stability(
     if as_json:
         print_json(found.as_data())
         return
-    if speeds is None:
+    if speeds is not None:
+        low, high = (scene.written_speed(check_sweep(scene), ends) for ends in speeds[[0, -1]])
+        echo(f"At the scene's own speed, and at {len(speeds)} speeds of {check_sweep(scene)} from {low} to {high}")
+    else:
         echo(f"At the scene's own speed; --vary {next(iter(scene.drives), 'DRIVE')}.speed=LOW:HIGH computes a range")
     echo(block("stability", found.findings))
     echo(f"Written to {target.folder}")

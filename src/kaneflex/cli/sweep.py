@@ -25,6 +25,15 @@ _QUIET = 2.0
 """Seconds between two lines about the progress."""
 
 
+def _demand_xarray(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:
+    if given:  # the earlier spelling, which asks for pictures
+        from kaneflex.support.labelled import needing_xarray
+
+        echo("Warning: --plots is the default and no longer an option here", err=True)
+        with needing_xarray("--plots"):
+            import xarray  # noqa: F401
+
+
 @command()
 @click.argument("name", metavar="STUDY.toml")
 @output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
@@ -40,15 +49,16 @@ _QUIET = 2.0
 @settings_option
 @preset_option
 @click.option(
-    "--plots/--no-plots", default=None,
-    help="Draw every sensor over the first parameter, and Poincare sections. [default: where xarray is installed]",
+    "--no-plots", "plots", is_flag=True, flag_value=False, default=True,
+    help="Draw no pictures; they need xarray, and are left out without it.",
 )  # fmt: skip
+@click.option("--plots", is_flag=True, hidden=True, expose_value=False, callback=_demand_xarray)
 @click.option("--force", is_flag=True, help="Begin anew what an earlier sweep left in its folder.")
 @gathered(asked=SceneArguments)
 @click.pass_context
 def sweep(
     ctx: click.Context, asked: SceneArguments, output: Path | None, workers: int | None, scheduler: str | None,
-    form: str, plots: bool | None, force: bool,
+    form: str, plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Run one scene at many points of its parameters, into one labelled dataset.
 
@@ -61,13 +71,7 @@ def sweep(
     """
     from kaneflex.study.plan import make_plan
     from kaneflex.study.sweep import sweep as go_through
-    from kaneflex.support.labelled import needing_xarray
 
-    if plots:  # before anything is computed
-        with needing_xarray("--plots"):
-            import xarray  # noqa: F401
-    elif plots is None:
-        plots = find_spec("xarray") is not None
     study = Path(asked.name)
     plan = make_plan(study, asked.changes)
     solver = _solver(workers, scheduler)
@@ -83,7 +87,7 @@ def sweep(
         echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` says why", err=True)
     echo(f"{finished.total - len(finished.failures)} of {finished.total} points completed")
     echo(f"Written to {finished.path}")
-    for path in _drawn(finished, plan) if plots else ():
+    for path in _drawn(finished, plan) if plots and find_spec("xarray") else ():
         echo(f"Drawn: {path}")
     if len(finished.failures) == finished.total:
         ctx.exit(STOPPED_EARLY)
