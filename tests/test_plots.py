@@ -16,14 +16,18 @@ from PIL import Image
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.building import reference_modes
-from kaneflex.plots import animation, draw_all, figures, modes, spatial, style
-from kaneflex.plots.animation import caption_at
+from kaneflex.plots import animation, draw_all, figures, modes, style
+from kaneflex.plots import enlarged as enlarged_module
+from kaneflex.plots.axonometric import VIEW
 from kaneflex.plots.deformed import figures as figures_of_worst
+from kaneflex.plots.drawing import ticks
+from kaneflex.plots.enlarged import caption_at, enlarged, times
+from kaneflex.plots.link_colours import LinkColours, stress_field
 from kaneflex.plots.mechanism import outline, rigid_outline, scenery
+from kaneflex.plots.outlines import ALONG_LINK, Outline
 from kaneflex.plots.records import reversals, spectrum
-from kaneflex.plots.stress_lines import StressLines
 from kaneflex.plots.style import readable, round_down, save, styled
-from kaneflex.plots.view import FRAMES, view
+from kaneflex.plots.view import FRAMES, View, view
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
@@ -105,7 +109,7 @@ def test_the_mechanism_is_drawn_at_its_largest_stress_and_coloured_by_it(name):
     figure = figures_of_worst(found)["mechanism"]
     axes, bar = figure.axes
     worst = 1e-6 * stresses.mises.max()
-    assert f"{worst:.3g} MPa in rod" in axes.get_title() and bar.get_ylabel() == "stress [MPa]"
+    assert f"{worst:.3g} MPa, in rod" in axes.get_title() and bar.get_ylabel() == "von Mises stress [MPa]"
     instant = int(stresses.mises.max(axis=0).argmax())
     assert caption_at(view(found), instant) in axes.get_title()
     (coloured,) = [each for each in axes.collections if each.get_array() is not None]
@@ -155,16 +159,15 @@ def test_modes_of_a_link_of_a_few_are_drawn_without_what_loads_do_to_it():
 
 
 def test_so_are_modes_in_space():
-    """Flap and lag of the blade of 1.5 m on a hub of 100 mm, by 9 % of its length."""
+    """Flap and lag of the blade of 1.5 m on a hub of 100 mm, by 9 % of 1.6 m."""
     scene = with_settings(read_scene("rotating-blade"), ["solve.modes=2", "solve.steps=20"])
-    (figure,) = spatial.modes(solve(load(scene))).values()
+    (figure,) = modes.figures(solve(load(scene))).values()
     for axes in figure.axes:
-        tip = np.array(axes.lines[-1].get_data_3d())[:, -1]
-        assert tip[0] == pytest.approx(1600.0, abs=1.0) and np.hypot(*tip[1:]) == pytest.approx(135.0, abs=0.1)
-    with styled():
-        figure.canvas.draw()
-        for axes in figure.axes:  # the next panel would cover what lies beyond this one
-            assert axes.zaxis.label.get_window_extent().x1 < axes.get_window_extent().x1
+        ghost, *_, blade = (line for line in axes.lines if len(line.get_xdata()) == ALONG_LINK)
+        still, moved = (line.get_xydata()[-1] for line in (ghost, blade))
+        lag_and_flap = np.linalg.solve(VIEW[:, 1:], moved - still)
+        assert np.hypot(*lag_and_flap) == pytest.approx(144.0, abs=0.5)
+        assert not axes.get_xticks().size  # a triad and a scale stand for the axes
 
 
 @pytest.mark.parametrize("factor", [0.0, 500.0])
@@ -297,14 +300,15 @@ def test_spectra_state_their_resolution_and_mark_natural_frequencies():
 
 def test_the_enlargement_is_a_round_number_and_stated():
     shown = view(solved("engine"))
-    factor = animation.enlargement(shown)
-    largest = np.abs(solved("engine").series["tip_axial"].values).max()
+    found = enlarged(shown)
+    factor, largest = found.factor, np.abs(solved("engine").series["tip_axial"].values).max()
     size = scenery(solved("engine").model).size
     assert 0.04 * size < factor * largest <= 0.1 * size
     assert factor == 100
-    assert animation.title(factor) == "Deformation enlarged 100 times"
-    assert animation.title(2e6) == "Deformation enlarged 2 \u00d7 10$^{6}$ times"
-    assert animation.title(None) == "Rigid mechanism"
+    assert found.title == "deformation enlarged 100 times"
+    assert times(2e6) == "enlarged 2 \u00d7 10$^{6}$ times" and times(1.0) == "in true size"
+    assert found._replace(factor=None).title == "rigid mechanism"
+    assert "no visible deformation" in found._replace(largest=1e-12).title
 
 
 @pytest.mark.parametrize(("value", "expected"), [(1.0, 1), (1.99, 1), (2.0, 2), (49.9, 20), (0.7, 0.5), (0.0, 1)])
@@ -352,14 +356,15 @@ def test_the_sixty_frames_of_an_animation_take_at_most_a_megabyte(tmp_path):
 def test_an_animation_colours_links_by_their_stress_at_each_instant(monkeypatch):
     """Colours are the solution's own stresses at the drawn instants; links without a section stay blue."""
     solution = solve(load(read_scene("six-bar")))
-    axes = style.new_figure(3.0, 2.0, "").subplots()
+    axes, instants = style.new_figure(3.0, 2.0, "").subplots(), np.array([10, 200])
     ends = np.zeros((2, 5, 2))
-    lines = StressLines(axes, solution, {"rod": ends, "right_rocker": ends}, instants := np.array([10, 200]))
+    field = stress_field(solution, instants, 5)
+    lines = LinkColours(axes, Outline({"rod": ends, "right_rocker": ends}, {}, {}, {}), field)
     for k, instant in enumerate(instants):
         lines.move(k)
         expected = [np.interp(np.linspace(0, each.x[-1], 9)[1::2], each.x, each.mises[:, instant])
                     for each in (solution.stresses["rod"], solution.stresses["right_rocker"])]  # fmt: skip
-        np.testing.assert_allclose(lines.artist.get_array(), lines.factor * np.concatenate(expected))
+        np.testing.assert_allclose(lines.artist.get_array(), 1e-6 * np.concatenate(expected))
         assert lines.artist.get_clim()[1] >= lines.artist.get_array().max()
     taken = []
     monkeypatch.setattr(
@@ -402,7 +407,7 @@ def test_an_animation_is_a_gif_and_an_mp4_of_the_length_that_is_asked_for(tmp_pa
     read = peer("imageio_ffmpeg").read_frames
     with styled():
         animation.animate(solved("engine"), [tmp_path / "a.gif", tmp_path / "a.mp4"], 8, 2.0)
-        spatial.animate(solve(load(read_scene("bricard"))), [tmp_path / "b.mp4"], 4, 2.0)
+        animation.animate(solve(load(read_scene("bricard"))), [tmp_path / "b.mp4"], 4, 2.0)
     with Image.open(tmp_path / "a.gif") as gif:
         assert gif.n_frames == 8 and gif.info["duration"] == pytest.approx(250, abs=10)
     for name, rate in (("a.mp4", 4.0), ("b.mp4", 2.0)):
@@ -452,3 +457,65 @@ def test_pictures_leave_the_callers_matplotlib_alone():
     code = "import sys, kaneflex.plots.animation, kaneflex.plots.records; print('matplotlib.pyplot' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "False"
+
+
+# ---- the first picture -------------------------------------------------------------------------------------------
+
+
+def test_what_does_not_deform_is_not_enlarged():
+    """Rounding of a beam that stays straight was drawn 5e12 times as large."""
+    solution = solve(load(with_settings(read_scene("mathieu"), ["solve.steps=200"])))
+    with styled():
+        figure = figures_of_worst(solution)["mechanism"]
+    assert "no visible deformation (at most" in figure.get_suptitle()
+    assert len(figure.axes) == 1, "no colours of rounding"
+    link = next(line for line in figure.axes[0].get_lines() if len(line.get_xdata()) == ALONG_LINK)
+    assert np.ptp(link.get_ydata()) == 0.0
+
+
+def test_an_enlargement_opens_no_joint_and_lets_no_body_pass_another():
+    """A rod's end stays within 2 % of the mechanism of the pin that it knocks against; bars that never cross do not."""
+    knocking = solve(load(with_settings(read_scene("slider-crank-clearance"), ["solve.duration=3 ms"])))
+    worst = knocking.stresses["rod"].largest[1]
+    found = enlarged(View(knocking, np.array([worst])))
+    gap = found.moved.links["rod"][0, -1] - found.moved.boxes["bore"][0, :4].mean(axis=0)
+    assert 1.0 < found.factor and np.hypot(*gap) < 0.03 * found.fixed.size
+    straight, bent = np.array([[[0.0, 0.0], [1.0, 0.0]]]), np.array([[[0.0, 0.1], [0.5, -0.3], [1.0, 0.1]]])
+    assert enlarged_module._cross([straight], [bent]) and not enlarged_module._cross([straight], [straight + 0.1])
+    assert not enlarged_module._cross([straight], [straight])
+
+
+def test_ticks_across_a_link_are_across_it():
+    line = np.outer(np.linspace(0.0, 1.0, ALONG_LINK), [3.0, 4.0])
+    strokes = ticks(line).reshape(-1, 3, 2)[:, :2]
+    assert np.diff(strokes, axis=1)[:, 0] @ [3.0, 4.0] == pytest.approx(np.zeros(9), abs=1e-12)
+    assert np.hypot(*np.diff(strokes, axis=1)[:, 0].T) == pytest.approx(0.3)
+
+
+def test_a_rigid_mechanism_is_drawn_at_its_largest_joint_force():
+    figure = drawn("rigid")["mechanism"]
+    forces = [np.hypot(*(solved("rigid").series[f"{name}_{axis}"].values for axis in "xy"))
+              for name in ("crank_pin_force", "main_bearing_force")]  # fmt: skip
+    title = figure.axes[0].get_title(loc="left")
+    assert figure.get_suptitle() == "engine: rigid mechanism" and "largest joint force of the run" in title
+    assert float(re.search(r"([\d.]+) kN", title)[1]) >= round(1e-3 * max(map(np.max, forces)), 1)
+
+
+@pytest.mark.parametrize("name", ["engine", "spatial-slider-crank-elastic"])
+def test_the_first_picture_fits_its_mechanism_and_its_texts_do_not_overlap(name):
+    solution = solved(name) if name in SETTINGS else solve(load(with_settings(read_scene(name), ["solve.steps=72"])))
+    with styled():
+        figure = figures_of_worst(solution)["mechanism"]
+        figure.draw_without_rendering()
+    axes = figure.axes[0]
+    drawn_at = np.concatenate([line.get_xydata() for line in axes.get_lines() if len(line.get_xdata()) > 1])
+    low, high = np.nanmin(drawn_at, axis=0), np.nanmax(drawn_at, axis=0)
+    shown_x, shown_y = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+    assert max((high - low)[0] / shown_x, (high - low)[1] / shown_y) > 0.6
+    texts = [text for text in (figure._suptitle, axes.title, axes._left_title, axes.xaxis.label, *axes.texts,
+             *figure.axes[1].get_yticklabels(), figure.axes[1].yaxis.label) if text.get_text()]  # fmt: skip
+    boxes = [text.get_window_extent() for text in texts]
+    clashes = [(texts[k].get_text(), texts[j].get_text()) for k in range(len(boxes)) for j in range(k)
+               if boxes[k].overlaps(boxes[j])]  # fmt: skip
+    assert not clashes
+    assert all(box.x0 >= 0 and box.x1 <= figure.bbox.x1 + 1 and box.y1 <= figure.bbox.y1 + 1 for box in boxes)

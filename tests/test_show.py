@@ -14,10 +14,11 @@ from runs import model, run, short
 from kaneflex.fem.mobility import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.position_analysis import coordinate_at, drive_rates, place
+from kaneflex.mechanism.position_analysis import closures, coordinate_at, drive_rates, place
+from kaneflex.plots import show
+from kaneflex.plots.axonometric import deformed_lines
 from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
-from kaneflex.plots.scheme import scheme
-from kaneflex.plots.spatial import deformed_lines
+from kaneflex.plots.scheme import branches, scheme
 from kaneflex.plots.style import picture, styled
 from kaneflex.report.presentation import parts
 from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
@@ -344,3 +345,47 @@ def test_a_barrel_is_drawn_no_longer_than_it_is():
     assert reach.max() == pytest.approx(1.5)
     apart = (bar[1:] - bar[0]) @ (bar[reach.argmax()] - bar[0])
     assert apart.min() >= -1e-12  # nothing behind its foot
+
+
+def test_a_mechanism_in_space_is_drawn_with_all_that_one_in_the_plane_has():
+    scene = read_scene("crankshaft-torsion")
+    with styled():
+        figure = show(scene)
+        figure.draw_without_rendering()
+    axes, *flat = figure.axes
+    told = " ".join(text.get_text() for text in [*figure.texts, *axes.texts])
+    for thing in (*scene.bodies, *scene.joints, *scene.loads, *scene.sensors, "3000 rpm", "x", "y", "z", "100 mm"):
+        assert thing in told, thing
+    elastic = [text for text in axes.texts if text.get_text() == "journal_1 (2 el.)"]
+    rigid = [text for text in axes.texts if text.get_text() == "throw_1"]
+    assert elastic[0].get_color() != rigid[0].get_color() == "black"
+    assert [each.get_title(loc="left") for each in flat] == ["along z", "along y", "along x"]
+    assert "g" in [text.get_text() for text in show(read_scene("spinning-top")).axes[0].texts]
+
+
+@pytest.mark.parametrize(("name", "count", "entry"), [
+    ("four-bar", 2, "joints.rocker.branch=-"), ("engine", 2, "joints.bore.branch=-"),
+    ("six-bar", 6, "left_knee.near.rod="), ("elastic-pendulum", 1, ""),
+])  # fmt: skip
+def test_all_closures_of_the_loops_are_found_and_drawn(name, count, entry):
+    """A Stephenson III closes in six ways at most (Primrose, Freudenstein and Roth 1967): here in all six."""
+    scene = read_scene(name)
+    at = {"main": math.pi / 3} if name == "six-bar" else {}
+    ways = closures(scene, at)
+    assert len(ways) == count and entry in " ".join(told for told, _ in ways)
+    own = place(scene, at)
+    assert all(ways[0][1].poses[body] == pytest.approx(own.poses[body], abs=1e-6) for body in scene.bodies)
+    for told, placed in ways[1:]:
+        if "branch" in told:
+            there = place(with_settings(scene, told.split()), at)
+            for body in scene.bodies:
+                assert np.cos(there.poses[body][2]) == pytest.approx(np.cos(placed.poses[body][2]))
+    with styled():
+        assert len(branches(scene, ways).axes) == count
+
+
+def test_show_draws_all_branches():
+    assert cli("show", "four-bar", "--branches", "-o", "ways.png").exit_code == 0
+    refused = cli("show", "bricard", "--branches", "-o", "other.png")
+    assert refused.exit_code == 2 and "--branches draws mechanisms in the plane" in refused.output
+    assert [path.name for path in Path().iterdir()] == ["ways.png"]

@@ -34,11 +34,14 @@ if TYPE_CHECKING:
     "--at", "places", multiple=True, metavar="DRIVE=ANGLE",
     help="Place, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. [default: as the run starts]",
 )  # fmt: skip
+@click.option("--branches", is_flag=True, help="Draw all ways in which the loops close, and what chooses each.")
 @force_option
 @json_option
 @gathered(asked=SceneArguments)
 @uncollected()
-def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], force: bool, as_json: bool) -> None:
+def show(
+    asked: SceneArguments, output: Path | None, places: tuple[str, ...], branches: bool, force: bool, as_json: bool
+) -> None:
     """Draw SCENE with its bodies, joints, drives, loads and sensors, and count its degrees of freedom.
 
     Nothing is derived or solved, so that a scene that cannot run yet can be drawn.
@@ -55,8 +58,11 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     check_picture(path, force, "mechanism.png")
     at = dict(configuration(scene, text) for text in places)
     blocks, notes = parts(scene), list[str]()
+    if branches and scene.is_spatial:
+        raise click.UsageError("--branches draws mechanisms in the plane. Leave it out for one in space.")
     try:
         drawn = _in_space(scene, at, blocks) if scene.is_spatial else _in_plane(scene, at, blocks, notes)
+        drawn = _all_branches(scene, at) if branches else drawn
     except SceneError:
         echo(printed(scene, blocks), err=as_json)  # what is known says why it can't be placed
         raise
@@ -93,6 +99,17 @@ def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list
     return lambda: scheme(scene, placement)
 
 
+def _all_branches(scene: Scene, at: Mapping[str, float]) -> Callable[[], Figure]:
+    """Picture of all closures of the loops of a mechanism in the plane."""
+    from kaneflex.mechanism.position_analysis import closures
+    from kaneflex.mechanism.tight_start import as_it_starts
+    from kaneflex.plots.scheme import branches
+
+    scene = as_it_starts(scene)
+    ways = closures(scene, at)
+    return lambda: branches(scene, ways)
+
+
 def _elastic_count(scene: Scene) -> int | None:
     """Coordinates of the elastic stage; None where it can't be set up, with a warning where the preset needs it."""
     from kaneflex.fem.mobility import elastic_coordinates
@@ -112,7 +129,7 @@ def _elastic_count(scene: Scene) -> int | None:
 
 def _in_space(scene: Scene, at: Mapping[str, float], blocks: Blocks) -> Callable[[], Figure]:
     """Picture of a mechanism in space as it starts; adds its freedoms."""
-    from kaneflex.plots.spatial import refuse_places, scheme
+    from kaneflex.plots.scheme import refuse_places, scheme
     from kaneflex.report.presentation import spatial_mobility
     from kaneflex.solve.spatial_loading import spatial_start
 

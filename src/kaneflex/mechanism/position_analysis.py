@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -92,6 +92,47 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
         poses |= _closed(constraints, poses, _next_group(constraints.mechanism, poses))
     del poses[GROUND]
     return Placement(poses, drives)
+
+
+def closures(scene: Scene, at: Mapping[str, float] | None = None) -> list[tuple[str, Placement]]:
+    """All placements at which a scene's loops close, its own one first, each with the entries that choose it.
+
+    Raises
+    ------
+    SceneError
+        If the scene's own linkage can't close there.
+    """
+    own = place(scene, at)
+    constraints = Constraints(mechanism_of(scene), own.drives)
+    mechanism, ways = constraints.mechanism, [("", _standing(constraints.mechanism))]
+
+    def chosen_by(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> str:
+        """The entry that chooses one closure of a group; empty where there is none to choose."""
+        closing, side = _closing(joints), _side_of_dyad(placed, poses, group, joints)
+        if closing is None:
+            return ""
+        if side is not None:
+            return f" joints.{closing.name}.branch={'+' if side >= 0.0 else '-'}"
+        return f" joints.{closing.name}.near.{group[0]}={math.degrees(float(wrapped(poses[group[0]][2]))):.0f}deg"
+
+    while len(ways[0][1]) <= len(scene.bodies):
+        group, found = _next_group(mechanism, ways[0][1]), []
+        for told, poses in ways:
+            around = _joints_of(mechanism, poses, group)
+            names = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
+            assemblies = [_closed(constraints, poses, group)]
+            if _closing(around):
+                assemblies = _assemblies(constraints, poses, group, names)
+            found += [(told + chosen_by(poses, each, group, around), poses | {name: each[name] for name in group})
+                      for each in assemblies]  # fmt: skip
+        ways = found[:16]  # more small drawings are of no use
+
+    def is_own(poses: Poses) -> bool:
+        return _same(own.poses, poses, tuple(own.poses), mechanism.size)
+
+    ways.sort(key=lambda way: not is_own(way[1]))
+    others = [(told.strip(), Placement({name: poses[name] for name in own.poses}, own.drives)) for told, poses in ways]
+    return [(others[0][0], own), *others[1:]]
 
 
 def with_branches(scene: Scene) -> Scene:
@@ -213,18 +254,13 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
     around = _joints_of(mechanism, poses, group)
     joints = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
     closing = ([joint for joint in around if joint.closes_loop] or around)[-1]
-    many = _is_larger(group, around) or bool(closing.near)
     assemblies: list[dict[str, np.ndarray]] = []
-    in_vain = 0
-    for closed in _assembled(constraints, poses, group, joints, _IN_VAIN if many else 1):
-        if not many and _on_branch(poses, closed, group, around):
-            return {name: closed[name] for name in group}
-        if many and not any(_same(closed, other, group, mechanism.size) for other in assemblies):
-            assemblies.append(closed)
-            in_vain = 0
-        in_vain += 1
-        if in_vain > _IN_VAIN:
-            break
+    if _is_larger(group, around) or closing.near:
+        assemblies = _assemblies(constraints, poses, group, joints)
+    else:
+        for closed in islice(_assembled(constraints, poses, group, joints, 1), _IN_VAIN + 1):
+            if _on_branch(poses, closed, group, around):
+                return {name: closed[name] for name in group}
     if assemblies:
         _check_held(constraints, assemblies, group, joints, closing)
         chosen = _nearest(closing, assemblies, group)
@@ -234,6 +270,22 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
         f"joints.{closing.name}", closing.written_branch,
         f"the linkage can't close at {at}: {', '.join(group)}", "Change the lengths, or where its drives stand",
     )  # fmt: skip
+
+
+def _assemblies(
+    constraints: Constraints, poses: Poses, group: tuple[str, ...], joints: Sequence[str]
+) -> list[dict[str, np.ndarray]]:
+    """All ways in which a group closes, as far as many starts find them."""
+    found: list[dict[str, np.ndarray]] = []
+    in_vain = 0
+    for closed in _assembled(constraints, poses, group, joints, _IN_VAIN):
+        if not any(_same(closed, other, group, constraints.mechanism.size) for other in found):
+            found.append(closed)
+            in_vain = 0
+        in_vain += 1
+        if in_vain > _IN_VAIN:
+            break
+    return found
 
 
 def _check_held(

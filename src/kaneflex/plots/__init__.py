@@ -29,14 +29,14 @@ KINDS: dict[str, tuple[str | None, str | None]] = {
     "loads": ("loads.figures", "loads.figures"),
     "motion": ("motion.figures", "spatial.figures"),
     "paths": ("paths.figures", "spatial.hodographs"),
-    "modes": ("modes.figures", "spatial.modes"),
+    "modes": ("modes.figures", "modes.figures"),
     "displacements": ("displacements.figures", None),
     "surfaces": ("displacements.surfaces", None),
     "stresses": ("stress.figures", "stress.figures"),
     "clearances": ("clearances.figures", None),
     "spectra": ("orders.figures records.figures", "orders.figures"),
     "energy": ("energy.figures", "energy.figures"),
-    "animation": ("animation.animate", "spatial.animate"),
+    "animation": ("animation.animate", "animation.animate"),
 }
 """Kinds of pictures by the name that a user asks for: the functions that make them in the plane and in space."""
 _SVG, _ALL = "svg", "all"
@@ -158,15 +158,15 @@ def show(scene: SceneLike, at: Mapping[str, float] | None = None) -> Figure:
 
     scene = scene_from(scene)
     with styled():
+        from kaneflex.plots.scheme import refuse_places, scheme
+
         if scene.is_spatial:
-            from kaneflex.plots import spatial
             from kaneflex.solve.spatial_loading import spatial_start
 
-            spatial.refuse_places(at or {})
-            return spatial.scheme(scene, spatial_start(scene)[2])
+            refuse_places(at or {})
+            return scheme(scene, spatial_start(scene)[2])
         from kaneflex.mechanism.position_analysis import place
         from kaneflex.mechanism.tight_start import as_it_starts
-        from kaneflex.plots.scheme import scheme
 
         scene = as_it_starts(scene)
         return scheme(scene, place(scene, at or {}))

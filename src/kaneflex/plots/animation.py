@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
@@ -13,12 +12,12 @@ from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.plots.drawing import MM, Outline, draw_guides, draw_outline, draw_scenery, frame_axes
-from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
-from kaneflex.plots.stress_lines import StressLines
-from kaneflex.plots.style import new_figure, round_down
-from kaneflex.plots.view import FRAMES, View, angle_name, frames_of, view
+from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, draw_triad, frame_axes
+from kaneflex.plots.enlarged import caption_at, enlarged
+from kaneflex.plots.link_colours import LinkColours, stress_field
+from kaneflex.plots.mechanism import grounded
+from kaneflex.plots.style import new_figure
+from kaneflex.plots.view import FRAMES, frames_of, view
 from kaneflex.support.errors import installed, told
 
 if TYPE_CHECKING:
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 PER_SECOND, DPI = 12, 80
-_DRAWN = 0.1
-"""Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
 
 
 def demand_ffmpeg() -> str:
@@ -105,71 +102,31 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     whose section has a shape are coloured by their stress.
     """
     shown = frames_of(view(solution), frames)
-    model, fixed = solution.model, scenery(solution.model)
-    still = rigid_outline(model.scene, shown.rigid, fixed)
-    factor = enlargement(shown)
-    moved = outline(shown.motion, fixed, factor)
-    figure = new_figure(6.0, 4.0, "")
-    figure.suptitle(title(factor if model.links else None) + shown.note)
+    found = enlarged(shown)
+    fixed, still, moved = found.fixed, found.still, found.moved
+    figure = new_figure(6.0, 4.0, f"{solution.model.scene.name}: {found.title}{shown.note}")
     axes = figure.subplots()
     width, height = frame_axes(axes, [still, moved], fixed)
-    figure.set_size_inches(6.0, min(6.0, 5.2 * height / width + 1.1))
+    figure.set_size_inches(6.0, min(6.0, max(2.4, 5.2 * height / width + 1.1)))
     draw_scenery(axes, fixed)
-    draw_guides(axes, fixed, grounded(model.scene), still)
-    ghost = draw_outline(axes, still, 0, ghost=True)
+    draw_guides(axes, fixed, grounded(solution.model.scene), still)
+    ghosts = [] if fixed.view is not None else [draw_outline(axes, still, 0, ghost=True)]
     solid = draw_outline(axes, moved, 0)
     caption = axes.set_title(caption_at(shown, 0))
-    stressed = _coloured(axes, solution, moved, shown)
-    moving = [*ghost, *solid, caption, *(lines.artist for lines in stressed)]
+    field = stress_field(solution, shown.instants) if moved.links else None
+    colours = []
+    if field is not None:
+        colours = [LinkColours(axes, moved, field)]
+        figure.colorbar(colours[0].artist, ax=axes, fraction=0.05).set_label(field.label)
+    if fixed.view is not None:
+        draw_triad(axes, fixed.view)
+    moving = [*(artist for ghost in ghosts for artist in ghost), *solid, caption, *(each.artist for each in colours)]
     with recording(axes, moving, files, len(shown.instants), seconds) as grab:
         for k in range(len(shown.instants)):
-            ghost.move(still, k)
+            for ghost in ghosts:
+                ghost.move(still, k)
             solid.move(moved, k)
-            for lines in stressed:
-                lines.move(k)
+            for each in colours:
+                each.move(k)
             caption.set_text(caption_at(shown, k))
             grab()
-
-
-def _coloured(axes: Axes, solution: Solution, moved: Outline, shown: View) -> list[StressLines]:
-    """Links coloured by their stress, with the scale beside them; empty where no section has a shape."""
-    lines = {name: MM * moved.links[name] for name in solution.stresses if name in moved.links}
-    if not lines:
-        return []
-    stressed = StressLines(axes, solution, lines, shown.instants)
-    bar = axes.get_figure(root=True).colorbar(stressed.artist, ax=axes, fraction=0.05)  # type: ignore[union-attr]
-    bar.set_label(f"von Mises stress [{stressed.unit}]")
-    return [stressed]
-
-
-def enlargement(shown: View) -> float:
-    """Factor that makes the largest elastic displacement a tenth of the mechanism, rounded down to 1, 2 or 5."""
-    model, largest = shown.solution.model, 0.0
-    size = spatial_mechanism_of(model.scene).size if model.scene.is_spatial else scenery(model).size
-    for name, link in model.links.items():
-        for x in link.nodes:
-            at = model.scene.vector((float(x), 0.0))
-            moved = shown.motion.displacement(name, at)[0][: len(at)]
-            largest = max(largest, float(np.linalg.norm(moved, axis=0).max()))
-    return round_down(_DRAWN * size / largest) if largest else 1.0
-
-
-def title(factor: float | None) -> str:
-    """States the enlargement; None for a rigid mechanism."""
-    if factor is None:
-        return "Rigid mechanism"
-    power = math.floor(math.log10(factor) + 1e-9)
-    plain = f"{factor:.0f}"
-    number = plain if 0 <= power < 5 else f"{factor / 10.0**power:.0f} \u00d7 10$^{{{power}}}$"
-    return f"Deformation enlarged {number} times"
-
-
-def caption_at(shown: View, k: int) -> str:
-    """Where the first drive stands, and the time."""
-    drive = next(iter(shown.solution.model.scene.drives), None)
-    time = f"t = {1e3 * shown.times[k]:.2f} ms" if shown.times[-1] < 0.5 else f"t = {shown.times[k]:.2f} s"
-    if drive is None:
-        return time
-    scene, coordinate = shown.solution.model.scene, float(shown.rigid[f"{drive}.angle"][k])
-    at = f"{1e3 * coordinate:.1f} mm" if scene.slides(drive) else f"{math.degrees(coordinate):.0f} deg"
-    return f"{angle_name(shown.solution, drive)} {at}, {time}"

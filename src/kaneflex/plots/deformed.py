@@ -2,111 +2,147 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.animation import caption_at, enlargement, title
-from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
-from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
-from kaneflex.plots.stress_lines import StressLines
-from kaneflex.plots.style import GREY, new_figure, readable
+from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, draw_triad, frame_axes
+from kaneflex.plots.enlarged import Enlarged, caption_at, enlarged
+from kaneflex.plots.link_colours import LinkColours, displacement_field, stress_field
+from kaneflex.plots.mechanism import grounded
+from kaneflex.plots.style import new_figure, readable
 from kaneflex.plots.view import View, view
+from kaneflex.response.section_forces import joint_force
+from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import picture_text
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
-_MARGINS = (0.8, 1.1, 0.55, 0.7)
-"""Left, right (the bar of colours), below and above the axes [inches]."""
-_WIDTH, _MOST = 6.2, 5.2
-"""Width of the axes and their greatest height [inches]."""
+_MARGINS = (0.8, 0.3, 0.55, 0.85)
+"""Left, right, below and above the axes [inches]."""
+_BAR = 1.1
+"""Room for the scale of colours beside the axes [inches]."""
+_WIDTH, _LEAST, _MOST = 6.2, 1.6, 5.2
+"""Width of the axes, their least and greatest height [inches]."""
 
 
 class _Worst(NamedTuple):
-    """The instant to draw, and a sentence on why."""
+    """Instant to draw, the reason for it, and the marked place: a body and a share of its length, or a joint."""
 
     instant: int
-    reason: str
+    reason: str = ""
+    body: str = ""
+    share: float = 0.0
+    joint: str = ""
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``mechanism``: at the instant of the largest stress; where none is known, of the largest displacement."""
+    """``mechanism``: at the instant of the largest stress; else of the largest displacement, joint force or load."""
     worst = _worst(solution)
     shown = View(solution, np.array([worst.instant]))
-    factor = enlargement(shown) if solution.model.links else None
+    found = enlarged(shown)
     figure = new_figure(8.1, 6.0, "", layout="none")
-    axes, lines = (_in_space if solution.model.scene.is_spatial else _in_plane)(figure, shown, factor)
-    _colour(figure, axes, solution, worst.instant, lines)
-    figure.suptitle(title(factor))
-    axes.set_title(f"{caption_at(shown, 0)}{worst.reason}")
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    field = None
+    if found.moved.links and found.visible:
+        field = stress_field(solution, shown.instants) or displacement_field(shown)
+    _draw(figure, axes, shown, found, 0.0 if field is None else _BAR)
+    if field is not None:
+        colours = LinkColours(axes, found.moved, field)
+        width = figure.get_size_inches()[0]
+        bar = figure.add_axes((1.0 - 0.95 / width, 0.2, 0.16 / width, 0.6))
+        bar.set_title(field.label.partition(" [")[0].split()[-1])
+        figure.colorbar(colours.artist, cax=bar).set_label(field.label, labelpad=6.0)
+    marked = found.visible or bool(worst.joint)
+    if marked:
+        _mark(axes, found, worst)
+    figure.suptitle(f"{picture_text(solution.model.scene.name)}: {found.title}")
+    axes.set_title(f"{caption_at(shown, 0)}{worst.reason if marked else ''}")
     return {"mechanism": figure}
 
 
 def _worst(solution: Solution) -> _Worst:
-    stresses = solution.stresses
+    stresses, scene = solution.stresses, solution.model.scene
     if stresses:
         name = max(stresses, key=lambda each: float(stresses[each].mises.max()))
         station, instant = stresses[name].largest
         factor, unit = readable("Pa", stresses[name].mises)
-        largest = factor * float(stresses[name].mises[station, instant])
-        place = f"{picture_text(name)} at {MM * stresses[name].x[station]:.4g} mm"
-        return _Worst(instant, f": largest stress of the run, {largest:.3g} {unit} in {place}")
-    links = solution.model.links
-    if not links:
-        return _Worst(0, "")
-    shown, vector = view(solution), solution.model.scene.vector
-    moved = [shown.motion.displacement(name, vector((float(x), 0.0)))[0][: len(vector((0.0, 0.0)))]
-             for name, link in links.items() for x in link.nodes]  # fmt: skip
-    sizes = np.linalg.norm(moved, axis=1).max(axis=0)
-    return _Worst(int(shown.instants[sizes.argmax()]), ": largest displacement of what is shown")
+        largest, x = factor * float(stresses[name].mises[station, instant]), stresses[name].x
+        place = f"{picture_text(name)} at {MM * x[station]:.4g} mm"
+        share = float(x[station] / x[-1])
+        return _Worst(instant, f"\nlargest stress of the run, {largest:.3g} {unit}, in {place}", name, share)
+    shown, links = view(solution), solution.model.links
+    if links:
+        places = [(name, float(x)) for name, link in links.items() for x in link.nodes]
+        size = len(scene.vector((0.0, 0.0)))
+        moved = np.array([np.linalg.norm(shown.motion.displacement(name, scene.vector((x, 0.0)))[0][:size], axis=0)
+                          for name, x in places])  # fmt: skip
+        which, at = np.unravel_index(int(moved.argmax()), moved.shape)
+        name, x = places[int(which)]
+        factor, unit = readable("m", moved)
+        told = f"\nlargest displacement, {factor * moved.max():.3g} {unit}, of {picture_text(name)} at {MM * x:.4g} mm"
+        return _Worst(int(shown.instants[at]), told, name, x / links[name].length)
+    forces = _joint_forces(solution)
+    if forces:
+        name = max(forces, key=lambda each: float(forces[each].max()))
+        factor, unit = readable("N", forces[name])
+        told = f"\nlargest joint force of the run, {factor * forces[name].max():.3g} {unit}, in {picture_text(name)}"
+        return _Worst(int(forces[name].argmax()), told, joint=name)
+    return _Worst(0)
 
 
-def _in_plane(figure: Figure, shown: View, factor: float | None) -> tuple[Axes, dict[str, np.ndarray]]:
-    """The drawing with the ground, the rigid mechanism pale; its axes and the links' lines [mm]."""
-    scene, fixed = shown.solution.model.scene, scenery(shown.solution.model)
-    still = rigid_outline(scene, shown.rigid, fixed)
-    moved = outline(shown.motion, fixed, factor or 0.0)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    width, height = frame_axes(axes, [still, moved], fixed)
+def _joint_forces(solution: Solution) -> dict[str, np.ndarray]:
+    """Size of each joint's force [N], (n_times,), of the joints whose forces the equations of motion determine."""
+    motion, scene, found = solution.motion, solution.model.scene, {}
+    read = motion.rigid_forces.__getitem__ if motion.has_rigid_forces else motion.reaction
+    for name in scene.joints:
+        with suppress(LookupError, SceneError):
+            force = np.array([read(f"{name}.force_{axis}") for axis in "xyz"]) if scene.is_spatial \
+                else joint_force(scene, motion.scalars, name, read)  # fmt: skip
+            size = np.linalg.norm(force, axis=0)
+            if np.isfinite(size).all():
+                found[name] = size
+    return found
+
+
+def _draw(figure: Figure, axes: Axes, shown: View, found: Enlarged, beside: float) -> None:
+    """Both outlines with the ground, in axes that fit them."""
+    fixed = found.fixed
+    width, height = frame_axes(axes, [found.still, found.moved], fixed, swept=False)
     left, right, below, above = _MARGINS
-    tall = min(_MOST, _WIDTH * height / width)
-    size = np.array([_WIDTH + left + right, tall + below + above])
+    across, tall = _WIDTH, _WIDTH * height / width
+    if tall > _MOST:
+        across, tall = max(_LEAST, _MOST * width / height), _MOST
+    across = max(across, 4.4)  # the title needs this
+    tall = max(_LEAST, tall)
+    size = np.array([across + left + right + beside, tall + below + above])
     figure.set_size_inches(*size)
-    axes.set_position((left / size[0], below / size[1], _WIDTH / size[0], tall / size[1]))
+    axes.set_position((left / size[0], below / size[1], across / size[0], tall / size[1]))
+    (start, end), (low, high) = axes.get_xlim(), axes.get_ylim()
+    wider, taller = max(0.0, across * height / tall - width) / 2, max(0.0, tall * width / across - height) / 2
+    axes.set(xlim=(start - wider, end + wider), ylim=(low - taller, high + taller))
     draw_scenery(axes, fixed)
-    draw_guides(axes, fixed, grounded(scene), still)
-    if factor is not None:
-        draw_outline(axes, still, 0, ghost=True)
-    draw_outline(axes, moved, 0)
-    return axes, {name: MM * points[0] for name, points in moved.links.items()}
+    draw_guides(axes, fixed, grounded(shown.solution.model.scene), found.still)
+    if found.visible:
+        draw_outline(axes, found.still, 0, ghost=True)
+    draw_outline(axes, found.moved, 0)
+    if fixed.view is not None:
+        draw_triad(axes, fixed.view)
 
 
-def _in_space(figure: Figure, shown: View, factor: float | None) -> tuple[Axes, dict[str, np.ndarray]]:
-    from kaneflex.plots.spatial import body_lines, deformed_lines, frame_box
-
-    axes = figure.add_axes((0.0, 0.0, 0.86, 0.88), projection="3d")
-    still = body_lines(shown.solution.model.scene, shown.rigid)
-    moved = deformed_lines(shown.motion, factor) if factor is not None else still
-    frame_box(axes, [MM * points for points in (*still.values(), *moved.values())])
-    links, coloured = shown.solution.model.links, shown.solution.stresses
-    rigid: dict[str, Any] = {"color": "black", "linewidth": 3.0, "marker": "o", "markersize": 3.5}
-    for name, points in moved.items():
-        if factor is not None:
-            axes.plot(*(MM * still[name][:, :, 0]).T, color=GREY, linewidth=0.9)
-        if name not in coloured:
-            axes.plot(*(MM * points[:, :, 0]).T, **({"color": "#0072B2", "linewidth": 2.4} if name in links else rigid))
-    return axes, {name: MM * moved[name][:, :, 0] for name in links}
-
-
-def _colour(figure: Figure, axes: Axes, solution: Solution, instant: int, lines: dict[str, np.ndarray]) -> None:
-    """Colour the links' lines (n_points, 2 or 3) by the largest stress of von Mises of each section, with a bar."""
-    if not solution.stresses.keys() & lines.keys():
-        return
-    coloured = StressLines(axes, solution, {name: each[None] for name, each in lines.items()}, np.array([instant]))
-    width = figure.get_size_inches()[0]
-    bar = figure.add_axes((1.0 - 0.85 / width, 0.2, 0.16 / width, 0.6))
-    bar.set_title("von Mises")
-    figure.colorbar(coloured.artist, cax=bar, label=f"stress [{coloured.unit}]")
+def _mark(axes: Axes, found: Enlarged, worst: _Worst) -> None:
+    """A ring around the place of the largest value."""
+    place = None
+    if worst.body in found.moved.links:
+        line = found.moved.links[worst.body][0]
+        place = line[round(worst.share * (len(line) - 1))]
+    elif worst.joint in found.moved.pins:
+        place = found.moved.pins[worst.joint][0]
+    elif worst.joint in found.moved.boxes:
+        place = found.moved.boxes[worst.joint][0].mean(axis=0)
+    if place is not None:
+        axes.plot(*(MM * place), "o", markersize=14, markerfacecolor="none", markeredgecolor="#D55E00", zorder=5)

@@ -10,11 +10,12 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from kaneflex.plots.mechanism import Outline, Scenery
-from kaneflex.plots.style import GREY, shade
+from kaneflex.plots.outlines import Outline, Scenery
+from kaneflex.plots.style import GREY, cells, new_figure, round_down, shade
 
 MM = 1e3
 _MARGIN = 0.06
@@ -22,12 +23,13 @@ _HATCHES = 26
 """Strokes of the hatching along one size of the mechanism."""
 _MARKED = 4
 _MARK = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgewidth": 0.9}
-_STILL_MARK = {"marker": "|", "markersize": 11, "markeredgecolor": GREY, "markeredgewidth": 0.8}
+_TICK = 0.03
+"""Half length of a tick across an undeformed link, in lengths of the link."""
 
 
 @dataclass(frozen=True, eq=False)
 class Artists:
-    """What an outline was drawn with, so that it can be moved to another instant."""
+    """Artists of an outline, which move to its other instants."""
 
     lines: Mapping[tuple[str, str], Line2D]
     boxes: Mapping[str, Polygon]
@@ -39,15 +41,24 @@ class Artists:
     def move(self, outline: Outline, k: int) -> None:
         """Show instant k of an outline with the same parts."""
         for (kind, name), line in self.lines.items():
-            line.set_data(*(MM * getattr(outline, kind)[name][k]).T)
+            points = ticks(outline.links[name][k]) if kind == "ticks" else getattr(outline, kind)[name][k]
+            line.set_data(*(MM * points).T)
         for name, box in self.boxes.items():
             box.set_xy(MM * outline.boxes[name][k])
         if self.pins is not None:
             self.pins.set_data(*(MM * np.array([place[k] for place in outline.pins.values()])).T)
 
 
+def ticks(points: np.ndarray) -> np.ndarray:
+    """Short strokes across a line (n_points, 2) at equal distances along it, as one broken line."""
+    along = np.gradient(points, axis=0)[::_MARKED] * (len(points) - 1)
+    across = _TICK * np.column_stack([-along[:, 1], along[:, 0]])
+    at = points[::_MARKED]
+    return np.stack([at - across, at + across, np.full_like(at, np.nan)], axis=1).reshape(-1, 2)
+
+
 def draw_scenery(axes: Axes, fixed: Scenery) -> None:
-    """Ground pivots as triangles on a hatched base, fixed guides as hatched lines, and the frame of the picture."""
+    """Ground pivots as triangles on a hatched base; the axes of the picture, in space as a triad with a scale."""
     size = MM * fixed.size
     strokes: list[np.ndarray] = []
     for x, y in MM * fixed.pivots:
@@ -58,12 +69,38 @@ def draw_scenery(axes: Axes, fixed: Scenery) -> None:
     axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
     axes.set_aspect("equal")
     axes.grid(False)
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel("y [mm]")
+    if fixed.view is None:
+        axes.set_xlabel("x [mm]")
+        axes.set_ylabel("y [mm]")
+
+
+def draw_triad(axes: Axes, view: np.ndarray, unit: str = "mm") -> list[np.ndarray]:
+    """The global axes and a bar as long as it says, below at the left of axes whose limits are final; their lines."""
+    axes.set(xticks=[], yticks=[])
+    axes.spines[["left", "bottom"]].set_visible(False)
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    reach = 0.07 * max(right - left, high - low)
+    origin = np.array([left + 1.2 * reach, low + 1.6 * reach])
+    for name, tip in zip("xyz", view.T, strict=True):
+        end = origin + reach * tip
+        style = {"arrowstyle": "-|>", "linewidth": 0.9, "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", xy=tuple(end), xytext=tuple(origin), arrowprops=style, zorder=5)
+        axes.annotate(name, tuple(origin + 1.3 * reach * tip), ha="center", va="center", fontsize=8, zorder=5)
+    length = round_down(0.25 * max(right - left, high - low))
+    ends = left + 0.4 * reach + np.array([0.0, length])
+    level = np.full(2, low + 0.35 * reach)
+    axes.plot(ends, level, "|-", color="black", linewidth=1.2, markersize=6)
+    beside = {"textcoords": "offset points", "va": "center", "fontsize": 8}
+    axes.annotate(f"{length:g} {unit}", (ends[1], level[0]), (4, 0), **beside)
+    return [*(np.array([origin, origin + 1.3 * reach * tip]) for tip in view.T), np.column_stack([ends, level])]
 
 
 def draw_guides(axes: Axes, fixed: Scenery, grounded: Mapping[str, bool], outline: Outline) -> None:
-    """Both faces of every guide on the ground, at the width of the body between them."""
+    """Both faces of every guide on the ground, at the width of the body between them; in space its axis."""
+    if fixed.view is not None:
+        for ends in fixed.guides.values():
+            axes.plot(*(MM * ends).T, color=GREY, linewidth=1.0, linestyle="-.", zorder=1)
+        return
     size = MM * fixed.size
     strokes: list[np.ndarray] = []
     drawn: set[tuple[int, ...]] = set()
@@ -113,7 +150,10 @@ def draw_outline(
         width = 0.9 if ghost else 1.4 if links_only else 2.4
         line = lines["links", name] = _line(axes, points[k], body if ghost else colour, width, 3.2 + below)
         if not links_only:  # marks at equal distances show the longitudinal displacement
-            line.set(markevery=_MARKED, **(_STILL_MARK if ghost else _MARK | {"markeredgecolor": colour}))
+            if ghost:
+                lines["ticks", name] = _line(axes, ticks(points[k]), GREY, 0.8, 3.2 + below)
+            else:
+                line.set(markevery=_MARKED, **_MARK, markeredgecolor=colour)
     if not ghost and not links_only and outline.pins:
         places = MM * np.array([place[k] for place in outline.pins.values()])
         style: dict[str, Any] = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
@@ -127,19 +167,33 @@ def _line(axes: Axes, points: np.ndarray, colour, width: float, zorder: float) -
 
 
 def frame_axes(
-    axes: Axes, outlines: list[Outline], fixed: Scenery, room: float = _MARGIN
+    axes: Axes, outlines: list[Outline], fixed: Scenery, room: float = _MARGIN, swept: bool = True
 ) -> tuple[float, float]:
-    """Limits that hold what the run sweeps and every instant of the outlines; returns width and height [mm].
+    """Limits that hold every instant of the outlines and the region that a run sweeps; their width and height [mm].
 
-    ``room`` is left free around them, in sizes of the mechanism.
+    ``room`` is left free around them, in sizes of the mechanism. Without ``swept`` only guides on the ground are held
+    beside the outlines.
     """
-    parts = [fixed.pivots - [0, 0.07 * fixed.size], fixed.lower, fixed.upper]
+    parts = [fixed.pivots - [0, 0.07 * fixed.size]]
+    parts += [fixed.lower, fixed.upper] if swept else [*fixed.guides.values()] if fixed.view is not None else []
     for outline in outlines:
         parts += [*outline.links.values(), *outline.bars.values(), *outline.boxes.values()]
     points = np.concatenate([part.reshape(-1, 2) for part in parts])
     points = points[np.isfinite(points).all(axis=1)]  # at some instants the rigid mechanism may have no place
     margin = room * fixed.size
     lower, upper = MM * (points.min(axis=0) - margin), MM * (points.max(axis=0) + margin)
+    if fixed.view is not None:  # the triad stands at the left
+        lower[0] -= 0.18 * (upper - lower).max()
     axes.set_xlim(lower[0], upper[0])
     axes.set_ylim(lower[1], upper[1])
     return float(upper[0] - lower[0]), float(upper[1] - lower[1])
+
+
+def small_drawings(count: int, outlines: list[Outline], fixed: Scenery) -> tuple[Figure, list[Axes]]:
+    """A figure of drawings of one size, side by side or one above the other, whichever suits the mechanism's shape."""
+    width, height = frame_axes(Figure().subplots(), outlines, fixed, swept=fixed.view is None)
+    columns = min(count, 2 if width > 1.2 * height else 3)
+    rows = -(-count // columns)
+    panel = min(9.0 / columns, 4.4)
+    figure = new_figure(panel * columns + 0.4, (panel * height / width + 0.35) * rows + 1.0, "")
+    return figure, cells(figure, rows, columns, count, sharex=True, sharey=True)

@@ -1,16 +1,16 @@
-"""Where everything of a mechanism is: fixed pivots and guides once, bodies and joints at any instant."""
+"""Outlines of a mechanism in the plane of a picture: fixed pivots and guides once, bodies and joints at any instant."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import BodyFrame, normal
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.plots.outlines import ALONG_LINK, BOX, STANDING, Outline, Scenery
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
@@ -19,12 +19,8 @@ if TYPE_CHECKING:
     from kaneflex.response.motion import Motion
 
 _SWEEP, _MOST = 180, 20_000
-"""Least and largest number of instants from which the travel along guides and the frame of the picture are found."""
-ALONG_LINK = 33
-_BOX = (0.10, 0.07)
-"""Half length and half width of a guided body, in sizes of the mechanism."""
-_STANDING = 0.2
-"""Half length of a guide where only one configuration is known."""
+"""Least and largest number of instants from which the travel along guides and the frame of the picture are found;
+in space the largest."""
 _ON_LINE = 1e-6
 """Share of a guide's margin by which a point may miss its line."""
 _CARRIED = 0.5
@@ -33,54 +29,14 @@ _CARRIED = 0.5
 Place = tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Scenery:
-    """What does not move, found over the whole run.
+def scenery(model: Model, rigid: RigidMotion | None = None) -> Scenery:
+    """Pivots, guides and extent of a model's run, without instants at which the rigid mechanism has no place.
 
-    Attributes
-    ----------
-    pivots : ndarray (n, 2)
-        Points of the ground that revolute joints and welds use [m].
-    guides : mapping of str to ndarray (2, 2)
-        Ends of each guide's centre line over the travel of its body, in the axes of the body that carries it [m].
-    size : float
-        Diagonal of the region that the rigid mechanism sweeps [m].
-    lower, upper : ndarray (2,)
-        Corners of that region [m].
+    ``rigid``: motion of a run, from which those in space are found.
     """
-
-    pivots: np.ndarray
-    guides: Mapping[str, np.ndarray]
-    size: float
-    lower: np.ndarray
-    upper: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """A mechanism at some instants; all points global [m].
-
-    Attributes
-    ----------
-    links : mapping of str to ndarray (n_times, n_points, 2)
-        Axis of each elastic link.
-    bars : mapping of str to ndarray (n_times, n_points, 2)
-        Path through the used points of each rigid body, and the guides that it carries; of elastic links a stiff arm
-        from the axis to each used point that does not lie on it, by the link's name and a number.
-    boxes : mapping of str to ndarray (n_times, 5, 2)
-        Closed outline of the body on each guide, by the guide's joint.
-    pins : mapping of str to ndarray (n_times, 2)
-        Each revolute joint.
-    """
-
-    links: Mapping[str, np.ndarray]
-    bars: Mapping[str, np.ndarray]
-    boxes: Mapping[str, np.ndarray]
-    pins: Mapping[str, np.ndarray]
-
-
-def scenery(model: Model) -> Scenery:
-    """Pivots, guides and extent of a scene, instants left out at which the rigid mechanism has no place."""
+    if model.scene.is_spatial:
+        rigid = model.motion.at(0.0) if rigid is None else rigid
+        return rigid_scenery(model.scene, rigid.taken(np.arange(0, len(rigid.times), len(rigid.times) // _SWEEP + 1)))
     count = min(max(_SWEEP, model.options.steps), _MOST)
     rigid = model.motion.at(np.linspace(0.0, model.options.duration, count, endpoint=False))
     placed = np.all([np.isfinite(rigid[f"{name}.x"] + rigid[f"{name}.c"]) for name in model.scene.bodies], axis=0)
@@ -91,6 +47,10 @@ def scenery(model: Model) -> Scenery:
 
 def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
     """Pivots, guides and extent of a scene over some rigid motion, or at one configuration."""
+    if scene.is_spatial:
+        from kaneflex.plots.axonometric import spatial_scenery
+
+        return spatial_scenery(scene, cast("RigidMotion", rigid))
     swept = [_rigid_point(rigid, name, at) for name in ("ground", *scene.bodies) for at in used_points(scene, name)]
     swept = np.concatenate(swept)
     lower, upper = swept.min(axis=0), swept.max(axis=0)
@@ -100,7 +60,7 @@ def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
         points = _rigid_point(rigid, rider.body, scene.point(rider))
         if carrier.body != "ground":
             points = _to_body(rigid, carrier.body, points)
-        margin = (_BOX[0] if len(points) > 1 else _STANDING) * size
+        margin = (BOX[0] if len(points) > 1 else STANDING) * size
         carried = [] if carrier.body == "ground" else used_points(scene, carrier.body)
         guides[name] = _travel(points, np.array(direction), margin, carried)
     pivots = [
@@ -143,16 +103,26 @@ def _travel(points: np.ndarray, direction: np.ndarray, margin: float, carried: l
 
 def outline(motion: Motion, fixed: Scenery, factor: float) -> Outline:
     """The mechanism at the times of a motion, its elastic displacements multiplied by ``factor``."""
-    return _Pose(motion.model.scene, motion.rigid, fixed, motion, factor).outline()
+    return _outline(motion.model.scene, motion.rigid, fixed, motion, factor)
 
 
 def rigid_outline(scene: Scene, rigid: RigidMotion | Placement, fixed: Scenery) -> Outline:
     """The undeformed mechanism at the times of a rigid motion, or at one configuration."""
-    return _Pose(scene, rigid, fixed, None, 0.0).outline()
+    return _outline(scene, rigid, fixed, None, 0.0)
+
+
+def _outline(
+    scene: Scene, rigid: RigidMotion | Placement, fixed: Scenery, motion: Motion | None, factor: float
+) -> Outline:
+    if not scene.is_spatial:
+        return _Pose(scene, rigid, fixed, motion, factor).outline()
+    from kaneflex.plots.axonometric import spatial_outline
+
+    return spatial_outline(scene, cast("RigidMotion", rigid), fixed, motion, factor)
 
 
 class _Pose:
-    """Everything of one outline that more than one part of it needs; ``motion`` is None where nothing is deformed."""
+    """Parts of one outline in the plane; ``motion`` is None where nothing is deformed."""
 
     def __init__(self, scene: Scene, rigid, fixed: Scenery, motion: Motion | None, factor: float):
         self.scene, self.rigid, self.fixed = scene, rigid, fixed
@@ -222,7 +192,7 @@ class _Pose:
         t = BodyFrame(self.rigid, carrier.body).to_global(direction)
         t, n = t.T, normal(t).T
         size = self.fixed.size * (1.0 if carrier.body == "ground" else _CARRIED)
-        corners = size * np.array(_BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
+        corners = size * np.array(BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
         return centre[:, None] + corners[None, :, :1] * t[:, None] + corners[None, :, 1:] * n[:, None]
 
 

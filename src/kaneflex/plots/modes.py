@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,14 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from kaneflex.multibody.building import has_modes, reference_modes
-from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
-from kaneflex.plots.mechanism import Outline, grounded, outline, rigid_outline, scenery
-from kaneflex.plots.style import GREY, PALETTE, cells, new_figure, shade
+from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, draw_triad, frame_axes, small_drawings
+from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
+from kaneflex.plots.outlines import Outline, Scenery
+from kaneflex.plots.style import GREY, PALETTE, shade, wrapped
 from kaneflex.plots.view import angle_name
-from kaneflex.response.elastic_motion import ElasticMotion
+from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 
 if TYPE_CHECKING:
-    from kaneflex.mechanism.body_frame import Rates
+    from kaneflex.mechanism.rigid_motion import RigidMotion
     from kaneflex.multibody.model import Model
     from kaneflex.solve.solution import Solution
 
@@ -37,73 +36,68 @@ def figures(solution: Solution) -> dict[str, Figure]:
         return {}
     count = min(MOST, model.equations.size)
     omega, shapes = reference_modes(model, count)
-    fixed = scenery(model)
+    fixed = scenery(model, solution.rigid)
     rigid = model.motion.at(np.full(count, model.reference_time))
     still = rigid_outline(model.scene, rigid, fixed)
-    positive, negative = (_deflected(model, rigid, fixed, sign * shapes, still) for sign in (1.0, -1.0))
-    figure, panels = _panels(count, (still, positive, negative), fixed)
-    figure.suptitle(title_at_reference(solution))
+    positive = _deflected(model, rigid, fixed, shapes, still)
+    negative = still.combined(lambda at, moved: 2.0 * at - moved, positive)
+    figure, panels = small_drawings(count, [still, positive, negative], fixed)
+    figure.suptitle(_title(solution, figure.get_figwidth()))
     for k, axes in enumerate(panels):
+        frame_axes(axes, [still, positive, negative], fixed, swept=fixed.view is None)
         draw_scenery(axes, fixed)
         draw_guides(axes, fixed, grounded(model.scene), still)
         draw_outline(axes, still, k, ghost=True)
         draw_outline(axes, negative, k, shade(PALETTE[5], 0.3), links_only=True)
         draw_outline(axes, positive, k)
-        frame_axes(axes, [still, positive, negative], fixed)
         axes.set_title(f"Mode {k + 1}: {hertz(omega[k])}")
-        axes.label_outer()
+        if fixed.view is None:
+            axes.label_outer()
+        else:
+            draw_triad(axes, fixed.view)
     figure.legend(handles=_handles(), loc="outside lower center", ncols=3)
     return {"modes": figure}
 
 
-def _deflected(model: Model, rigid, fixed, shapes: np.ndarray, still: Outline) -> Outline:
-    """One mode an instant, each enlarged to the same largest displacement."""
-    rates = np.zeros_like(shapes)
+def _deflected(model: Model, rigid: RigidMotion, fixed: Scenery, shapes: np.ndarray, still: Outline) -> Outline:
+    """One mode at each instant, enlarged to the same largest displacement.
+
+    Links of a few modes bend by their loads, too; this stays as large however small the shapes are, and is left out.
+    """
+    none = np.zeros_like(shapes)
     small = shapes * (SMALL * fixed.size / np.abs(shapes).max(axis=0))
-    tried = outline(_Alone(model, rigid, (small, rates, rates)), fixed, 1.0 / SMALL)
-    largest = np.max([_shift(tried, still, name) for name in still.links], axis=0)
-    small *= DRAWN * fixed.size / largest
-    return outline(_Alone(model, rigid, (small, rates, rates)), fixed, 1.0 / SMALL)
+    moved, loaded = (elastic_motion(model, rigid, (each, none, none)) for each in (small, none))
+    drawn, bent = (outline(each, fixed, 1.0 / SMALL) for each in (moved, loaded))
+    away = DRAWN * fixed.size / _largest(fixed, (moved, drawn), (loaded, bent))
+
+    def shifted(at: np.ndarray, mode: np.ndarray, load: np.ndarray) -> np.ndarray:
+        return at + away.reshape((-1,) + (1,) * (at.ndim - 1)) * (mode - load)
+
+    return still.combined(shifted, drawn, bent)
 
 
-@dataclass(frozen=True, eq=False)
-class _Alone(ElasticMotion):
-    """Shapes without what loads do to links of a few modes, which stays as large however small the shapes are."""
+def _largest(fixed: Scenery, moved: tuple[ElasticMotion, Outline], loaded: tuple[ElasticMotion, Outline]) -> np.ndarray:
+    """Largest shift of any part of each mode, enlarged 1 / SMALL times [m], (count,)."""
+    if fixed.view is not None:
+        from kaneflex.plots.axonometric import deformed_lines
 
-    def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
-        d, v, a = super().displacement(body, at)
-        own = self._loaded.displacement(body, at)
-        return d - own[0], v - own[1], a - own[2]
-
-    @cached_property
-    def _loaded(self) -> ElasticMotion:
-        none = np.zeros_like(self.coordinates[0])
-        return ElasticMotion(self.model, self.rigid, (none, none, none))
-
-
-def _shift(moved: Outline, still: Outline, link: str) -> np.ndarray:
-    """Largest displacement of a link at each instant, (n_times,)."""
-    return np.hypot(*np.moveaxis(moved.links[link] - still.links[link], -1, 0)).max(axis=1)
+        lines, others = (deformed_lines(of, 1.0 / SMALL) for of, _ in (moved, loaded))
+        shifts = [np.linalg.norm(lines[name] - others[name], axis=1).max(axis=0) for name in lines]
+    else:
+        apart = moved[1].combined(np.subtract, loaded[1])
+        shifts = [np.hypot(*np.moveaxis(each, -1, 0)).max(axis=1) for kind in (apart.links, apart.bars, apart.boxes)
+                  for each in kind.values()]  # fmt: skip
+    return np.max(shifts, axis=0)
 
 
-def _panels(count: int, outlines: tuple[Outline, ...], fixed) -> tuple[Figure, list]:
-    """Panels side by side or one above the other, whichever suits the mechanism's shape."""
-    probe = Figure().subplots()
-    width, height = frame_axes(probe, list(outlines), fixed)
-    columns = min(count, 2 if width > 1.2 * height else 3)
-    rows = -(-count // columns)
-    panel = min(9.0 / columns, 4.4)
-    figure = new_figure(panel * columns + 0.4, (panel * height / width + 0.35) * rows + 1.0, "")
-    return figure, cells(figure, rows, columns, count, sharex=True, sharey=True)
-
-
-def title_at_reference(solution: Solution) -> str:
+def _title(solution: Solution, width: float) -> str:
+    """Title with the configuration of the modes, in lines that a figure of that width [inches] holds."""
     model = solution.model
     places = [
-        f"{angle_name(solution, drive)} {model.scene.written_coordinate(drive, value)}"
+        f"{angle_name(solution, drive)} {model.scene.written_coordinate(drive, value + 0.0)}"
         for drive, value in model.reference_coordinates.items()
     ]
-    return f"Mode shapes{' at ' if places else ''}{', '.join(places)}, undamped"
+    return wrapped(f"Mode shapes{' at ' if places else ''}{', '.join(places)}, undamped", width)
 
 
 def hertz(omega: float) -> str:

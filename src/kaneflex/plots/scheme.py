@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import textwrap
-from typing import Any
+from collections.abc import Mapping, Sequence
+from textwrap import fill, wrap
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,17 +13,29 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from kaneflex.fem.links import mesh
-from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes, hatched
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.plots.drawing import (
+    MM,
+    draw_guides,
+    draw_outline,
+    draw_scenery,
+    draw_triad,
+    frame_axes,
+    hatched,
+    small_drawings,
+)
 from kaneflex.plots.labels import Labels
-from kaneflex.plots.mechanism import Outline, Scenery, grounded, rigid_outline, rigid_scenery
-from kaneflex.plots.style import PALETTE, new_figure
+from kaneflex.plots.mechanism import grounded, rigid_outline, rigid_scenery
+from kaneflex.plots.outlines import Outline, Scenery
+from kaneflex.plots.standing import Standing
+from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS
+from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import picture_text
 
 ELASTIC, DRIVE, SENSOR, LOAD = PALETTE[0], PALETTE[4], PALETTE[2], PALETTE[1]
@@ -37,51 +49,114 @@ _LINE = 44
 _LARGEST = np.array([6.6, 6.0])
 """Of the drawing, in inches."""
 _LEFT, _BELOW, _ABOVE = 0.75, 0.55, 0.75
-_PER_CHARACTER, _PER_TITLE_CHARACTER = 0.062, 0.088
-"""Widths of a character in the list and in the title, in inches."""
+_PER_CHARACTER, _PER_LINE = 0.062, 0.143
+"""Width of a character and height of a line of the list, in inches."""
+_LEAST, _FLAT_VIEWS = 8.9, 2.9
+"""Least width of the picture, which three views along the axes need, and their height, in inches."""
+_TOLD = 90
+"""Characters in a line of the configuration."""
+_ROUNDING = 1e-9
+"""Coordinate of a drive [rad or m] that is zero."""
 
 
-def scheme(scene: Scene, placement: Placement) -> Figure:
-    """The drawing of a scene at one configuration."""
-    fixed = rigid_scenery(scene, placement)
-    drawn = rigid_outline(scene, placement, fixed)
+def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
+    """The drawing of a scene at one configuration: a placement in the plane, the first instant of a motion in space."""
+    fixed = rigid_scenery(scene, placed)
+    drawn = rigid_outline(scene, placed, fixed)
+    stand = Standing(scene, placed)
     figure = new_figure(_LARGEST[0], _LARGEST[1], "", layout="none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
     title = picture_text(f"{scene.name}: {scene.description}" if scene.description else scene.name)
-    sensors = _sensors_by_place(scene, placement)
-    _arrange(figure, axes, shape, title, _listed(sensors))
-    axes.set_title(_configuration(scene, placement))
+    sensors = _sensors_by_place(scene, stand)
+    below = _arrange(figure, axes, shape, title, _listed(sensors), _FLAT_VIEWS if scene.is_spatial else 0.0)
+    axes.set_title(_configuration(scene, stand))
     draw_scenery(axes, fixed)
     draw_guides(axes, fixed, grounded(scene), drawn)
     for (kind, name), line in draw_outline(axes, drawn, 0, colour=ELASTIC).lines.items():
         if kind == "links":
             line.set_marker("none")  # marks stand for nodes here
-            _mark_nodes(axes, scene, placement, name)
+            _mark_nodes(axes, stand, name)
     labels = Labels(axes, [*_paths(drawn), *_ground_points(fixed), *_faces(fixed, drawn)])
-    _Parts(scene, placement, fixed, axes, labels).draw()
+    if fixed.view is not None:
+        for corner in draw_triad(axes, fixed.view):
+            labels.block(corner)
+        _draw_flat_views(figure, scene, cast("RigidMotion", placed), below)
+    _Parts(stand, fixed, axes, labels).draw()
     _mark_sensors(axes, labels, sensors)
     labels.place()
     return figure
 
 
-def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: str) -> None:
-    """Size the figure to the mechanism's shape [mm], with the title above and the list at its right."""
+def branches(scene: Scene, ways: Sequence[tuple[str, Placement]]) -> Figure:
+    """Small drawings of the ways in which a scene's loops close, the scene's own one first and framed."""
+    fixed = [rigid_scenery(scene, placed) for _, placed in ways]
+    outlines = [rigid_outline(scene, placed, each) for (_, placed), each in zip(ways, fixed, strict=True)]
+    figure, panels = small_drawings(len(ways), outlines, fixed[0])
+    title = f"{scene.name}: {len(ways)} closure{'s' * (len(ways) > 1)} of its loops {_configuration(scene, ways[0][1])}"
+    figure.suptitle(wrapped(title, figure.get_figwidth()))
+    for axes, (told, _), each, drawn in zip(panels, ways, fixed, outlines, strict=True):
+        frame_axes(axes, outlines, each)
+        draw_scenery(axes, each)
+        draw_guides(axes, each, grounded(scene), drawn)
+        draw_outline(axes, drawn, 0, colour=ELASTIC)
+        own = axes is panels[0]
+        axes.set_title(fill(f"{'this scene: ' * own}{told or 'no loop to choose'}", 38), fontsize=8)
+        axes.label_outer()
+        if own:
+            axes.spines[:].set(visible=True, color=SENSOR, linewidth=2.0)
+    return figure
+
+
+def refuse_places(at: Mapping[str, float]) -> None:
+    """Raise SceneError where a mechanism in space is to be drawn at another place than its start."""
+    for name, place in at.items():
+        cure = "Leave it out, or set where the drive starts"
+        raise SceneError("at", f"{name} = {place:.6g}", "a mechanism in space is drawn as it starts", cure)
+
+
+def _draw_flat_views(figure: Figure, scene: Scene, motion: RigidMotion, height: float) -> None:
+    """The bodies seen along the three axes, side by side below the drawing, in that share of the figure's height."""
+    from kaneflex.plots.axonometric import FLAT, body_lines, seen
+
+    width, inches = figure.get_size_inches()
+    lines = body_lines(scene, motion)
+    for k, (title, view) in enumerate(FLAT.items()):
+        axes = figure.add_axes(((_LEFT + k * 2.75) / width, _BELOW / inches, 2.0 / width, height - 1.1 / inches))
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_title(title)
+        names = ["xyz"[row] for row in view.argmax(axis=1)]
+        axes.set(xlabel=f"{names[0]} [mm]", ylabel=f"{names[1]} [mm]")
+        axes.locator_params(nbins=5)
+        for name, points in lines.items():
+            colour = ELASTIC if scene.bodies[name].elastic else "black"
+            axes.plot(*(MM * seen(points[:, :, 0], view)).T, color=colour, marker="o", markersize=2.5, linewidth=1.6)
+
+
+def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: str, below: float) -> float:
+    """Size the figure to the mechanism's shape [mm], with the title above and the list at its right.
+
+    Returns the share of the figure's height that ``below`` [inches] leaves under the drawing.
+    """
     width, height = shape * (_LARGEST / shape).min()
     beside = 0.3 + _PER_CHARACTER * max(map(len, listed.splitlines()), default=0)
-    total = np.array([_LEFT + width + beside, _BELOW + height + _ABOVE])
-    total[0] = max(total[0], 0.3 + _PER_TITLE_CHARACTER * len(title))
+    total = np.array([_LEFT + width + beside, below + _BELOW + height + _ABOVE])
+    total[0] = max(total[0], _LEAST)
+    heading = wrapped(title, total[0])
+    total[1] = max(total[1] + 0.2 * heading.count("\n"), below + _BELOW + _ABOVE + _PER_LINE * (listed.count("\n") + 1))
     figure.set_size_inches(*total)
-    axes.set_position((_LEFT / total[0], _BELOW / total[1], width / total[0], height / total[1]))
-    figure.suptitle(title, x=0.15 / total[0], ha="left")
-    top = (_BELOW + height) / total[1]
+    base = below + _BELOW
+    axes.set_position((_LEFT / total[0], base / total[1], width / total[0], height / total[1]))
+    figure.suptitle(heading, x=0.15 / total[0], ha="left")
     style: dict[str, Any] = {"color": SENSOR, "fontsize": 7.5, "va": "top", "linespacing": 1.35}
-    figure.text((_LEFT + width + 0.2) / total[0], top, listed, **style)
+    figure.text((_LEFT + width + 0.2) / total[0], (base + height) / total[1], listed, **style)
+    return below / total[1]
 
 
-def _configuration(scene: Scene, placement: Placement) -> str:
-    angles = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in placement.drives.items())
-    return f"at {angles}" if angles else ""
+def _configuration(scene: Scene, stand: Standing | Placement) -> str:
+    places = {name: 0.0 if abs(value) < _ROUNDING else value for name, value in stand.drives.items()}
+    told = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in places.items())
+    return fill(f"at {told}", _TOLD) if told else ""
 
 
 def _paths(drawn: Outline) -> list[np.ndarray]:
@@ -99,6 +174,8 @@ def _ground_points(fixed: Scenery) -> list[np.ndarray]:
 def _faces(fixed: Scenery, drawn: Outline) -> list[np.ndarray]:
     """The hatched faces of the guides."""
     lines = []
+    if fixed.view is not None:
+        return [MM * ends for ends in fixed.guides.values()]
     for name, ends in fixed.guides.items():
         box = drawn.boxes[name][0]
         lines += [MM * (ends + share * (box[0] - box[3])) for share in (-0.62, -0.5, 0.5, 0.62)]
@@ -108,9 +185,9 @@ def _faces(fixed: Scenery, drawn: Outline) -> list[np.ndarray]:
 class _Parts:
     """Names and symbols of everything but the sensors."""
 
-    def __init__(self, scene: Scene, placement: Placement, fixed: Scenery, axes: Axes, labels: Labels):
-        self.scene, self.placement, self.axes, self.labels = scene, placement, axes, labels
-        self.size = MM * fixed.size
+    def __init__(self, stand: Standing, fixed: Scenery, axes: Axes, labels: Labels):
+        self.scene, self.stand, self.axes, self.labels = stand.scene, stand, axes, labels
+        self.size, self.at = MM * fixed.size, stand.at
 
     def draw(self) -> None:
         for name in self.scene.bodies:
@@ -134,11 +211,8 @@ class _Parts:
                 self.labels.add(name, self.at(loose.sides[1]), "#555555", size=8)
         for name, load in self.scene.torques.items():
             self._turning(load.torque_at, LOAD, name, radius=1.5 * _ARC)
-        if self.scene.gravity != (0.0, 0.0):
+        if any(self.scene.gravity):
             self._gravity()
-
-    def at(self, address: Address) -> np.ndarray:
-        return _at(self.scene, self.placement, address)
 
     def _body(self, name: str) -> None:
         body = self.scene.bodies[name]
@@ -149,6 +223,11 @@ class _Parts:
     def _joints(self) -> None:
         """Names of joints, one label a place."""
         here: dict[tuple[float, ...], list[str]] = {}
+        if self.scene.is_spatial:
+            from kaneflex.plots.axonometric import joint_axes
+
+            for ends in joint_axes(self.scene, self.stand.placed):
+                self.axes.plot(*(MM * self.stand.view @ ends.T), color="0.35", linestyle="-.", linewidth=0.9, zorder=2)
         for name, joint in self.scene.joints.items():
             at = self.at(joint.addresses[1])
             here.setdefault(tuple(np.round(at, 6)), []).append(name)
@@ -174,9 +253,9 @@ class _Parts:
 
     def _sliding(self, joint: str, text: str, back: bool, dashed: bool) -> None:
         """An arrow along a driven guide, from the point that slides."""
-        guide = mechanism_of(self.scene).joints[joint]
-        start = self.at(self.scene.joints[joint].addresses[1])
-        along = np.array(self.placement.pose(guide.first.body).turn(guide.direction))
+        first, second = self.scene.joints[joint].addresses
+        start = self.at(second)
+        along = self.stand.direction(first.body, self.scene.joints[joint].given_axes[0])
         end = start + (-1.0 if back else 1.0) * 2.0 * _ARC * self.size * along
         self.axes.plot(*np.stack([start, end], axis=-1), color=DRIVE, linestyle="--" if dashed else "-", zorder=4.6)
         self._arrow(end - 1e-3 * (end - start), end, DRIVE)
@@ -188,7 +267,7 @@ class _Parts:
         """An arrow around a joint."""
         centre = self.at(self.scene.joints[joint].addresses[0])
         turn = np.radians(np.linspace(-60.0, 200.0, 40))
-        arc = centre + radius * self.size * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        arc = centre + radius * self.size * self.stand.around(joint, turn)
         if clockwise:
             arc = arc[::-1]
         self.axes.plot(*arc.T, color=colour, linewidth=1.6, linestyle="--" if dashed else "-", zorder=4.6)
@@ -213,8 +292,8 @@ class _Parts:
         self.labels.add(name, tails[3], LOAD, size=8)
 
     def _towards(self, load: Load, body: str) -> np.ndarray:
-        """Global direction of a load."""
-        return np.array(self.placement.pose(body if load.axes == "body" else GROUND).turn(load.direction))
+        """Direction of a load in the drawing."""
+        return self.stand.direction(body if load.axes == "body" else GROUND, load.direction)
 
     def _force(self, name: str) -> None:
         load = self.scene.forces[name]
@@ -228,8 +307,8 @@ class _Parts:
     def _spring(self, name: str) -> None:
         """A zigzag between two points, or a spiral around a joint."""
         spring = self.scene.springs[name]
-        if spring.ends:
-            start, end = (self.at(address) for address in spring.ends)
+        if ends := spring.ends or spring.bushing:
+            start, end = (self.at(address) for address in ends)
             along = end - start
             length = np.hypot(*along)
             across = np.array([-along[1], along[0]]) / length if length else np.zeros(2)
@@ -238,7 +317,7 @@ class _Parts:
             line = start + np.outer(share, along) + 0.02 * self.size * np.outer(swing, across)
         else:
             turn = np.linspace(0.0, 5.0 * np.pi, 90)
-            around = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+            around = self.stand.around(spring.torsional_at, turn)
             centre = self.at(self.scene.joints[spring.torsional_at].addresses[0])
             line = centre + 1.2 * _ARC * self.size * (turn / turn[-1])[:, None] * around
         self.axes.plot(*line.T, color="#555555", linewidth=1.2, zorder=3.8)
@@ -251,7 +330,7 @@ class _Parts:
         first, second = (self.at(address) for address in contact.sides)
         radii = [(second, contact.touching)]
         if contact.kind == "point-line":
-            n = np.array(self.placement.pose(contact.sides[0].body).turn(contact.direction))
+            n = self.stand.direction(contact.sides[0].body, contact.direction)
             n /= np.hypot(*n)
             along = 1.5 * _ARC * self.size * np.array([n[1], -n[0]])
             middle = first + MM * (contact.reach - contact.touching) * n
@@ -272,6 +351,7 @@ class _Parts:
         g = np.array(self.scene.gravity)
         (left, _), (_, top) = self.axes.get_xlim(), self.axes.get_ylim()
         middle = np.array([left, top]) + 0.5 * _ROOM * self.size * np.array([1.0, -1.0])
+        g = self.stand.view @ g
         half = 0.35 * _ROOM * self.size * g / np.hypot(*g)
         self._arrow(middle - half, middle + half, "#555555")
         self.labels.block(np.linspace(middle - half, middle + half, 12))
@@ -283,46 +363,41 @@ class _Parts:
         self.axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=style, zorder=4.7)
 
 
-def _at(scene: Scene, placement: Placement, address: Address) -> np.ndarray:
-    """Where a point is drawn [mm]."""
-    return MM * np.array(placement.pose(address.body).place(scene.point(address)))
-
-
-def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.ndarray, list[str]]]:
+def _sensors_by_place(scene: Scene, stand: Standing) -> list[tuple[str, np.ndarray, list[str]]]:
     """Where sensors measure: (address or joint, place [mm], names), in the scene's order."""
     found: dict[str, tuple[np.ndarray, list[str]]] = {}
     for name, sensor in scene.sensors.items():
         target = sensor.target
         if sensor.kind in ("spring_force", "spring_torque"):
             spring = scene.springs[target]
-            ends = spring.ends or scene.joints[spring.torsional_at].addresses
-            middle = np.mean([_at(scene, placement, end) for end in ends], axis=0)
+            ends = spring.ends or spring.bushing or scene.joints[spring.torsional_at].addresses
+            middle = np.mean([stand.at(end) for end in ends], axis=0)
             found.setdefault(f"spring {target}", (middle, []))[1].append(name)
             continue
         if sensor.stress is not None:  # modal data don't say where it is
-            middle = _at(scene, placement, Address(sensor.stress.body, "mid"))
+            middle = stand.at(Address(sensor.stress.body, "mid"))
             found.setdefault(f"stress {target}", (middle, []))[1].append(name)
             continue
         if sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS) and str(target) in scene.contacts:
             side = scene.contacts[str(target)].sides[1]
-            found.setdefault(f"contact {target}", (_at(scene, placement, side), []))[1].append(name)
+            found.setdefault(f"contact {target}", (stand.at(side), []))[1].append(name)
             continue
         if not isinstance(target, str) and target.body in scene.loose:
             side = scene.loose[target.body].sides[1]
-            found.setdefault(target.body, (_at(scene, placement, side), []))[1].append(name)
+            found.setdefault(target.body, (stand.at(side), []))[1].append(name)
             continue
         joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None
         address = scene.joints[joint].addresses[1] if joint is not None else target
         key = joint if joint is not None else str(target)
-        found.setdefault(key, (_at(scene, placement, address), []))[1].append(name)
+        found.setdefault(key, (stand.at(address), []))[1].append(name)
     return [(key, at, names) for key, (at, names) in found.items()]
 
 
-def _mark_nodes(axes: Axes, scene: Scene, placement: Placement, name: str) -> None:
+def _mark_nodes(axes: Axes, stand: Standing, name: str) -> None:
     """The nodes of an elastic link between its ends."""
-    x_0, y_0, angle = placement.poses[name]
+    scene = stand.scene
     nodes = mesh(scene, name, scene.bodies[name].beam.elements)[1:-1]
-    points = MM * (np.array([x_0, y_0]) + np.outer(nodes, [math.cos(angle), math.sin(angle)]))
+    points = np.array([stand.point(name, scene.vector((float(x), 0.0))) for x in nodes]).reshape(-1, 2)
     style: dict[str, Any] = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": ELASTIC}
     axes.plot(*points.T, linestyle="none", zorder=3.3, **style)
 
@@ -341,5 +416,5 @@ def _listed(sensors: list[tuple[str, np.ndarray, list[str]]]) -> str:
     """The sensors by number, in lines."""
     lines = ["sensors"] if sensors else []
     for k, (place, _, names) in enumerate(sensors, 1):
-        lines += textwrap.wrap(f"{k}  {place}: {', '.join(names)}", _LINE, subsequent_indent="    ")
+        lines += wrap(f"{k}  {place}: {', '.join(names)}", _LINE, subsequent_indent="    ")
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Pictures of a judgement of stability: frozen frequencies over the drive, Campbell's diagram, multipliers."""
+"""Pictures of stability: frozen frequencies over the drive, Campbell's diagram, multipliers."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from kaneflex.response.whirl import turns
 from kaneflex.study.stability.report import Stability
 from kaneflex.study.stability.sweep import FORWARD, Sweep
 
+_APART = 8.5
+"""Distance of two names of 7 points [points]."""
 _LEAST = 1e-3
 """Multiplier under which all disturbances are gone after a period."""
 
@@ -19,7 +21,7 @@ def figure(found: Stability) -> Figure:
     """Frequencies and load factors over the cycle; with speeds also Campbell's diagram and the spectral radius."""
     scene = found.model.scene
     rows = 2 if found.sweep is None else 4
-    page = new_figure(7.2, 0.8 + 2.3 * rows, f"{scene.name}, {found.model.options.preset}: stability")
+    page = new_figure(7.4, 0.8 + 2.4 * rows, f"{scene.name}, {found.model.options.preset}: stability")
     panels = page.subplots(rows, 1)
     drive = next(iter(scene.drives))
     slides = scene.slides(drive)
@@ -36,52 +38,71 @@ def figure(found: Stability) -> Figure:
 def _over_cycle(frequencies: Axes, factors: Axes, found: Stability, x: np.ndarray) -> None:
     factor, unit = readable("Hz", found.frozen.frequencies)
     frequencies.plot(x, factor * found.frozen.frequencies)
+    frequencies.margins(x=0)
+    last = factor * found.frozen.frequencies[-1]
+    _name_ends(frequencies, x[-1], [(y, f"mode {k}", PALETTE[(k - 1) % len(PALETTE)]) for k, y in enumerate(last, 1)])
     where = ", in axes that turn with the links" if turns(found.model) else ""
     frequencies.set_title(f"frozen natural frequencies{where}")
-    frequencies.set_ylabel(f"[{unit}]")
+    frequencies.set_ylabel(f"frequency [{unit}]")
     factors.set_title("share of the buckling load, 1 / lambda")
+    factors.set_ylabel("load / buckling load [1]")
     if found.buckling is not None:
         factors.plot(x, 1.0 / found.buckling.factors)
     factors.axhline(1.0, color=GREY, linewidth=0.8)
-    for axes in (frequencies, factors):
-        axes.margins(x=0)
+    factors.margins(x=0)
 
 
 def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides: bool) -> None:
     x = factor * swept.speeds
     scale, unit = readable("Hz", swept.highest[:, :2])
-    styles = [{"backward": "--", "torsion": ":"}.get(mode.split()[0], "-") for mode in swept.modes]
-    for k, style in enumerate(styles):
-        colour = PALETTE[k % len(PALETTE)]
-        campbell.fill_between(x, scale * swept.lowest[:, k], scale * swept.highest[:, k], color=colour, alpha=0.25)
-        campbell.plot(x, scale * swept.mean[:, k], color=colour, linestyle=style)
     # What the orders can't reach is of no use to read where they cross.
     reach = max(swept.highest[:, :2].max(), max(swept.orders) * swept.speeds[-1] / (2.0 * np.pi))
-    campbell.set_ylim(0.0, 1.05 * scale * reach)
+    campbell.set(xlim=(x[0], x[-1]), ylim=(0.0, 1.05 * scale * reach))
+    ends = []
     for k, mode in enumerate(swept.modes):
-        at = k * len(x) // 12  # beside each other, where modes are close
-        _name(campbell, _short(mode), x[at], scale * swept.mean[at, k], PALETTE[k % len(PALETTE)], above=True)
+        colour, style = PALETTE[k % len(PALETTE)], {"backward": "--", "torsion": ":"}.get(mode.split()[0], "-")
+        campbell.fill_between(x, scale * swept.lowest[:, k], scale * swept.highest[:, k], color=colour, alpha=0.25)
+        campbell.plot(x, scale * swept.mean[:, k], color=colour, linestyle=style)
+        ends.append((scale * swept.mean[-1, k], _short(mode), colour))
     for order in swept.orders if not slides else ():
         line = scale * order * swept.speeds / (2.0 * np.pi)
         campbell.plot(x, line, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
-        _name(campbell, f"{order:g}", x[-1], line[-1], "black", above=False)
-    for _, _, speed in swept.critical:
-        place = factor * speed
-        campbell.axvline(place, color="black", linewidth=0.7, linestyle=":")
-        campbell.plot(place, scale * speed / (2.0 * np.pi), "o", color="black", markersize=5, markerfacecolor="white")
-        campbell.annotate(f"{place:.4g} rpm", (place, 0.92), xycoords=campbell.get_xaxis_transform(), xytext=(3, 0),
-                          textcoords="offset points", fontsize=8)  # fmt: skip
+        ends.append((line[-1], f"order {order:g}", "black"))
+    _name_ends(campbell, x[-1], ends)
+    if not slides:
+        _mark_crossings(campbell, swept, factor, scale)
     campbell.set_title(_heading(swept))
-    campbell.set_ylabel(f"[{unit}]")
+    campbell.set_ylabel(f"frequency [{unit}]")
     seen = np.maximum(swept.radii, _LEAST)
     radii.semilogy(x, seen, marker=".", markersize=3)
     radii.set_ylim(bottom=max(_LEAST, 0.8 * seen.min()))
     radii.axhline(1.0, color=GREY, linewidth=0.8)
     radii.set_title("largest Floquet multiplier, unstable bands shaded")
+    radii.set_ylabel("multiplier [1]")
+    radii.margins(x=0)
     for axes in (campbell, radii):
-        axes.margins(x=0)
         for low, high in swept.bands:
             axes.axvspan(factor * low, factor * high, color=PALETTE[1], alpha=0.15, linewidth=0)
+
+
+def _mark_crossings(campbell: Axes, swept: Sweep, factor: float, scale: float) -> None:
+    """Rings where orders meet frequencies, and the speeds of these: of critical ones alone where there are any."""
+    critical = swept.critical
+    told: list[float] = []
+    width = campbell.bbox.width / np.ptp(campbell.get_xlim())
+    apart = _APART * campbell.get_figure(root=True).dpi / 72.0  # type: ignore[union-attr]
+    for crossing in sorted(swept.crossings(), key=lambda each: (each not in critical, each.speed)):
+        place, height = factor * crossing.speed, scale * crossing.order * crossing.speed / (2.0 * np.pi)
+        ring = {"color": "black", "markerfacecolor": "white", "zorder": 4}
+        campbell.plot(place, height, "o", markersize=5 if crossing in critical else 3.5, **ring)
+        if critical and crossing not in critical:
+            continue
+        campbell.axvline(place, color="black", linewidth=0.6, linestyle=":")
+        if all(abs(place - other) * width > apart for other in told):
+            told.append(place)
+            campbell.annotate(f"{place:.4g} rpm", (place, 0.98), xycoords=campbell.get_xaxis_transform(), rotation=90,
+                              ha="right", va="top", fontsize=7,
+                              bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip
 
 
 def _heading(swept: Sweep) -> str:
@@ -96,8 +117,17 @@ def _short(mode: str) -> str:
     return mode if mode.startswith("mode") else f"{mode[0].upper()}{mode.split()[-1]}"
 
 
-def _name(axes: Axes, text: str, x: float, y: float, colour: str, above: bool) -> None:
-    """The name of a curve above a point of it, or beside its last one, where the panel shows that."""
-    if y < axes.get_ylim()[1]:
-        place, va = ((2.0, 1.5), "bottom") if above else ((3.0, 0.0), "center_baseline")
-        axes.annotate(text, (x, y), xytext=place, textcoords="offset points", va=va, fontsize=7, color=colour)
+def _name_ends(axes: Axes, x: float, ends: list[tuple[float, str, str]]) -> None:
+    """Names of curves (height of the end, name, colour) beside those ends that the panel shows, without overlap."""
+    low, high = axes.get_ylim()
+    shown = sorted(each for each in ends if low <= each[0] <= high)
+    height = axes.bbox.height / axes.get_figure(root=True).dpi * 72.0  # type: ignore[union-attr]
+    at = [(y - low) / (high - low) * height for y, *_ in shown]
+    places = list[float]()
+    for each in at:
+        places.append(max(each, places[-1] + _APART) if places else each)
+    for k in range(len(places) - 1, -1, -1):  # down again from the upper end
+        places[k] = min(places[k], height + 4.0 if k == len(places) - 1 else places[k + 1] - _APART)
+    for (y, text, colour), own, place in zip(shown, at, places, strict=True):
+        axes.annotate(text, (x, y), xytext=(4.0, place - own), textcoords="offset points", va="center", fontsize=7,
+                      color=colour, annotation_clip=False)  # fmt: skip

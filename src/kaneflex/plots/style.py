@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib
 import numpy as np
@@ -26,6 +27,8 @@ TOUCHED = "#FBE3D3"
 """Behind curves while something touches."""
 _LETTER, _HANDLE = 0.068, 0.45
 """Width of a legend's letter (8 points, DejaVu Sans) and of the line before a name [inches]."""
+_TITLE_LETTER = 0.092
+"""Width of a figure title's letter (11 points) [inches]."""
 _ONE_COLUMN = 4
 """Most panels that stand one above the other."""
 
@@ -95,8 +98,13 @@ def new_figure(width: float, height: float, title: str, layout: str = "constrain
     """An empty figure [inches] with a canvas of its own, outside pyplot's global state."""
     figure = Picture(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
-    figure.suptitle(picture_text(title))
+    figure.suptitle(wrapped(picture_text(title), width))
     return figure
+
+
+def wrapped(title: str, width: float) -> str:
+    """A figure's title in lines that its width [inches] holds."""
+    return fill(title, max(20, int(width / _TITLE_LETTER)))
 
 
 def cells(

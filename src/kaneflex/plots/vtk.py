@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.plots.mechanism import ALONG_LINK, used_points
-from kaneflex.plots.spatial import outline_points
+from kaneflex.plots.axonometric import outline_points
+from kaneflex.plots.mechanism import used_points
+from kaneflex.plots.outlines import ALONG_LINK
 from kaneflex.plots.view import FRAMES, View, frames_of, view
 from kaneflex.support.errors import installed, told
 from kaneflex.support.escaping import xml_comment

@@ -1,0 +1,79 @@
+"""Lines of a mechanism in a picture: what stands still, and what moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+ALONG_LINK = 33
+"""Points along an elastic link."""
+BOX = (0.10, 0.07)
+"""Half length and half width of a guided body, in sizes of the mechanism."""
+STANDING = 0.2
+"""Half length of a guide where only one configuration is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """Parts that do not move, and the extent of the motion.
+
+    Attributes
+    ----------
+    pivots : ndarray (n, 2)
+        Points of the ground that joints other than guides use [m].
+    guides : mapping of str to ndarray (2, 2)
+        Ends of each guide's centre line over the travel of its body, in the plane in the axes of the body that
+        carries it [m].
+    size : float
+        Diagonal of the region that the rigid mechanism sweeps in the plane, of the box that it fills in space [m].
+    lower, upper : ndarray (2,)
+        Corners of the region that it sweeps in the picture [m].
+    view : ndarray (2, 3) or None
+        Projection of a mechanism in space; its columns are the global axes in the picture.
+    """
+
+    pivots: np.ndarray
+    guides: Mapping[str, np.ndarray]
+    size: float
+    lower: np.ndarray
+    upper: np.ndarray
+    view: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A mechanism at some instants; all points in the picture's plane [m].
+
+    Attributes
+    ----------
+    links : mapping of str to ndarray (n_times, n_points, 2)
+        Axis of each elastic link.
+    bars : mapping of str to ndarray (n_times, n_points, 2)
+        Path through the used points of each rigid body, and the guides that it carries; of elastic links a stiff arm
+        from the axis to each used point that does not lie on it, by the link's name and a number.
+    boxes : mapping of str to ndarray (n_times, n_corners, 2)
+        Closed outline of the body on each guide, by the guide's joint.
+    pins : mapping of str to ndarray (n_times, 2)
+        Each joint but welds and guides in the plane, each joint but guides in space.
+    """
+
+    links: Mapping[str, np.ndarray]
+    bars: Mapping[str, np.ndarray]
+    boxes: Mapping[str, np.ndarray]
+    pins: Mapping[str, np.ndarray]
+
+    def combined(self, function: Callable[..., np.ndarray], *others: Outline) -> Outline:
+        """An outline of the same parts, whose points are a function of these and those of other outlines."""
+        kinds = ({name: function(points, *(getattr(other, kind)[name] for other in others))
+                  for name, points in getattr(self, kind).items()}
+                 for kind in ("links", "bars", "boxes", "pins"))  # fmt: skip
+        return Outline(*kinds)
+
+    def farthest(self, other: Outline) -> float:
+        """Largest distance between a point of this outline and of another one of the same parts [m]."""
+        apart = self.combined(np.subtract, other)
+        shifts = [np.hypot(each[..., 0], each[..., 1]) for kind in (apart.links, apart.bars, apart.boxes, apart.pins)
+                  for each in kind.values()]  # fmt: skip
+        return max((float(np.nanmax(each)) for each in shifts if each.size), default=0.0)
