@@ -12,9 +12,10 @@ from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.building import reference_modes
 from kaneflex.plots import energy, figures, loads, motion, orders, paths, show, spatial
 from kaneflex.plots.axonometric import VIEW
+from kaneflex.plots.sensors import grouped
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
-from kaneflex.scene import scene_of
+from kaneflex.scene import read_scene, scene_of
 
 DOCS = Path(__file__).parents[1] / "docs"
 SWINGING = """
@@ -238,3 +239,14 @@ def test_the_page_names_every_picture():
     drawn = {*figures(run("four-bar", "solve.steps=144")), *figures(run("engine", "solve.steps=144"))}
     general = {re.sub(r"_(rod|crank|coupler|follower)$", "_NAME", name) for name in drawn}
     assert general <= {*named} and len(general) > 7
+
+
+def test_sensors_of_other_magnitudes_have_axes_of_their_own():
+    scene = read_scene("engine")
+    forces = ["crank_pin_force_x", "piston_side_force", "main_bearing_force_x"]
+    reach = {"crank_pin_force_x": 4e4, "piston_side_force": 50.0, "main_bearing_force_x": 5e3}
+    assert grouped(scene, forces, reach) == {
+        "Joint force (1)": ["crank_pin_force_x", "main_bearing_force_x"], "Joint force (2)": ["piston_side_force"]
+    }  # fmt: skip
+    constant = grouped(scene, forces, reach | {"piston_side_force": 0.0})
+    assert constant == grouped(scene, forces) == {"Joint force": forces}

@@ -97,7 +97,7 @@ def joint_axes(scene: Scene, rigid: RigidMotion) -> list[np.ndarray]:
 def spatial_outline(scene: Scene, rigid: RigidMotion, fixed: Scenery, motion: Motion | None, factor: float) -> Outline:
     """A mechanism in space in the picture, its elastic displacements multiplied by ``factor`` [m]."""
     elastic = [name for name, body in scene.bodies.items() if body.elastic]
-    along = {name: np.linspace(0.0, scene.bodies[name].length, ALONG_LINK) for name in elastic}
+    along = {name: np.linspace(0.0, scene.bodies[name].length or 0.0, ALONG_LINK) for name in elastic}
     lines = body_lines(scene, rigid, along) if motion is None else deformed_lines(motion, factor)
     drawn = {name: seen(line.transpose(2, 0, 1)) for name, line in lines.items()}
     boxes, pins = {}, {}

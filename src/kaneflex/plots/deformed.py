@@ -72,9 +72,9 @@ def _worst(solution: Solution) -> _Worst:
         station, instant = stresses[name].largest
         factor, unit = readable("Pa", stresses[name].mises)
         largest, x = factor * float(stresses[name].mises[station, instant]), stresses[name].x
-        place = f"{picture_text(name)} at {MM * x[station]:.4g} mm"
+        where = f"{picture_text(name)} at {MM * x[station]:.4g} mm"
         share = float(x[station] / x[-1])
-        return _Worst(instant, f"\nlargest stress of the run, {largest:.3g} {unit}, in {place}", name, share)
+        return _Worst(instant, f"\nlargest stress of the run, {largest:.3g} {unit}, in {where}", name, share)
     shown, links = view(solution), solution.model.links
     if links:
         places = [(name, float(x)) for name, link in links.items() for x in link.nodes]
@@ -82,10 +82,11 @@ def _worst(solution: Solution) -> _Worst:
         moved = np.array([np.linalg.norm(shown.motion.displacement(name, scene.vector((x, 0.0)))[0][:size], axis=0)
                           for name, x in places])  # fmt: skip
         which, at = np.unravel_index(int(moved.argmax()), moved.shape)
-        name, x = places[int(which)]
+        name, place = places[int(which)]
         factor, unit = readable("m", moved)
-        told = f"\nlargest displacement, {factor * moved.max():.3g} {unit}, of {picture_text(name)} at {MM * x:.4g} mm"
-        return _Worst(int(shown.instants[at]), told, name, x / links[name].length)
+        where = f"{picture_text(name)} at {MM * place:.4g} mm"
+        told = f"\nlargest displacement, {factor * moved.max():.3g} {unit}, of {where}"
+        return _Worst(int(shown.instants[at]), told, name, place / links[name].length)
     forces = _joint_forces(solution)
     if forces:
         name = max(forces, key=lambda each: float(forces[each].max()))

@@ -83,14 +83,14 @@ def draw_triad(axes: Axes, view: np.ndarray, unit: str = "mm") -> list[np.ndarra
     origin = np.array([left + 1.2 * reach, low + 1.6 * reach])
     for name, tip in zip("xyz", view.T, strict=True):
         end = origin + reach * tip
-        style = {"arrowstyle": "-|>", "linewidth": 0.9, "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0}
+        style: dict[str, Any] = {"arrowstyle": "-|>", "linewidth": 0.9, "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", xy=tuple(end), xytext=tuple(origin), arrowprops=style, zorder=5)
         axes.annotate(name, tuple(origin + 1.3 * reach * tip), ha="center", va="center", fontsize=8, zorder=5)
     length = round_down(0.25 * max(right - left, high - low))
     ends = left + 0.4 * reach + np.array([0.0, length])
     level = np.full(2, low + 0.35 * reach)
     axes.plot(ends, level, "|-", color="black", linewidth=1.2, markersize=6)
-    beside = {"textcoords": "offset points", "va": "center", "fontsize": 8}
+    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 8}
     axes.annotate(f"{length:g} {unit}", (ends[1], level[0]), (4, 0), **beside)
     return [*(np.array([origin, origin + 1.3 * reach * tip]) for tip in view.T), np.column_stack([ends, level])]
 

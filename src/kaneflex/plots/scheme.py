@@ -226,7 +226,7 @@ class _Parts:
         if self.scene.is_spatial:
             from kaneflex.plots.axonometric import joint_axes
 
-            for ends in joint_axes(self.scene, self.stand.placed):
+            for ends in joint_axes(self.scene, cast("RigidMotion", self.stand.placed)):
                 self.axes.plot(*(MM * self.stand.view @ ends.T), color="0.35", linestyle="-.", linewidth=0.9, zorder=2)
         for name, joint in self.scene.joints.items():
             at = self.at(joint.addresses[1])
@@ -317,7 +317,7 @@ class _Parts:
             line = start + np.outer(share, along) + 0.02 * self.size * np.outer(swing, across)
         else:
             turn = np.linspace(0.0, 5.0 * np.pi, 90)
-            around = self.stand.around(spring.torsional_at, turn)
+            around = self.stand.around(str(spring.torsional_at), turn)
             centre = self.at(self.scene.joints[spring.torsional_at].addresses[0])
             line = centre + 1.2 * _ARC * self.size * (turn / turn[-1])[:, None] * around
         self.axes.plot(*line.T, color="#555555", linewidth=1.2, zorder=3.8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,16 +28,20 @@ QUANTITY = {
     "friction_force": "force", "friction_torque": "torque",
 }  # fmt: skip
 
+_ALIKE = 0.1
+"""Share of a panel's largest span below which a curve gets another axis."""
+_ROUNDING = 1e-6
+"""Share of a sensor's largest value below which its span is rounding."""
 _SEEN = 1e-2
 """Share of what a panel's curves span from which an error of them is wider than their line."""
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
     """``sensors``: one panel for each kind, unit and direction."""
-    groups = grouped(solution.model.scene, solution.model.scene.sensors)
+    shown, sensors = view(solution), solution.model.scene.sensors
+    groups = grouped(solution.model.scene, sensors, {name: _reach(shown, name) for name in sensors})
     if not groups:
         return {}
-    shown = view(solution)
     figure, panels = pages(len(groups), f"Sensors{shown.note}", 7.2, 1.7)
     for axes, (title, names) in zip(panels, groups.items(), strict=True):
         _panel(axes, shown, title, names)
@@ -46,8 +50,11 @@ def figures(solution: Solution) -> dict[str, Figure]:
     return {"sensors": figure}
 
 
-def grouped(scene: Scene, names: Iterable[str]) -> dict[str, list[str]]:
-    """Title of each panel -> those of the sensors that it shows, at most as many as there are colours."""
+def grouped(scene: Scene, names: Iterable[str], reach: Mapping[str, float] | None = None) -> dict[str, list[str]]:
+    """Title of each panel -> names of the sensors that it shows, at most as many as there are colours.
+
+    ``reach``: span of each sensor's values; one of less than a tenth of its panel's largest gets another panel.
+    """
     groups: dict[str, list[str]] = {}
     for name in names:
         sensor = scene.sensors[name]
@@ -55,12 +62,32 @@ def grouped(scene: Scene, names: Iterable[str]) -> dict[str, list[str]]:
         if in_clearance(scene, sensor):
             title = "Angle in a clearance" if sensor.component == "angle" else "Place in a clearance"
         groups.setdefault(title, []).append(name)
-    most = len(PALETTE)
-    return {
-        title + (f" ({first // most + 1})" if len(names) > most else ""): names[first : first + most]
-        for title, names in groups.items()
-        for first in range(0, len(names), most)
-    }
+    most, panels = len(PALETTE), dict[str, list[str]]()
+    for title, all_names in groups.items():
+        parts = [part[first : first + most] for part in _alike(all_names, reach or {})
+                 for first in range(0, len(part), most)]  # fmt: skip
+        panels |= {f"{title} ({k})" if len(parts) > 1 else title: part for k, part in enumerate(parts, 1)}
+    return panels
+
+
+def _alike(names: list[str], reach: Mapping[str, float]) -> list[list[str]]:
+    """Names whose curves are seen on one axis, the largest first; those that keep one value go with the largest."""
+    largest: list[float] = []
+    for span in sorted({reach.get(name, 0.0) for name in names} - {0.0}, reverse=True):
+        if not largest or span < _ALIKE * largest[-1]:
+            largest.append(span)
+    found: list[list[str]] = [[] for _ in largest or [0.0]]
+    for name in names:
+        own = reach.get(name, 0.0)
+        found[max((k for k, span in enumerate(largest) if 0.0 < own <= span), default=0)].append(name)
+    return found
+
+
+def _reach(shown: View, name: str) -> float:
+    """Span of a sensor's values over what is shown; 0 where they keep one value but for rounding."""
+    values = shown.solution.series[name].values[shown.instants]
+    span = float(np.ptp(values)) if values.size and np.isfinite(values).all() else 0.0
+    return span if span > _ROUNDING * float(abs(values).max(initial=0.0)) else 0.0
 
 
 def in_clearance(scene: Scene, sensor: Sensor) -> bool:

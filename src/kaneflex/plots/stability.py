@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -93,7 +95,7 @@ def _mark_crossings(campbell: Axes, swept: Sweep, factor: float, scale: float) -
     apart = _APART * campbell.get_figure(root=True).dpi / 72.0  # type: ignore[union-attr]
     for crossing in sorted(swept.crossings(), key=lambda each: (each not in critical, each.speed)):
         place, height = factor * crossing.speed, scale * crossing.order * crossing.speed / (2.0 * np.pi)
-        ring = {"color": "black", "markerfacecolor": "white", "zorder": 4}
+        ring: dict[str, Any] = {"color": "black", "markerfacecolor": "white", "zorder": 4}
         campbell.plot(place, height, "o", markersize=5 if crossing in critical else 3.5, **ring)
         if critical and crossing not in critical:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Standing:
         known = [name for name in self.scene.drives if f"{name}.angle" in self.placed]
         return {name: float(self.placed[f"{name}.angle"][0]) for name in known}
 
-    def point(self, body: str, at: tuple[float, ...]) -> np.ndarray:
+    def point(self, body: str, at: Any) -> np.ndarray:
         """Place in the drawing of a point in a body's axes [mm], (2,)."""
         if isinstance(self.placed, Placement):
             return MM * np.array(self.placed.pose(body).place(at))
@@ -43,7 +44,7 @@ class Standing:
         """Place in the drawing of an address [mm], (2,)."""
         return self.point(address.body, self.scene.point(address))
 
-    def direction(self, body: str, vector: tuple[float, ...]) -> np.ndarray:
+    def direction(self, body: str, vector: Any) -> np.ndarray:
         """A vector in a body's axes as it is drawn, (2,); shorter where it points to or from the viewer."""
         if isinstance(self.placed, Placement):
             return np.array(self.placed.pose(body).turn(vector))
