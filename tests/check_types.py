@@ -18,7 +18,7 @@ BASELINE = {
     "mechanism": 24,
     "multibody": 47,
     "peers": 23,
-    "plots": 39,
+    "plots": 38,
     "report": 6,
     "response": 41,
     "scene": 68,

@@ -44,7 +44,10 @@ def test_a_page_holds_the_run_and_asks_no_network(engine):
     assert max(side["values"]) == pytest.approx(1e-3 * found["piston_side_force"]["max"], rel=1e-5)
     assert max(side["rigid"]) == pytest.approx(1e-3 * found["piston_side_force_rigid"]["max"], rel=1e-5)
     assert [axis["label"] for axis in data["axes"]] == ["time [s]", "main [deg]"]
+    assert data["axis"] == 1, "the table has the drive's angles, too"
     assert 1500 <= len(side["values"]) < 1700 and len(text) < 2**20
+    assert text.index('id="sensors"') < text.index('id="curve"') < text.index("<h2>Model</h2>")
+    assert '#side { position: sticky' in text, "the curve stays beside the table"
     assert "{{" not in text and not re.search(r"(src|href)=[\"']?https?:", text)
 
 
@@ -68,6 +71,7 @@ def test_a_page_has_a_megabyte_at_most(sensors, picture, kept, too_large, tmp_pa
     assert len(text.encode()) <= 1_000_000
     assert own.keys() <= data_of(text)["sensors"].keys()
     assert re.findall(r"<figcaption>(\w+)</figcaption>", text) == kept
+    assert "mechanism" not in kept or text.index("<figcaption>mechanism<") < text.index("<h2>Sensors</h2>")
     assert (f"Too large for this page: {too_large}." if too_large else "</table>") in text
 
 
@@ -101,21 +105,40 @@ def test_a_browser_shows_the_curve_of_the_sensor_that_is_clicked(engine, peer):
         shown.on("request", lambda asked: failures.append(asked.url) if not asked.url.startswith("file:") else None)
         shown.goto((engine[0] / "report.html").as_uri())
         before = shown.inner_html("#curve")
+        assert shown.input_value("#axis") == "1" and "main [deg]" in before
         shown.click("tr[data-name=piston_side_force]")
         assert "rigid mechanism" in shown.inner_text("#meaning")
         assert "piston_side_force [kN]" in shown.inner_html("#curve") and shown.inner_html("#curve") != before
         assert shown.locator("#curve path").count() == 2
         shown.select_option("#axis", label="main [deg]")
         shown.locator("#curve").hover()
-        assert re.match(r"main \[deg\] 3\d\d\.?\d*: -?[\d.e-]+ kN, rigid", shown.inner_text("#reading"))
-        whole = shown.inner_html("#curve")
+        reading = r"main \[deg\] 3\d\d\.?\d*: piston_side_force -?[\d.e-]+ kN \(rigid"
+        assert re.match(reading, shown.inner_text("#reading"))
+        shown.click("tr[data-name=crank_torque]", modifiers=["Control"])
+        assert shown.locator("#curve path").count() == 4 and shown.locator("#meaning div").count() == 2
+        assert shown.locator("tr[aria-selected=true]").count() == 2
+        shown.keyboard.press("Home")
+        assert shown.evaluate("document.activeElement.rowIndex") == 1 and shown.locator("#meaning div").count() == 1
+        shown.keyboard.press("ArrowDown")
+        assert shown.locator("tr[aria-selected=true]").get_attribute("tabindex") == "0"
+        assert shown.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+        shown.keyboard.press("Control+ArrowDown")
+        shown.keyboard.press("Space")
+        assert shown.locator("#meaning div").count() == 2
+        shown.focus("#curve")
+        shown.keyboard.press("End")
+        assert shown.inner_text("#reading").startswith("main [deg] 720: ")
+        shown.locator("tr").last.scroll_into_view_if_needed()
+        assert shown.locator("#curve").bounding_box()["y"] >= 0.0, "always visible"
+        drawn = "[...document.querySelectorAll('#curve path')].map(each => each.getAttribute('d')).join()"
+        whole = shown.evaluate(drawn)
         box = shown.locator("#curve").bounding_box()
         shown.mouse.move(box["x"] + 300, box["y"] + 100)
         shown.mouse.down()
         shown.mouse.move(box["x"] + 500, box["y"] + 100)
         shown.mouse.up()
-        assert shown.inner_html("#curve") != whole
+        assert shown.evaluate(drawn) != whole
         shown.click("#whole")
-        assert shown.inner_html("#curve") == whole
+        assert shown.evaluate(drawn) == whole
         assert failures == []
         browser.close()

@@ -1,4 +1,4 @@
-"""``report.html``: a run on one page that needs no network, the warnings first."""
+"""``report.html``: a run on one page that needs no network, warnings and the mechanism first."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from kaneflex.report.tables import (
     run_lines,
     sensor_cells,
     unit_and_factor,
+    when,
 )
 from kaneflex.response.thinning import thinned
 from kaneflex.support.arguments import takes
@@ -37,8 +38,8 @@ _MOST, _NUMBERS = 1500, 60_000
 """Instants of a curve at most, and numbers of all curves together, of 8 to 13 bytes each: half a page."""
 _MORE = 1.25
 """Instants with the extremes, in those that are allowed without them."""
-_DRAWN_HERE = "sensors"
-"""The picture of what the page itself draws."""
+_AT_TOP, _DRAWN_HERE = "mechanism", "sensors"
+"""The picture above all numbers, and the one of what the page itself draws."""
 _KINDS = {".png": "image/png", ".gif": "image/gif"}
 
 
@@ -88,16 +89,18 @@ def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) ->
         "modelled": _text(printed(solution.model.scene, modelled(solution.model))),
         "cost": _text(run_lines(summary)),
         "choice": _choice(summary),
+        "first": "",
         "pictures": "",
         "data": script_data(json.dumps(_data(solution, summary), separators=(",", ":"), allow_nan=False)),
     }
     template = _TEMPLATE.read_text(encoding="utf-8")
-    filled["pictures"] = _pictures(pictures, _LARGEST - len(template.encode()) - len("".join(filled.values()).encode()))
+    room = _LARGEST - len(template.encode()) - len("".join(filled.values()).encode())
+    filled["first"], filled["pictures"] = _pictures(pictures, room)
     return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], template)
 
 
 def _text(styled: str) -> str:
-    """What the terminal shows, without its bold."""
+    """Text of the terminal, without its bold."""
     return html(click.unstyle(styled))
 
 
@@ -112,7 +115,7 @@ def _warnings(summary: Summary) -> str:
 
 
 def _more(summary: Summary) -> Iterator[str]:
-    """What not every run has, and why no error is known."""
+    """Tables that not every run has, and the reason where no error is known."""
     if summary.errors:
         yield f"<p>Errors of the sensors: {html(summary.errors)}.</p>"
     for title, text in more_tables(summary):
@@ -120,7 +123,7 @@ def _more(summary: Summary) -> Iterator[str]:
 
 
 def _choice(summary: Summary) -> str:
-    """The models that were tried for a tolerance, and what each was off by."""
+    """Models that were tried for a tolerance, with the error of each."""
     if summary.choice is None:
         return ""
     tried = ""
@@ -133,9 +136,9 @@ def _choice(summary: Summary) -> str:
     return f"<h2>Why this model</h2><p>Chosen: {settings}</p><table><thead><tr>{head}</tr></thead>{tried}</table>"
 
 
-def _pictures(files: Sequence[Path], room: int) -> str:
-    """Pictures of so many bytes at most, then the names of those that are too large."""
-    shown, large = "", list[str]()
+def _pictures(files: Sequence[Path], room: int) -> tuple[str, str]:
+    """Pictures of so many bytes at most: the mechanism's; the others, and the names of those that are too large."""
+    first, shown, large = "", "", list[str]()
     for file in files:
         if file.suffix not in _KINDS or file.stem == _DRAWN_HERE:
             continue
@@ -145,13 +148,17 @@ def _pictures(files: Sequence[Path], room: int) -> str:
         figure = f'<figure><img alt="{name}" src="{source}"><figcaption>{name}</figcaption></figure>'
         if len(figure.encode()) > room:
             large.append(html(file.name))
+            continue
+        room -= len(figure.encode())
+        if file.stem == _AT_TOP:
+            first = figure
         else:
-            shown, room = shown + figure, room - len(figure.encode())
-    return shown + f"<p>Too large for this page: {', '.join(large)}.</p>" * bool(large)
+            shown += figure
+    return first, shown + f"<p>Too large for this page: {', '.join(large)}.</p>" * bool(large)
 
 
 def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
-    """Curves in the table's units, as the page's script reads them: axes, and sensors with the rigid mechanism's."""
+    """Curves in the table's units for the page's script: axes, the table's one of them, sensors and rigid companions."""
     series = {name: solution.series[name] for name in summary.sensors}
     kept = _instants(solution, len(series))
     axes = [{"label": "time [s]", "values": _numbers(solution.times[kept])}]
@@ -167,7 +174,8 @@ def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
             "unit": unit, "meaning": each.meaning, "values": _numbers(factor * each.values[kept]),
             "rigid": None if beside is None else _numbers(factor * beside.values[kept]),
         }  # fmt: skip
-    return {"axes": axes, "sensors": own}
+    over_angle = bool(series) and when(summary) == "deg" and len(axes) > 1
+    return {"axes": axes, "axis": int(over_angle), "sensors": own}
 
 
 def _instants(solution: Solution, curves: int) -> np.ndarray:

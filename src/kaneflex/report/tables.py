@@ -57,13 +57,18 @@ def summary_table(summary: Summary) -> str:
 
 def sensor_cells(summary: Summary) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Head and rows of that table."""
-    when = "s" if any(entry.at_min.drive_deg is None for entry in summary.sensors.values()) else "deg"
-    head = ("sensor", "unit", "min", f"at {when}", "max", f"at {when}", "mean", "rms")
+    at = f"at {when(summary)}"
+    head = ("sensor", "unit", "min", at, "max", at, "mean", "rms")
     rows = [_sensor_row(name, entry) for name, entry in summary.sensors.items()]
     if all(entry.plus_minus is None for entry in summary.sensors.values()):
         return head, rows
     off = map(_plus_minus, summary.sensors.values())
     return (*head, "+-"), [(*row, by) for row, by in zip(rows, off, strict=True)]
+
+
+def when(summary: Summary) -> str:
+    """Unit of the instants in the table: "deg" of the only drive, else "s"."""
+    return "s" if any(entry.at_min.drive_deg is None for entry in summary.sensors.values()) else "deg"
 
 
 def _plus_minus(entry: SensorSummary) -> str:
@@ -150,11 +155,11 @@ def friction_table(summary: Summary) -> str:
 
 def stress_table(summary: Summary) -> str:
     """The largest stress in every link, and where it is."""
-    rows, when = [], "deg" if any(each.at.drive_deg is not None for each in summary.stresses.values()) else "s"
+    rows, unit = [], "deg" if any(each.at.drive_deg is not None for each in summary.stresses.values()) else "s"
     for name, stress in summary.stresses.items():
         share = "" if stress.utilisation is None else f"{100.0 * stress.utilisation:.3g}"
         rows.append((name, f"{1e-6 * stress.largest:.4g}", f"{1e3 * stress.x_m:.5g}", _when(stress.at), share))
-    head = ("link", "largest stress MPa", "at mm", f"at {when}", "% of yield_strength")
+    head = ("link", "largest stress MPa", "at mm", f"at {unit}", "% of yield_strength")
     held_against = any(stress.utilisation is not None for stress in summary.stresses.values())
     return table(head, rows) if held_against else table(head[:-1], [row[:-1] for row in rows])
 
