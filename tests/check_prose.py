@@ -25,8 +25,6 @@ BASELINE = {
     "mechanism": 64,
     "multibody": 324,
     "peers": 16,
-    "plots": 30,
-    "report": 20,
     "scene": 119,
     "solve": 14,
     "support": 37,

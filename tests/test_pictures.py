@@ -146,7 +146,7 @@ def test_motors_and_dampers_are_drawn_over_time_and_over_their_speeds(preset):
     force, torque = sorted(found["loads"].axes, key=lambda axes: axes.get_title(loc="left"))
     assert (force.get_ylabel(), torque.get_ylabel()) == ("force [N]", "torque [N m]")
     motor, damper = found["characteristics"].axes
-    assert motor.get_xlabel() == "speed of shaft, from the ring on [rpm]"
+    assert motor.get_xlabel() == "speed of shaft, starting at the ring [rpm]"
     rpm, nm = curves(motor)["motor"]
     assert rpm[0] == pytest.approx(0.0, abs=1e-9) and np.ptp(rpm) > 100.0
     assert nm == pytest.approx(20.0 * (1.0 - rpm * np.pi / 30.0 / 150.0), rel=1e-9)

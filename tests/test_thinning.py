@@ -140,7 +140,7 @@ def test_a_film_states_it_in_its_title(tmp_path, monkeypatch):
     monkeypatch.setattr(animation, "recording", noting)
     with styled():
         animation.animate(vibrating(SINE[FRAMES]), [tmp_path / "film.gif"], frames=6)
-    assert titles[0].endswith(f"(6 of {COUNT} instants, some motion is faster)")
+    assert titles[0].replace("\n", " ").endswith(f"(6 of {COUNT} instants, some motion is faster)")
 
 
 def test_the_frame_of_a_picture_holds_what_turns_as_often_as_it_is_looked_at():

@@ -16,9 +16,10 @@ from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, draw
 from kaneflex.plots.enlarged import caption_at, enlarged
 from kaneflex.plots.link_colours import LinkColours, stress_field
 from kaneflex.plots.mechanism import grounded
-from kaneflex.plots.style import new_figure
+from kaneflex.plots.style import new_figure, wrapped
 from kaneflex.plots.view import FRAMES, frames_of, view
 from kaneflex.support.errors import installed, told
+from kaneflex.support.escaping import picture_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,7 +105,8 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     shown = frames_of(view(solution), frames)
     found = enlarged(shown)
     fixed, still, moved = found.fixed, found.still, found.moved
-    figure = new_figure(6.0, 4.0, f"{solution.model.scene.name}: {found.title}{shown.note}")
+    figure = new_figure(6.0, 4.0, "")
+    figure.suptitle(wrapped(f"{picture_text(solution.model.scene.name)}: {found.title}{shown.note}", 6.0))
     axes = figure.subplots()
     width, height = frame_axes(axes, [still, moved], fixed)
     figure.set_size_inches(6.0, min(6.0, max(2.4, 5.2 * height / width + 1.1)))

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _CORNERS = ("right, behind", "right, before", "left, behind", "left, before")
-"""Of a block, seen along its guide, in the order of their contacts."""
+"""For a block, seen along its guide, in the order of their contacts."""
 _DASHES = ((0, ()), (0, (5, 2.5)), (0, ()), (0, (5, 2.5)))
-"""Of a block's corners: the two of a face often go together."""
+"""Corners of a block: the two of a face often go together."""
 _LEAST = 0.01
 """Share of the most tilt there is room for below which the axis of a tilt is not stretched."""
 
@@ -147,7 +147,7 @@ def _finish(over: list[Axes], shown: View, touching: np.ndarray) -> None:
 
 
 def _touching(shown: View, contacts: tuple[str, ...]) -> np.ndarray:
-    """Whether any of these contacts is closed, (n_times,)."""
+    """Instants at which any of these contacts is closed, (n_times,) of bool."""
     record = record_of(shown.solution)
     assert record is not None
     columns = [record.names.index(key) for key in contacts]

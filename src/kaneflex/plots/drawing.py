@@ -18,6 +18,8 @@ from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.style import GREY, cells, new_figure, round_down, shade
 
 MM = 1e3
+ROUNDING = 1e-9
+"""Coordinate of a drive [rad or m] below which it is zero."""
 _MARGIN = 0.06
 _HATCHES = 26
 """Strokes of the hatching along one size of the mechanism."""

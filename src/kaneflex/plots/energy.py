@@ -1,4 +1,4 @@
-"""Where the energy of a run is and goes: what is stored, what was supplied and dissipated."""
+"""Energy of a run and its flow: what is stored, what was supplied and dissipated."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def figures(solution: Solution) -> dict[str, Figure]:
     if energy is None or len(energy.kinetic) != len(solution.times) or not energy.stored.any():
         return {}
     shown = view(solution)
-    page = new_figure(8.4, 4.6, f"Energy, drift {energy.drift:.1e} of what is turned over{shown.note}")
+    page = new_figure(8.4, 4.6, f"Energy, drift {energy.drift:.1e} of the energy that is exchanged{shown.note}")
     panels = page.subplots(2, 1, sharex=True)
     stored = {"kinetic": energy.kinetic, "strain, springs": energy.strain, "weight": energy.weight}
     grown = energy.stored - energy.stored[0]
     balance = {"stored, growth": grown, "dissipated": energy.dissipated, "supplied": energy.supplied}
-    titles = ("What the mechanism stores", "Since the start: what is stored and dissipated was supplied")
+    titles = ("Stored energy", "Since the start: growth of the stored energy + dissipated = supplied energy")
     for axes, title, curves in zip(panels, titles, (stored, balance), strict=True):
         curves = {name: values[shown.instants] for name, values in curves.items() if values.any()}
         factor, unit = readable("J", *curves.values())

@@ -36,7 +36,7 @@ class Enlarged(NamedTuple):
 
     @property
     def visible(self) -> bool:
-        """Whether a deformation is drawn."""
+        """True where a deformation is drawn."""
         return self.factor is not None and self.largest > _NOTHING * self.fixed.size
 
     @property
@@ -95,7 +95,7 @@ def _largest(shown: View, link: str) -> float:
 
 
 def _opens(shown: View, fixed: Scenery, factor: float) -> bool:
-    """Whether the two sides of a pin with a clearance are drawn apart."""
+    """True where the two sides of a pin with a clearance are drawn apart."""
     scene, motion = shown.solution.model.scene, shown.motion
     for joint in scene.loose.values():
         if joint.direction is None:
@@ -108,7 +108,7 @@ def _opens(shown: View, fixed: Scenery, factor: float) -> bool:
 
 
 def _passes(shown: View, fixed: Scenery, moved: Outline) -> bool:
-    """Whether bodies of a mechanism in the plane cross that no joint connects and that never cross undeformed.
+    """True where bodies in the plane cross that no joint connects and that never cross undeformed.
 
     In space lines that cross in a picture need not meet.
     """
@@ -139,7 +139,7 @@ def _lines(shown: View, of: Outline) -> dict[str, list[np.ndarray]]:
 
 
 def _cross(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
-    """Whether lines of two bodies cross at any instant."""
+    """True where lines of two bodies cross at any instant."""
     for first in one:
         p, r = first[:, :-1, None], np.diff(first, axis=1)[:, :, None]
         for second in other:

@@ -117,12 +117,12 @@ class Explorer:
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Where the sliders stand."""
+        """Values of the sliders."""
         return tuple(float(slider.val) for slider in self.sliders)
 
     @property
     def settings(self) -> list[str]:
-        """What makes the scene that of the sliders, as path=value."""
+        """Settings of the sliders' scene, as path=value."""
         return self.exploration.settings(self.values)
 
     def _begin(self) -> None:

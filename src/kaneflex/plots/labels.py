@@ -13,10 +13,10 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 _DISTANCES = (7.0, 9.0, 12.0, 17.0, 24.0, 33.0, 45.0, 60.0)
-"""Of a label's box from its point, in points (1/72 inch)."""
+"""Distances of a label's box from its point, in points (1/72 inch)."""
 _DIRECTIONS = np.radians(np.arange(0.0, 360.0, 22.5))
 _STEP = 4.0
-"""Of the samples along a line that labels keep clear of, in pixels."""
+"""Distance of the samples along a line that labels keep clear of, in pixels."""
 _LEADER = 20.0
 """From this distance on a thin line leads from the label to its point, in points."""
 

@@ -84,7 +84,7 @@ def _over_speeds(shown: View, sizes: dict[str, np.ndarray], speeds: dict[str, tu
         title = f"{name}: {quantity.lower()} {_where(load)}"
         size, _ = plot_curves(axes, factor * speed, [(name, sizes[name])], load.si_unit, title, quantity.lower())
         axes.plot(factor * speed[0], size * sizes[name][0], "o", color="black", markersize=5, markerfacecolor="white")
-        axes.set_xlabel(f"speed of {joint}, from the ring on [{unit}]")
+        axes.set_xlabel(f"speed of {joint}, starting at the ring [{unit}]")
         axes.margins(x=0.02)
     return figure
 
@@ -103,7 +103,7 @@ def _followed(shown: View, name: str) -> tuple[str, np.ndarray] | None:
 
 
 def _speed(motion: Motion, joint: str) -> np.ndarray:
-    """Of a joint of a planar mechanism [rad/s], or along its guide [m/s], as laws know it."""
+    """Speed of a joint of a planar mechanism [rad/s], or along its guide [m/s], as laws know it."""
     if isinstance(motion, CoupledMotion):
         return motion.coordinate(joint)[1]
     scene = motion.model.scene

@@ -80,7 +80,7 @@ def guides_of(scene: Scene) -> dict[str, tuple[Address, Address, Place]]:
 
 
 def grounded(scene: Scene) -> dict[str, bool]:
-    """Whether the ground carries each guide."""
+    """Guides by name, true where the ground carries them."""
     return {name: carrier.body == "ground" for name, (carrier, *_) in guides_of(scene).items()}
 
 

@@ -10,7 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from kaneflex.multibody.building import has_modes, reference_modes
-from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, draw_triad, frame_axes, small_drawings
+from kaneflex.plots.drawing import (
+    ROUNDING,
+    draw_guides,
+    draw_outline,
+    draw_scenery,
+    draw_triad,
+    frame_axes,
+    small_drawings,
+)
 from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
 from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.style import GREY, PALETTE, shade, wrapped
@@ -93,9 +101,9 @@ def _largest(fixed: Scenery, moved: tuple[ElasticMotion, Outline], loaded: tuple
 def _title(solution: Solution, width: float) -> str:
     """Title with the configuration of the modes, in lines that a figure of that width [inches] holds."""
     model = solution.model
+    stands = {drive: 0.0 if abs(at) < ROUNDING else at for drive, at in model.reference_coordinates.items()}
     places = [
-        f"{angle_name(solution, drive)} {model.scene.written_coordinate(drive, value + 0.0)}"
-        for drive, value in model.reference_coordinates.items()
+        f"{angle_name(solution, drive)} {model.scene.written_coordinate(drive, at)}" for drive, at in stands.items()
     ]
     return wrapped(f"Mode shapes{' at ' if places else ''}{', '.join(places)}, undamped", width)
 

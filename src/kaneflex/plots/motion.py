@@ -94,7 +94,7 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
 
 
 def _courses(shown: View) -> list[tuple[str, str, str, Curves]]:
-    """Where the drives stand that do not turn or slide evenly, by laws, tables or from rest."""
+    """Coordinates of the drives that do not turn or slide evenly, by laws, tables or from rest."""
     scene, found = shown.solution.model.scene, []
     moved = [name for name, drive in scene.drives.items() if drive.kind in ("law", "table") or drive.spin_up]
     for quantity, unit, slides in (("angle", "rad", False), ("position", "m", True)):
@@ -107,7 +107,7 @@ def _courses(shown: View) -> list[tuple[str, str, str, Curves]]:
 
 
 def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
-    """What each drive must apply to move as it says; nothing where the rigid mechanism only follows the coupled run."""
+    """Forces and torques of the drives; none where the rigid mechanism only follows the coupled run."""
     motion, scene, found = shown.motion, shown.solution.model.scene, []
     if not motion.has_rigid_forces:
         return []

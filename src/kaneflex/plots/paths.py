@@ -50,8 +50,8 @@ def figures(solution: Solution) -> dict[str, Figure]:
     frame_axes(path, [outline], fixed)
     hodograph.plot(0.0, 0.0, "+", color="black", markersize=9)
     hodograph.set(aspect="equal", adjustable="datalim", xlabel=f"v_x [{unit}]", ylabel=f"v_y [{unit}]")
-    path.set_title(f"Paths from the ring on, {dotted(shown)}")
-    hodograph.set_title("Hodographs: velocities from one origin")
+    path.set_title(f"Paths, starting at the ring, {dotted(shown)}")
+    hodograph.set_title("Hodographs: velocity vectors from one origin")
     legend_beside(hodograph)
     return {"paths": figure}
 
@@ -83,7 +83,7 @@ def velocity(shown: View, point: Address) -> np.ndarray:
 
 
 def dotted(shown: View) -> str:
-    """How far the dots of a curve are from each other."""
+    """Distance of the dots of a curve, in words."""
     return f"a dot each {f'{_APART:g} deg' if shown.drive else 'twelfth of the time'}"
 
 

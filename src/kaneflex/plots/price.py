@@ -1,4 +1,4 @@
-"""What clearances change in each sensor: peak and rms with them, as multiples of those of tight joints."""
+"""Change of each sensor by clearances: peak and rms with them, as multiples of those of tight joints."""
 
 from __future__ import annotations
 

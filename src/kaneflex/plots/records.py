@@ -1,4 +1,4 @@
-"""What a test bench records: accelerations, stroke and forces over time with the forces' reversals, and spectra.
+"""Records of a test bench: accelerations, stroke and forces over time with the forces' reversals, and spectra.
 
 Paper Figs. 30, 31. Drawn where accelerations are read over a horizon that is not one cycle; where contacts knock, the
 zones in which they do are shaded.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from textwrap import fill, wrap
+from textwrap import fill
 from typing import Any, cast
 
 import numpy as np
@@ -18,6 +18,7 @@ from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.drawing import (
     MM,
+    ROUNDING,
     draw_guides,
     draw_outline,
     draw_scenery,
@@ -29,25 +30,23 @@ from kaneflex.plots.drawing import (
 from kaneflex.plots.labels import Labels
 from kaneflex.plots.mechanism import grounded, rigid_outline, rigid_scenery
 from kaneflex.plots.outlines import Outline, Scenery
+from kaneflex.plots.sensor_marks import SENSOR, listed, mark_sensors, sensors_by_place
 from kaneflex.plots.standing import Standing
 from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import picture_text
 
-ELASTIC, DRIVE, SENSOR, LOAD = PALETTE[0], PALETTE[4], PALETTE[2], PALETTE[1]
+ELASTIC, DRIVE, LOAD = PALETTE[0], PALETTE[4], PALETTE[1]
 _ROOM = 0.18
 """Room around the mechanism for names and arrows, in its sizes."""
 _ARROW = 0.16
 _ARC = 0.055
 """Length of a force's arrow, and radius of a drive's or torque's, in sizes of the mechanism."""
-_LINE = 44
-"""Characters in a line of the list of sensors."""
 _LARGEST = np.array([6.6, 6.0])
-"""Of the drawing, in inches."""
+"""Largest size of the drawing, in inches."""
 _LEFT, _BELOW, _ABOVE = 0.75, 0.55, 0.75
 _PER_CHARACTER, _PER_LINE = 0.062, 0.143
 """Width of a character and height of a line of the list, in inches."""
@@ -55,8 +54,6 @@ _LEAST, _FLAT_VIEWS = 8.9, 2.9
 """Least width of the picture, which three views along the axes need, and their height, in inches."""
 _TOLD = 90
 """Characters in a line of the configuration."""
-_ROUNDING = 1e-9
-"""Coordinate of a drive [rad or m] that is zero."""
 
 
 def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
@@ -68,8 +65,8 @@ def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
     title = picture_text(f"{scene.name}: {scene.description}" if scene.description else scene.name)
-    sensors = _sensors_by_place(scene, stand)
-    below = _arrange(figure, axes, shape, title, _listed(sensors), _FLAT_VIEWS if scene.is_spatial else 0.0)
+    sensors = sensors_by_place(scene, stand)
+    below = _arrange(figure, axes, shape, title, listed(sensors), _FLAT_VIEWS if scene.is_spatial else 0.0)
     axes.set_title(_configuration(scene, stand))
     draw_scenery(axes, fixed)
     draw_guides(axes, fixed, grounded(scene), drawn)
@@ -83,7 +80,7 @@ def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
             labels.block(corner)
         _draw_flat_views(figure, scene, cast("RigidMotion", placed), below)
     _Parts(stand, fixed, axes, labels).draw()
-    _mark_sensors(axes, labels, sensors)
+    mark_sensors(axes, labels, sensors)
     labels.place()
     return figure
 
@@ -93,7 +90,8 @@ def branches(scene: Scene, ways: Sequence[tuple[str, Placement]]) -> Figure:
     fixed = [rigid_scenery(scene, placed) for _, placed in ways]
     outlines = [rigid_outline(scene, placed, each) for (_, placed), each in zip(ways, fixed, strict=True)]
     figure, panels = small_drawings(len(ways), outlines, fixed[0])
-    title = f"{scene.name}: {len(ways)} closure{'s' * (len(ways) > 1)} of its loops {_configuration(scene, ways[0][1])}"
+    count = f"{len(ways)} closure{'s' * (len(ways) > 1)} of its loops"
+    title = f"{picture_text(scene.name)}: {count} {_configuration(scene, ways[0][1])}"
     figure.suptitle(wrapped(title, figure.get_figwidth()))
     for axes, (told, _), each, drawn in zip(panels, ways, fixed, outlines, strict=True):
         frame_axes(axes, outlines, each)
@@ -154,7 +152,7 @@ def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: 
 
 
 def _configuration(scene: Scene, stand: Standing | Placement) -> str:
-    places = {name: 0.0 if abs(value) < _ROUNDING else value for name, value in stand.drives.items()}
+    places = {name: 0.0 if abs(value) < ROUNDING else value for name, value in stand.drives.items()}
     told = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in places.items())
     return fill(f"at {told}", _TOLD) if told else ""
 
@@ -363,36 +361,6 @@ class _Parts:
         self.axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=style, zorder=4.7)
 
 
-def _sensors_by_place(scene: Scene, stand: Standing) -> list[tuple[str, np.ndarray, list[str]]]:
-    """Where sensors measure: (address or joint, place [mm], names), in the scene's order."""
-    found: dict[str, tuple[np.ndarray, list[str]]] = {}
-    for name, sensor in scene.sensors.items():
-        target = sensor.target
-        if sensor.kind in ("spring_force", "spring_torque"):
-            spring = scene.springs[target]
-            ends = spring.ends or spring.bushing or scene.joints[spring.torsional_at].addresses
-            middle = np.mean([stand.at(end) for end in ends], axis=0)
-            found.setdefault(f"spring {target}", (middle, []))[1].append(name)
-            continue
-        if sensor.stress is not None:  # modal data don't say where it is
-            middle = stand.at(Address(sensor.stress.body, "mid"))
-            found.setdefault(f"stress {target}", (middle, []))[1].append(name)
-            continue
-        if sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS) and str(target) in scene.contacts:
-            side = scene.contacts[str(target)].sides[1]
-            found.setdefault(f"contact {target}", (stand.at(side), []))[1].append(name)
-            continue
-        if not isinstance(target, str) and target.body in scene.loose:
-            side = scene.loose[target.body].sides[1]
-            found.setdefault(target.body, (stand.at(side), []))[1].append(name)
-            continue
-        joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None
-        address = scene.joints[joint].addresses[1] if joint is not None else target
-        key = joint if joint is not None else str(target)
-        found.setdefault(key, (stand.at(address), []))[1].append(name)
-    return [(key, at, names) for key, (at, names) in found.items()]
-
-
 def _mark_nodes(axes: Axes, stand: Standing, name: str) -> None:
     """The nodes of an elastic link between its ends."""
     scene = stand.scene
@@ -400,21 +368,3 @@ def _mark_nodes(axes: Axes, stand: Standing, name: str) -> None:
     points = np.array([stand.point(name, scene.vector((float(x), 0.0))) for x in nodes]).reshape(-1, 2)
     style: dict[str, Any] = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": ELASTIC}
     axes.plot(*points.T, linestyle="none", zorder=3.3, **style)
-
-
-def _mark_sensors(axes: Axes, labels: Labels, sensors: list[tuple[str, np.ndarray, list[str]]]) -> None:
-    """A diamond at every place and the numbers of its entries in the list."""
-    numbers: dict[tuple[float, ...], list[str]] = {}
-    for k, (_, at, _) in enumerate(sensors, 1):
-        numbers.setdefault(tuple(np.round(at, 6)), []).append(str(k))
-    for at, here in numbers.items():
-        axes.plot(*at, marker="D", markersize=5.5, color=SENSOR, markeredgecolor="white", zorder=5)
-        labels.add(", ".join(here), np.array(at), SENSOR, weight="bold", size=8)
-
-
-def _listed(sensors: list[tuple[str, np.ndarray, list[str]]]) -> str:
-    """The sensors by number, in lines."""
-    lines = ["sensors"] if sensors else []
-    for k, (place, _, names) in enumerate(sensors, 1):
-        lines += wrap(f"{k}  {place}: {', '.join(names)}", _LINE, subsequent_indent="    ")
-    return "\n".join(lines)

@@ -91,7 +91,7 @@ def _reach(shown: View, name: str) -> float:
 
 
 def in_clearance(scene: Scene, sensor: Sensor) -> bool:
-    """Whether a sensor says where a pin or a block is in its clearance."""
+    """True where a sensor reads the place of a pin or a block in its clearance."""
     return isinstance(sensor.position, Address) and sensor.position.body in scene.loose
 
 
@@ -114,7 +114,7 @@ def _reads_gravity(sensor: Sensor) -> bool:
 
 
 def _peaks(shown: View, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Where the impacts of a sensor's contact began, and their largest forces [N], or torques [N m]."""
+    """Begins of the impacts of a sensor's contact, and their largest forces [N], or torques [N m]."""
     own = shown.impacts(str(shown.solution.model.scene.sensors[name].target))
     return np.interp([each.begin for each in own], shown.times, shown.x), np.array([each.peak for each in own])
 

@@ -61,7 +61,7 @@ def hodographs(solution: Solution) -> dict[str, Figure]:
     if not found:
         return {}
     factor, unit = readable("m/s", *found.values())
-    heading = f"Hodographs, velocities from one origin: from the ring on, {dotted(shown)}{shown.note}"
+    heading = f"Hodographs, velocity vectors from one origin, starting at the ring, {dotted(shown)}{shown.note}"
     figure = new_figure(8.6, 7.0, heading)
     label = f"v_{{}} [{unit}]"
     for axes, projection in _views(figure, label):

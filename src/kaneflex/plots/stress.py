@@ -33,7 +33,7 @@ def _panel(axes: Axes, shown: View, name: str, stresses: LinkStresses, strength:
     factor, unit = readable("Pa", stresses.upper, stresses.lower, stresses.mises)
     along, length_unit = readable("m", stresses.x)
     spatial = shown.solution.model.scene.is_spatial
-    labels = ("most pulled fibre", "most pressed fibre") if spatial else ("upper edge", "lower edge")
+    labels = ("largest tension", "largest compression") if spatial else ("upper edge", "lower edge")
     for label, values, colour in zip(labels, (stresses.upper, stresses.lower), PALETTE, strict=False):
         low, high = factor * values.min(axis=1), factor * values.max(axis=1)
         axes.fill_between(along * stresses.x, low, high, color=colour, alpha=0.25, linewidth=0, label=label)

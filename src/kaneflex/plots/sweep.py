@@ -42,7 +42,7 @@ def parameters(found: xarray.Dataset) -> list[str]:
 
 
 def groups(found: xarray.Dataset, across: str) -> dict[str, np.ndarray]:
-    """What the other parameters are -> numbers of the completed points there, by rising abscissa."""
+    """Values of the other parameters -> numbers of the completed points there, by rising abscissa."""
     others = [path for path in parameters(found) if path != across and len(np.unique(found[path])) > 1]
     done = found["outcome"].values == "completed"
     grouped = {}

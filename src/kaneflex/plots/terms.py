@@ -1,4 +1,4 @@
-"""What a scene loses without each group of terms, and what the group costs: two rows of bars."""
+"""Loss of a scene without each group of terms, and what the group costs: two rows of bars."""
 
 from __future__ import annotations
 

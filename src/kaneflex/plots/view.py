@@ -1,4 +1,4 @@
-"""What of a solution is drawn: the instants, and the axis that they are drawn over."""
+"""Part of a solution that is drawn: the instants, and the axis that they are drawn over."""
 
 from __future__ import annotations
 
@@ -94,13 +94,13 @@ class View:
 
     @property
     def note(self) -> str:
-        """What the title has to add where the picture does not show the whole run."""
+        """Addition to the title where the picture does not show the whole run."""
         last = "" if self.turns is None else f"last {self.turns:g} turns"
         parts = [part for part in (last, self.thinned) if part]
         return f" ({'; '.join(parts)})" if parts else ""
 
     def impacts(self, contact: str) -> list[Impact]:
-        """Those of a contact that begin in the time that is shown."""
+        """Impacts of a contact that begin in the time that is shown."""
         first, last = self.times[0], self.times[-1]
         return [each for each in self.solution.impacts if each.contact == contact and first <= each.begin <= last]
 

@@ -1,4 +1,4 @@
-"""What `kaneflex check` says of a model before anything is solved: what it is, how far from trouble, what to doubt."""
+"""Findings of `kaneflex check` before anything is solved: the model, its distance from trouble, doubtful entries."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def warnings(model: Model) -> tuple[str, ...]:
 
 
 def notes(model: Model) -> Iterator[str]:
-    """What may be meant, but should be known: loops near dead centres, and beams that are none."""
+    """Findings that may be intended: loops near dead centres, and beams that are none."""
     yield from (found.note for found in _closings(model) if found.note)
     yield from stubby_links(model.scene)
 

@@ -14,7 +14,7 @@ _SIDES = {
 
 
 def contact_line(contact: Contact) -> str:
-    """What touches what, how stiff that is, and what comes back of an approach."""
+    """Line of a contact: its two sides, its stiffness, and the share that returns of an approach."""
     where = _SIDES[contact.kind].format(*contact.sides, way="on" if contact.direction[0] > 0 else "back")
     if contact.corner:
         where = f"corner of {contact.sides[1].body} at a face of {contact.sides[0]}"

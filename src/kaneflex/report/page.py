@@ -158,7 +158,7 @@ def _pictures(files: Sequence[Path], room: int) -> tuple[str, str]:
 
 
 def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
-    """Curves in the table's units for the page's script: axes, the table's one of them, sensors and rigid companions."""
+    """Curves in the table's units for the page's script: axes, which the table has, sensors, rigid companions."""
     series = {name: solution.series[name] for name in summary.sensors}
     kept = _instants(solution, len(series))
     axes = [{"label": "time [s]", "values": _numbers(solution.times[kept])}]

@@ -1,4 +1,4 @@
-"""What a scene is, in words, for `kaneflex check` and its like."""
+"""Description of a scene in words, for `kaneflex check` and its like."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def modelled(model: Model) -> Blocks:
 
 
 def is_followed(model: Model) -> bool:
-    """Whether the rigid motion is that of the run: not under preset coupled where joints are free."""
+    """True where the rigid motion is that of the run: not under preset coupled where joints are free."""
     return bool(model.scene.drives) and not (model.coupled is not None and model.module.FREE)
 
 
 def _reach(model: Model) -> dict[str, str]:
-    """Where the joints go in the rigid mechanism."""
+    """Ranges of the joints in the rigid mechanism."""
     if model.scene.is_frame:
         return {}
     times = instants(model.scene) if is_followed(model) else np.zeros(1)
@@ -91,7 +91,7 @@ def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
 
 
 def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
-    """How many freedoms a mechanism in space has, by the rank of what its joints demand."""
+    """Count of the freedoms of a mechanism in space, by the rank of what its joints demand."""
     left, tied = len(choice.independent), len(choice.dependent)
     spare = system.row_count - tied
     free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
@@ -210,7 +210,7 @@ def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) ->
 
 
 def _overconstrained(twice: int) -> str:
-    """What it means that joints leave more freedoms than Gruebler's formula counts."""
+    """Explanation for joints that leave more freedoms than Gruebler's formula counts."""
     return (
         f"that the joints leave, drives not counted: {twice} of their constraints follow from the others by just "
         "these lengths and angles, so that it moves, but rigid bodies don't say how those joints share forces; preset "
@@ -219,7 +219,7 @@ def _overconstrained(twice: int) -> str:
 
 
 def closing_lines(found: Sequence[Closing]) -> dict[str, str]:
-    """How near loops come to dead centres, below what :func:`~kaneflex.mechanism.reach.reach_lines` has."""
+    """Distance of loops from dead centres, below what :func:`~kaneflex.mechanism.reach.reach_lines` has."""
     kinds = {"transmission angle": True, "smallest singular value": False}
     told = {kind: "\n".join(each.told for each in found if each.is_angle is angle) for kind, angle in kinds.items()}
     return {kind: text for kind, text in told.items() if text}

@@ -123,7 +123,7 @@ def more_tables(summary: Summary) -> Iterator[tuple[str, str]]:
 
 
 def envelope_table(summary: Summary) -> str:
-    """How the peaks of a frozen model depend on the angle at which it is frozen."""
+    """Peaks of a frozen model over the angle at which it is frozen."""
     rows = []
     for name, spread in summary.mode_angle_spread.items():
         unit, number = unit_shown(summary.sensors[name].unit, spread.largest)
@@ -132,7 +132,7 @@ def envelope_table(summary: Summary) -> str:
 
 
 def contact_table(summary: Summary) -> str:
-    """What every contact did; where it says nothing of a rest it is open at the end."""
+    """Table of the contacts; one without an entry on rest is open at the end."""
     rows = []
     for name, contact in summary.contacts.items():
         fastest, force = f"{contact.fastest_m_s or 0.0:.4g}", f"{contact.largest_force or 0.0:.5g}"
@@ -144,7 +144,7 @@ def contact_table(summary: Summary) -> str:
 
 
 def friction_table(summary: Summary) -> str:
-    """What every friction did."""
+    """Table of the friction."""
     rows = []
     for name, friction in summary.frictions.items():
         turns = friction.largest_torque is not None
@@ -165,7 +165,7 @@ def stress_table(summary: Summary) -> str:
 
 
 def run_lines(summary: Summary) -> str:
-    """What was run, what solved it where that was chosen, and what it took, a line each."""
+    """Lines on a run: what was run, what solved it where that was chosen, and what it took, a line each."""
     timing = summary.timing
     parts = [f"{timing.set_up_s + timing.compile_s:.2f} s to set up", f"{timing.integrate_s:.2f} s to solve"]
     if timing.derive_s:
@@ -189,7 +189,7 @@ def run_lines(summary: Summary) -> str:
 
 
 def ending(summary: Summary) -> str:
-    """How a run ended that was not completed, in a sentence; nothing of others."""
+    """Sentence on the end of a run that was not completed; nothing of others."""
     if summary.outcome == "completed":
         return ""
     # a whole cycle, which any disturbance leaves
