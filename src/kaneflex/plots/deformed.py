@@ -144,6 +144,7 @@ def _mark(axes: Axes, found: Enlarged, worst: _Worst) -> None:
     elif worst.joint in found.moved.pins:
         place = found.moved.pins[worst.joint][0]
     elif worst.joint in found.moved.boxes:
-        place = found.moved.boxes[worst.joint][0].mean(axis=0)
+        corners = found.moved.boxes[worst.joint][0]
+        place = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     if place is not None:
         axes.plot(*(MM * place), "o", markersize=14, markerfacecolor="none", markeredgecolor="#D55E00", zorder=5)
