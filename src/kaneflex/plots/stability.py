@@ -91,7 +91,8 @@ def _mark_crossings(campbell: Axes, swept: Sweep, factor: float, scale: float) -
     """Rings where orders meet frequencies, and the speeds of these: of critical ones alone where there are any."""
     critical = swept.critical
     told: list[float] = []
-    width = campbell.bbox.width / np.ptp(campbell.get_xlim())
+    start, end = campbell.get_xlim()
+    width = campbell.bbox.width / (end - start)
     apart = _APART * campbell.get_figure(root=True).dpi / 72.0  # type: ignore[union-attr]
     for crossing in sorted(swept.crossings(), key=lambda each: (each not in critical, each.speed)):
         place, height = factor * crossing.speed, scale * crossing.order * crossing.speed / (2.0 * np.pi)
@@ -103,7 +104,7 @@ def _mark_crossings(campbell: Axes, swept: Sweep, factor: float, scale: float) -
         if all(abs(place - other) * width > apart for other in told):
             told.append(place)
             campbell.annotate(f"{place:.4g} rpm", (place, 0.98), xycoords=campbell.get_xaxis_transform(), rotation=90,
-                              ha="right", va="top", fontsize=7,
+                              ha="right" if (place - start) * width > apart else "left", va="top", fontsize=7,
                               bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip
 
 
