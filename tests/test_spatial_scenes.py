@@ -538,7 +538,7 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path, monkeypatch):
     done = runner.invoke(main, ["show", "bricard", "--at", "first=10deg", "-o", str(tmp_path / "no.png")])
     assert done.exit_code == 2 and "drawn as it starts" in done.output
     done = runner.invoke(main, ["modes", "bricard"])
-    assert done.exit_code == 2 and "nothing is elastic" in done.output
+    assert done.exit_code == 2 and "no body is elastic" in done.output
     done = runner.invoke(main, ["derive", "spinning-top", "-o", str(tmp_path / "top.py")])
     assert done.exit_code == 0 and (tmp_path / "top.py").read_bytes() == Path(spinning_top.__file__).read_bytes()
     done = runner.invoke(main, ["equations", "bricard"])
