@@ -15,6 +15,7 @@ from kaneflex.derive.friction import friction_text
 from kaneflex.derive.generate import generate
 from kaneflex.derive.joints import joints_text
 from kaneflex.derive.lookups_numba import laws_text, tables_text
+from kaneflex.derive.module_text import COMPILING
 from kaneflex.derive.rows import rows_text
 from kaneflex.derive.spatial import spatial_text
 from kaneflex.derive.spatial_elements import spatial_element_texts
@@ -40,6 +41,7 @@ def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
     texts = {f"{name}.py": text for name, text in (element_texts() | spatial_element_texts()).items()}
     texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "packs.py": packs.TEXT}
+    texts |= {"packs_in_numba.py": packs.IN_NUMBA, "compiling.py": COMPILING}
     texts["rows.py"] = rows_text()
     texts |= {"body.py": body_text(), "joints.py": joints_text()}
     texts["contact.py"], texts["friction.py"], texts["spatial.py"] = contact_text(), friction_text(), spatial_text()

@@ -9,12 +9,11 @@ In link axes, with one scalar of the motion before each constant matrix:
 Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
-from numba import njit
-
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked, pack, fill  # digest dab70da618d7edad
+from kaneflex.generated.compiling import njit
+from kaneflex.generated.packs import unpacked, pack, fill  # digest 67fe1a50d01d878e
 from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 0cbb3b5d208026e0
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest e2447d8f1b03a9e3
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

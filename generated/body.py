@@ -13,7 +13,7 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 from functools import cache
 from types import SimpleNamespace
 
-from numba import njit
+from kaneflex.generated.compiling import njit
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

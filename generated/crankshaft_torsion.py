@@ -5,10 +5,9 @@ Structure 6d7423f9db6d797c, format 3, SymPy 1.14; made by: kaneflex derive SCENE
 Bodies, joints and springs are those of kaneflex.generated.spatial.
 """
 
-from numba import njit
-
-from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
-from kaneflex.generated.tables import table  # digest fef2e113e8a2f3b4
+from kaneflex.generated.compiling import njit
+from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
+from kaneflex.generated.tables import table  # digest d205704e4572c3bd
 
 FORMAT = 3
 STRUCTURE = "6d7423f9db6d797c"

@@ -7,11 +7,10 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 import math
 
-from numba import njit
-
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
-from kaneflex.generated.tables import table  # digest fef2e113e8a2f3b4
+from kaneflex.generated.compiling import njit
+from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
+from kaneflex.generated.tables import table  # digest d205704e4572c3bd
 
 FORMAT = 3
 STRUCTURE = "d18cff34b9ece37a"

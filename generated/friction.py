@@ -13,9 +13,8 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 
 import math
 
-from numba import njit
-
-from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.compiling import njit
+from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

@@ -7,7 +7,7 @@ What is no number comes through as none.
 
 import math
 
-from numba import njit
+from kaneflex.generated.compiling import njit
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

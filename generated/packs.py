@@ -3,10 +3,7 @@
 Format 3; made by: make derive
 """
 
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils, errors
-from numba.extending import lower_builtin, type_callable
+from kaneflex.generated.compiling import compiled_with
 
 FORMAT = 3
 
@@ -19,83 +16,11 @@ def unpacked(array, count, start=0):
     return tuple(array[start : start + count])
 
 
-@type_callable(unpacked)
-def _type_of_numbers(context):
-    def typed(array, count, start=types.intp):
-        return types.UniTuple(array.dtype, count.literal_value) if isinstance(count, types.IntegerLiteral) else None
-
-    return typed
-
-
-@lower_builtin(unpacked, types.Array, types.IntegerLiteral)
-@lower_builtin(unpacked, types.CPointer, types.IntegerLiteral)
-def _load(context, builder, sig, args):
-    return _load_from(context, builder, sig, (*args, context.get_constant(types.intp, 0)))
-
-
-@lower_builtin(unpacked, types.Array, types.IntegerLiteral, types.Integer)
-@lower_builtin(unpacked, types.CPointer, types.IntegerLiteral, types.Integer)
-def _load_from(context, builder, sig, args):
-    kind, numbers = sig.args[0], sig.return_type
-    start = context.cast(builder, args[2], sig.args[2], types.intp) if len(sig.args) > 2 else args[2]
-    places = [builder.add(start, start.type(k)) for k in range(numbers.count)]
-    if isinstance(kind, types.CPointer):
-        addresses = [builder.gep(args[0], [place]) for place in places]
-    else:
-        array = context.make_array(kind)(context, builder, args[0])
-        addresses = [cgutils.get_item_pointer(context, builder, kind, array, [place]) for place in places]
-    return context.make_tuple(builder, numbers, [context.unpack_value(builder, kind.dtype, each) for each in addresses])
-
-
 def pack(out, place, values):
     """``out[place], out[place + 1], ... = values``: place is an index, or a row and a column; nothing is checked."""
     *row, column = place if isinstance(place, tuple) else (place,)
     for k, value in enumerate(values):
         out[(*row, column + k)] = value
-
-
-@type_callable(pack)
-def _type_of_nothing(context):
-    return lambda out, place, values: _demand(out, place.count if isinstance(place, types.BaseTuple) else 1)
-
-
-def _demand(out, axes):
-    if not isinstance(out, types.Array) or out.ndim != axes:
-        raise errors.TypingError(f"out is {out}: an array of {axes} axes is needed")
-    return types.void
-
-
-@lower_builtin(pack, types.Array, types.Any, types.BaseTuple)
-def _pack(context, builder, sig, args):
-    kind, where, given = sig.args
-    index = cgutils.unpack_tuple(builder, args[1]) if kind.ndim > 1 else [args[1]]
-    kinds = where.types if kind.ndim > 1 else [where]
-    index = [context.cast(builder, k, of, types.intp) for k, of in zip(index, kinds)]
-    _store(context, builder, kind, args[0], index, _values(context, builder, kind, given, args[2]))
-    return context.get_dummy_value()
-
-
-def _values(context, builder, kind, given, numbers):
-    numbers = cgutils.unpack_tuple(builder, numbers)
-    return [context.cast(builder, x, of, kind.dtype) for x, of in zip(numbers, given.types)]
-
-
-def _store(context, builder, kind, out, index, numbers):
-    array = context.make_array(kind)(context, builder, out)
-
-    def address(k):
-        there = [*index[:-1], builder.add(index[-1], index[-1].type(k))]
-        return cgutils.get_item_pointer(context, builder, kind, array, there)
-
-    if kind.layout == "C" and kind.dtype == types.float64 and len(numbers) > 1:
-        register = ir.VectorType(ir.DoubleType(), len(numbers))
-        packed = ir.Constant(register, ir.Undefined)
-        for k, x in enumerate(numbers):
-            packed = builder.insert_element(packed, x, ir.IntType(32)(k))
-        builder.store(packed, builder.bitcast(address(0), ir.PointerType(register)), align=8)
-    else:
-        for k, x in enumerate(numbers):
-            context.pack_value(builder, kind.dtype, x, address(k))
 
 
 def fill(out, parts):
@@ -115,19 +40,4 @@ def _entries(parts, negative):
     return dict(sorted(found.items()))
 
 
-@type_callable(fill)
-def _type_of_filled(context):
-    return lambda out, parts: _demand(out, 2)
-
-
-@lower_builtin(fill, types.Array, types.BaseTuple)
-def _fill(context, builder, sig, args):
-    kind, given = sig.args
-    numbers = cgutils.unpack_tuple(builder, args[1])
-    parts = [_values(context, builder, kind, of, each) for of, each in zip(given.types, numbers)]
-    entries = _entries(parts, lambda value: builder.fneg(value, flags=["nsz"]))
-    while entries:
-        i, j = next(iter(entries))
-        numbers = [entries.pop((i, k)) for k in (j, j + 1) if (i, k) in entries]
-        _store(context, builder, kind, args[0], [context.get_constant(types.intp, k) for k in (i, j)], numbers)
-    return context.get_dummy_value()
+compiled_with("kaneflex.generated.packs_in_numba")  # digest 9ecc86d20484f45b

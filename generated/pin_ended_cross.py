@@ -9,10 +9,9 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 import math
 
-from numba import njit
-
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.compiling import njit
+from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, element_matrices

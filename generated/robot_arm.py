@@ -7,8 +7,7 @@ Bodies, joints and springs are those of kaneflex.generated.spatial.
 
 import math
 
-from numba import njit
-
+from kaneflex.generated.compiling import njit
 from kaneflex.generated.laws import no_magnitudes as magnitudes
 
 FORMAT = 3

@@ -11,7 +11,7 @@ in shear phi and the growth of E I over the element by its mean.
 
 import numpy as np
 
-from numba import njit
+from kaneflex.generated.compiling import njit
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

@@ -11,16 +11,15 @@ Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs 
 Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
-from numba import njit
-
 from kaneflex.generated import rows
-from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.compiling import njit
+from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load,
     fill_square,
-)  # digest 7243d982511b2063
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest c19ebdab21899820
+)  # digest 029c4814df5589ab
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 771d1a5b1ef0f145
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

@@ -5,9 +5,8 @@ Structure b1bf50a25f97f753, format 3, SymPy 1.14; made by: kaneflex derive SCENE
 Bodies, joints and springs are those of kaneflex.generated.spatial.
 """
 
-from numba import njit
-
-from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.compiling import njit
+from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated.laws import no_magnitudes as magnitudes
 
 FORMAT = 3

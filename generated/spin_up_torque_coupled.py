@@ -10,8 +10,7 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 import math
 
-from numba import njit
-
+from kaneflex.generated.compiling import njit
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS, TERMS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices

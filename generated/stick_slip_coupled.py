@@ -8,9 +8,8 @@ how large its loads are.
 Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
 
-from numba import njit
-
-from kaneflex.generated.packs import unpacked  # digest dab70da618d7edad
+from kaneflex.generated.compiling import njit
+from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated.laws import no_magnitudes as magnitudes
 
 FORMAT = 3

@@ -5,7 +5,7 @@ Format 3, SymPy 1.14; made by: make derive
 Names of a block's numbers are said in kaneflex.scene.tables.
 """
 
-from numba import njit
+from kaneflex.generated.compiling import njit
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

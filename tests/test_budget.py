@@ -63,14 +63,17 @@ finally:
 
 
 @pytest.mark.parametrize(("command", "used"), [
-    ("list", []), ("check engine", ["numba"]), ("modes engine", ["numba"]),
-    ("show engine -o shown.png", ["matplotlib", "kaneflex.plots"]),
+    ("list", []), ("check engine", []), ("modes engine", []), ("run engine --no-plots -o results --force", []),
+    ("show engine -o shown.png --force", ["matplotlib", "kaneflex.plots"]),
 ])  # fmt: skip
 def test_a_command_imports_only_what_it_uses(command, used, tmp_path):
+    """What it calls is compiled before: then its machine code is called without numba."""
     code = IMPORTED.format(arguments=command.split(), heavy=HEAVY)
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
     *_, collections, imported = done.stdout.splitlines()
     assert imported == str(used)
     number, enabled = collections.split()
-    assert int(number) <= 20 and enabled == "True"  # 178 of check where garbage is looked for meanwhile
+    assert enabled == "True"
+    assert int(number) <= 20 or "run" in command  # 178 of check where garbage is looked for meanwhile

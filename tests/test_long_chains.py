@@ -5,7 +5,7 @@ import pytest
 from integrate_cases import affine
 from runs import model
 
-from kaneflex.integrate import banded, stepping
+from kaneflex.integrate import stepping
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, cycle_map, integrate, set_up
 
@@ -120,8 +120,8 @@ def test_a_runaway_is_stopped(monkeypatch):
 )
 def test_who_takes_the_loop_for_chains(monkeypatch, n, half_bandwidth, method, own):
     taken = []
-    loop = banded.newmark_banded
-    monkeypatch.setattr(banded, "newmark_banded", lambda *args: taken.append(args) or loop(*args))
+    loop = stepping._BANDED
+    monkeypatch.setattr(stepping, "_BANDED", lambda *args: taken.append(args) or loop(*args))
     integrate(Run(*banded_system(n, half_bandwidth), 0.0, 0.1, 2, method))
     assert bool(taken) == own
 

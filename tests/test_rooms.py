@@ -8,8 +8,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 FLOORS = (
-    ("support", "generated"),
-    ("scene", "integrate"),
+    ("support",),
+    ("generated", "scene", "integrate"),
     ("mechanism",),
     ("derive", "fem"),
     ("multibody",),

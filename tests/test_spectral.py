@@ -11,10 +11,10 @@ from scipy.sparse import csr_array
 
 import kaneflex
 from kaneflex import load, simulate
-from kaneflex.integrate import lanes
+from kaneflex.integrate import conventions
+from kaneflex.integrate.conventions import ORDER, aligned, turns
 from kaneflex.integrate.disturbances import monodromy
-from kaneflex.integrate.fourier import ORDER, interpolate, to_harmonics, to_instants, turns
-from kaneflex.integrate.lanes import aligned
+from kaneflex.integrate.fourier import interpolate, to_harmonics, to_instants
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.integrate.spectral import Grid, periodic_orbit
@@ -141,7 +141,7 @@ def test_nothing_is_read_that_was_not_written(monkeypatch):
 
 
 def test_memory_is_used_again_only_when_nobody_holds_it():
-    lanes._kept.blocks.clear()
+    conventions._kept.blocks.clear()
     held = [aligned(2, 2**14) for _ in range(4)]
     for number, array in enumerate(held):
         array[...] = number

@@ -9,6 +9,7 @@ instants, corrections     the compiled parts of that
 fourier                   Fourier transforms of a cycle that lies in lanes
 steppers                  the compiled loops for any matrices
 dense, banded             those of Newmark's family for few coordinates and for long chains
+conventions               constants and arrays that the compiled loops share with Python
 lanes, matrices, inverse  eight numbers in a register, and the compiled parts made of them
 modal                     decoupled modes exactly
 

@@ -8,10 +8,10 @@ C and K by vectors as the sums of scalar x constant matrix that they are, LANES 
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import lanes, matrices
+from kaneflex.integrate import banded_slices, conventions, lanes, matrices
+from kaneflex.integrate.banded_slices import BAND, MARGIN, NODES, PER_NODE, ROWS, WIDTH
+from kaneflex.integrate.conventions import COMPLETED, FASTMATH, LANES, SINGULAR, UNBOUNDED
 from kaneflex.integrate.lanes import (
-    FASTMATH,
-    LANES,
     absolute,
     eliminate_row,
     lane_sum,
@@ -23,26 +23,16 @@ from kaneflex.integrate.lanes import (
     transpose,
 )
 from kaneflex.integrate.matrices import (
-    COMPLETED,
     ONE,
-    SINGULAR,
     SMALLEST_PIVOT,
     THREE,
     TWO,
-    UNBOUNDED,
     compiled,
     empty_lanes,
     inlined,
     weights,
 )  # fmt: skip
 from kaneflex.support.fingerprint import made_of
-
-NODES = LANES  # of a slice: consecutive ones, a number of each in a register
-PER_NODE = 3  # displacements u, w and a rotation
-BAND = 5  # largest |i - j|: neighbouring nodes
-WIDTH = 2 * BAND + 1
-ROWS = NODES * PER_NODE  # of a slice
-MARGIN = 8  # zeros before and behind the nodes' numbers, which runs at the ends read
 
 # unsigned, as in `matrices`
 _PER_NODE, _NODES, _ROWS, _WIDTH, _BAND, _MARGIN = map(np.uint64, (PER_NODE, NODES, ROWS, WIDTH, BAND, MARGIN))
@@ -179,7 +169,7 @@ def _gather(system, wide, column, narrow, row):
 
 # Without "reassoc" for `_solve`, whose sums are kept in their order.
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH - {"reassoc"}, no_cfunc_wrapper=True)
-@made_of(lanes.__file__, matrices.__file__)
+@made_of(banded_slices.__file__, conventions.__file__, lanes.__file__, matrices.__file__)
 def newmark_banded(
     system, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored
 ):

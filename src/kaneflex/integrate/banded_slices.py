@@ -11,9 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate.banded import BAND, MARGIN, NODES, PER_NODE, ROWS, WIDTH
+from kaneflex.integrate.conventions import LANES
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.sparse_rows import rows_of
+
+NODES = LANES  # of a slice: consecutive ones, a number of each in a register
+PER_NODE = 3  # displacements u, w and a rotation
+BAND = 5  # largest |i - j|: neighbouring nodes
+WIDTH = 2 * BAND + 1
+ROWS = NODES * PER_NODE  # of a slice
+MARGIN = 8  # zeros before and behind the nodes' numbers, which runs at the ends read
 
 
 class Runs(NamedTuple):

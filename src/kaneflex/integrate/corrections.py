@@ -6,12 +6,24 @@ Arrays are as in `kaneflex.integrate.instants`.
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import fourier, instants, lanes, matrices
-from kaneflex.integrate.fourier import HIGH, ODD, ONCE, ORDER, interpolate, to_harmonics, to_instants
+from kaneflex.integrate import conventions, fourier, instants, lanes, matrices
+from kaneflex.integrate.conventions import (
+    FASTMATH,
+    FOUND,
+    HIGH,
+    LANES,
+    NO_MOTION,
+    ODD,
+    ONCE,
+    ORDER,
+    PATIENCE,
+    SIGNALS,
+    TOO_SLOW,
+    VECTORS,
+)
+from kaneflex.integrate.fourier import interpolate, to_harmonics, to_instants
 from kaneflex.integrate.instants import multiply, multiply_upper, solve_lower, solve_upper
 from kaneflex.integrate.lanes import (
-    FASTMATH,
-    LANES,
     absolute,
     lane_sum,
     load,
@@ -23,12 +35,6 @@ from kaneflex.integrate.lanes import (
 from kaneflex.integrate.matrices import compiled
 from kaneflex.support.fingerprint import made_of
 
-FOUND, NO_MOTION, TOO_SLOW = 0, 1, 2
-"""How corrections ended."""
-VECTORS, SIGNALS = 4, 3
-"""Motions, and pairs of signals, that a correction works with."""
-PATIENCE = 8
-"""Corrections over which their contraction counts."""
 # Compiled loops that take the equations and their work arrays one by one, however many: numba hands over tuples of
 # arrays no faster, and types and copies each of them anew. They allocate nothing: that would take long to compile.
 
@@ -236,7 +242,7 @@ def _moved(n, w, factor, basis, small, count, z, out):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
-@made_of(lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
+@made_of(conventions.__file__, lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
 def corrected(
     n, w, sums, factor, shapes, modes, circle, across, omega, tolerance, share, over_tail, slowest, start, its_circle,
     vectors, taken, signals, small, history,

@@ -7,15 +7,13 @@ a few products of a matrix and a vector, by columns.
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import inverse, lanes, matrices
+from kaneflex.integrate import conventions, inverse, lanes, matrices
+from kaneflex.integrate.conventions import COMPLETED, FASTMATH, LANES, SINGULAR, UNBOUNDED
 from kaneflex.integrate.inverse import invert
-from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, lane_sum, load, load_run, store, store_run
+from kaneflex.integrate.lanes import absolute, lane_sum, load, load_run, store, store_run
 from kaneflex.integrate.matrices import (
-    COMPLETED,
     ONE,
-    SINGULAR,
     THREE,
-    UNBOUNDED,
     ZERO,
     affine_sum,
     compiled,
@@ -24,7 +22,6 @@ from kaneflex.integrate.matrices import (
     rows_read,
     weights,
 )
-from kaneflex.integrate.system import Packed
 from kaneflex.support.fingerprint import made_of
 
 # Compiled in one piece, as the loops of `steppers` are: what is left of a step here is less work than a call.
@@ -71,10 +68,11 @@ def _wide(part):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
-@made_of(inverse.__file__, lanes.__file__, matrices.__file__)
-def _newmark(
+@made_of(conventions.__file__, inverse.__file__, lanes.__file__, matrices.__file__)
+def newmark(
     order, packed, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored
 ):
+    """The steps of `kaneflex.integrate.steppers.newmark`, one motion after the other; order: as `invert` takes it."""
     n, n_columns = np.uint64(len(order)), state[0].shape[0]
     step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = weights(coefficients)
     sums, scale, good = empty_lanes(THREE * packed.layout.n_slots + n), empty_lanes(n), empty_lanes(1)
@@ -135,8 +133,3 @@ def _newmark(
     _copy(a, state[2], n)
     _copy(q, state[3], n)
     return taken, status
-
-
-def newmark(packed: Packed, *rest: object) -> tuple[int, int]:
-    """As `kaneflex.integrate.steppers.newmark`, for motions one after the other."""
-    return _newmark((0.0,) * int(packed.layout.n), packed, *rest)

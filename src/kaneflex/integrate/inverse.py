@@ -5,7 +5,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from kaneflex.integrate.lanes import FASTMATH, LANES, VECTOR, address
+from kaneflex.integrate.conventions import FASTMATH, LANES
+from kaneflex.integrate.lanes import VECTOR, address
 from kaneflex.integrate.matrices import SMALLEST_PIVOT
 
 _FLAGS = sorted(FASTMATH)

@@ -7,13 +7,13 @@ import numpy as np
 from numba import njit
 from numba.extending import overload
 
-from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, less, load, store, transpose
+from kaneflex.integrate.conventions import FASTMATH, LANES
+from kaneflex.integrate.lanes import absolute, less, load, store, transpose
 from kaneflex.support.inner import PART
 
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
 ZERO, ONE, TWO, THREE, FOUR = (np.uint64(k) for k in range(5))
-COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2  # how a loop ended
 SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
 compiled = njit(error_model="numpy", fastmath=FASTMATH, **PART)

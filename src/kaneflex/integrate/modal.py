@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.integrate.lanes import LANES
+from kaneflex.integrate.conventions import LANES
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
 

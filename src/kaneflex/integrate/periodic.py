@@ -7,7 +7,7 @@ from functools import reduce
 
 import numpy as np
 
-from kaneflex.integrate.lanes import LANES
+from kaneflex.integrate.conventions import LANES
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
 from kaneflex.integrate.streams import TimeSegments

@@ -15,12 +15,20 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.integrate.corrections import NO_MOTION, PATIENCE, SIGNALS, TOO_SLOW, VECTORS, corrected
-from kaneflex.integrate.fourier import turns
-from kaneflex.integrate.instants import AT_ONCE, equations, mean_products
-from kaneflex.integrate.lanes import LANES, aligned
+from kaneflex.integrate.conventions import (
+    AT_ONCE,
+    LANES,
+    NO_MOTION,
+    PATIENCE,
+    SIGNALS,
+    TOO_SLOW,
+    VECTORS,
+    aligned,
+    turns,
+)
 from kaneflex.integrate.streams import Table
 from kaneflex.integrate.system import AffineSystem
+from kaneflex.support.machine_code import Kernel
 
 FEWEST, MOST = 64, 8192
 """Instants of a cycle that are tried."""
@@ -44,6 +52,9 @@ _OVER_TAIL = 0.2
 """Of what the grid leaves out: a remainder that is worth no further correction on it."""
 SURE = 0.02
 """Share of a motion's error to which it is estimated."""
+
+_corrected = Kernel("integrate.corrections", "corrected")
+_equations, _mean_products = (Kernel("integrate.instants", name) for name in ("equations", "mean_products"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +82,7 @@ class Grid:
         rows = np.ascontiguousarray(table(t0 + period / instants * np.arange(instants)), dtype=float)
         n, w, blocks = system.n, system.half_bandwidth, instants // LANES
         sums, factor = aligned(blocks, len(system.sums[0]) - 1, LANES), aligned(blocks, n * (w + 1), LANES)
-        equations(n, w, system.sums, rows, aligned(AT_ONCE, rows.shape[1], LANES), sums, factor)
+        _equations(n, w, system.sums, rows, aligned(AT_ONCE, rows.shape[1], LANES), sums, factor)
         modes = _modes(n, w, sums, factor) if coarser is None else coarser.modes
         return cls(n, w, 2.0 * np.pi / period, sums, factor, modes)
 
@@ -122,7 +133,7 @@ class Grid:
         vectors = aligned(VECTORS + _CORRECTIONS + 1, blocks, n, LANES)
         signals, taken = aligned(SIGNALS + m, 2, blocks, LANES), aligned(blocks, m, LANES)
         small, left = np.empty((_CORRECTIONS + 4, _CORRECTIONS + 1)), np.empty(_CORRECTIONS + 1)
-        ended, done, tail = corrected(*system, *limits, *near, vectors, taken, signals, small, left)
+        ended, done, tail = _corrected(*system, *limits, *near, vectors, taken, signals, small, left)
         left, reason = left[: done + 1], ""
         if ended == NO_MOTION:
             reason = "the mean equations have no periodic motion"
@@ -150,7 +161,7 @@ def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.nda
     def means(shapes: np.ndarray, instants: int) -> np.ndarray:
         every = max(1, len(sums) * LANES // instants)
         found, work = np.zeros((3, n, shapes.shape[1])), aligned(2, len(sums), n, LANES)
-        mean_products(n, w, sums, factor, every, np.ascontiguousarray(shapes.T), work, found)
+        _mean_products(n, w, sums, factor, every, np.ascontiguousarray(shapes.T), work, found)
         found /= len(sums) // every * LANES
         return found
 

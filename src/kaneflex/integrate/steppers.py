@@ -30,15 +30,13 @@ takes the step of its lane in every block, and all go side by side; they stop wh
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import lanes, matrices
-from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, everywhere, less, load, store
+from kaneflex.integrate import conventions, lanes, matrices
+from kaneflex.integrate.conventions import COMPLETED, FASTMATH, LANES, SINGULAR, UNBOUNDED
+from kaneflex.integrate.lanes import absolute, everywhere, less, load, store
 from kaneflex.integrate.matrices import (
-    COMPLETED,
     ONE,
-    SINGULAR,
     THREE,
     TWO,
-    UNBOUNDED,
     ZERO,
     affine_sum,
     compiled,
@@ -58,7 +56,7 @@ from kaneflex.support.fingerprint import made_of
 
 # Compiled in one piece, with as many lines and parameters as a step needs: a step in a function of its own would be
 # called once a step, which costs as much as a small solve.
-_made_of_parts = made_of(lanes.__file__, matrices.__file__)
+_made_of_parts = made_of(conventions.__file__, lanes.__file__, matrices.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 

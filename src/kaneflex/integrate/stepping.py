@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate import banded, dense, matrices, steppers
-from kaneflex.integrate.banded_slices import BandedSystem, banded_system
-from kaneflex.integrate.lanes import LANES
+from kaneflex.integrate.banded_slices import BAND, BandedSystem, banded_system
+from kaneflex.integrate.conventions import COMPLETED, LANES, SINGULAR, UNBOUNDED
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.streams import CoefficientStream, TimeSegments
 from kaneflex.integrate.system import AffineSystem, Layout, layout_of
+from kaneflex.support.machine_code import Kernel
 
 Progress = Callable[[float], None]
 """Called with the finished share of the work, 0 to 1, a few times a second."""
@@ -28,10 +28,12 @@ _LONG = 48  # coordinates from which a chain is worth a loop of its own
 _FULL = 1.0  # numbers that its runs may hold for one of the matrices: links with scalars of their own leave them empty
 
 _OUTCOMES = {
-    matrices.COMPLETED: Outcome.COMPLETED,
-    matrices.SINGULAR: Outcome.SINGULAR,
-    matrices.UNBOUNDED: Outcome.UNSTABLE,
+    COMPLETED: Outcome.COMPLETED,
+    SINGULAR: Outcome.SINGULAR,
+    UNBOUNDED: Outcome.UNSTABLE,
 }
+_STEPPERS = {name: Kernel("integrate.steppers", name) for name in ("newmark", "collocation", "exact_modal")}
+_BANDED, _DENSE = Kernel("integrate.banded", "newmark_banded"), Kernel("integrate.dense", "newmark")
 
 
 class State(NamedTuple):
@@ -93,7 +95,7 @@ class Setup:
     @cached_property
     def banded(self) -> BandedSystem | None:
         """What the loop for long chains reads of the system; None where that loop does not take it, or not faster."""
-        if self.method.stepper != "newmark" or self.system.n < _LONG or self.system.half_bandwidth > banded.BAND:
+        if self.method.stepper != "newmark" or self.system.n < _LONG or self.system.half_bandwidth > BAND:
             return None
         found = banded_system(self.system, *self.coefficients[4:6])
         return found if found.numbers < _FULL * self.system.packed.data.size else None
@@ -107,12 +109,12 @@ class Setup:
         """The compiled loop that takes these states furthest in a second, with what it reads of the system."""
         one_after_the_other = state.z.ndim == 2
         if one_after_the_other and self.method.stepper == "newmark" and self.system.n <= LANES:
-            return partial(dense.newmark, self.system.packed)
+            return partial(_DENSE, (0.0,) * self.system.n, self.system.packed)
         if one_after_the_other and self.banded is not None:
             own = coefficients is self.coefficients
             system = self.banded if own else banded_system(self.system, *coefficients[4:6])
-            return partial(banded.newmark_banded, system)
-        loop = partial(getattr(steppers, self.method.stepper), self.system.packed)
+            return partial(_BANDED, system)
+        loop = partial(_STEPPERS[self.method.stepper], self.system.packed)
         return partial(loop, self.stages, (1.0,) * self.method.stages) if self.method.stages else loop
 
     def consistent(self, state: State, load_factor: np.ndarray) -> bool:
@@ -130,7 +132,7 @@ class Setup:
         still = method.still(self.coefficients)
         rest = (still, load_factor, state, 0, 1, np.inf, Stored.of(state, 2))
         _, status = self.loop(state, still)(scalars, 1, 0, 1, *rest)
-        return status != matrices.SINGULAR
+        return status != SINGULAR
 
     def free_acceleration(self, table: np.ndarray) -> float:
         """Largest of free masses under the forces of a table, as the loop reads it."""

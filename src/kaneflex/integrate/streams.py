@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.integrate.lanes import LANES
+from kaneflex.integrate.conventions import LANES
 from kaneflex.support.errors import UserError
 
 Table = Callable[[np.ndarray], np.ndarray]

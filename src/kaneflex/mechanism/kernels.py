@@ -22,7 +22,8 @@ import numpy as np
 from numba import float64, njit, void
 from numba.types import WrapperAddressProtocol
 
-from kaneflex.mechanism.affine import Affine, Monomial, coefficients, numbered_entries
+from kaneflex.mechanism.affine import Affine, coefficients, numbered_entries
+from kaneflex.mechanism.products import Products
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.support.inner import PART
 
@@ -92,7 +93,7 @@ def _multiply(scalars, row, pattern, begin, count, monomials):
 
 
 @compiled
-def _multiply_rows(scalars, pattern, monomials):
+def multiply_rows(scalars, pattern, monomials):
     for row in range(np.uint64(monomials.shape[0])):
         _multiply(scalars, row, pattern, _ZERO, np.uint64(monomials.shape[1]), monomials)
 
@@ -238,27 +239,6 @@ class Kernels:
         out |= {"positions": (len(self.points), 2), "inverse_dynamics": (len(self.forces),)}
         found = {name: {"out": shape} for name, shape in out.items()}
         return found | {"equations": {name: out[name] for name in "MCKF"}}
-
-
-@dataclass(frozen=True, eq=False)
-class Products:
-    """Monomials as the compiled loops read them: ``pattern`` has where each ends among their scalars, then those."""
-
-    count: int
-    pattern: np.ndarray
-
-    @classmethod
-    def of(cls, monomials: Sequence[Monomial], column: Mapping[str, int]) -> Products:
-        """Of scalars that have a column in the motion's table."""
-        places = [sorted(column[name] for name in monomial) for monomial in monomials]
-        ends = np.cumsum([len(each) for each in places])
-        return cls(len(places), np.concatenate([ends, *places]).astype(np.uint64))
-
-    def at(self, table: np.ndarray) -> np.ndarray:
-        """Shape (n_times, count) from the motion's table, shape (n_times, n_scalars)."""
-        out = np.empty((len(table), self.count))
-        _multiply_rows(table, self.pattern, out)
-        return out
 
 
 def bind(motion: RigidKinematics, sums: Mapping[str, Affine]) -> Parameters:

@@ -20,7 +20,6 @@ from kaneflex.scene.numbers import number_at
 from kaneflex.scene.options import acting, left_out, resolve_options
 from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.scene.structure import coupled_hash, pruned_hash
-from kaneflex.support import quick_compiling, shipped_kernels
 from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES, SPATIAL_ATTRIBUTES
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep, kept, sealed
@@ -71,9 +70,6 @@ def _find(
 ) -> tuple[ModuleType, float]:
     """The module and the seconds of deriving it."""
     from kaneflex.generated import STRUCTURES
-
-    shipped_kernels.use()
-    quick_compiling.use()
 
     if structure in STRUCTURES:
         return importlib.import_module(f"kaneflex.generated.{STRUCTURES[structure]}"), 0.0

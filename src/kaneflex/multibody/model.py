@@ -20,8 +20,8 @@ from kaneflex.fem.modes import rayleigh_coefficients
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.mechanism.affine import Affine, Monomial, as_array, coefficients, numbered_entries
 from kaneflex.mechanism.floating_frames import shapes_given
-from kaneflex.mechanism.kernels import Kernels, Parameters, Products, bind, place_of_points, scalars_of
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.products import Products
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -32,6 +32,7 @@ from kaneflex.support.sparse_rows import SparseRows
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
+    from kaneflex.mechanism.kernels import Kernels
     from kaneflex.multibody.spatial_coupled import CoupledKinematics
     from kaneflex.multibody.spatial_motion import SpatialKinematics
     from kaneflex.multibody.system import CoupledSystem
@@ -231,17 +232,8 @@ class Model:
         return self._at("F", t)
 
     def _at(self, name: str, t: float) -> np.ndarray:
-        if self.scene.is_spatial:  # whose scalars no compiled kernel tabulates
-            found = as_array(self.motion.at(float(t)).first(sums(self.equations)[name]))
-            return found[:, 0] if name == "F" else found
-        out = np.empty((self.equations.size,) * (1 if name == "F" else 2))
-        getattr(Kernels, name)(float(t), self._all_terms, out)
-        return out
-
-    @cached_property
-    def _all_terms(self) -> Parameters:
-        """p of the kernels for the equations before any reduction, with the terms that the options leave out, too."""
-        return bind(self.motion, sums(self.equations))
+        found = as_array(self.motion.at(float(t)).first(sums(self.equations)[name]))
+        return found[:, 0] if name == "F" else found
 
     @cached_property
     def kernels(self) -> Kernels:
@@ -249,6 +241,8 @@ class Model:
 
         Raises SceneError under preset ``coupled``, whose matrices depend on where the mechanism goes, and in space.
         """
+        from kaneflex.mechanism.kernels import Kernels, bind, place_of_points, scalars_of
+
         refuse_in_space(self.scene, "kernels", "compiled kernels move")
         if self.coupled is not None:
             raise SceneError(

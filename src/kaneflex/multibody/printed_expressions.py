@@ -14,6 +14,7 @@ from numba.core.dispatcher import Dispatcher
 from kaneflex.multibody import tables
 from kaneflex.multibody.c_text import Expression, bare, constant, grouped, safe, wider
 from kaneflex.multibody.tables import Fixed, Handed
+from kaneflex.support.machine_code import Kernel
 
 if TYPE_CHECKING:
     from kaneflex.multibody.printed import Printer
@@ -168,7 +169,7 @@ class Expressions:
             if called in _WHOLE:
                 return f"(int64_t){_MATHEMATICS[called]}({passed})", types.int64
             return f"{_MATHEMATICS[called]}({passed})", types.float64
-        if not isinstance(called, Dispatcher):
+        if not isinstance(called, Dispatcher | Kernel):
             self.refuse(node)
         name, returned = self.printer.function(called, [kind for _, kind in given])
         return f"{name}({passed})", returned

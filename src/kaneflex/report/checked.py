@@ -13,10 +13,6 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.reach import Courses, courses_of, instants
 from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_choice import choose
-from kaneflex.multibody.spatial_motion import SpatialKinematics, firmness
-from kaneflex.multibody.spatial_start import start_of
-from kaneflex.multibody.spatial_system import build_spatial_system
 from kaneflex.report.presentation import (
     Blocks,
     closing_lines,
@@ -84,7 +80,10 @@ def notes(model: Model) -> Iterator[str]:
 def _closings(model: Model) -> list[Closing]:
     def find() -> list[Closing]:
         times = _times(model)
-        if isinstance(model.motion, SpatialKinematics):
+        if model.scene.is_spatial:
+            from kaneflex.multibody.spatial_motion import SpatialKinematics, firmness
+
+            assert isinstance(model.motion, SpatialKinematics)
             return firmness(model.motion, times)
         return closings(model.scene, _courses(model, times))
 
@@ -100,7 +99,13 @@ def _courses(model: Model, times: np.ndarray) -> Courses:
 
 
 def _mobility(model: Model) -> Blocks:
-    if isinstance(model.motion, SpatialKinematics):
+    if model.scene.is_spatial:
+        from kaneflex.multibody.spatial_choice import choose
+        from kaneflex.multibody.spatial_motion import SpatialKinematics
+        from kaneflex.multibody.spatial_start import start_of
+        from kaneflex.multibody.spatial_system import build_spatial_system
+
+        assert isinstance(model.motion, SpatialKinematics)
         system = model.motion.module.system
         if len(system.modal_speeds):  # shapes are no freedoms of joints
             system = build_spatial_system(system.scene, system.module)

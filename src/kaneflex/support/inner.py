@@ -10,6 +10,8 @@ from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import InlineOverloads, NativeLowering
 from numba.core.untyped_passes import InlineClosureLikes
 
+from kaneflex.support import quick_compiling, shipped_kernels
+
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class _Registered(LoweringPass):
@@ -62,3 +64,7 @@ _NOT_NEEDED = (InlineClosureLikes, InlineOverloads)
 
 def _with_the_caller() -> None:
     """Optimised, and made machine code of, is what encloses this."""
+
+
+shipped_kernels.use()
+quick_compiling.use()

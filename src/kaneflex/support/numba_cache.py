@@ -5,11 +5,13 @@ import os
 import shutil
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
 HERE = Path(__file__).parent / "__pycache__"
 
 
+@cache
 def ensure_cache_folder() -> Path:
     """Give numba a temporary cache folder if it would find none of its own, and warn.
 

@@ -1,0 +1,144 @@
+"""Compiled functions called without numba: the same machine code, for the same types; else numba compiles them."""
+
+import json
+import os
+import subprocess
+import sys
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import pytest
+
+from kaneflex.support import machine_code
+
+FUNCTIONS = """
+import math
+import numpy as np
+from kaneflex.support.machine_code import njit
+
+@njit(cache=True, error_model="numpy")
+def scaled(numbers, factor, out):
+    if factor < 0.0:
+        raise ValueError("a factor below zero")
+    out[:] = np.sin(numbers) * math.exp(factor)
+    return numbers.size, factor
+"""
+CALL = """
+import functions, json, numpy as np, sys
+found, other = np.zeros(5), np.zeros(5, dtype=np.float32)
+rest = functions.scaled(np.arange(5.0), 0.3, found)
+by_numba = "numba" in sys.modules
+try:
+    functions.scaled(np.arange(5.0), -1.0, found)
+except ValueError as error:
+    said = str(error)
+functions.scaled(np.arange(5.0), 1, other)
+print(json.dumps([by_numba, found.tolist(), rest, said, other.tolist()]))
+"""
+
+
+@pytest.fixture
+def called(tmp_path):
+    """Call the function in a process of its own, whose cache is the test's."""
+    (tmp_path / "functions.py").write_text(FUNCTIONS)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def call():
+        command = [sys.executable, "-c", CALL]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, env=environment)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return call
+
+
+def test_a_second_process_computes_the_same_without_numba(called, tmp_path):
+    """Also what it returns, and raises; arguments of other types are compiled for."""
+    by_numba, *found = called()
+    assert by_numba
+    np.testing.assert_allclose(found[0], np.sin(np.arange(5.0)) * np.exp(0.3), rtol=1e-15)
+    assert found[1:3] == [[5, 0.3], "a factor below zero"]
+    assert called() == [False, *found]
+    kept = {place: place.read_bytes() for place in (tmp_path / "cache").glob("functions.scaled-*.machine")}
+    assert len(kept) == 2
+    for wrong in (lambda data: b"", lambda data: data[:40], lambda data: bytes(32) + data[32:]):  # of other files
+        for place, data in kept.items():
+            place.write_bytes(wrong(data))
+        assert called() == [True, *found]
+        assert {place: place.read_bytes() for place in kept} == kept
+    source = tmp_path / "functions.py"
+    source.write_text(FUNCTIONS.replace("math.exp(factor)", "1.0"))
+    assert called()[:2] == [True, np.sin(np.arange(5.0)).tolist()]
+
+
+class Pair(NamedTuple):
+    one: float
+    other: np.ndarray
+
+
+def test_what_numba_tells_apart_is_told_apart():
+    square, readonly = np.ones((3, 3)), np.ones(3)
+    readonly.flags.writeable = False
+    values = [
+        1, 2**40, 1.0, True, np.float64(1.0), np.uint64(1), (1, 2), (1, 2.0), ((1,), 2), Pair(1.0, np.ones(2)),
+        Pair(1.0, np.ones(2, dtype=int)), np.ones(3), np.ones(1), np.ones(6)[::2], readonly, square, square.T,
+        np.ones((1, 3)), np.ones((5, 5))[:3, :3], np.ones(3, dtype=np.float32), np.ones(3, dtype=complex),
+        np.frombuffer(bytearray(25), dtype=np.uint8)[1:].view(float),
+    ]  # fmt: skip
+    kinds, types = [machine_code._kind(value) for value in values], [numba.typeof(value) for value in values]
+    for one, mine in zip(kinds, types, strict=True):
+        for other, theirs in zip(kinds, types, strict=True):
+            assert one != other or mine == theirs, (one, mine, theirs)
+    assert len(set(kinds)) >= len(set(types))
+    for value in (2**63, -(2**63) - 1, "text", None, {}, np.ones(2, dtype=[("a", float)]), np.ma.ones(2), (1, "2")):
+        with pytest.raises(TypeError):
+            machine_code._kind(value)
+
+
+def test_machine_code_of_another_state_is_not_used(monkeypatch, tmp_path):
+    """Of files beside it that were changed, of other settings of numba, of another processor."""
+    (tmp_path / "beside.py").write_text("")
+    state = machine_code._state.__wrapped__
+    states = {state(str(tmp_path / "own.py"), "*.py")}
+    assert state(str(tmp_path / "own.py"), "*.py") in states
+    (tmp_path / "beside.py").write_text("changed")
+    states.add(state(str(tmp_path / "own.py"), "*.py"))
+    monkeypatch.setenv("NUMBA_OPT", "1")
+    states.add(state(str(tmp_path / "own.py"), "*.py"))
+    monkeypatch.setattr("llvmlite.binding.get_host_cpu_name", lambda: "another")
+    states.add(state(str(tmp_path / "own.py"), "*.py"))
+    assert len(states) == 4
+
+
+def test_an_object_that_refers_to_an_unknown_symbol_is_refused():
+    """LLVM would end the process."""
+    from llvmlite import binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    machine = binding.Target.from_default_triple().create_target_machine()
+
+    def code(symbol):
+        text = f"declare void @{symbol}()\ndefine void @f() {{\n call void @{symbol}()\n ret void\n}}"
+        return machine.emit_object(binding.parse_assembly(text))
+
+    assert machine_code._links(code("NRT_Free"))
+    assert machine_code._links(code("cos"))
+    assert not machine_code._links(code("no_such_function_anywhere"))
+    assert not machine_code._links(b"\xcf\xfa\xed\xfe" + code("cos")[4:])  # not in ELF
+
+
+def test_other_compiled_functions_call_it_and_it_looks_like_numbas():
+    from kaneflex.generated import beam_euler_bernoulli as beam
+
+    @numba.njit
+    def mass(p, out):
+        beam.M(p, out)
+        return out[0, 0]
+
+    p, out, own = np.array([1.1, 3e7, 1500.0, 0.03, 0.06]), np.zeros((6, 6)), np.zeros((6, 6))
+    assert mass(p, out) == out[0, 0] > 0.0
+    beam.M(p, own)
+    np.testing.assert_array_equal(own, out)
+    assert beam.M.__name__ == beam.M.py_func.__name__ == "M" and beam.M.signatures
