@@ -142,3 +142,17 @@ def test_other_compiled_functions_call_it_and_it_looks_like_numbas():
     beam.M(p, own)
     np.testing.assert_array_equal(own, out)
     assert beam.M.__name__ == beam.M.py_func.__name__ == "M" and beam.M.signatures
+
+
+def test_functions_made_within_others_are_numbas():
+    """They share their name and file, not what they enclose."""
+
+    def raised(power):
+        @machine_code.njit()
+        def power_of(x):
+            return x**power
+
+        return power_of
+
+    assert (raised(2)(3), raised(3)(3)) == (9, 27)
+    assert not isinstance(raised(2), machine_code.Kernel)

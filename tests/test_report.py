@@ -14,7 +14,7 @@ from scene_fuzz import written_toml
 
 from kaneflex import load, scene_of, simulate
 from kaneflex.cli import main
-from kaneflex.report.page import page
+from kaneflex.report.page import _as_json, _numbers, page
 from kaneflex.report.summary import summarise
 
 
@@ -49,6 +49,12 @@ def test_a_page_holds_the_run_and_asks_no_network(engine):
     assert text.index('id="sensors"') < text.index('id="curve"') < text.index("<h2>Model</h2>")
     assert '#side { position: sticky' in text, "the curve stays beside the table"
     assert "{{" not in text and not re.search(r"(src|href)=[\"']?https?:", text)
+
+
+def test_curves_are_arrays_of_six_digits_with_gaps():
+    values = np.array([0.0, -1.5, 1.0 / 3.0, 1e300, -2.5e-7, np.nan, np.inf, -np.inf])
+    read = json.loads(_as_json({"a \\ b": _numbers(values), "none": None, "empty": _numbers(values[:0])}))
+    assert read == {"a \\ b": [0, -1.5, 0.333333, 1e300, -2.5e-7, None, None, None], "none": None, "empty": []}
 
 
 @pytest.mark.parametrize(("sensors", "picture", "kept", "too_large"), [

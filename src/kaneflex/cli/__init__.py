@@ -1,6 +1,9 @@
 """The command line: words in, folders out; nothing is computed here."""
 
+import os
 import sys
+
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it looks through all installed packages for them
 
 try:
     from kaneflex.cli.commands import main

@@ -54,9 +54,10 @@ def run(
     \b
       kaneflex run engine --preset coupled --set rod.elements=4 -o results
     """
-    from kaneflex.cli.workflow import Demand, run_into
-    from kaneflex.report.tables import ending
-    from kaneflex.scene.write_back import file_to_write, write_settings
+    with uncollected():
+        from kaneflex.cli.workflow import Demand, run_into
+        from kaneflex.report.tables import ending
+        from kaneflex.scene.write_back import file_to_write, write_settings
 
     tolerance, sensors = choosing.tolerance, choosing.sensors
     refuse_with_tolerance(tolerance, {"--preset": asked.preset, "--integrator": asked.integrator, "--after": after})

@@ -6,7 +6,7 @@ import base64
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,7 +91,7 @@ def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) ->
         "choice": _choice(summary),
         "first": "",
         "pictures": "",
-        "data": script_data(json.dumps(_data(solution, summary), separators=(",", ":"), allow_nan=False)),
+        "data": script_data(_as_json(_data(solution, summary))),
     }
     template = _TEMPLATE.read_text(encoding="utf-8")
     room = _LARGEST - len(template.encode()) - len("".join(filled.values()).encode())
@@ -187,6 +187,18 @@ def _instants(solution: Solution, curves: int) -> np.ndarray:
     return kept[:: max(1, math.ceil(len(kept) / (_MORE * most)))]
 
 
-def _numbers(values: np.ndarray) -> list[float | None]:
-    """Six digits of each; None where there is no finite value."""
-    return [float(f"{value:.6g}") if math.isfinite(value) else None for value in values.tolist()]
+def _numbers(values: np.ndarray) -> str:
+    """Six digits of each as an array in JSON between marks, null where there is no finite value.
+
+    One format for all of them takes a quarter of the time of a number after the other.
+    """
+    text = ",".join(["%.6g"] * len(values)) % tuple(values.tolist())
+    if not np.isfinite(values).all():
+        text = re.sub("-?inf|nan", "null", text)
+    return f"\0[{text}]\0"
+
+
+def _as_json(data: Mapping[str, Any]) -> str:
+    """JSON of curves, whose arrays are written already."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace('"\\u0000', "").replace('\\u0000"', "")

@@ -146,7 +146,8 @@ def njit(**options: Any) -> Callable[[FunctionType], Any]:
     """numba's decorator, which imports numba only when the function has to be compiled."""
 
     def decorated(function: FunctionType) -> Any:
-        return _compiled(function, options) if function.__closure__ else _Decorated(function, options)
+        within = "<locals>" in function.__qualname__  # one text, but another function each time
+        return _compiled(function, options) if within else _Decorated(function, options)
 
     return decorated
 
