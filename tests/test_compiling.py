@@ -16,9 +16,12 @@ from types import SimpleNamespace
 import numba
 import numpy as np
 import pytest
+from llvmlite import ir
 from numba import types
 from numba.core import event
+from numba.core import ir as numba_ir
 from numba.core.caching import FunctionCache
+from numba.core.compiler import run_frontend
 from numba.core.registry import cpu_target
 from numba.core.types.functions import BaseFunction
 
@@ -152,6 +155,40 @@ def test_parts_of_the_spectral_solver_are_optimised_with_their_callers():
     assert counted(48) == 3
     for part in fourier._stages.overloads.values():
         assert part.library._compiled_object is None
+
+
+def test_sizes_of_types_are_asked_once(monkeypatch):
+    context, asked = cpu_target.target_context, []
+    own = ir.Type.get_abi_size
+    monkeypatch.setattr(ir.Type, "get_abi_size", lambda self, data: asked.append(self) or own(self, data))
+    double = ir.DoubleType()
+    for kind, size in ((ir.ArrayType(double, 7919), 63352), (ir.LiteralStructType([double, ir.IntType(1)]), 16)):
+        for _ in range(2):
+            assert context.get_abi_sizeof(kind) == size
+    assert 1 <= len(asked) <= 2
+
+
+def test_variables_of_statements_are_those_that_numba_lists():
+    """Of assignments, calls with names, tuples, branches and stores, in their order."""
+
+    def own(value):
+        if isinstance(value, numba_ir.Var):
+            return [value]
+        if isinstance(value, numba_ir.Expr):
+            return own(value._kws)
+        if isinstance(value, dict | list | tuple):
+            return [each for part in (value.values() if isinstance(value, dict) else value) for each in own(part)]
+        return []
+
+    def told(x, out):
+        for k in range(len(x)):
+            out[k] = dict(a=(x[k], -x[k], k), b=sum([x[k]]))
+        return out if x[0] > 0 else x
+
+    found = [each for block in run_frontend(told).blocks.values() for each in block.body]
+    assert max(len(each.list_vars()) for each in found) == 4
+    for each in found:
+        assert each.list_vars() == own(vars(each)), each
 
 
 def test_a_rigid_twin_has_no_library_of_its_own(monkeypatch):
