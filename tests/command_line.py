@@ -1,5 +1,6 @@
 """Calling the command line in this process."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,8 @@ from kaneflex.plots import style
 
 
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From now on pictures of folders are drawn once, on nothing, and their files empty: to lay them out and to write
-    them as PNG and as SVG takes longer than most runs."""
+    """From now on pictures are made and their files stay empty: those of folders are drawn once, on nothing. To lay
+    them out and to write them as PNG and as SVG takes longer than most runs."""
 
     def begun(figure: Figure, stem: Path, svg: bool = True) -> list[Path]:
         figure.set_layout_engine("none")
@@ -22,7 +23,13 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
             file.touch()
         return files
 
+    def made(make: Callable[[], Figure], kind: str) -> bytes:
+        with style.styled():
+            make()
+        return b""
+
     monkeypatch.setattr(style, "save", begun)
+    monkeypatch.setattr(style, "picture", made)
 
 
 def cli(*arguments: object) -> Result:

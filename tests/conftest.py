@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import matplotlib
 import pytest
@@ -70,6 +71,26 @@ def settled(request: pytest.FixtureRequest) -> Iterator[None]:
         own = hasattr(each, "cache_clear") and each.__module__ in (request.module.__name__, "runs")
         if own and each.__name__ != "model":  # the last scenes that were loaded serve other files
             each.cache_clear()
+
+
+@pytest.fixture(scope="session")
+def derived_once() -> Iterator[None]:
+    """The equations that are printed in C and in LaTeX: those of a structure are derived once a process."""
+    from kaneflex.derive import c_module, latex
+    from kaneflex.derive.generate import Equations, derive_equations
+
+    known: dict[str, Equations] = {}
+
+    def equations(structure: dict[str, Any]) -> Equations:
+        key = repr(structure)
+        if key not in known:
+            known[key] = derive_equations(structure)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(c_module, "derive_equations", equations)
+        patch.setattr(latex, "derive_equations", equations)
+        yield
 
 
 @pytest.fixture(scope="session")

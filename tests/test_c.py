@@ -17,9 +17,7 @@ from command_line import cli, refused
 from lifting import lifted
 from runs import model
 
-from kaneflex.derive import c_module
 from kaneflex.derive.c_module import CPrinter, prefix_of
-from kaneflex.derive.generate import derive_equations
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
 from kaneflex.generated import laws, tables
@@ -36,20 +34,7 @@ STRICT = ("-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror")
 SHARED = ("-shared", "-fPIC")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def derived_once():
-    """The equations of a structure, derived once in this file."""
-    known: dict[str, object] = {}
-
-    def equations(structure):
-        key = repr(structure)
-        if key not in known:
-            known[key] = derive_equations(structure)
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(c_module, "derive_equations", equations)
-        yield
+pytestmark = pytest.mark.usefixtures("derived_once")
 
 
 def built(texts: dict[str, str], folder: Path, compiler: str, *options: str, level: str = "-O0") -> Path:

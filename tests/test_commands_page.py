@@ -7,7 +7,7 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
-from command_line import cli
+from command_line import cli, unrendered
 
 from kaneflex.solve.validity import FEWEST_STEPS
 
@@ -17,9 +17,10 @@ COMMANDS = [line for block in re.findall(r"```sh\n(.*?)```", TEXT, flags=re.DOTA
 
 
 @pytest.fixture(scope="module", autouse=True)
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, derived_once):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
+        unrendered(patch)
         yield
 
 

@@ -116,7 +116,7 @@ def test_command_study_and_refusals(tmp_path):
         'scene = "elastic-pendulum"\nsettings = ["solve.duration=0.03", "solve.steps=100"]\n'
         'sensitivities = ["strip.E"]\n[parameters]\n"drives.hinge.angle" = ["-30 deg"]\n'
     )
-    assert cli("sweep", tmp_path / "study.toml", "-o", tmp_path / "swept").exit_code == 0
+    assert cli("sweep", tmp_path / "study.toml", "--no-plots", "-o", tmp_path / "swept").exit_code == 0
     with xarray.open_dataset(tmp_path / "swept" / "sweep.nc", engine="scipy") as found:
         column = found["d_tip_bend_d_strip.E"].sel(point=0, statistic="min")
         assert float(column) == pytest.approx(expected.of(parameter, "tip_bend").min)

@@ -189,13 +189,14 @@ duration = "1 s"
 """
 
 
-def test_a_drive_along_a_guide_that_moves(peer, tmp_path):
+@pytest.mark.exhaustive
+def test_a_drive_along_a_guide_that_moves(peer, tmp_path, exhaustive):
     """What the drive exerts acts on the carrier where the bead is; the error falls with the step."""
     peer("exudyn")
     scene = scene_of(tmp_path, CARRIED)
-    coarse, fine = shares(scene, 1000), shares(scene, 4000)
+    fine, coarse = shares(scene, 4000), shares(scene, 1000) if exhaustive else {}
     assert fine["out"] < 1e-9 and all(fine[name] < 2e-3 for name in scene.sensors)
-    assert all(fine[name] < 2e-4 and 3 * fine[name] < coarse[name] for name in ("angle", "bead_x"))
+    assert all(fine[name] < 2e-4 and 3 * fine[name] < coarse.get(name, 1.0) for name in ("angle", "bead_x"))
 
 
 def elastic_shares(scene, elements, steps):
@@ -235,16 +236,17 @@ def test_links_that_bend_more_are_further_apart(peer, exhaustive):
         assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
 
 
-def test_a_four_bar_that_bends_back_on_its_motion_is_that_of_exact_rods(peer):
+@pytest.mark.exhaustive
+def test_a_four_bar_that_bends_back_on_its_motion_is_that_of_exact_rods(peer, exhaustive):
     """From rest to 1 % of its links' lengths, undamped: what is left under preset coupled is the size of Exudyn's
     elements, squared. Its coupler hangs on a universal joint, its follower on a pin that is none of its axes."""
     peer("exudyn")
     settings = ["solve.preset=coupled", "solve.modes=5", "damping=none", "sensors.follower_moment=none"]
     settings += ["solve.start=zero", "solve.duration=9 ms", "solve.steps=36"]
     scene = with_settings(read_scene("four-bar-misaligned"), settings)
-    coarse, fine = elastic_shares(scene, 8, 40), elastic_shares(scene, 16, 80)
+    fine, coarse = elastic_shares(scene, 16, 80), elastic_shares(scene, 8, 40) if exhaustive else {}
     for sensor in ("coupler_mid", "follower_mid"):
-        assert fine[sensor] < 4e-3 and 3 * fine[sensor] < coarse[sensor], sensor
+        assert fine[sensor] < 4e-3 and 3 * fine[sensor] < coarse.get(sensor, 1.0), sensor
     assert fine["out_of_plane"] < 3e-3
 
 

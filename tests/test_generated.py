@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import closed_forms as by_hand
 import numpy as np
@@ -18,8 +18,8 @@ from numba import njit
 from runs import model, short, solved
 
 import kaneflex.generated
+from kaneflex.derive import __main__ as derive_all
 from kaneflex.derive import generate
-from kaneflex.derive.__main__ import modules
 from kaneflex.derive.beam import beam_element
 from kaneflex.derive.packs import CALLED
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
@@ -68,12 +68,28 @@ def test_committed_texts_are_the_derived_ones():
     compared = cache_folder() / f"compared-{made_of}"
     if compared.exists():
         return
-    derived = modules()
+    derived = derive_all.modules()
     committed = {path.name: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.py")}
     assert set(committed) == set(derived)
     for name, text in derived.items():
         assert committed[name] == text, name
     compared.touch()
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_modules_that_no_scene_has_any_more_are_removed_from_generated_alone(tmp_path, monkeypatch, own):
+    """Of its own folder it removes them; of a folder that the user names it takes nothing away."""
+    monkeypatch.setattr(derive_all, "modules", lambda: {"__init__.py": "", "kept.py": "new = 1\n"})
+    monkeypatch.setattr(derive_all, "find_spec", lambda name: SimpleNamespace(origin=str(tmp_path / "__init__.py")))
+    folder = tmp_path if own else tmp_path / "other"
+    folder.mkdir(exist_ok=True)
+    for name in ("kept.py", "gone.py", "note.txt"):
+        (folder / name).write_text("old = 1\n")
+    monkeypatch.setattr(sys, "argv", ["derive", *([] if own else ["-o", str(folder)])])
+    derive_all.main()
+    left = {path.name for path in folder.iterdir()}
+    assert left == {"__init__.py", "kept.py", "note.txt", *([] if own else ["gone.py"])}
+    assert (folder / "kept.py").read_text() == "new = 1\n"
 
 
 def test_every_shipped_scene_is_served_by_a_module_of_its_structure():

@@ -29,10 +29,15 @@ def modules(package: str) -> list[Path]:
     return sorted(path for path in FOLDERS[package].rglob("*.py") if "__pycache__" not in path.parts)
 
 
-@cache
 def imports(path: Path, at_import_only: bool = False) -> tuple[str, ...]:
     """Absolute dotted names that `path` imports; `at_import_only`: less those inside functions."""
-    return tuple(imported(ast.parse(path.read_text(encoding="utf-8")), at_import_only))
+    return _imports(path)[at_import_only]
+
+
+@cache
+def _imports(path: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return tuple(imported(tree, False)), tuple(imported(tree, True))
 
 
 def imported(tree: ast.AST, at_import_only: bool) -> Iterator[str]:

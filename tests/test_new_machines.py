@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from command_line import cli
+from command_line import cli, unrendered
 from runs import solved
 
 from kaneflex.mechanism.position_analysis import place
@@ -103,7 +103,8 @@ def test_peaucelliers_pen_draws_a_straight_line_though_an_arm_of_it_is_a_beam():
     assert not errors and "far_d and pen hold it between rigid bodies" in why and "Take" not in why
 
 
-def test_show_does_not_advise_the_preset_that_is_taken(tmp_path):
+def test_show_does_not_advise_the_preset_that_is_taken(tmp_path, monkeypatch):
+    unrendered(monkeypatch)
     path = tmp_path / "machine.toml"
     for preset, warns in (("coupled", False), ("stiffened", True)):
         path.write_text(PEAUCELLIER.replace("PRESET", preset))

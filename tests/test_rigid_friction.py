@@ -476,10 +476,11 @@ steps = 20
 """
 
 
-def test_an_elastic_bar_lands_alike_in_any_direction():
+@pytest.mark.exhaustive
+def test_an_elastic_bar_lands_alike_in_any_direction(exhaustive):
     """Where its foot was about to part the run ended as Painleve's paradox, at instants that rounding chose."""
     found = []
-    for angle in [0.0, *np.random.default_rng(1).uniform(0.0, math.tau, 7)]:
+    for angle in [0.0, *np.random.default_rng(1).uniform(0.0, math.tau, 7 if exhaustive else 2)]:
         c, s = math.cos(angle), math.sin(angle)
         vectors = {"GRAVITY": [s * G, -c * G], "AT": [-0.05 * s, 0.05 * c], "UP": [-s, c], "ANGLE": angle}
         text = LANDS
@@ -488,4 +489,4 @@ def test_an_elastic_bar_lands_alike_in_any_direction():
         run = solved(text)
         x, y = (run.series[name].values[-1] for name in "xy")
         found.append([c * x + s * y, c * y - s * x])
-    assert np.array(found) == pytest.approx(np.tile(found[0], (8, 1)), abs=1e-8)
+    assert np.array(found) == pytest.approx(np.tile(found[0], (len(found), 1)), abs=1e-8)

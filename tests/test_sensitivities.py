@@ -58,6 +58,7 @@ def test_four_bar(name):
     check("four-bar", ("solve.steps=120",), name)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("integrator", ["radau", "gauss", "newmark", "generalised-alpha"])
 @pytest.mark.parametrize("start", ["zero", "quasistatic", "periodic"])
 def test_each_integrator_and_start(integrator, start):

@@ -57,9 +57,9 @@ def frequencies(M, C, K):
 @pytest.mark.parametrize(
     ("name", "preset"),
     [
-        ("rotating-cantilever", "stiffened"), ("engine", "stiffened"), ("engine-elastic-crank", "stiffened"),
+        ("rotating-cantilever", "stiffened"), ("engine", "stiffened"), ("v-engine", "stiffened"),
         ("engine", "linear"), ("four-bar", "stiffened"), ("six-bar", "stiffened"), ("quick-return", "stiffened"),
-        ("v-engine", "stiffened"),
+        ("engine-elastic-crank", "stiffened"),
     ],
 )  # fmt: skip
 def test_a_planar_elastic_mechanism_moves_the_same_in_space(tmp_path, name, preset):
@@ -398,6 +398,7 @@ def test_no_joint_opens(name, preset):
             assert abs(gap).max() <= 1e-6 * max(abs(second).max(), 1e-3 * abs(first).max(), 1e-9), joint.name
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "linear", "stiffened"])
 @pytest.mark.parametrize("name", ELASTIC)
 def test_section_forces_at_an_end_are_what_the_joint_there_exerts(name, preset):

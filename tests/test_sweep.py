@@ -298,7 +298,7 @@ def test_progress_tells_rate_and_time_left():
 def test_the_command_says_what_failed_and_where_the_results_are(tmp_path):
     file = tmp_path / "study.toml"
     file.write_text(STUDY)
-    result = cli("sweep", file, "-o", tmp_path / "out")
+    result = cli("sweep", file, "--no-plots", "-o", tmp_path / "out")
     assert result.exit_code == 0 and "6 of 9 points completed" in result.stdout
     assert "Point 2: joints.bore" in result.stderr
     assert json.loads((tmp_path / "out" / "study.json").read_text())["points"] == 9
@@ -315,7 +315,7 @@ def test_an_interrupt_leaves_what_is_finished_and_says_so(tmp_path, monkeypatch)
         raise KeyboardInterrupt
 
     monkeypatch.setattr("kaneflex.study.sweep.solve_points", solve)
-    result = cli("sweep", file, "-o", tmp_path / "out")
+    result = cli("sweep", file, "--no-plots", "-o", tmp_path / "out")
     assert result.exit_code == 130 and "the same command goes on" in result.stderr
     assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 2
 

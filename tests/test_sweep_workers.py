@@ -52,7 +52,7 @@ def test_the_first_of_each_kind_may_have_equations_of_its_own(swept):
 def test_two_processes_give_the_dataset_of_one_bit_for_bit(tmp_path, swept):
     _, whole = swept
     (tmp_path / "study.toml").write_text(STUDY)
-    result = cli("sweep", tmp_path / "study.toml", "-o", tmp_path / "out", "--workers", 2)
+    result = cli("sweep", tmp_path / "study.toml", "--no-plots", "-o", tmp_path / "out", "--workers", 2)
     assert result.exit_code == 0, result.output
     assert dataset(tmp_path / "out").identical(whole)
 
