@@ -656,7 +656,7 @@ def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
     ("engine", ["rod.points={ear=[0.05, 0.01]}", "loads.gas.force_on=rod.ear"],
      "loads.gas.force_on = 'rod.ear': the point lies off the axis of rod. "
      "Move the point onto the axis, between start and end, or join a rigid body there."),
-    ("engine", ["rod.points={ear=[0.15, 0.01]}", "joints.wrist.revolute=['rod.ear', 'piston']", "solve.preset=coupled"],
+    ("engine", ["rod.points={ear=[0.15, 0]}", "joints.wrist.revolute=['rod.ear', 'piston']", "solve.preset=coupled"],
      "joints.wrist = 'rod.ear': the point lies off the axis of rod. "
      "Move the point onto the axis, between start and end, or join a rigid body there."),
     ("engine", ["bodies.piston={length=0.05, beam={material='steel', I='7008 mm^4'}}"],

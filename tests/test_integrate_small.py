@@ -1,11 +1,13 @@
 """Newmark's loop for small systems against the one for all: the same steps, to rounding."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from integrate_cases import affine
 
-from kaneflex.integrate import conventions, dense, steppers
-from kaneflex.integrate.run import Run, set_up
+from kaneflex.integrate import conventions, dense, steppers, stepping
+from kaneflex.integrate.run import Run, integrate, set_up
 from kaneflex.integrate.stepping import State, Stored
 
 STEPS, EVERY, ENOUGH = 21, 3, 1e300
@@ -65,3 +67,12 @@ def test_it_ends_where_the_loop_for_all_systems_does():
     nothing = affine(5, 4, {"M": [None] * 3, "C": [None] * 3, "K": [None] * 3}, np.ones((5, 3)))
     for loop in (dense.newmark, steppers.newmark):
         assert run_by(loop, nothing, "newmark")[0] == [(0, conventions.SINGULAR)]
+
+
+def test_the_time_of_a_step_is_that_of_the_loop_by_the_steps(monkeypatch):
+    """By a clock that goes on by a millisecond whenever it is read: two readings for 20 steps make 50 us a step."""
+    readings = iter(range(1000))
+    monkeypatch.setattr(stepping, "time", SimpleNamespace(perf_counter=lambda: 1e-3 * next(readings)))
+    none = np.zeros(2)
+    run = Run(system_of(2, 1), table, 0.0, 0.01, 20, "newmark", start=(none, none))
+    assert integrate(run).ns_per_step == pytest.approx(5e4)

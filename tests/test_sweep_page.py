@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import xarray
-from command_line import cli
+from command_line import cli, unrendered
 
 from kaneflex.study.study import Axis, Sample, Study
 
@@ -24,6 +24,7 @@ def outputs(tmp_path_factory):
     """What the commands of the page print, run in a folder that has its study."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
+        unrendered(patch)
         Path("rod.toml").write_text(block("toml"))
         commands = [shlex.split(line)[1:] for line in block("sh").splitlines()]
         yield [cli(*arguments) for arguments in commands]
