@@ -1,8 +1,10 @@
 """Runs of preset coupled: its integrators against each other, dense output, events, and going on from a state."""
 
+import json
 import math
 import pickle
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -243,6 +245,7 @@ def test_the_command_line_goes_on_from_a_result_folder(tmp_path, monkeypatch, pe
 
     with xarray.open_dataset("second/results.nc", engine="scipy") as found:
         assert float(found["time"][0]) == 0.25
+        assert json.loads(Path("second/summary.json").read_text())["duration_s"] == pytest.approx(0.25)
         assert found["tip_bend"].values[-1] == pytest.approx(pendulum.series["tip_bend"].values[-1], abs=1e-7)
 
 

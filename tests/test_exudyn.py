@@ -1,12 +1,14 @@
 """Scenes built in Exudyn: an independent nonlinear answer to the same mechanism, and what can't be built there."""
 
 import builtins
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command_line import cli, refused
 
 from kaneflex.peers.buildable import check_buildable, lumped
+from kaneflex.peers.readings import PlanarRecorder
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.curves import Resolution
 from kaneflex.study.comparison import Comparison, compare
@@ -130,3 +132,15 @@ def test_the_command_says_what_is_not_compared(peer, tmp_path):
     assert "exudyn: piston_side_force is not compared: the peer has no counterpart" in result.stderr
     assert "exudyn: 2 ANCF cable elements a link" in result.stderr
     assert np.all([(folder / name).stat().st_size > 0 for name in ("overlay.png", "curves.nc", "differences.csv")])
+
+
+def test_an_axis_between_its_nodes_is_the_cubic_through_them():
+    """Places and slopes of x = 1 - s + 2 s^2 - s^3, y = s^3 along it, from both at nodes that stand 0.5 m apart."""
+    x, y = np.polynomial.Polynomial([1, -1, 2, -1]), np.polynomial.Polynomial([0, 0, 0, 1])
+    at = lambda s: np.array([[f(s)] for f in (x, y, x.deriv(), y.deriv())])  # noqa: E731
+    reader = SimpleNamespace(
+        built=SimpleNamespace(nodes={"rod": [0, 1, 2]}), _size=lambda link: 0.5,
+        _coordinates=lambda node, order: at(0.5 * node),
+    )  # fmt: skip
+    for s in (0.0, 0.2, 0.5, 0.85, 1.0):
+        assert PlanarRecorder._along(reader, "rod", s) == pytest.approx(at(s), abs=1e-14), s

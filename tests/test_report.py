@@ -16,6 +16,7 @@ from kaneflex import load, scene_of, simulate
 from kaneflex.cli import main
 from kaneflex.report.page import _as_json, _numbers, page
 from kaneflex.report.summary import summarise
+from kaneflex.report.tables import _rounded
 
 
 def run(folder, *arguments: str) -> str:
@@ -148,3 +149,7 @@ def test_a_browser_shows_the_curve_of_the_sensor_that_is_clicked(engine, peer):
         assert shown.evaluate(drawn) == whole
         assert failures == []
         browser.close()
+
+
+def test_of_components_only_what_is_rounding_is_shown_as_zero():
+    assert _rounded(np.array([2.0, -0.05, 3e-9, 1e-9])) == "2, -0.05, 3e-09, 0"

@@ -250,6 +250,14 @@ def test_shear_of_a_thin_tube():
     assert outline.shear[outline.y.argmax()] == pytest.approx([0.0, 2.0 / numbers.A, outline.shear[0, 2]], rel=1e-3)
 
 
+def test_shear_of_a_thick_tube():
+    """V Q/(I b) at the middle, by the first moment Q of half the ring over both walls."""
+    outline, _ = outline_of("tube = [0.1, 0.03]")
+    R, r = 0.05, 0.02
+    first, second = 2.0 / 3.0 * (R**3 - r**3), math.pi / 4.0 * (R**4 - r**4)
+    assert abs(outline.shear[:, :2]).max(axis=0) == pytest.approx([first / (second * 2.0 * (R - r))] * 2, rel=1e-3)
+
+
 def test_shear_of_an_i_section_carries_the_forces():
     """The web's shear, and the flanges', times their thicknesses add up to the force that they are of.
 
