@@ -264,10 +264,10 @@ def test_lookups_and_laws_are_those_of_numba(compiler, tmp_path):
                 assert found == getattr(tables, name).py_func(x, block, 1)
 
 
-def test_inverse_functions_of_laws_are_those_of_c(compiler, tmp_path):
+def test_inverse_functions_and_powers_of_laws_are_those_of_c(compiler, tmp_path):
     """A law and its rate, printed in C."""
     t = sm.Symbol("t")
-    law = law_expression("asin(t) - 2*acos(t) + atan(3*t) + atan2(t, 2 - t)", {"t": t})
+    law = law_expression("asin(t) - 2*acos(t) + atan(3*t) + atan2(t, 2 - t) + (1 + t)**0.3", {"t": t})
     head = "#include <math.h>\ndouble value(double t);\ndouble rate(double t);\n"
     texts = [f"double {name}(double t) {{ return {CPrinter().doprint(e)}; }}\n"
              for name, e in (("value", law), ("rate", law.diff(t)))]  # fmt: skip
@@ -275,8 +275,9 @@ def test_inverse_functions_of_laws_are_those_of_c(compiler, tmp_path):
     for function in (library.value, library.rate):
         function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double]
     x = 0.37
-    value = math.asin(x) - 2 * math.acos(x) + math.atan(3 * x) + math.atan2(x, 2 - x)
+    value = math.asin(x) - 2 * math.acos(x) + math.atan(3 * x) + math.atan2(x, 2 - x) + (1 + x) ** 0.3
     rate = 3 / math.sqrt(1 - x * x) + 3 / (1 + 9 * x * x) + 2 / (x * x + (2 - x) ** 2)
+    rate += 0.3 * (1 + x) ** -0.7
     assert (library.value(x), library.rate(x)) == pytest.approx((value, rate), rel=1e-14)
 
 
