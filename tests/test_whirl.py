@@ -5,7 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from command_line import cli
+from command_line import cli, unrendered
 from matplotlib.figure import Figure
 from runs import model
 
@@ -117,7 +117,8 @@ def test_a_sweep_finds_the_critical_speed_and_not_half_of_it():
     assert "fixed axes" in campbell.get_title()
 
 
-def test_the_command_prints_critical_speeds_in_rpm(tmp_path):
+def test_the_command_prints_critical_speeds_in_rpm(tmp_path, monkeypatch):
+    unrendered(monkeypatch)
     file = tmp_path / "rotor.toml"
     file.write_text(ONE_DISC)
     speeds = ("--vary", "main.speed=200:500rpm", "--points", "7", "--orders", "1")
