@@ -147,6 +147,9 @@ BAD = {
     "no name": (
         "[bodies]", '[bodies]\n"a b" = {mass = 1}',
         "bodies.a b: not a name. Use letters, digits and underscores, a letter first."),
+    "letters beyond ASCII in a name": (
+        "[bodies]", '[bodies]\n"größe" = {mass = 1}',
+        "bodies.größe: not a name. Use letters, digits and underscores, a letter first."),
     "body that is no table": (
         "[bodies]", "[bodies]\nflywheel = 3",
         "bodies.flywheel = 3: not a table. Write a table, like {key = value}."),
