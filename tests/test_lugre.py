@@ -11,6 +11,7 @@ from test_friction import BLOCK, CRANK, FALLING, HINGE, ROD, G, solved
 from test_rigid_friction import DISC
 
 from kaneflex import SceneError
+from kaneflex.generated import friction
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene.quantities import FRICTION_RESULTS
 
@@ -199,3 +200,19 @@ def test_a_disc_that_slides_as_it_bounces_on_bristles_is_slowed_by_coulombs_impu
     (bounce,) = found.impacts
     assert found.times[-1] > bounce.end
     assert found.trajectory.v[-1][0] == pytest.approx(20 - 0.1 * bounce.impulse / 2, abs=3e-5)
+
+
+@pytest.mark.parametrize("v", [0.013, -0.02])
+def test_the_slopes_that_newtons_method_reads_are_those_of_the_rate(v):
+    """By the speed, on which g depends by Stribeck's law, and by g itself; by differences."""
+    given = {"mu": 0.2, "mu_static": 0.5, "v_s": 0.01, "delta": 1.5, "preload": 3.0, "sigma_0": 1e4, "sigma_1": 20.0}
+    p, N, z, h = np.array([given.get(name, 0.0) for name in friction.NUMBERS]), 40.0, 1e-4, 1e-7
+    g, slope = friction.dry.py_func(p, 0, N, v), friction.dry_slope.py_func(p, 0, N, v)
+
+    def rate(v, more=0.0):
+        return friction.bristle_rate.py_func(p, 0, friction.dry.py_func(p, 0, N, v) + more, v, z)
+
+    by_speed = friction.bristle_by_speed.py_func(p, 0, g, slope, v, math.copysign(1.0, v), z)
+    assert by_speed == pytest.approx((rate(v + h) - rate(v - h)) / (2 * h), rel=1e-5)
+    by_dry = (rate(v, h) - rate(v, -h)) / (2 * h)
+    assert friction.bristle_by_dry.py_func(p, 0, g, v, z) == pytest.approx(by_dry, rel=1e-5)
