@@ -53,9 +53,11 @@ def test_a_writable_folder_is_left_to_numba(tmp_path):
 
 
 LOOP = """
+import numpy as np
 from numba import njit
 from kaneflex.integrate import lanes
-from kaneflex.integrate.lanes import FASTMATH, LANES, aligned, load, store
+from kaneflex.integrate.conventions import FASTMATH, LANES
+from kaneflex.integrate.lanes import load, store
 from kaneflex.support.fingerprint import made_of
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
@@ -63,7 +65,7 @@ from kaneflex.support.fingerprint import made_of
 def doubled(x):
     store(x, 0, load(x, 0) + load(x, 0))
 """
-CALL = "import loop; x = loop.aligned(1, loop.LANES); x[:] = 1.0; loop.doubled(x); print(x[0, 0])"
+CALL = "import loop; x = loop.np.ones((1, loop.LANES)); loop.doubled(x); print(x[0, 0])"
 
 
 def test_what_a_cached_loop_is_made_of_is_compiled_anew_after_an_edit(tmp_path):
