@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.section_forces import LinkForces
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.energy import Energy
 
 Section = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Axial force N [N, tension positive], shear force V [N] and bending moment M [N m], each (n_times,)."""

@@ -14,7 +14,6 @@ import numpy as np
 from kaneflex.fem.mobility import check_determined, check_held_twice
 from kaneflex.mechanism.closure import SWEEP, check_closure, stand
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
-from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.position_analysis import Placement, place
@@ -36,6 +35,7 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import share_of, silent
 
 if TYPE_CHECKING:
+    from kaneflex.mechanism.energy import Energy
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
     from kaneflex.multibody.system import CoupledSystem
 
