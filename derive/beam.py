@@ -96,11 +96,11 @@ class Element:
     tension: tuple[tuple[Symbol, Expr, ImmutableMatrix], ...]
 
     def has(self, parameter: str) -> bool:
-        """Whether a parameter of this name is among the element's own."""
+        """True if the element has a parameter of this name."""
         return any(name == parameter for name, *_ in self.parameters)
 
     def matrix(self, target: str) -> ImmutableMatrix:
-        """The sum of scalar x matrix over the terms of `target`, less "viscous", which waits for its mu."""
+        """Sum of scalar x matrix over the terms of `target`, without "viscous" that mu multiplies at run time."""
         chosen = [t for t in self.terms + self.frame_terms if t.target == target and t.group != "damping"]
         return sum((t.scalar * t.matrix for t in chosen), ImmutableMatrix.zeros(*chosen[0].matrix.shape))
 

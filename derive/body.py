@@ -44,7 +44,7 @@ def kernels_text() -> str:
 
 
 def _offsets(block: Sequence[Slot], size: str) -> list[str]:
-    """Where the slots of a block begin, each behind the one before, and the size of the whole."""
+    """Offsets of the slots of a block, in sequence, and the size of the whole."""
     counts = {"s": "axial", "w": "transverse", "a": "shapes"}
     lines, start = [], "0"
     for slot in block:

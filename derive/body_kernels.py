@@ -1,4 +1,4 @@
-"""The kernels of a body in text: what each reads and stores, around the loops that its equations are."""
+"""Texts of the kernels of a body: their inputs and outputs around the loops of its equations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK
 B, A = COORDINATES["s"], COORDINATES["w"]
 C, S, TURN = sm.symbols("c s turn")
 _OUT = {"s": "3 + j", "w": "3 + axial + j"}
-"""Where the row of the j-th shape of a kind is."""
+"""Row of the j-th shape of a kind."""
 _BEFORE_ROW = ("", "n + ", "2 * n + ")
 _COLUMN = {"s": "3 + l", "w": "3 + axial + l"}
 

@@ -49,7 +49,7 @@ def demand_equal(
 
 
 def functions(text: str) -> dict[str, Callable]:
-    """Those of a text as Python runs them, on whatever adds and multiplies."""
+    """Functions of a text as plain Python, for any type with addition and multiplication."""
     names = {"njit": lambda **options: lambda kernel: kernel, "OPTIONS": {}, "cache": lambda kernels: kernels}
     names["SimpleNamespace"] = SimpleNamespace
     exec(compile(text, "kernels", "exec"), names)
@@ -62,7 +62,7 @@ def interpreted(text: str, axial: int, transverse: int) -> SimpleNamespace:
 
 
 def comparisons(text: str, axial: int, transverse: int) -> Comparisons:
-    """Those of a body, then those of its points."""
+    """Comparisons of a body, then of its points."""
     yield from _of_body(interpreted(text, axial, transverse), axial, transverse)
     yield from _of_point(interpreted(text, axial, transverse), axial, transverse)
 

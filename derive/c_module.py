@@ -146,7 +146,7 @@ def identifier(name: str) -> str:
 
 
 def prefix_of(scene: str) -> str:
-    """What the names of a scene's C begin with: none of C's own, none of the files that all scenes share."""
+    """Prefix of the names of a scene's C: no reserved word of C, no name of a shared file."""
     name = identifier(scene)[:LONGEST_STEM]
     return name if name[:1].isalpha() and name not in RESERVED and not name.startswith("kaneflex") else f"scene_{name}"
 

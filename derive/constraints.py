@@ -36,7 +36,7 @@ def multiplier(name: str) -> sm.Symbol:
 
 
 def joint_constraints(joint: Joint, first: Pose, second: Pose) -> list[Constraint]:
-    """What a joint demands of the two sections that it holds; a positive multiplier acts on the second body."""
+    """Constraints of a joint between its two sections; a positive multiplier acts on the second body."""
     named = zip(reactions(joint), residuals(joint, first, second), strict=True)
     return [Constraint(*reaction, residual) for reaction, residual in named]
 
@@ -44,6 +44,6 @@ def joint_constraints(joint: Joint, first: Pose, second: Pose) -> list[Constrain
 def drive_constraint(
     joint: Joint, first: Pose, second: Pose, angle: sm.Expr, speed: sm.Expr = sm.S.Zero, acceleration=sm.S.Zero
 ) -> Constraint:
-    """What a drive demands of its joint, whose coordinate is to be ``angle`` with these rates."""
+    """Constraint of a drive on its joint's coordinate, prescribed as ``angle`` with these rates."""
     residual = coordinate(joint, first, second) - angle
     return Constraint(*drive_reaction(joint), residual, -speed, -acceleration)

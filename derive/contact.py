@@ -63,7 +63,7 @@ first of them by the twists of both sections."""
 
 _DISPATCH = '''@njit(**OPTIONS)
 def gap(kind, w, a, b, p, c, out, k):
-    """How far apart the sides of a contact of this kind are, by its number in KINDS: see its kernels."""
+    """Gap of a contact of this kind, by its number in KINDS: see its kernels."""
     if kind == 0:
         point_line(w, a, b, p, c, out, k)
     elif kind == 1:
@@ -84,7 +84,7 @@ def gap_acceleration(kind, w, a, b, p, c):
 
 @njit(**OPTIONS)
 def along(kind, w, a, b, p, c, out, k):
-    """What slides at a contact of this kind as a row, by its number in KINDS: see its kernels."""
+    """Sliding row of a contact of this kind, by its number in KINDS: see its kernels."""
     if kind == 0:
         point_line_along(w, a, b, p, c, out, k)
     else:
@@ -130,7 +130,7 @@ def contact_text() -> str:
         module_text.literal("KINDS", contacts.KINDS, "of geometry"),
         module_text.literal("LAWS", contacts.LAWS, "of the force"),
     ]
-    title = "What two bodies do to each other where they touch"
+    title = "Contacts between two bodies"
     return emit.kernels_module(title, _ABOUT, tables, kernels, _DISPATCH)
 
 
@@ -151,7 +151,7 @@ def _place(side: int, letters: tuple[str, str]) -> Vector:
 
 
 def _moving(kind: str) -> tuple[list[Assignment], dict[sm.Expr, sm.Expr], sm.Expr]:
-    """What a gap is made of, step by step; the rates of all that, of velocities by accelerations; and the gap."""
+    """Assignments of a gap, the rates of all their symbols, and the gap."""
     steps: list[Assignment] = [
         *zip(_D, minus(_place(2, ("x", "y")), _place(1, ("x", "y"))), strict=True),
         *zip(_D_RATE, minus(_place(2, ("v_x", "v_y")), _place(1, ("v_x", "v_y"))), strict=True),
@@ -177,7 +177,7 @@ def _sliding(arm: Vector) -> sm.Expr:
 
 
 def _sliding_kernel(kind: str) -> emit.Printed:
-    """What the gap's kernel says of what slides, with its rate, and its derivatives by the twists."""
+    """Kernel of the sliding speed with its rate, and its derivatives by the twists."""
     steps, rates, _ = _moving(kind)
     speed, place = _sliding(contacts.touched(_NORMAL, _number["radius"])), sm.S.Zero
     if kind == "point-line":

@@ -2,7 +2,7 @@
 
 The bodies' kernels are printed for any numbers of shapes (``generated/body.py``), those of joints and springs once
 (``generated/joints.py``). A structure's own are which bodies there are and how many shapes they have, how its drives
-move, and how large its loads are.
+move, and sizes of its loads.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def generate_coupled(
 def courses_and_loads(
     mechanism: SymbolicMechanism, switches: Switches
 ) -> tuple[list[emit.Printed], dict[str, tuple[sm.Symbol, str]]]:
-    """What is a structure's own where its equations are those of all: its kernels, and the parameters they read."""
+    """Kernels of a structure's own in the coupled equations, and the parameters that they read."""
     parts = {"courses": _courses(mechanism), "magnitudes": _magnitudes(mechanism, switches)}
     values = [sm.sympify(value) for of, steps in parts.values() for value in (*of, *dict(steps).values())]
     read = set().union(*(value.free_symbols for value in values))
@@ -108,9 +108,10 @@ def _courses(mechanism: SymbolicMechanism) -> tuple[list[sm.Expr], list[Assignme
 
 
 def _magnitudes(mechanism: SymbolicMechanism, switches: Switches) -> tuple[list[sm.Expr], list[Assignment]]:
-    """Size of every load, by the time and the joints' coordinates and speeds; then what switches them, with its rates.
+    """Size of every load, by the time and the joints' coordinates and speeds; then the arguments of its switches, with
+    their rates.
 
-    A law whose value or slope jumps stays on the side of each of its ``switches`` that it is told.
+    A law whose value or slope jumps stays on the given side of each of its ``switches``.
     """
     states = {name: _state(name) for name in (*mechanism.drives, *mechanism.observed)}
     values = []
@@ -123,7 +124,7 @@ def _magnitudes(mechanism: SymbolicMechanism, switches: Switches) -> tuple[list[
 
 
 def _inputs(mechanism: SymbolicMechanism, switches: Switches) -> list[sm.Symbol]:
-    """What x has: coordinates and speeds, then accelerations, then sides, in the order of their numbers."""
+    """Entries of x: coordinates and speeds, then accelerations, then sides, in the order of their numbers."""
     names = (*mechanism.drives, *mechanism.observed)
     states = [symbol for name in names for symbol in _state(name)]
     return [*states, *(_acceleration(name) for name in names), *switches.sides.values()]
@@ -166,8 +167,8 @@ def printed(kernels: Iterable[emit.Printed], names: Names) -> tuple[list[str], l
 
 
 _ABOUT = (
-    "What the engine of all structures must be told of this one: its bodies and joints, how its drives move, and",
-    "how large its loads are.",
+    "Data of this structure for the engine of all structures: its bodies and joints, courses of its drives, and",
+    "sizes of its loads.",
     "",
     module_text.CHECKED,
 )
@@ -195,7 +196,7 @@ def _tables(topology: Topology, beam: str, switched: tuple[str, ...]) -> list[st
 
 
 def laws_tables(mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.Symbol, str]]) -> list[str]:
-    """What courses and magnitudes read and store."""
+    """Tables of the inputs and outputs of courses and magnitudes."""
     told, drives = mechanism.names.told, {name: drive.kind for name, drive in mechanism.drives.items()}
     read = told(tuple((path, unit) for path, (_, unit) in parameters.items()))
     return [

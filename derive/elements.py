@@ -123,7 +123,7 @@ def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
 
 
 def _independent(program: Program, matrix: sm.Matrix) -> Program:
-    """What a program computes of a 6 x 6 matrix less the entries that follow from others."""
+    """Program of the independent entries of a 6 x 6 matrix."""
     places = [(block, place) for block in packs.BLOCKS for place in packs.independent(block)]
     for block, (i, j) in places:
         difference = matrix[j, i] - packs.sign(block) * matrix[i, j]

@@ -20,14 +20,14 @@ from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation
 
 
 class ScalarPrinter(CodePrinter):
-    """What scalar float64 code is in any language: rationals divided beforehand, small powers multiplied out.
+    """Printer of scalar float64 code in any language: rationals are divided beforehand, small powers multiplied out.
 
-    ``identifiers`` says what symbols are called that are not called by their names.
+    ``identifiers`` has the names of symbols that are printed differently.
     """
 
     square_root: str
     whole: str
-    """How the place of a table in p, a number there, is made a whole one."""
+    """Conversion to an integer of a table's place, which p stores as a float."""
 
     def __init__(self, identifiers: Mapping[sm.Symbol, str], settings: dict[str, object]) -> None:
         super().__init__(settings)
@@ -172,17 +172,16 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
 
 
 def reads(kernel: Kernel, printer: ScalarPrinter) -> Iterator[tuple[str, str]]:
-    """What a kernel reads of its arrays, in any language: name of the number, its place."""
+    """Reads of a kernel from its arrays, in any language: name of the number, its place."""
     program = kernel.program
     used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)))
     return ((printer.doprint(symbol), source) for symbol, source in kernel.reads if symbol in used)
 
 
 def statements(kernel: Kernel, printer: ScalarPrinter) -> Iterator[tuple[str, list[str], str]]:
-    """What a kernel computes of these, in any language: the number's name, empty where it has none; where it is stored;
-    its value.
+    """Statements of a kernel, in any language: the number's name, empty if it has none; where it is stored; its value.
 
-    Arrays arrive zeroed, mostly: an entry that is zero by structure is not stored. Equal entries share a statement.
+    Arrays usually arrive zeroed: entries that are zero by structure are not stored. Equal entries share a statement.
     """
     program, text = kernel.program, printer.doprint
     stored: dict[sm.Expr, list[str]] = {}

@@ -29,7 +29,7 @@ presses the sides together [N or N m], v the speed of the second past the first.
 """
 _DISPATCH = '''@njit(**OPTIONS)
 def dry(p, c, N, v):
-    """What resists sliding at the speed v, whatever its sign [N or N m], by Coulomb's or by Stribeck's law."""
+    """Friction force at the speed v of either sign [N or N m], by Coulomb's or by Stribeck's law."""
     return stribeck(p, c, N, v) if p[c + 5] > 0.0 else coulomb(p, c, N)
 
 
@@ -46,7 +46,7 @@ def friction_text() -> str:
         module_text.literal("NUMBERS", NUMBERS, "of a friction, in p"),
         module_text.literal("LAWS", friction.LAWS, "of friction"),
     ]
-    title = "What resists two sides that slide along each other"
+    title = "Friction between two sliding sides"
     return emit.kernels_module(title, _ABOUT, tables, _kernels(), _DISPATCH)
 
 
@@ -56,22 +56,22 @@ def _kernels() -> list[emit.Printed]:
     falling = friction.dry(mu, mu_static, preload, _N, left)
     return [
         _returning("limit", friction.limit(mu_static, preload, _N), "Largest force that holds [N or N m].", _N),
-        _returning("coulomb", friction.dry(mu, mu_static, preload, _N, sm.S.Zero), "Of Coulomb's law.", _N),
-        _returning("stribeck", falling, "Of Stribeck's law.", _N, _v),
+        _returning("coulomb", friction.dry(mu, mu_static, preload, _N, sm.S.Zero), "Force by Coulomb's law.", _N),
+        _returning("stribeck", falling, "Force by Stribeck's law.", _N, _v),
         _returning("stribeck_slope", falling.diff(_size), "Derivative of ``stribeck`` by |v|.", _N, _v),
         *_bristles(),
     ]
 
 
 def _bristles() -> list[emit.Printed]:
-    """Of the law lugre: its rate is linear in z, its derivatives are those with |v| and g as they follow from v."""
+    """Kernels of law lugre: its rate is linear in z; its derivatives include those of |v| and g by v."""
     stiffness, damping = _number["sigma_0"], _number["sigma_1"]
     rate = friction.bristle_rate(stiffness, _g, _v, _size, _z)
     force = friction.bristle_force(stiffness, damping, _number["viscous"], rate, _v, _z)
     by_speed = rate.diff(_v) + _way * (rate.diff(_size) + _slope * rate.diff(_g))
     return [
-        _returning("bristle_decay", -rate.diff(_z), "How fast bristles forget how they were bent [1/s].", _g, _v),
-        _returning("bristle_rate", rate, "How fast bristles bend [m/s or rad/s].", _g, _v, _z),
+        _returning("bristle_decay", -rate.diff(_z), "Decay rate of the bristles' deflection [1/s].", _g, _v),
+        _returning("bristle_rate", rate, "Rate of the bristles' deflection [m/s or rad/s].", _g, _v, _z),
         _returning("bristle_force", force, "Against the motion, of bristles.", _g, _v, _z),
         _returning("bristle_by_speed", by_speed, "Derivative of their rate by v.", _g, _slope, _v, _way, _z),
         _returning("bristle_by_dry", rate.diff(_g), "Derivative of their rate by g.", _g, _v, _z),

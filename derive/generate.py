@@ -171,7 +171,7 @@ def print_module(
 
 
 def import_element(beam: str, names: Sequence[str]) -> str:
-    """What a module offers of its element beside its own kernels: for its users alone, its own call none of it."""
+    """Imports of a module's element beside its own kernels: only users need them, its own call does not."""
     tables = [name for name in names if name not in ELEMENT_KERNELS]
     kernels = [name for name in names if name in ELEMENT_KERNELS]
     return "\n".join([
@@ -234,7 +234,7 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
 
 
 def element_tables(beam: str, terms: Sequence[TermRow] = ()) -> list[str]:
-    """What a module says of its element: TERMS, and where nothing is elastic the tables that it imports elsewhere."""
+    """Table TERMS of a module's element, and without elastic bodies empty tables in place of the imported ones."""
     comment = "terms of the elastic links: name, group, kernel, factors of the scalar"
     if beam:
         gone = [row[0] for row in ELEMENT_TERMS if row not in terms]

@@ -20,7 +20,7 @@ from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, quarter_turn
 
 SECTION = ("x", "y", "theta", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _SIDES = {"i": 1, "j": 2}
-"""Which section an index of a kernel is: the joint's first or its second."""
+"""Section of each index of a kernel: the joint's first or second."""
 _RELATIVE = tuple(f"{name}{rate}" for rate in ("", "_rate", "_second_rate") for name in ("gap_x", "gap_y", "phi"))
 """The second section's numbers less those of the first."""
 _D, _ANGLE = sm.symbols("d_x d_y"), sm.Symbol("angle")
@@ -51,7 +51,7 @@ _PULLS = {
     True: "Spring and damper T = k (L - L_0) + c L' between two points that are apart.",
     False: "The same without free length and damper, also where the points meet.",
 }
-"""What the kernels of springs between points say of themselves, by whether the force needs a direction."""
+"""Docstrings of the kernels of springs between points, by True if the force needs a direction."""
 
 EITHER = '''@njit(**OPTIONS)
 def pull(sec, i, j, k, c, L_0, out, n):
@@ -72,7 +72,7 @@ def joints_text() -> str:
         module_text.literal("SECTION", SECTION, "sec: the numbers of section i begin at 9 i"),
         module_text.literal("ROWS", {kind: _count(kind) for kind in _DOCS}, "kernel -> the rows that it stores"),
     ]
-    title = "What joints and springs do between two sections of bodies"
+    title = "Joints and springs between two sections of bodies"
     return emit.kernels_module(title, _ABOUT, tables, kernels, EITHER)
 
 
@@ -118,7 +118,7 @@ def _sections() -> tuple[Pose, Pose]:
 
 
 def _steps() -> list[Assignment]:
-    """What the rows are written in: the differences, and t = R(theta_1) d."""
+    """Common assignments of the rows: the differences, and t = R(theta_1) d."""
     theta = _symbol("theta", 1)
     guide = Pose(0, 0, sm.cos(theta), sm.sin(theta)).turn(_D)
     return [*_DIFFERENCES.items(), *zip(_GUIDE, guide, strict=True)]

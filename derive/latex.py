@@ -79,7 +79,7 @@ def align(program: Program, names: Callable[[sm.Symbol], str], targets: Sequence
 
 
 def _targets(equations: Equations, program: Program) -> list[str]:
-    """What stands on the left of a program's outputs: names of the motion's scalars, or the free joints' torques."""
+    """Left-hand sides of a program's outputs: names of the motion's scalars, or the free joints' torques."""
     names = equations.mechanism.names
     if program.name == "motion":
         return [rf"\mathtt{{{escaped(names.text(scalar.name))}}}" for scalar in equations.motion.stored]

@@ -1,7 +1,7 @@
 """A user's law as a SymPy expression: built from the checked syntax tree, never parsed by SymPy.
 
-Where a law's value or slope jumps, an argument passes zero. An engine that ends its steps there needs these arguments
-with their rates, and a law that stays on one side of them for as long as it is told to: :class:`Switches`.
+A law whose value or slope jumps has arguments that pass zero there. An engine that ends its steps at such zeros needs
+these arguments with their rates, and a law fixed on one side of them: :class:`Switches`.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Switches:
 
     @property
     def functions(self) -> dict[str, Callable]:
-        """Those of a law, each on the sides of its arguments."""
+        """Functions of a law, each on the sides of its arguments."""
         return FUNCTIONS | {
             "abs": lambda x: self._side(x) * x,
             "atan2": lambda y, x: around(self._side(y), y, x),

@@ -48,7 +48,7 @@ def frame_scalars(name: str, values: Mapping[str, sm.Expr], steps: Steps) -> tup
 
 
 def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> list[Scalar]:
-    """What P(X) falls by where forces act on the link between its ends: one scalar a point."""
+    """Jumps of P(X) at points with forces between the link's ends: one scalar a point."""
     found = []
     for point in sorted(forced_points(mechanism, name) - {"start", "end"}):
         force = _axial_force(mechanism, name, point, solved)

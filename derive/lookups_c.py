@@ -1,4 +1,4 @@
-"""What kernels in C call beside the mathematics of the standard library: the texts of ``emit``'s lookups and laws."""
+"""C functions beside the mathematics of the standard library: the texts of ``emit``'s lookups and laws."""
 
 from __future__ import annotations
 

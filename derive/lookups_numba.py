@@ -1,4 +1,4 @@
-"""What kernels call beside math, for numba: lookups in cubic tables, and functions of laws."""
+"""Functions of kernels beside math, for numba: lookups in cubic tables, and functions of laws."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kaneflex.derive.program import Program
 
 
 def calls(program: Program, function: str) -> bool:
-    """Whether a program looks a table up by this function."""
+    """True if a program looks a table up by this function."""
     everything = (*program.assignments, *program.outputs)
     return any(call.func.__name__ == function for _, e in everything for call in e.atoms(AppliedUndef))
 

@@ -104,7 +104,7 @@ class Loops:
         return self._by_motion(expression, self._in_totals)
 
     def matrix(self, axis: str, other: str, expression: sm.Expr) -> str:
-        """Where an entry of a matrix of j-th shapes of a kind and l-th ones of the other one stands."""
+        """Place of an entry of a matrix of j-th shapes of a kind and l-th ones of the other."""
         if expression == 0:
             return "0.0"
         (term,) = self._terms(expression)
@@ -171,9 +171,9 @@ class Loops:
             yield term
 
     def _split(self, term: Term) -> tuple[str, sm.Symbol, Term]:
-        """Which loop sums a product: its own coordinate there, and the row that is multiplied by it.
+        """Loop that sums a product: its own coordinate there, and the row that is multiplied by it.
 
-        Of two loops that could, the one that has the sum of the other index already.
+        Of two possible loops, the one that already has the sum over the other index.
         """
         options = []
         for factor in dict.fromkeys(term.coordinates):
@@ -199,7 +199,7 @@ def _turned(term: Term, axis: str) -> Term:
 
 
 def _sum(term: Term) -> sm.Symbol:
-    """What the sum over the l-th shapes is called."""
+    """Symbol of the sum over the l-th shapes."""
     return sm.Symbol(f"{term.slot.name.lower()}_{term.coordinates[0]}")
 
 
@@ -209,7 +209,7 @@ def _axes(slot: Slot, index: tuple[int, ...]) -> str:
 
 
 def _address(term: Term, axis: str) -> str:
-    """Where an entry of the j-th shape of a kind (and the l-th of another) stands in p."""
+    """Place in p of an entry of the j-th shape of a kind (and the l-th of another)."""
     slot = term.slot
     index = ["j"] if len(term.axes) == 1 else ["j", "l"] if term.axes[0] == axis else ["l", "j"]
     among_all = [axis == "a" for axis in slot.axes]

@@ -44,7 +44,7 @@ class Motion:
 
     @property
     def stored(self) -> tuple[Scalar, ...]:
-        """What the kernel writes, slot by slot: each link's block first, then every other scalar that varies."""
+        """Outputs of the kernel, slot by slot: each link's block first, then every other varying scalar."""
         blocks = [scalar for block in self.links.values() for scalar in block]
         return (*blocks, *(scalar for scalar in self.scalars if not scalar.value.is_number))
 
@@ -259,7 +259,7 @@ def load_size(
 
 
 def law_names(mechanism: SymbolicMechanism, courses: Mapping[str, tuple[sm.Expr, sm.Expr]]) -> dict[str, sm.Expr]:
-    """What a law of a load may use: t, and coordinates and speeds of joints by the names of the scene."""
+    """Names available to a load's law: t, and coordinates and speeds of joints by the names of the scene."""
     names = {"t": T}
     for number, (coordinate, speed) in courses.items():
         drive = mechanism.names.of[number]

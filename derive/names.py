@@ -30,7 +30,7 @@ _NUMBERED_AS = {"drives": "joints"}
 
 @dataclass(frozen=True)
 class Names:
-    """What a scene calls its numbered things: ``of`` maps "body@1" to "crank"."""
+    """Names of a scene's numbered parts: ``of`` maps "body@1" to "crank"."""
 
     of: Mapping[str, str]
 

@@ -88,7 +88,7 @@ def close_group(
     values = _seeds(mechanism, tree, loop, against, steps)
 
     def now(name: str, expression: sm.Expr) -> sm.Expr:
-        """What it is at the unknowns' values."""
+        """Value at the current unknowns."""
         return steps.assign(sm.Symbol(name), expression.xreplace(values))
 
     for turn in range(_ITERATIONS):
@@ -138,10 +138,11 @@ def hung(
     coordinate: sm.Expr | None,
     assign: Callable[[sm.Symbol, sm.Expr], sm.Expr] = lambda symbol, value: value,
 ) -> tuple[BodyPoint, Vector, tuple[sm.Expr, sm.Expr]]:
-    """What a joint hangs on the body that has a frame: the other's point, where it is, and that body's direction.
+    """Connection of a joint to the body that has a frame: the point of the other body, its position, and that body's
+    direction.
 
-    ``coordinate`` is the angle or the slide of the joint's second body against the first; with None that it hangs on
-    has the direction.
+    ``coordinate`` is the angle or the slide of the joint's second body relative to the first; None: the direction of
+    the body with the frame.
     """
     forward = joint.first.body in frames
     base, body = (joint.first, joint.second) if forward else (joint.second, joint.first)
@@ -198,7 +199,7 @@ class _Tree:
         self.frames[body.body] = Pose(at[0] - dx, at[1] - dy, c, s)
 
     def residuals(self, joint: Joint, coordinate: sm.Expr | None) -> list[sm.Expr]:
-        """What a joint that is not in the tree, and its drive, leave open: lengths and sines of angles."""
+        """Loop residuals of a joint outside the tree, and of its drive: lengths and sines of angles."""
         first, second = self.frames[joint.first.body], self.frames[joint.second.body]
         gap, along = minus(second.place(joint.second.at), first.place(joint.first.at)), first.turn(joint.direction)
 

@@ -180,7 +180,7 @@ def independent(block: str) -> list[tuple[int, int]]:
 
 
 def sign(block: str) -> int:
-    """What the entries of a part are multiplied by in their transposed places."""
+    """Factor between the entries of a part and their transposed places."""
     return -1 if block == "coupling" else 1
 
 

@@ -161,7 +161,7 @@ def _free_body(name: str, ground: RigidBody, body: RigidBody, start: Point):
 def _constraints(
     mechanism: Mechanism, coordinates: dict[str, Pose]
 ) -> tuple[tuple[Constraint, ...], dict[str, sm.Expr]]:
-    """Those of the joints, then of the drives, whose coordinates are functions of time."""
+    """Constraints of the joints, then of the drives, whose coordinates are functions of time."""
 
     def sections(joint: Joint) -> list[Pose]:
         return [coordinates[side.body].section(side.at) for side in joint.sides]

@@ -48,7 +48,7 @@ class Family:
 
 @cache
 def family() -> Family:
-    """What the planar element's shape functions are made of."""
+    """Polynomials that make up the planar element's shape functions."""
     shape = beam_shape(beam_section(varying=True), shear=True)
     strains = {name: row for name, row, _ in shape.strains}
     deflection = _scaled(shape.displacement[1, :], 0)

@@ -35,10 +35,10 @@ beta_s = Symbol("beta_s", positive=True)
 
 @dataclass(frozen=True)
 class Section:
-    """What an element is made of at x, and the link before it.
+    """Section of an element at x, and the part of the link before it.
 
-    density [kg/m], rotary [kg m], axial [N], bending [N m^2]: polynomials in x. before: mass [kg] and its first
-    moment about the link's origin [kg m], of the link from there to the element's first node.
+    density [kg/m], rotary [kg m], axial [N], bending [N m^2]: polynomials in x. before: mass [kg] and its first moment
+    about the link's origin [kg m], of the link from there to the element's first node.
     """
 
     density: Expr

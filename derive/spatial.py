@@ -54,7 +54,7 @@ def spatial_text() -> str:
         module_text.literal("SECTION", SECTION, "sec: the numbers of section i begin at 15 i"),
         module_text.literal("BODY", BODY, "p: the numbers of a body begin at o"),
     ]
-    return emit.kernels_module("What bodies, joints and springs do in space", _ABOUT, tables, kernels, EITHER)
+    return emit.kernels_module("Bodies, joints and springs in space", _ABOUT, tables, kernels, EITHER)
 
 
 @cache
@@ -93,7 +93,7 @@ _OF_BODY = emit.places((_MASS, *_CENTRE, *_J), "p", "o")
 
 
 def _demand() -> emit.Printed:
-    """What a motion asks for."""
+    """Kernel of a body's inertia force and moment."""
     reads = (*_OF_BODY, *emit.places((*_OMEGA, *_ACCEL, *_EPSILON), "w", "k"))
     doc = (
         "Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.\n\n"
@@ -143,7 +143,7 @@ def _rate(expression: sm.Expr) -> sm.Expr:
 
 
 def _residuals(kind: str) -> list[sm.Expr]:
-    """What must vanish."""
+    """Residuals of an elementary constraint."""
     gap = sm.Matrix(_symbols("r", 2)) - sm.Matrix(_symbols("r", 1))
     first, second = sm.Matrix(_symbols("n", 1)), sm.Matrix(_symbols("n", 2))
     return {"coincide": list(gap), "perpendicular": [first.dot(second)], "on_plane": [first.dot(gap)]}[kind]

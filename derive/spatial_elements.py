@@ -65,7 +65,7 @@ class _Section:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Those of a slice that have inertia: without shear a section does not turn against its frame by bending."""
+        """Coordinates of a slice with inertia: without shear a section does not turn against its frame by bending."""
         return SPATIAL_NODE if self.shear else SPATIAL_NODE[:4]
 
     def along(self, name: str) -> Expr:
@@ -84,7 +84,7 @@ class _Section:
         return P_0 + tension(*(mass.subs(along, length * s) for mass in upto))
 
     def bubble(self, functions: str, rows: str) -> str:
-        """What a kernel calls (beta - 1, alpha, turn) of these functions."""
+        """Name in a kernel of (beta - 1, alpha, turn) of these functions."""
         if functions in ("LINEAR", "GRADIENT"):
             return "STRAIGHT"
         return f"{'shear' if functions == 'SHEAR' else 'bend'}_{rows.lower()}"
@@ -156,13 +156,13 @@ class _Sum:
 
 
 def _powers(f: Expr) -> int:
-    """How many powers of s there are, from the zeroth on."""
+    """Number of powers of s, from the zeroth."""
     f = f.expand()
     return Poly(f, s).degree() + 1 if f != 0 else 0
 
 
 def _factors(f: Expr, count: int) -> list[Expr]:
-    """Those before so many powers of s."""
+    """Coefficients of so many powers of s."""
     f = f.expand()
     return [factor_terms(f.coeff(s, k)) for k in range(count)]
 

@@ -1,7 +1,7 @@
-"""Text of a module of a scene in space: how its drives move and how large its loads are.
+"""Text of a module of a scene in space: courses of its drives and sizes of its loads.
 
-All else of such a scene is numbers: the kernels of its bodies and joints are those of every scene
-(``generated/spatial.py``), and which of them are called is told by tables.
+Everything else of such a scene is numbers: the kernels of its bodies and joints are those of every scene
+(``generated/spatial.py``), called according to tables.
 """
 
 from __future__ import annotations

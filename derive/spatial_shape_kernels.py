@@ -74,7 +74,7 @@ def _reads() -> dict[sm.Symbol, sm.Symbol]:
 
 
 def _coefficients(expression: sm.Expr, kind: str) -> dict[sm.Symbol, sm.Expr]:
-    """What stands before the moments of one shape or of a pair, for loops over all of them.
+    """Coefficients of the moments of one shape or of a pair, for loops over all of them.
 
     A product of both coordinates belongs to the pair in whose order the first one's is of lower rank; of equal ones
     either order has a half.
@@ -138,7 +138,7 @@ def _statements(values: dict[str, sm.Expr], prefix: str, store: Callable[[str, s
 
 
 def _demand() -> str:
-    """What a motion asks for beyond the rigid body."""
+    """Kernel of inertia forces beyond those of the rigid body."""
     equations, motion = shaped_equations(2), _Motion()
     unknowns = (*coordinates(0), *coordinates(1))
     loops = {}
@@ -215,7 +215,7 @@ def _cayley(c: sm.Matrix) -> sm.Matrix:
 
 
 def _section() -> emit.Printed:
-    """How a section stands and turns."""
+    """Kernel of a section's rotation and its rates."""
     theta, rate = (sm.symbols(f"{name}_x {name}_y {name}_z") for name in ("theta", "rate"))
     parts = section_motion(theta, rate)
     values = [value for part in parts for value in part]

@@ -61,7 +61,7 @@ def shaped_equations(count: int) -> sm.Matrix:
 
 
 def _orders(expression: sm.Expr) -> tuple[sm.Expr, ...]:
-    """What stands before the powers 0, 1 and 2 of _ORDER in a polynomial: to expand all of it would take long."""
+    """Coefficients of the powers 0, 1 and 2 of _ORDER in a polynomial, without the slow expansion of all of it."""
     none = (sm.S.Zero,) * 2
     if expression == _ORDER:
         return sm.S.Zero, sm.S.One, sm.S.Zero

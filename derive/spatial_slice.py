@@ -109,7 +109,8 @@ def section_rotation(theta_x: Expr, theta_y: Expr, theta_z: Expr) -> Matrix:
 
 
 def section_angular_velocity(theta: tuple[Expr, ...], rate: tuple[Expr, ...]) -> tuple[Expr, ...]:
-    """Of that rotation, in link axes, to second order: beta' + 1/2 beta x beta' by bending, theta_x' at the tangent."""
+    """Angular velocity of a section's rotation, in link axes, to second order: beta' + 1/2 beta x beta' by bending,
+    theta_x' at the tangent."""
     _, y, z = theta
     x_rate, y_rate, z_rate = rate
     return x_rate + (y * z_rate - z * y_rate) / 2, y_rate + z * x_rate, z_rate - y * x_rate

@@ -2,8 +2,8 @@
 
 Structure 9a51e5f91871db64, format 3, SymPy 1.14; made by: kaneflex derive SCENE --coupled -o FILE.py
 
-What the engine of all structures must be told of this one: its bodies and joints, how its drives move, and
-how large its loads are.
+Data of this structure for the engine of all structures: its bodies and joints, courses of its drives, and
+sizes of its loads.
 
 Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """

@@ -201,7 +201,7 @@ SPUN = "free = {at = [0.3, -0.2, 0.1], angular_velocity = [0, 0, 400]}\nrotation
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("rotation =", SPUN, r"bodies.engine.free: .*bushing mount is turned by 17\d deg"),
+        ("rotation =", SPUN, r"bodies.engine.free: .*bushing mount is rotated by 17\d deg"),
         (f"stiffness = {list(STIFF)}", "stiffness = 5", r"stiffness = 5: a bushing has six"),
         ("stiffness = [100000.0,", "stiffness = [-3,", r"must not be negative"),
         ("stiffness = [1", "length = 1\nstiffness = [1", r"springs.mount.length.*no meaning for bushing"),
@@ -219,7 +219,7 @@ def test_broken_bushings_are_named(tmp_path, old, new, words):
 
 
 def test_one_way_presets_and_planar_scenes_have_none(tmp_path):
-    with pytest.raises(SceneError, match=r"springs.seat.bushing.*Take preset coupled, or rigid"):
+    with pytest.raises(SceneError, match=r"springs.seat.bushing.*Use preset coupled, or rigid"):
         load(scene_of(tmp_path, ARM, ("PRESET", "linear")))
     planar = "[bodies]\nbar = {length = 1, mass = 1, free = {at = [0, 0]}}\n[springs]\n" \
              "s = {bushing = ['ground', 'bar.start'], stiffness = [1, 1, 1, 1, 1, 1]}\n[solve]\nduration = 1\n"
@@ -249,7 +249,7 @@ steps = 20
     found = solved(scene_of(tmp_path, text))
     for name in ("twist", "motor"):
         assert found[name].values == pytest.approx(found.times, abs=1e-9)
-    with pytest.raises(SceneError, match=r"springs.mount.bushing: bushing mount is turned by 1\d\d deg"):
+    with pytest.raises(SceneError, match=r"springs.mount.bushing: bushing mount is rotated by 1\d\d deg"):
         load(scene_of(tmp_path, text, ("2 s", "4 s")))
 
 
@@ -272,6 +272,6 @@ preset = "coupled"
 duration = "0.3 s"
 steps = 300
 """
-    expected = r"springs\.mount\.bushing: the motion can't go on after t = 0\.11\d+ s: bushing mount .* Turn it less"
+    expected = r"springs\.mount\.bushing: the motion can't continue after t = 0\.11\d+ s: bushing mount .* Turn it less"
     with pytest.raises(SceneError, match=expected):
         load(scene_of(tmp_path, text))

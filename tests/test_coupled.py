@@ -210,8 +210,8 @@ def test_a_spring_and_its_damper_hold_the_cart():
         ),
         (
             "engine", ["solve.modes=90"],
-            "solve.modes = 90: the coupled equations take up to 8 fixed-interface modes of rod. Ask for fewer modes, "
-            "or give the link more elements.",
+            "solve.modes = 90: the coupled equations take up to 8 fixed-interface modes of rod. Use fewer modes, or "
+            "more elements.",
         ),
         (
             "free-frame", [],

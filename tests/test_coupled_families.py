@@ -71,18 +71,18 @@ def test_families_agree_with_craig_bampton_modes(name, link, shapes, sensor, tol
     [
         (
             ["bodies.beam.beam.shapes=sine"],
-            "bodies.beam.beam.shapes = 'sine': sines vanish at both ends of the link, and one of them is not held by a "
-            "joint that lets it turn. Take craig-bampton or polynomial.",
+            "bodies.beam.beam.shapes = 'sine': sines vanish at both ends of the link, and one of them is not pinned. "
+            "Use craig-bampton or polynomial.",
         ),
         (
             ["bodies.beam.beam.shapes=polynomial", "bodies.beam.beam.elements=2", "solve.modes=3"],
-            "bodies.beam.beam.shapes = 'polynomial': 3 of them take as many elements, the link has 2. Give "
-            "bodies.beam.beam.elements, or ask for fewer modes.",
+            "bodies.beam.beam.shapes = 'polynomial': 3 of them need at least 3 elements, the link has 2. Give "
+            "bodies.beam.beam.elements, or use fewer modes.",
         ),
         (
             ["bodies.beam.beam.shapes=clamped-free", "bodies.beam.beam.theory=timoshenko",
              "bodies.beam.beam.kappa=0.85", "bodies.beam.beam.nu=0.3"],
-            "bodies.beam.beam.shapes = 'clamped-free': these functions have no shear, a Timoshenko beam has. Take "
+            "bodies.beam.beam.shapes = 'clamped-free': these functions have no shear, unlike a Timoshenko beam. Use "
             "craig-bampton, or another theory.",
         ),
     ],
@@ -94,5 +94,5 @@ def test_what_a_family_cannot_stand_for(settings, message):
 
 
 def test_a_link_that_turns_at_its_start_is_not_clamped():
-    with pytest.raises(SceneError, match="these shapes are clamped at one end, and here it turns"):
+    with pytest.raises(SceneError, match="these shapes are clamped at one end, but this link is pinned"):
         load("slider-crank-150", "bodies.rod.beam.shapes=clamped-free")

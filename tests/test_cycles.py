@@ -47,13 +47,13 @@ def test_where_the_equations_beside_it_have_no_solution_cycles_are_waited_for():
     # 1 / 2^k < 1e-6 after 20 cycles
     (start, _), verdict = Halving(np.linalg.LinAlgError("singular matrix")).repeated(0.0)
     assert start == pytest.approx(2.0, rel=0, abs=2e-6) and verdict.outcome is Outcome.COMPLETED
-    assert "found by waiting for 20 cycles; Newton's method fails: singular matrix" in verdict.message
+    assert "found by continuing for 20 cycles; Newton's method fails: singular matrix" in verdict.message
 
 
 def test_where_a_start_leads_where_nothing_goes_on_the_last_cycle_is_waited_from():
     (start, _), verdict = Halving(0.9, goes_on=3.0).repeated(0.0)  # such a slope leads to 10
     assert start == pytest.approx(2.0, rel=0, abs=2e-6)
-    assert "found by waiting for 20 cycles; Newton's method leads where no motion goes on" in verdict.message
+    assert "found by continuing for 20 cycles; Newton's method leads to a state without motion" in verdict.message
 
 
 def test_a_motion_that_does_not_repeat_says_what_was_tried():
@@ -63,7 +63,7 @@ def test_a_motion_that_does_not_repeat_says_what_was_tried():
 
     _, verdict = Turning(1.0).repeated(0.0)
     assert verdict.outcome is Outcome.NO_PERIODIC_STATE
-    assert "still changes after 100 cycles; Newton's method fails: Singular matrix; damp it" in verdict.message
+    assert "still changes after 100 cycles; Newton's method fails: Singular matrix; add damping" in verdict.message
 
 
 def test_waiting_ends_where_no_motion_goes_on():

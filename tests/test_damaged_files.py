@@ -191,7 +191,7 @@ def test_a_damaged_dataset_is_named_and_stays(damage, plan, tmp_path, complete):
     shutil.copytree(complete[0], place)
     damage(place / "sweep.nc")
     before = contents(place)
-    with pytest.raises(OutputError, match=r"sweep\.nc: .*Restore it from a copy, choose another folder, or begin anew"):
+    with pytest.raises(OutputError, match=r"sweep\.nc: .*Restore it from a copy, .*, or start again"):
         sweep(plan, place, found)
     assert contents(place) == before
 
@@ -217,7 +217,7 @@ def test_damaged_results_are_not_continued(damage, results, tmp_path):
     shutil.copy(results, file)
     assert read_state(file).names == read_state(tmp_path).names
     damage(file)
-    with pytest.raises(SceneError, match=r"^after = .*\. Name the folder of a run of preset coupled, or its"):
+    with pytest.raises(SceneError, match=r"^after = .*\. Give the folder of a run of preset coupled, or its"):
         read_state(file)
 
 
@@ -227,7 +227,7 @@ def test_a_last_state_that_is_no_number_is_not_continued(value, tmp_path):
     found = solution.labelled.dataset()
     found["last_rate"].values[0] = value
     found.to_netcdf(tmp_path / "results.nc", engine="scipy")
-    with pytest.raises(SceneError, match=r"its last state is damaged"):
+    with pytest.raises(SceneError, match=r"its last state is incomplete or damaged"):
         read_state(tmp_path / "results.nc")
 
 

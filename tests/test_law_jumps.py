@@ -84,7 +84,7 @@ def test_a_brake_that_would_have_to_hold_is_named(tmp_path, settings):
     """Against a smaller torque its sign would have to be a number between -1 and 1: that is friction, no law."""
     solution = moved(tmp_path, "0.2 - 0.5*sign(hub_speed)", *settings)
     assert solution.outcome is Outcome.CASCADE
-    assert "the law of loads.torque jumps back and forth" in solution.trajectory.message
+    assert "the law of loads.torque switches back and forth" in solution.trajectory.message
     assert solution.times[-1] <= (10 * J / 0.3 if not settings else 0.0)
 
 

@@ -296,7 +296,7 @@ def test_what_can_not_be_linearised_is_refused():
     with pytest.raises(SceneError, match="nearest known one is 'tip_axial'"):
         linearise(model("engine"), sensors=["tip_axal"])
     paper = model("engine-paper")
-    with pytest.raises(SceneError, match="drive torque of frozen matrices"):
+    with pytest.raises(SceneError, match="can't be computed from frozen matrices"):
         linearise(paper, sensors=["crank_torque"])
     assert "crank_torque" not in linearise(paper).outputs
     with pytest.raises(OutputError, match=r"\.npz, \.mat or \.mo"):
@@ -313,7 +313,7 @@ def test_command_line(tmp_path, monkeypatch):
     refused(cli("linearise", "engine", "-o", "engine.npz"), "the file exists", "--force")
     refused(cli("linearise", "engine", "-o", "engine.txt"), "engine.txt", ".npz, .mat or .mo")
     refused(cli("linearise", "engine", "--at", "pin=0", "-o", "other.npz"), "--at = 'pin=0'")
-    refused(cli("linearise", "two-link-arm", "--at", "shoulder=90deg", "-o", "other.npz"), "shoulder never stands")
+    refused(cli("linearise", "two-link-arm", "--at", "shoulder=90deg", "-o", "other.npz"), "shoulder never")
     paper = cli("linearise", "engine-paper", "-o", "paper.mat")
     assert paper.exit_code == 0 and "left out" in paper.stderr and "crank_torque" in paper.stderr
     assert sorted(path.name for path in Path().iterdir()) == ["engine.npz", "paper.mat"]

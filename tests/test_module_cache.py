@@ -161,7 +161,7 @@ def test_what_is_not_as_it_was_derived_is_derived_anew(found, spoil):
     spoil(path)
     again, told = found()
     assert again == path and path.read_bytes() == before and stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert told[0] == "deriving the equations anew: what was kept of them is not as it was written"
+    assert told[0] == "deriving the equations again: the cached file is damaged"
 
 
 def test_a_folder_that_others_may_write_is_closed(found):

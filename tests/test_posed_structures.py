@@ -54,7 +54,7 @@ def test_a_small_load_bends_them_as_the_closed_form_says():
 
 def test_a_pose_that_no_weld_agrees_with_is_named():
     poses = POSED[0], 'pose = {at = [0, "1.1 m"]}, ', "", ""
-    with pytest.raises(SceneError, match=r"bodies.bar.pose.at = \[0.0, 1.1\]: welds hold its start at \[.*, 1 m\]"):
+    with pytest.raises(SceneError, match=r"bodies.bar.pose.at = \[0.0, 1.1\]: the welds put its start at \[.*, 1 m\]"):
         load(scene_of(L_FRAME % (*poses, 300)))
 
 

@@ -28,7 +28,7 @@ def wiper(length, preset="stiffened", settings=(), **more):
 
 def said(solution):
     """(driven Hz, mode, Hz, amplified, change) of the warning; None where there is none."""
-    pattern = r"(\S+) Hz, is near mode (\d+), (\S+) Hz, which amplifies it (\S+) times: .* displacement by some (\S+)%,"
+    pattern = r"(\S+) Hz, is near mode (\d+), (\S+) Hz, which amplifies it (\S+) times: .* by about (\S+)%, which"
     pattern = pattern.replace("Hz, is", "Hz,? is")
     found = [match for match in (re.search(pattern, text) for text in solution.warnings) if match]
     return tuple(map(float, found[0].groups())) if found else None

@@ -258,7 +258,7 @@ def test_where_free_joints_go_is_not_known_beyond_the_run():
 
 def test_one_way_equations_in_space_are_not_linearised():
     settings = ["solve.start=zero", "solve.duration=1 ms", "solve.steps=2"]
-    with pytest.raises(SceneError, match="in space only preset coupled is linearised"):
+    with pytest.raises(SceneError, match="in space only preset coupled can be linearised"):
         kaneflex.linearise(kaneflex.load(with_settings(read_scene("rotating-blade"), settings)))
 
 

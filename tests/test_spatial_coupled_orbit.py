@@ -157,5 +157,5 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start(tmp_path)
 
 def test_what_does_not_repeat_is_named(tmp_path):
     text = PENDULUM.replace("1.5 * cos(clock)", "1.5 * cos(clock) + 0.1 * t")
-    with pytest.raises(SceneError, match=r"solve\.start = 'periodic': what push asks for is after a cycle not what it"):
+    with pytest.raises(SceneError, match=r"solve\.start = 'periodic': push is not periodic"):
         solved(_pendulum(tmp_path, text))

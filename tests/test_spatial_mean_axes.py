@@ -150,14 +150,14 @@ def test_a_strip_on_a_pin_along_and_across_it_is_one_on_a_stub():
         for found in (few, many):
             assert abs(found.series[name].values - expected).max() < 3e-3 * abs(expected).max(), name
     assert many.model.energy.drift < 1e-6
-    with pytest.raises(SceneError, match=r"can't go on after t = 0\.\d+ s: .* Give fewer solve\.modes"):
+    with pytest.raises(SceneError, match=r"can't continue after t = 0\.\d+ s: .* Give fewer solve\.modes"):
         strip(on_stub, ASKEW, stub=stub)
 
 
 def test_a_law_at_a_pin_along_and_across_its_strip_is_warned_of():
     """There alone axes go along with the section at a pin whose turn is left to the forces."""
     found = strip(turned=ASKEW, modes=3, more=ANGLE + COIL)
-    assert re.search(r"strip bends by .* hangs on hinge", "\n".join(found.warnings))
+    assert re.search(r"strip bends by .* rotation of hinge", "\n".join(found.warnings))
 
 
 CROSS = "axes = [[0.48, 0.6, 0.64], [0.8, 0, -0.6]]"

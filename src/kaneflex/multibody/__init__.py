@@ -1,1 +1,1 @@
-"""Bodies and joints bound to generated kernels: the model, and the coupled nonlinear equations."""
+"""Multibody models: bodies and joints bound to generated kernels, and the coupled nonlinear equations."""

@@ -1,6 +1,6 @@
-"""What acts on the bodies of a tree, compiled: loads, springs and contacts where their sections are.
+"""Compiled forces on the bodies of a tree: loads, springs and contacts at their sections.
 
-All of it is taken off what the motion of the bodies asks for (:mod:`kaneflex.multibody.tree`).
+They are subtracted from the inertia forces of the motion (:mod:`kaneflex.multibody.tree`).
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 
 
-
 @of_contacts(None)
 @njit(**OPTIONS)
 def rest_rows(m):
-    """The rows of contacts that rest by Newton's law: gap, its rate and acceleration, and their Jacobians."""
+    """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""
     apart()
     plan, w = m.plan, m.w
     for n in range(plan[CONTACTS], plan[ACTS]):
@@ -37,20 +36,20 @@ def rest_rows(m):
 
 @njit(**OPTIONS)
 def acceleration(m, n):
-    """g'' of a contact [m/s^2]."""
+    """Acceleration g'' of a contact's gap [m/s^2]."""
     first, second = m.plan[SECTION] + SEC * m.acts[n, AT], m.plan[SECTION] + SEC * m.acts[n, ON]
     return touching.gap_acceleration(m.acts[n, WHAT], m.w, first, second, m.w, m.acts[n, NUMBERS_AT])
 
 
 @njit(**OPTIONS)
 def rests(m, n):
-    """Whether a contact rests by Newton's law."""
+    """True if a contact is at rest under Newton's law."""
     return m.acts[n, LAW] == NEWTON and m.w[m.plan[CONTACT] + CONTACT_SIZE * (n - m.plan[CONTACTS]) + BEGUN_AT] != 0.0
 
 
 @njit(**OPTIONS)
 def lean(m, n):
-    """A contact's row by the twists of its sections, where it has been met."""
+    """Jacobian of a contact's gap with respect to the twists of its sections, after :func:`meet`."""
     w, plan = m.w, m.plan
     k = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS])
     x, z = w[k + NORMAL_X], w[k + NORMAL_Y]
@@ -64,7 +63,7 @@ def lean(m, n):
 
 @njit(**OPTIONS)
 def load_sizes(m, t):
-    """Coordinates of the joints that laws know with their rates, and the sizes of the loads, which depend on them."""
+    """Magnitudes of the loads, which may depend on joint coordinates and their rates."""
     apart()
     plan, w, acts = m.plan, m.w, m.acts
     sec = shifted(w, plan[SECTION])
@@ -90,7 +89,7 @@ def load_sizes(m, t):
 @of_contacts(None)
 @njit(**OPTIONS)
 def take_sides(m):
-    """Have the laws of loads on the sides of zero on which what switches them counts."""
+    """Select the branch of discontinuous laws by the side of zero of their switching arguments."""
     apart()
     plan, w = m.plan, m.w
     first = plan[X] + 3 * (plan[LOADS] - plan[DRIVES])
@@ -103,14 +102,14 @@ def take_sides(m):
 @of_contacts(None)
 @njit(**OPTIONS)
 def meet_switch(m, n, k):
-    """Fill in a switch: as a gap that falls through zero where its loads' laws are to change.
+    """Numbers of a switching argument as a gap that closes when a load's law changes its branch.
 
-    The gap is how far it is from zero on its side; of one that stays there how much room it has left.
+    The gap is its distance from zero on its side; for one that stays on its side, the remaining distance.
     """
     plan, w = m.plan, m.w
     j, side = plan[SIZE] + plan[SPRINGS] - plan[LOADS] + 2 * m.acts[n, ROW_AT], w[k + BEGUN_AT]
     value, rate = w[j], w[j + 1]
-    if rate - rate != 0.0:  # no number, as where an argument has none on one side
+    if rate - rate != 0.0:  # not a number, for example on one side only
         rate = 0.0
     if side == BELOW:
         value, rate = -value, -rate
@@ -123,7 +122,7 @@ def meet_switch(m, n, k):
 
 @njit(**OPTIONS)
 def push(m, n, x, z, turn):
-    """Take a force and a moment on a section off what the motion of its body asks for."""
+    """Subtract a force and a moment on a section from the inertia forces of its body."""
     apart()
     b = m.sections[n, OWNER]
     if b >= 0:
@@ -145,7 +144,7 @@ def load_direction(m, n):
 
 @njit(**OPTIONS)
 def act(m, t):
-    """Loads and springs, taken off what the motion asks for."""
+    """Subtract loads and springs from the inertia forces."""
     apart()
     plan, w, acts = m.plan, m.w, m.acts
     load_sizes(m, t)
@@ -177,7 +176,7 @@ def act(m, t):
 @of_contacts(None)
 @njit(**OPTIONS)
 def press(m, n):
-    """A contact where its sections are, and what it exerts on them if it is closed."""
+    """Contact force of a closed contact on its sections."""
     apart()
     plan, w = m.plan, m.w
     k = meet(m, n)
@@ -192,10 +191,10 @@ def press(m, n):
 
 @njit(**OPTIONS)
 def meet(m, n):
-    """Where a contact's numbers are, filled in: gap and what follows from it; nothing is stored or exerted apart.
+    """Gap and derived numbers of a contact, and their place; nothing else is changed.
 
-    A contact that lets go, which a negative BEGUN_AT says, pushes no more, and loses what it has stored. One that rests
-    by Newton's law pushes as its row says, whose reaction is an unknown.
+    A contact that has let go (negative BEGUN_AT) exerts no force and loses its stored energy. One at rest under
+    Newton's law exerts the reaction of its row, an unknown.
     """
     plan, w, sec = m.plan, m.w, m.plan[SECTION]
     k, j, law = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]), m.acts[n, NUMBERS_AT], m.acts[n, LAW]

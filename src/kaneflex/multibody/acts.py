@@ -1,4 +1,4 @@
-"""What acts on the bodies of a tree as a table: cuts, holds, drives, loads, springs and contacts, one a row."""
+"""Table of interactions: cut joints, holds, drives, loads, springs and contacts, one per row."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ from kaneflex.support.errors import SceneError
 
 KINDS = {"weld": at.WELD, "revolute": at.REVOLUTE, "prismatic": at.PRISMATIC}
 ROWS = {at.WELD: 3, at.REVOLUTE: 2, at.PRISMATIC: 2, at.TURN: 1, at.SLIDE: 1}
-"""Constraints of a cut by its kind."""
+"""Number of constraints of a cut joint by kind."""
 Branch = tuple[str, Joint | None, int]
-"""A body, its inboard joint (None: it floats freely) and which of the joint's sides is its own."""
+"""A body, its inboard joint (None: floating), and which of the joint's sides belongs to it."""
+
+
 class Numbers:
-    """The array w as it grows."""
+    """Array w during its construction."""
 
     def __init__(self) -> None:
         self.parts: list[np.ndarray] = []
         self.size = 0
 
     def put(self, numbers: np.ndarray | Sequence[float]) -> int:
-        """Where the numbers begin."""
+        """Append numbers; returns their place."""
         self.parts.append(np.asarray(numbers, float).ravel())
         self.size += self.parts[-1].size
         return self.size - self.parts[-1].size
@@ -43,11 +45,12 @@ def lend(
     mechanism: NumericMechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int], bodies: np.ndarray,
     parts: Sequence[np.ndarray], measure: float,
 ) -> dict[int, float]:  # fmt: skip
-    """Section -> the inertia [kg m^2] that its body is lent, to turn freely before its cuts hold it.
+    """Section -> virtual inertia [kg m^2] of bodies that could turn freely without it, until their cut joints hold
+    them.
 
-    A body without inertia that hangs on joints with friction alone, or beside them on a pin at its centre, is no body
-    of a tree, nor is one without mass at the end of a branch, which a cut guide or weld turns; a hold takes back what
-    it is lent. Raises SceneError for one without mass whose joints have friction.
+    A body without inertia on frictional joints, or also on a pin at its centre, has no place in a tree; nor has one
+    without mass at the end of a branch that a cut guide or weld turns. A hold removes the virtual inertia again. Raises
+    SceneError for a body without mass with frictional joints.
     """
     rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
     starts = np.cumsum([0, *(part.size for part in parts)])
@@ -66,10 +69,10 @@ def lend(
         if mass <= 0.0:
             raise SceneError(
                 f"bodies.{body}.mass", float(mass),
-                f"nothing says how the friction of {own[0]} moves a body without mass", "Give it one",
+                f"the mass matrix is singular: the friction of {own[0]} acts on a body without mass", "Give it a mass",
             )  # fmt: skip
         inboard = BodyPoint(body, "start", (0.0, 0.0)) if joint is None else joint.sides[child]
-        p_x, p_y = (x / mass, y / mass) if joint is None else inboard.at  # about which it turns
+        p_x, p_y = (x / mass, y / mass) if joint is None else inboard.at  # pivot
         if second - 2 * (p_x * x + p_y * y) + mass * (p_x**2 + p_y**2) <= 1e-9 * mass * measure**2:
             found[index[key_of(inboard)]] = mass * measure**2
             block[3] += mass * measure**2
@@ -77,7 +80,7 @@ def lend(
 
 
 def _turned_by_cuts(mechanism: NumericMechanism, order: Sequence[Branch], inboard: Joint, body: str) -> bool:
-    """Whether a body carries no others in the tree, and a guide or a weld that is cut says how it turns."""
+    """True if a body is the end of a branch and a cut guide or weld determines its rotation."""
     drive, taken = mechanism.drives.get(inboard.name), [joint for _, joint, _ in order]
     others = [joint for joint in mechanism.joints.values() if body in joint.bodies and joint is not inboard]
     ends = (drive is None or drive.free) and not any(joint in taken for joint in others)
@@ -88,7 +91,7 @@ def _hold_acts(
     mechanism: NumericMechanism, index: Mapping[tuple[str, str], int], cuts: Sequence[str], row: int,
     numbers: Numbers, lent: Mapping[int, float],
 ) -> list[tuple[int, ...]]:  # fmt: skip
-    """Holds, from a row on, after the joints ``cuts``: those that take back what is lent, then frictions."""
+    """Rows of holds: those that remove virtual inertia, then frictions."""
     found: list[tuple[int, ...]] = []
     for section, inertia in lent.items():
         found.append((at.TURN, 0, section, -1, row + len(found), numbers.put(friction.numbers_of_lent(inertia))))
@@ -112,9 +115,10 @@ def list_acts(
     mechanism: NumericMechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
     prescribed: Sequence[str], numbers: Numbers, lent: Mapping[int, float], switches: int,
 ) -> tuple[np.ndarray, list[int], list[str]]:  # fmt: skip
-    """Cuts, holds, drives, loads, springs and contacts; where each kind of them begins, the end; the cuts' joints.
+    """Rows of cut joints, holds, drives, loads, springs and contacts; first row of each kind and the end; names of cut
+    joints.
 
-    Joints that laws know stand after the drives, what switches laws after the contacts.
+    Joints used by laws follow the drives, switching arguments follow the contacts.
     """
     taken = {joint.name: k for k, (_, joint, _) in enumerate(order) if joint is not None}
     found: list[tuple[int, ...]] = []
@@ -149,7 +153,7 @@ def list_acts(
             found.append((at.TORQUE, *sides(mechanism.joints[load.joint]), -1, -1, -1))
             continue
         point = load.point if load.spread is None else load.spread[0]
-        assert point is not None and load.direction is not None  # which a torque alone has not
+        assert point is not None and load.direction is not None  # only torques have none
         on = index[key_of(point) if load.spread is None else (point.body, f"loads.{load.name}")]
         kind = at.FORCE_ALONG if load.axes == "global" else at.FOLLOWER
         found.append((kind, on, index[key_of(point)], -1, -1, numbers.put(load.direction)))

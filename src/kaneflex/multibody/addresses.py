@@ -1,4 +1,4 @@
-"""Kernels of a structure and of its kinds of bodies by their addresses, compiled where they are not yet."""
+"""Addresses of the kernels of a structure and of its kinds of bodies, compiled if needed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kaneflex.multibody.tables import Handle
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """While numba compiles what takes functions: their types are used without a word."""
+    """Silence numba's warning about first-class function types during compilation."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
         yield
@@ -26,14 +26,14 @@ def compiling() -> Iterator[None]:
 
 @cache
 def kernel_address(kernel: Any, of: FunctionType) -> int:
-    """Where compiled code finds a kernel."""
+    """Address of a kernel for compiled code."""
     found = _compiled(kernel, of)
     return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
 
 
 @cache
 def kernel_of_c(kernel: Any, of: FunctionType) -> Callable[..., None]:
-    """The same machine code as Python calls it, which returns nothing and takes arrays by their addresses."""
+    """Kernel as a C function for Python: returns nothing and takes arrays by address."""
     found = _compiled(kernel, of)
     address = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
     kinds = [ctypes.c_double if kind == float64 else ctypes.c_int64 for kind in of.signature.args]
@@ -46,12 +46,12 @@ def _compiled(kernel: Any, of: FunctionType) -> Any:
 
 
 def by_address(value: Any) -> Any:
-    """What an array or a handle is handed over by; anything else is as it is."""
+    """Address of an array or handle; other values unchanged."""
     if isinstance(value, Handle):
         return value.address
     if not isinstance(value, np.ndarray):
         return value
     assert value.flags.c_contiguous
     if value.size and value.flags.writeable:
-        return ctypes.addressof(ctypes.c_char.from_buffer(value.data))  # in a third of the time that .ctypes.data takes
+        return ctypes.addressof(ctypes.c_char.from_buffer(value.data))  # three times as fast as .ctypes.data
     return value.ctypes.data

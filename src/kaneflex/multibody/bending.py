@@ -1,6 +1,7 @@
-"""Holds of bristles in a step of the compiled integration: what they are to its factors, and how its stages bend them.
+"""Bristles of LuGre friction in a step of the compiled integration: rows of its factors, and their deflection in the
+stages.
 
-See :mod:`kaneflex.multibody.bristles` for one of them.
+See :mod:`kaneflex.multibody.bristles` for a single friction.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from kaneflex.multibody.tables import (
 @of_holds(0.0)
 @njit(**OPTIONS)
 def resists(m, n, h):
-    """Force against a hold's speed by that speed, as a step of h feels it."""
+    """Derivative of a hold's resisting force with respect to its speed, for a step of h."""
     w, k, j = m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     return w[k + SLOPE] + (bristles.firmness(w, k, j, h) * w[k + BY_SPEED] if w[k + MODE] == BENDS else 0.0)
 
@@ -27,10 +28,10 @@ def resists(m, n, h):
 @of_holds(False)
 @njit(**OPTIONS)
 def by_force(m, n, r, size, h, A):
-    """Whether a row of the factors says what bristles exert; it is made so then.
+    """Replace a bristle's row of the factors by its force law; True if the row is one.
 
-    dF + h slope (row) - (by what presses) = the force that is missed, where a contact's row would be by what it yields:
-    while all slides at one speed they yield without end.
+    dF + h slope (row) - (normal force) = missing force, where a contact's row is by its compliance: in uniform sliding
+    the compliance is infinite.
     """
     plan, w = m.plan, m.w
     k = number_at(m, n)
@@ -50,7 +51,7 @@ def by_force(m, n, r, size, h, A):
 @of_holds(1.0)
 @njit(**OPTIONS)
 def weight(m, A, r):
-    """By what a row of the factors counts its opening: 1, but of bristles, whose row is by force."""
+    """Weight of a row's opening: 1, except for bristles, whose row is a force."""
     n = m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]] if r >= m.plan[KEPT] else 0
     bends = n < 0 and m.w[number_at(m, n) + MODE] == BENDS
     return A[m.plan[WANTED] + count(m) - 1 - n] if bends else 1.0 + 0.0 * A[0]
@@ -59,7 +60,7 @@ def weight(m, A, r):
 @of_holds(None)
 @njit(**OPTIONS)
 def bend(m, table, h, here):
-    """Bend bristles in a step of h, whose stages are known; at STAGE_H is what they exert less than the stages have."""
+    """Deflection of bristles in the stages of a step h; STAGE_H gets their force minus the stages'."""
     apart()
     plan, w = m.plan, m.w
     for n in range(-count(m), 0):
@@ -74,7 +75,7 @@ def bend(m, table, h, here):
 @of_holds(None)
 @njit(**OPTIONS)
 def bent_at_end(m, table, h, here):
-    """Have bristles where a step of h leaves them."""
+    """Set the bristles' deflection at the end of a step h."""
     apart()
     for n in range(-count(m), 0):
         k, j = number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
@@ -87,7 +88,7 @@ def bent_at_end(m, table, h, here):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def stored(m):
-    """Energy that bristles have [J]."""
+    """Energy stored in bristles [J]."""
     total = 0.0
     for n in range(-count(m), 0):
         k, j = number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
@@ -99,9 +100,9 @@ def stored(m):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def minds(m, n, step):
-    """By how many errors allowed a hold's bristles are bent wrongly in a step's stages for 1 m, or rad, of its own way.
+    """Error of a hold's bristles in the stages, in tolerances, per 1 m or rad of its slip.
 
-    What is allowed is a share of how far they bend before they slip; while they slip they mind no way.
+    The tolerance is a share of the deflection before slip; sliding bristles are insensitive.
     """
     k, j = number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     if m.w[k + MODE] != BENDS:

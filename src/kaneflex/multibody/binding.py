@@ -1,4 +1,4 @@
-"""Find the generated module of a scene's structure, or derive it, and bind the scene's numbers to its kernels."""
+"""Find or derive the generated module of a scene's structure, and bind the scene's numbers to its kernels."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ Progress = Callable[[str], None]
 
 
 def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
-    """The module of the scene's structure: shipped, else from the user's cache, else derived now.
+    """Module of the scene's structure: shipped, else from the user's cache, else derived.
 
-    Returns the module and the seconds spent on deriving it.
+    Returns the module and the seconds of derivation.
     """
     return _find(scene.structure_hash(), lambda stage: generate_text(scene, stage), REQUIRED_ATTRIBUTES, progress)
 
 
 Counts = Mapping[str, tuple[int, ...]]
-"""Elastic link -> its numbers of axial and of transverse shapes."""
+"""Elastic link -> numbers of axial and transverse shapes."""
 
 
 def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
-    """The coupled module of a scene's structure with so many shapes; otherwise as :func:`find_module`."""
+    """Coupled module of a scene's structure with these numbers of shapes; see :func:`find_module`."""
     structure = coupled_hash(scene, shapes)
     return _find(structure, lambda stage: coupled_text(scene, shapes, stage), COUPLED_ATTRIBUTES, progress)
 
 
 def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage: None) -> str:
-    """Text of the coupled module of a scene's structure with so many shapes."""
+    """Text of the coupled module of a scene's structure with these numbers of shapes."""
     from kaneflex.derive import generate_coupled
 
     refuse_in_space(scene, "solve.preset", "preset coupled moves")
@@ -54,7 +54,7 @@ def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage
 
 
 def find_spatial_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
-    """The module of drives and loads of a scene in space; otherwise as :func:`find_module`."""
+    """Module of drives and loads of a scene in space; see :func:`find_module`."""
     return _find(scene.structure_hash(), lambda stage: spatial_text(scene, stage), SPATIAL_ATTRIBUTES, progress)
 
 
@@ -68,7 +68,7 @@ def spatial_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 def _find(
     structure: str, text: Callable[[Progress], str], required: Sequence[str], progress: Progress
 ) -> tuple[ModuleType, float]:
-    """The module and the seconds of deriving it."""
+    """The module, and the seconds of its derivation."""
     from kaneflex.generated import STRUCTURES
 
     if structure in STRUCTURES:
@@ -79,7 +79,7 @@ def _find(
     data, seconds = kept(path), 0.0
     if data is None:
         progress("deriving the equations, first time only" if not path.exists() else
-                 "deriving the equations anew: what was kept of them is not as it was written")  # fmt: skip
+                 "deriving the equations again: the cached file is damaged")  # fmt: skip
         started = time.perf_counter()
         data = sealed(text(lambda stage: progress(f"deriving the equations: {stage}")))
         keep(path, data)
@@ -93,7 +93,7 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     Raises
     ------
     SceneError
-        If the drives and joints don't determine the motion; it names what is open and what is redundant.
+        If the drives and joints don't determine the motion; names undetermined motions and redundant constraints.
     """
     if scene.is_spatial:
         return spatial_text(scene, progress)
@@ -104,14 +104,14 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 
 
 def prefix_in_c(scene: Scene) -> str:
-    """What a scene's names in C begin with."""
+    """Prefix of a scene's names in C."""
     from kaneflex.derive.c_module import prefix_of
 
     return prefix_of(scene.name)
 
 
 def kernels_in_c(scene: Scene, name: str, progress: Progress = lambda stage: None) -> dict[str, str]:
-    """Files of the scene's kernels in C, whose names begin with ``name``; otherwise as :func:`generate_text`."""
+    """C files of the scene's kernels, whose names begin with ``name``; raises as :func:`generate_text`."""
     progress("importing SymPy")
     from kaneflex.derive.c_module import generate_c
 
@@ -120,7 +120,7 @@ def kernels_in_c(scene: Scene, name: str, progress: Progress = lambda stage: Non
 
 
 def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
-    """The module of the scene by its own model, see :func:`pruned_text`; otherwise as :func:`find_module`."""
+    """Module of the scene without unused terms, see :func:`pruned_text`; otherwise like :func:`find_module`."""
     options = resolve_options(scene)
     scene, without = acting(scene, options), left_out(options)
     if not without:
@@ -130,9 +130,9 @@ def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, fl
 
 
 def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
-    """Text of a module of the scene by its own model: what its options leave out is not in the code.
+    """Text of a module of the scene without the terms that its options leave out.
 
-    Under preset coupled the coupled module, whose equations are one whole. Raises SceneError as :func:`generate_text`.
+    Under preset coupled, the coupled module. Raises SceneError as :func:`generate_text`.
     """
     from kaneflex.mechanism.floating_frames import shape_counts
 
@@ -151,7 +151,7 @@ def _without(scene: Scene, without: Sequence[str], progress: Progress) -> str:
 
 
 def operation_count(text: str) -> int:
-    """Operations of one call of each kernel that a module offers, by its OPERATIONS, which name its element's."""
+    """Operations of one call of each kernel of a module, from its OPERATIONS and those of its element."""
     wanted = [
         node
         for node in ast.parse(text).body
@@ -165,7 +165,7 @@ def operation_count(text: str) -> int:
 
 @contextmanager
 def derivable(scene: Scene) -> Iterator[None]:
-    """Turn what makes a scene's equations unsolvable into a SceneError in the scene's words."""
+    """Turn derivation errors into a SceneError in the scene's terms."""
     from kaneflex.derive import StructurallySingular, UnsupportedLoop
     from kaneflex.fem.mobility import in_joints
 
@@ -176,27 +176,27 @@ def derivable(scene: Scene) -> Iterator[None]:
         raise SceneError("joints", None, reason, cure) from error
     except UnsupportedLoop as error:
         raise SceneError(
-            "joints", None, str(error), "Drive or join them: each needs three constraints, drives counted, and no more"
+            "joints", None, str(error), "Give each body three constraints, drives included"
         ) from error
 
 
 def _module_name(structure: str) -> str:
-    """What numba's cache files are keyed by."""
+    """Module name, the key of numba's cache files."""
     return f"kaneflex_{structure}"
 
 
 def import_file(path: Path, structure: str, required: Sequence[str] = REQUIRED_ATTRIBUTES) -> ModuleType:
-    """Import a generated file under a name made of its structure."""
+    """Import a generated file under a name derived from its structure."""
     found = sys.modules.get(_module_name(structure))
     return found if found is not None else _execute(path.read_bytes(), path, structure, required)
 
 
 def _execute(data: bytes, path: Path, structure: str, required: Sequence[str]) -> ModuleType:
-    """Run the text of a generated module, which was read from ``path``, as a module."""
+    """Execute the text of a generated module, read from ``path``, as a module."""
     name = _module_name(structure)
     specification = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module  # before it is executed: numba looks its functions' module up
+    sys.modules[name] = module  # before execution: numba looks up its functions' module
     try:
         exec(compile(data, str(path), "exec"), module.__dict__)
     except BaseException:
@@ -209,13 +209,13 @@ def _execute(data: bytes, path: Path, structure: str, required: Sequence[str]) -
             str(path),
             structure,
             "not a generated module of this structure",
-            "Delete the file; it is derived anew",
+            "Delete the file; it will be derived again",
         )
     return module
 
 
 def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
-    """The kernels' argument p: every number of PARAMETERS in SI, then the tables' blocks."""
+    """Argument p of the kernels: every number of PARAMETERS in SI, then the tables' blocks."""
     values: list[float] = []
     blocks: list[np.ndarray] = []
     filled = len(module.PARAMETERS)
@@ -228,7 +228,7 @@ def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
             blocks.append(block)
             filled += len(block)
         elif name in (*COURSES, "side") or name.startswith("seed_"):
-            values.append(0.0)  # filled when the free joints have been integrated, and the loops swept
+            values.append(0.0)  # filled after free joints are integrated and loops followed
         else:
             values.append(float(number_at(scene, path)))
     return np.concatenate([np.array(values), *blocks])

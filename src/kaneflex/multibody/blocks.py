@@ -1,4 +1,4 @@
-"""The numbers of bodies and of their points as the kernels of ``kaneflex.generated.body`` read them."""
+"""Parameter blocks of bodies and points for the kernels of ``kaneflex.generated.body``."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Arrays = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Blocks of a scene's bodies, of their points and of the loads that are spread over them.
+    """Blocks of a scene's bodies, points and distributed loads.
 
     Attributes
     ----------
     counts : mapping
-        Body -> its numbers of axial and of transverse shapes; rigid ones are not named.
+        Body -> numbers of axial and transverse shapes; without rigid bodies.
     links, shapes : mapping
-        Finite elements and shapes of every link that has some; others have their modal data from a file.
+        Finite elements and shapes of links; other elastic bodies have modal data from a file.
     """
 
     scene: Scene
@@ -45,11 +45,12 @@ class Blocks:
         return self.counts.get(body, (0, 0))[:2]
 
     def body(self, name: str) -> np.ndarray:
-        """BODY_BLOCK of a body."""
+        """Block BODY_BLOCK of a body."""
         return body_block(body_moments(self.scene, name, self._data[name]), *self._counts(name))
 
     def point(self, body: str, point: str) -> np.ndarray:
-        """POINT_BLOCK of a named point of a body; loads.NAME is the load NAME over it, contacts.NAME its own corner."""
+        """Block POINT_BLOCK of a named point of a body; loads.NAME: a distributed load, contacts.NAME: a contact's
+        corner."""
         found: Arrays
         data, (table, _, name) = self._data[body], point.partition(".")
         if table == "loads":
@@ -64,21 +65,22 @@ class Blocks:
 
 
 def body_block(moments: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """BODY_BLOCK of a body with so many shapes, of its :func:`inertia_integrals.body_moments`."""
+    """Block BODY_BLOCK from :func:`inertia_integrals.body_moments`, for these numbers of shapes."""
     return _filled(BODY_BLOCK, {"mass_Y": 0.0, "mass_Y_Y": 0.0, **moments}, axial, transverse)
 
 
 def point_block(shapes: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """POINT_BLOCK of a point: its POINT_ARRAYS (of a rigid body X and Y alone), or what a load spread over it sums.
+    """Block POINT_BLOCK from a point's POINT_ARRAYS (X and Y only for a rigid body), or from sums of a distributed
+    load.
 
-    A load that is spread turns no section, and has no psi.
+    A distributed load turns no section and has no psi.
     """
     none = {"share": 1.0, "Y": 0.0, "psi": 0.0}
     return _filled(POINT_BLOCK, {**none, **shapes}, axial, transverse)
 
 
 def _filled(block: Sequence[Slot], arrays: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """A block of the arrays that its slots are made of, by their names; what no shape has needs none."""
+    """Block from the arrays of its slots; arrays without shapes are not needed."""
     filled = []
     for slot, shape in zip(block, block_shapes(block, axial, transverse).values(), strict=True):
         if 0 not in shape:

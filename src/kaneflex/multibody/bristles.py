@@ -1,13 +1,12 @@
-"""Bristles between two sides, as LuGre's law of friction has them, in the compiled integration: one hold's at a time.
+"""LuGre friction in the compiled integration, for one friction at a time.
 
-How far they are bent, z, is a state of first order: z' = v - sigma_0 |v| z / g, and the force is sigma_0 z + sigma_1 z'
-+ sigma_2 v. A massless coordinate of the tree could have it, but sigma_0 |v| / g is 1e7/s and more, v is not its rate
-while all slides, and every body's recursion would carry it. So it is condensed inside the step: where the speeds of the
-stages are known, z is the solution of three linear equations by the same collocation, as stiff as they may be; the
-force is one more unknown of the stages, as of what is stuck, and its row of the factors yields by what these equations
-make of a change in speed and in what presses,
+The deflection z of the bristles is a state of first order: z' = v - sigma_0 |v| z / g, with the force sigma_0 z +
+sigma_1 z' + sigma_2 v. It is not a massless coordinate of the tree, since sigma_0 |v| / g reaches 1e7/s, v is not its
+rate during sliding, and every body's recursion would carry it. Instead it is condensed within the step: for given stage
+speeds, z is the solution of three linear equations of the same collocation method, for any stiffness. The force is an
+additional unknown of the stages, like a sticking force. Its row of the factors has the linearised law
 
-    dF = ((sigma_1 + h sigma_0) / (1 + h sigma_0 |v| / g)) dz' + sigma_2 dv,
+dF = ((sigma_1 + h sigma_0) / (1 + h sigma_0 |v| / g)) dz' + sigma_2 dv
 
 with h the step times an eigenvalue of the method. No event is needed: slipping and sticking are one law.
 """
@@ -24,23 +23,23 @@ from kaneflex.multibody.tables import (
 LUGRE = 3.0
 """Number of the law."""
 VISCOUS_AT, STIFFNESS_AT, DAMPING_AT = 7, 12, 13
-"""Among the law's numbers: the viscous part, stiffness and damping of the bristles."""
+"""Places among the law's numbers: viscous part, stiffness and damping of the bristles."""
 _LEAST = 1e-100
-"""Of what sliding is resisted by [N or N m]: nothing that presses, and bristles that stand at once."""
+"""Least sliding resistance [N or N m]: without normal force, bristles relax at once."""
 _UNKNOWN = 1e-3
-"""Share of what bends bristles, below which what slides is resisted by is none that has bent them: what presses is not
-known yet."""
+"""Share of the bristles' force below which the sliding resistance can't have caused it: the normal force is not known
+yet."""
 
 
 @njit(**OPTIONS)
 def resisted(w, j, N, v):
-    """What slides at a speed is resisted by, g [N or N m]."""
+    """Sliding resistance g at a speed [N or N m]."""
     return larger(laws.dry(w, j, N, v), _LEAST)
 
 
 @njit(**OPTIONS)
 def by_now(w, k, j):
-    """Force [N or N m] of a hold's bristles as everything is, on the second side, and how fast they bend."""
+    """Force [N or N m] of a hold's bristles on the second side in the current state, and rate of their deflection."""
     v, z = w[k + SLIP], w[k + STUCK_AT]
     g = resisted(w, j, w[k + NORMAL], v)
     if g < _UNKNOWN * w[j + STIFFNESS_AT] * abs(z) or g == _LEAST:
@@ -50,7 +49,7 @@ def by_now(w, k, j):
 
 @njit(**OPTIONS)
 def know(w, k, j, N, v, z, h):
-    """Have a hold's slopes be those of bristles that were bent by z before h; h = 0: those at an instant."""
+    """Linearise a hold's bristles with deflection z before h; h = 0: at an instant."""
     g = resisted(w, j, N, v)
     slope = laws.dry_slope(w, j, N, v) if v != 0.0 else 0.0
     decay = laws.bristle_decay(w, j, g, v)
@@ -66,14 +65,14 @@ def know(w, k, j, N, v, z, h):
 
 @njit(**OPTIONS)
 def firmness(w, k, j, h):
-    """Force by a bristles' rate that lasts for a step of h: how firm they are."""
+    """Derivative of the force with respect to the bristles' rate over a step h."""
     return (w[j + DAMPING_AT] + h * w[j + STIFFNESS_AT]) / (1.0 + h * w[k + DECAY])
 
 
 @njit(**OPTIONS)
 def bend(table, h, w, k, j, z):
-    """How far a hold's bristles are bent in the stages, whose speeds and g are at its nodes, and what they exert there:
-    both at these nodes. z is where they stood before the step of h."""
+    """Deflection and force of a hold's bristles in the stages, from the speeds and g at its nodes; z: before the step
+    h."""
     apart()
     one, two, three = k + NODES + 4, k + NODES + 8, k + NODES + 12
     d_0 = laws.bristle_decay(w, j, w[one + 1], w[one])
@@ -81,7 +80,7 @@ def bend(table, h, w, k, j, z):
     d_2 = laws.bristle_decay(w, j, w[three + 1], w[three])
     s_0, s_1, s_2 = 1.0 / (1.0 + h * d_0), 1.0 / (1.0 + h * d_1), 1.0 / (1.0 + h * d_2)
     a, c_0, c_1, c_2 = table.a_1, h * d_0 * s_0, h * d_1 * s_1, h * d_2 * s_2
-    # (1 + h decay) z are the unknowns: all coefficients are about one then, however stiff.
+    # with unknowns (1 + h decay) z all coefficients are about one, for any stiffness
     m_00, m_01, m_02 = s_0 + a[0] * c_0, a[1] * c_1, a[2] * c_2
     m_10, m_11, m_12 = a[3] * c_0, s_1 + a[4] * c_1, a[5] * c_2
     m_20, m_21, m_22 = a[6] * c_0, a[7] * c_1, s_2 + a[8] * c_2
@@ -101,7 +100,7 @@ def bend(table, h, w, k, j, z):
 
 @njit(**OPTIONS)
 def bent_at_end(table, h, w, k, j, z):
-    """How far they are bent at the step's end."""
+    """Deflection of the bristles at the end of the step."""
     if table.ends[0] != 0.0:
         return w[k + NODES + 14]
     for n in range(3):
@@ -112,9 +111,9 @@ def bent_at_end(table, h, w, k, j, z):
 
 @njit(**OPTIONS)
 def minds(w, k, j, step):
-    """How far a hold's bristles bend in a step for 1 m, or rad, of its way, as a share of how far they ever do.
+    """Deflection of a hold's bristles per 1 m or rad of slip in a step, as a share of their largest one.
 
-    Of a contact that is since its sides touch: where they part nothing presses any more.
+    For a contact, the largest since it closed: at separation the normal force vanishes.
     """
     most = 0.0
     for n in range(3):

@@ -1,4 +1,4 @@
-"""Build a model: mesh the links, find the coordinates, assemble, reduce."""
+"""Construction of a model: mesh the links, choose coordinates, assemble, reduce."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from kaneflex.multibody.spatial_motion import SpatialKinematics
 
 _SAMPLES = 4001
-"""Instants of a run among which the one is looked for at which the first drive stands somewhere."""
+"""Instants of a run among which the first drive's position is searched."""
 _NARROW = 12
-"""Half-bandwidth that is not worth another order."""
+"""Half-bandwidth up to which reordering does not pay off."""
 
 
 def build_model(
@@ -48,8 +48,8 @@ def build_model(
 ) -> Model:
     """Mesh the links, assemble, reduce.
 
-    ``frozen`` gives the order of the coordinates, the bases and the modes of damping; ``like`` the equations, where
-    they are the same. ``bare``: no equations beside the coupled ones, as no elastic stage can follow the rigid one.
+    ``frozen`` provides the order of coordinates, the bases and the damping modes; ``like`` the equations, if equal.
+    ``bare``: the coupled equations have no linear ones, since no elastic stage can follow the rigid motion.
     """
     reference, warnings = reference_instant(scene, options, motion)
     if like is not None and _same_equations(scene, options, motion, like):
@@ -65,7 +65,7 @@ def build_model(
         none = _no_equations()
         return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
     bases = {} if frozen is None else frozen.bases
-    if scene.is_spatial:  # planar scenes start sooner without what it imports
+    if scene.is_spatial:  # a local import lets planar scenes start faster
         from kaneflex.multibody.spatial_elastic import elastic_stage
 
         stage = elastic_stage(scene, options, cast("SpatialKinematics", motion), bases)
@@ -97,7 +97,7 @@ def build_model(
 
 
 def _links(scene: Scene, options: Options, motion: RigidKinematics) -> dict[str, Link]:
-    """The elastic links of a planar scene."""
+    """Elastic links of a planar scene."""
     return {
         name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
         for name, body in scene.bodies.items()
@@ -108,7 +108,7 @@ def _links(scene: Scene, options: Options, motion: RigidKinematics) -> dict[str,
 def _planar_stage(
     scene: Scene, options: Options, motion: RigidKinematics, frozen: Mapping[str, np.ndarray]
 ) -> Stage:
-    """Mesh the links, find the coordinates; ``frozen``: bases to reduce to."""
+    """Meshed links and coordinates of a planar scene; ``frozen``: bases of reductions."""
     links, carried = _links(scene, options, motion), carried_bodies(scene)
     interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
     parts, bases = _parts(scene, options, links, interfaces, frozen)
@@ -121,21 +121,21 @@ def _planar_stage(
 
 
 def rigid_model(scene: Scene, options: Options, motion: RigidKinematics, reference: float = 0.0) -> Model:
-    """Of a mechanism in which nothing deforms; ``reference``: the instant [s] that pictures of it are of."""
+    """Model without elastic bodies; ``reference``: instant [s] of its pictures."""
     none = _no_equations()
     return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
 
 
 def _no_equations() -> ElasticEquations:
-    """Of no coordinates."""
+    """Equations of no coordinates."""
     names = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
     return ElasticEquations((), **{key: Affine.zero(0, 1 if key == "F" else 0) for key in names})
 
 
 def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, like: Model) -> bool:
-    """Whether a model's equations are those of the scene: of what they depend on no more than speeds of drives differs.
+    """True if a model's equations apply to the scene, which then differs in drives' speeds only.
 
-    A speed enters the scalars of the motion alone, unless the equations are those of one instant.
+    A speed enters the scalars of the motion only, unless the equations are those of one instant.
     """
     as_before = replace(options, duration=like.options.duration, steps=like.options.steps)
     if motion.module is not like.module or as_before != like.options or of_an_instant(scene, options):
@@ -144,28 +144,28 @@ def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, lik
 
 
 def of_an_instant(scene: Scene, options: Options) -> bool:
-    """Whether the equations hold modes of the reference configuration, by reduction, freezing or damping.
+    """True if the equations use modes of the reference configuration, by reduction, freezing or damping.
 
-    Under preset coupled modal damping is that of each link's own modes.
+    Under preset coupled, modal damping uses each link's own modes.
     """
     damped = scene.damping is not None and scene.damping.kind == "modal" and options.damping
     return options.reduction == "modal" or (damped and options.dynamics != "coupled")
 
 
 def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:
-    """Order the coordinates so that those which meet are neighbours (Cuthill & McKee 1969), where that helps.
+    """Reorder the coordinates for a small bandwidth (Cuthill & McKee 1969), if that helps.
 
-    A chain of links is narrow as it was named; where a loop closes or several links meet, its two ends lie far apart.
+    A chain of links is narrow in its given order; loops and branches are not.
     """
     size = len(frame.coordinates)
     touched = Affine.zero(size, size).pattern()
     for part, L in placed:
         within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
-        if not isinstance(touched, np.ndarray):  # a body's few rows may be an array, its square is none
+        if not isinstance(touched, np.ndarray):  # few rows may be a dense array, their product is sparse
             within, motion = sparse(within), sparse(motion)
         touched = touched + motion.T @ within @ motion
     before = _half_bandwidth(touched)
-    if before <= _NARROW:  # what is narrow keeps the order of its names
+    if before <= _NARROW:  # narrow ones keep their order
         return frame, placed
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -177,7 +177,7 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
 
 
 def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> tuple[Frame, list[Placed]]:
-    """The same with the coordinates in another order; as it is where they are others."""
+    """The same with reordered coordinates; unchanged if they are different ones."""
     size = len(frame.coordinates)
     if set(coordinates) != set(frame.coordinates):
         return frame, placed
@@ -197,9 +197,10 @@ def _half_bandwidth(pattern: Matrix) -> int:
 
 
 def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> ElasticEquations:
-    """a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference angle.
+    """Modal equations a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference
+    angle.
 
-    A mode of no frequency may have lost its stiffness to the spin: its omega^2 is then negative, and it diverges.
+    A mode of zero frequency may have lost its stiffness to the spin: omega^2 is then negative, and it diverges.
     """
     size = len(omega)
     zero = Affine.zero(size, size)
@@ -213,9 +214,9 @@ def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> Elast
 
 
 def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -> tuple[float, tuple[str, ...]]:
-    """The instant [s] whose configuration reference modes are of, :func:`stands_at` or the first; what to warn of it.
+    """Instant [s] of the reference configuration, from :func:`stands_at` or the first one; and warnings about it.
 
-    Raises SceneError where a place was asked for at which the first drive never stands.
+    Raises SceneError if the first drive never reaches the requested position.
     """
     instant = stands_at(scene, options.mode_angle, motion)
     if instant is not None or options.dynamics == "rigid":
@@ -226,23 +227,23 @@ def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -
         scene.written_coordinate(name, x) for x in (options.mode_angle, angles[0], min(angles), max(angles))
     )
     if "mode_angle" not in scene.solve.model_fields_set and options.mode_angle == scene.solve.mode_angle:
-        said = f"{name} never stands at solve.mode_angle = {wanted}: the modes that it is for are those of {start}"
+        said = f"{name} never reaches solve.mode_angle = {wanted}: modes are those of {start}"
         return 0.0, (said,) if of_an_instant(scene, options) else ()
-    reason = f"{name} never stands there, but goes from {lowest} to {highest}"
+    reason = f"{name} never reaches it; its range is {lowest} to {highest}"
     if drive.kind == "free" and options.dynamics == "coupled":
-        reason = f"preset coupled computes where {name} goes: before, only its start at {start} is known"
+        reason = f"before the run only the start of {name}, {start}, is known"
     elif lowest == highest:
-        reason = f"{name} stands still at {start}"
+        reason = f"{name} stays at {start}"
     place = f"{name}.{'position' if scene.slides(name) else 'angle'}"
-    placed = f"Place it there by {place} = {wanted}, or c" if drive.kind in ("constant speed", "free") else "C"
-    raise SceneError("solve.mode_angle", wanted, reason, f"{placed}hoose a place within its range")
+    placed = f"Set {place} = {wanted}, or c" if drive.kind in ("constant speed", "free") else "C"
+    raise SceneError("solve.mode_angle", wanted, reason, f"{placed}hoose a position within its range")
 
 
 def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float | None:
-    """The first instant [s] at which the first drive stands at a coordinate [rad or m]; None where it never does.
+    """First instant [s] at which the first drive is at a coordinate [rad or m]; None if it never is.
 
-    After its cycle a drive stands where it stood before; one that turns without a cycle after a whole turn. One that
-    turns at a constant speed is followed beyond the run.
+    Positions count modulo the cycle, or modulo a full turn for a rotating drive without cycle. A drive with constant
+    speed is followed beyond the run.
     """
     name, drive = next(iter(scene.drives.items()), (None, None))
     if drive is None:
@@ -258,7 +259,7 @@ def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float
     for gap in (ahead, around):
         if abs(gap[0]) < reached:
             return 0.0
-        # from half a turn ahead to half a turn behind is no passing
+        # a jump from half a turn ahead to half a turn behind is not a crossing
         passed = (gap[:-1] * gap[1:] <= 0.0) & (abs(np.diff(gap)) < turn / 2)
         if passed.any():
             k = int(passed.argmax())
@@ -268,7 +269,8 @@ def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float
 
 
 def _passing(motion: RigidKinematics, drive: str, coordinate: float, start: float, end: float) -> float:
-    """When a drive passes a coordinate between two instants [s]: by ever finer samples, then a straight line."""
+    """Instant [s] between two others at which a drive passes a coordinate, by refined samples and linear
+    interpolation."""
     for _ in range(3):
         times = np.linspace(start, end, 101)
         gap = motion.at(times)[f"{drive}.angle"] - coordinate
@@ -292,7 +294,7 @@ def _parts(
 
 
 def _loaded_rows(scene: Scene, link: Link) -> set[int]:
-    """Rows of the nodes with lumped masses, springs or torques, which a reduction keeps."""
+    """Rows of nodes with lumped masses, springs or torques, which a reduction keeps."""
     addresses = [mass.at for mass in scene.masses.values()]
     addresses += [end for spring in scene.springs.values() for end in spring.ends]
     addresses += [side for contact in scene.contacts.values() for side in contact.sides]
@@ -303,7 +305,7 @@ def _loaded_rows(scene: Scene, link: Link) -> set[int]:
 
 
 def has_modes(model: Model) -> bool:
-    """Whether there are equations, and the mechanism is no dead centre at the reference configuration."""
+    """True if there are equations and the reference configuration is not a dead centre."""
     if not model.equations.size:
         return False
     rigid = model.motion.at(model.reference_time)
@@ -311,24 +313,24 @@ def has_modes(model: Model) -> bool:
 
 
 def _said_of_reference(model: Model) -> tuple[str, str, str]:
-    """Where the reference configuration is, why it has no modes, and the cure."""
-    cure = "Choose another place by solve.mode_angle"
+    """Position of the reference configuration, why it has no modes, and a fix."""
+    cure = "Choose another position by solve.mode_angle"
     for name, at in model.reference_coordinates.items():
-        reason = f"a dead centre or a change point, where {name} does not say how the mechanism goes on"
+        reason = f"a dead centre or change point, where {name} does not determine the motion"
         return model.scene.written_coordinate(name, at), reason, cure
-    return "0", "a place where the mechanism locks", cure
+    return "0", "a position where the mechanism locks", cure
 
 
 def no_modes(model: Model) -> SceneError:
-    """What is raised where modes are asked for at a reference configuration that has none."""
+    """Error for a reference configuration without modes."""
     place, reason, cure = _said_of_reference(model)
     return SceneError("solve.mode_angle", place, f"there are no modes at {reason}", cure)
 
 
 def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndarray]:
-    """Undamped modes at the reference configuration: angular frequencies [rad/s] and shapes, one a column.
+    """Undamped modes at the reference configuration: angular frequencies [rad/s] and shapes in columns.
 
-    K_s alone, but for the frozen model of the paper, whose K is K_s + K_d, eq. (99).
+    From K_s only, except for the paper's frozen model, whose K is K_s + K_d, eq. (99).
     """
     rigid = model.motion.at(model.reference_time)
     frozen = model.options.dynamics == "frozen"
@@ -338,7 +340,7 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
     if count > size:
         raise SceneError(
             "solve.modes", modes, f"the mechanism has {size} degrees of freedom",
-            "Ask for fewer modes, or give the links more elements",
+            "Use fewer modes, or more elements",
         )  # fmt: skip
     if size and not has_modes(model):
         raise no_modes(model)
@@ -347,7 +349,7 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
 
 
 def _with_modal_damping(model: Model, of: Model) -> ElasticEquations:
-    """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration, Phi and omega those ``of`` a model."""
+    """Equations with C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration; Phi and omega from ``of``."""
     omega, shapes = reference_modes(of, "all")
     zeta = damping_ratios(model.scene.damping.modal.ratio, omega)
     weighted = model.motion.at(model.reference_time).first(model.equations.M) @ shapes

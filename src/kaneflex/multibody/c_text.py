@@ -1,4 +1,4 @@
-"""Numbers, types and names as C writes them."""
+"""C spellings of numbers, types and names."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from kaneflex.multibody.tables import Fixed, Handed
 from kaneflex.support.c_language import RESERVED
 
 Expression = tuple[str, Any]
-"""A text in C, and its type."""
+"""C text of an expression, and its type."""
 NAMES = {types.void: "void", types.boolean: "bool", types.int64: "int64_t", types.float64: "double",
           types.complex128: "double complex"}  # fmt: skip
 WIDTH = (types.boolean, types.int64, types.float64, types.complex128)
-"""Types of numbers, the narrowest first."""
+"""Numeric types, the narrowest first."""
 
 
 def type_name(of: Any) -> str:
-    """A type in C."""
+    """C name of a type."""
     if isinstance(of, types.CPointer):
         return f"{NAMES[of.dtype]} *"
     if isinstance(of, Fixed):
@@ -35,13 +35,13 @@ def handed_name(of: Handed) -> str:
 
 
 def declared(of: Any, name: str) -> str:
-    """An argument or a variable of a type."""
+    """C declaration of an argument or variable."""
     kind = type_name(of)
     return f"{kind}{name}" if kind.endswith("*") else f"{kind} {name}"
 
 
 def handed_structure(of: Handed) -> str:
-    """Definition of what is handed over as one address."""
+    """C definition of a structure passed by address."""
     parts = "".join(f"    {declared(kind, name)};\n" for name, kind in of.parts.items() if name != "kernels")
     return f"typedef struct {{\n{parts}}} {handed_name(of)};\n"
 
@@ -69,12 +69,12 @@ def constant(value: object) -> Expression:
 
 @cache
 def safe(name: str) -> str:
-    """A name that C lets a variable have."""
+    """Name that is allowed for a C variable."""
     return f"{name}_" if name in RESERVED or name in ("I", "bool", "complex", "true", "false") else name
 
 
 def bare(text: str) -> str:
-    """Without the brackets around all of it."""
+    """Text without its outer parentheses."""
     if not text.startswith("("):
         return text
     depth = 0

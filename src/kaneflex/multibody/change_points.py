@@ -1,11 +1,12 @@
-"""Change points, compiled: places where all bars of a loop lie on one line, and branches of its motion cross.
+"""Compiled treatment of change points: positions with all bars of a loop on one line, where branches of its motion
+cross.
 
-There the cuts' rows lose rank, and reactions have a pole. At a small distance d from there a rounding error of a loop
-is one of 1/d in places, 1/d^2 in rates and 1/d^3 in accelerations. The motion that goes on with its velocities is
-smooth where one coordinate alone moves each loop, and so are the derivatives of dependent coordinates, by which no
-reaction is needed: see :func:`kaneflex.multibody.loops.crosses`. Elastic bodies, whose loops pass such a place bent,
-have no need of that. When the next change point comes is foreseen: the least pivot of the rows
-(:func:`kaneflex.multibody.dependents.margin`) falls in proportion to d.
+There the cut joints' rows lose rank, and reactions have a pole. At a small distance d, a rounding error of a loop
+becomes 1/d in positions, 1/d^2 in rates and 1/d^3 in accelerations. The motion that keeps its velocities is smooth if a
+single coordinate moves each loop, and so are the derivatives of dependent coordinates, which need no reactions: see
+:func:`kaneflex.multibody.loops.crosses`. Elastic bodies pass such positions bent and don't need this. The next change
+point is predicted from the least pivot of the rows (:func:`kaneflex.multibody.dependents.margin`), which is
+proportional to d.
 """
 
 from __future__ import annotations
@@ -42,20 +43,20 @@ from kaneflex.multibody.tables import (
 from kaneflex.multibody.tree import demand
 
 REGULAR = 0.06
-"""Least pivot of loops that are regular: less lets rounding through, more lets the interpolation's error through.
-Measured at the change point of a four-bar of 1, 3, 2.5 and 4.5 m: energy is kept to 5e-11 with it, to 1.6e-9 with 0.08.
-"""
+"""Least pivot of regular loops: less admits rounding errors, more admits interpolation errors. Measured at the change
+point of a four-bar of 1, 3, 2.5 and 4.5 m: the energy error is 5e-11 with it, 1.6e-9 with 0.08."""
 _BESIDE = 3.0
-"""Steps on either side of a change point in which reactions change too fast for the gradients of the factors' place."""
+"""Steps on either side of a change point in which reactions change too fast for the factors' gradients."""
 _FAR = 1.0
-"""What counts as one in a coordinate: a motion farther than that says nothing of a change point."""
+"""Unit of a coordinate: motions beyond it don't predict a change point."""
 _STRAYED = 0.25
-"""Of the fastest rate: a change of rates by closing the loops that leads onto another branch."""
+"""Change of rates by closing the loops, as a share of the fastest rate, that indicates another branch."""
 
 
 @njit(**OPTIONS)
 def begin(m, t, h):
-    """Note whether a step is beside a change point; the share of it at which its factors are made, away from one."""
+    """Note whether a step is near a change point; returns the share of it at which its factors are made, away from
+    one."""
     w, shared = m.w, m.plan[CROSSING]
     away = w[shared + WHEN] - (t + 0.5 * h)
     m.pivots[PASSING] = abs(away) < _BESIDE * h + w[shared + REACH]
@@ -64,7 +65,7 @@ def begin(m, t, h):
 
 @njit(**OPTIONS)
 def project(m, t, i):
-    """Beside a change point, let only independent coordinates ask for anything in stage i; False: singular."""
+    """Near a change point, reduce stage i to the independent coordinates; False: singular."""
     apart()
     if m.pivots[PASSING] == 0:
         return True
@@ -80,7 +81,7 @@ def project(m, t, i):
 
 @njit(**OPTIONS)
 def react_at_end(m, t):
-    """Close to a change point, take a step's last reactions from what its end asks for: True there."""
+    """Near a change point, compute a step's last reactions from its end; True there."""
     apart()
     if not crosses(m, t):
         return False
@@ -94,7 +95,7 @@ def react_at_end(m, t):
 
 @njit(**OPTIONS)
 def strays(m, table, h, here):
-    """Whether closing the loops at a step's end has changed the dependent rates so far that it is another branch."""
+    """True if closing the loops at a step's end changes the dependent rates so much that it is another branch."""
     apart()
     plan, w, b = m.plan, m.w, table.b_1
     n, of, fastest = plan[COORDINATES], plan[STAGE_A], _fastest(m)
@@ -109,7 +110,7 @@ def strays(m, table, h, here):
 
 @njit(**OPTIONS)
 def _fastest(m):
-    """Largest rate, by what counts as one in each coordinate [1/s]."""
+    """Largest rate in units of each coordinate [1/s]."""
     fastest = 0.0
     for i in range(m.plan[COORDINATES]):
         fastest = larger(fastest, abs(m.w[m.plan[RATE] + i]) / m.w[m.plan[MEASURE] + i])
@@ -118,7 +119,7 @@ def _fastest(m):
 
 @njit(**OPTIONS)
 def end(m, t, h):
-    """Where a step ends, see when the next change point comes, as the least pivot falls."""
+    """Predict the next change point at a step's end, from the decrease of the least pivot."""
     apart()
     w, shared = m.w, m.plan[CROSSING]
     before, now = w[shared + LEAST], 0.0 if crosses(m, t) else margin(m)

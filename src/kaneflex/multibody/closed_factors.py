@@ -1,6 +1,6 @@
-"""Linear equations of a tree whose loops are closed, compiled: the tree's factors, and what unit reactions do to them.
+"""Compiled linear equations of a tree with closed loops: the tree's factors, and the responses to unit reactions.
 
-Rows are those of the cuts that are kept, then of contacts that yield and of holds.
+Rows are those of the kept cut joints, then of compliant contacts and holds.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 
 
-
 @njit(**OPTIONS)
 def reach(m, h, A):
-    """Factors of M + h C + h^2 K of the tree, coordinates by unit reactions of the kept rows and of contacts, and what
-    those do to these rows, at SCHUR; False: a pivot vanishes."""
+    """Factors of M + h C + h^2 K of the tree, responses of the coordinates to unit reactions of kept rows and
+    contacts, and of these rows at SCHUR; False: zero pivot."""
     apart()
     if not factorise(m, h, A):
         return False
@@ -46,9 +45,9 @@ def reach(m, h, A):
 
 @njit(**OPTIONS)
 def factorise_closed(m, h, A, pivots):
-    """Factors of M + h C + h^2 K with its loops closed; False where motion or reactions are not determined.
+    """Factors of M + h C + h^2 K with closed loops; False if motion or reactions are not determined.
 
-    Beside the tree's factors: coordinates by unit reactions of the kept rows, and what those do to the cuts.
+    In addition to the tree's factors: responses of coordinates and cut joints to unit reactions of the kept rows.
     """
     apart()
     if not reach(m, h, A):
@@ -69,7 +68,7 @@ def factorise_closed(m, h, A, pivots):
 
 @njit(**OPTIONS)
 def row_at(m, r):
-    """The act of a kept row, or of a contact or a hold after these, and where its Jacobian is."""
+    """Interaction of a kept row, or of a contact or hold after these, and place of its Jacobian."""
     plan = m.plan
     if r < plan[KEPT]:
         return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
@@ -79,19 +78,20 @@ def row_at(m, r):
 
 @njit(**OPTIONS)
 def hold_row(m, n):
-    """Where the Jacobian of a contact or a hold is."""
+    """Place of the Jacobian of a contact or hold."""
     return m.plan[MIDDLE_CUT] + ROW_SIZE * (m.plan[CUT_ROWS] + n) + 3
 
 
 @njit(**OPTIONS)
 def column(m, r):
-    """Where the coordinates by such a row's unit force are: the answer stands between those of cuts and contacts."""
+    """Place of the coordinates' response to a row's unit force; the solution lies between those of cut joints and
+    contacts."""
     return m.plan[COLUMNS] + m.plan[COORDINATES] * (r if r < m.plan[KEPT] else r + 1)
 
 
 @njit(**OPTIONS)
 def opening(m, A, r):
-    """Rate of a row by the speeds at PUSH."""
+    """Rate of a row for the speeds at PUSH."""
     w = m.w
     cut, k = row_at(m, r)
     total = 0.0 * A[m.plan[PUSH]]
@@ -104,8 +104,8 @@ def opening(m, A, r):
 
 @njit(**OPTIONS)
 def solve_closed(m, A, pivots):
-    """What forces of the coordinates bring about: both in the row of COLUMNS after the kept ones, and at REACTION what
-    these need to stay closed, and what contacts push back."""
+    """Response to generalised forces: both in the row of COLUMNS after the kept ones; at REACTION the reactions that
+    keep loops closed, and contact forces."""
     apart()
     plan = m.plan
     count, n, x = plan[KEPT] + m.pivots[YIELDING], plan[COORDINATES], plan[REACTION]

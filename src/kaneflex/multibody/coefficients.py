@@ -1,4 +1,4 @@
-"""Coefficients of the collocation methods with three nodes, Radau IIA and Gauss."""
+"""Coefficients of the three-stage collocation methods Radau IIA and Gauss."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from kaneflex.multibody.tables import OPTIONS, Handed, N, Z
 
 
 class Table(NamedTuple):
-    """Coefficients of a collocation method: nodes, A, its square, weights b and b A, 1 where the last node is the end.
+    """Coefficients of a collocation method: nodes, A, its square, weights b and b A, 1 if the last node is the end.
 
-    ``real``, ``pair``: an eigenvalue of A each; ``into``, ``out``: rows of T^-1 and columns of T that belong to them,
-    (2, 3) complex. Every part is an array, since compiled code has their addresses.
+    ``real``, ``pair``: one eigenvalue of A each; ``into``, ``out``: the corresponding rows of T^-1 and columns of T,
+    (2, 3) complex. All parts are arrays, since compiled code uses their addresses.
     """
 
     nodes: np.ndarray
@@ -34,7 +34,7 @@ TABLE = Handed("Table", **dict(zip(Table._fields, [N] * 7 + [Z] * 3, strict=True
 
 
 def collocation_table(nodes: np.ndarray) -> Table:
-    """The collocation method with three nodes in (0, 1]."""
+    """Collocation method with three nodes in (0, 1]."""
     A, b = _integrals(nodes, nodes), _integrals(nodes, np.ones(1))[0]
     values, T = np.linalg.eig(A)
     order = [int(abs(values.imag).argmin()), int(values.imag.argmax())]
@@ -46,7 +46,7 @@ def collocation_table(nodes: np.ndarray) -> Table:
 
 
 def _integrals(nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Integrals from 0 to x (n,) of Lagrange's polynomials of the nodes, (n, 3)."""
+    """Integrals from 0 to x (n,) of the nodes' Lagrange polynomials, (n, 3)."""
     powers = np.arange(1, 4)
     return (x[:, None] ** powers / powers) @ np.linalg.inv(np.vander(nodes, increasing=True))
 
@@ -58,11 +58,11 @@ GAUSS = collocation_table(np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(
 
 @njit(**OPTIONS)
 def basis(c, x, i):
-    """Lagrange's polynomial i of three nodes at x."""
+    """Lagrange polynomial i of three nodes at x."""
     j, k = (i + 1) % 3, (i + 2) % 3
     return (x - c[j]) * (x - c[k]) / ((c[i] - c[j]) * (c[i] - c[k]))
 
 
 def integrals(table: Table, x: np.ndarray) -> np.ndarray:
-    """Integrals from 0 to x (n,) of Lagrange's polynomials of the nodes, (3, n)."""
+    """Integrals from 0 to x (n,) of the nodes' Lagrange polynomials, (3, n)."""
     return _integrals(table.nodes, x).T

@@ -1,20 +1,19 @@
-"""Compiled integration of a tree of bodies with closed loops, by collocation at three points.
+"""Compiled integration of a tree of bodies with closed loops, by three-stage collocation.
 
-The stages' accelerations are the unknowns of a simplified Newton iteration: with A = T diag(mu) T^-1 of the method the
-equations of three stages fall apart into a real and a complex one of a single stage,
+The unknowns of a simplified Newton iteration are the accelerations of the stages. With A = T diag(mu) T^-1 of the
+method, the equations of three stages decouple into a real and a complex one of a single stage,
 
     (M + h mu C + h^2 mu^2 K) x = r        (Hairer & Wanner 1996, IV.8, for second-order equations),
 
-whose C and K are those of shapes and springs at joints: constant, local, and all that is stiff. So factors serve the
-whole step, gyroscopic and geometric terms are left to the iteration, and no derivative of the equations is needed.
+where C and K contain shapes and springs at joints: they are constant and local, and include all stiff terms. Therefore
+one factorisation serves the whole step, gyroscopic and geometric terms are left to the iteration, and no derivatives
+are needed. Radau IIA (order 5, last stage at the end of the step, unresolved vibrations decay) and Gauss (order 6, no
+numerical damping) are two tables of the same loop.
 
-Radau IIA (order 5, its last stage is the step's end, vibrations that a step doesn't resolve die away) and Gauss (order
-6, no numerical damping) are two tables of the same loop.
-
-The step follows the defect of the collocation polynomial at its start: what M a - f is there for the polynomial's own
-acceleration, as a displacement e = h^2 (M + h mu C + h^2 mu^2 K)^-1 (defect). Of a vibration w that the step resolves
-it is (w h)^5/60 of the amplitude, twice what ten of its periods accumulate, for a step is wrong by (w h)^6/7200; of one
-that it doesn't it is the amplitude itself, several times.
+The step size control uses the defect of the collocation polynomial at the start of the step: M a - f for the
+polynomial's acceleration there, as a displacement e = h^2 (M + h mu C + h^2 mu^2 K)^-1 (defect). For a resolved
+vibration w it is (w h)^5/60 of the amplitude, twice the accumulated error of ten periods, since the error of a step is
+(w h)^6/7200; for an unresolved one it is several times the amplitude.
 """
 
 from __future__ import annotations
@@ -41,21 +40,20 @@ from kaneflex.multibody.tables import (
 from kaneflex.multibody.tree import courses, demand, prescribe
 
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED, STRAYED = range(11)
-"""How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
-equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
-independent, where contacts change over and over without time between, where other contacts rest than before,
-where no way to stick or slip agrees with what friction there is, after a change where it is to come back
-there, where loops close on another branch."""
+"""Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed
+step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; other
+contacts at rest than before; no consistent stick or slip; return requested after a change; loops closed on another
+branch."""
 _NEAR, _CLOSE = 1e-3, 1e-5
-"""Errors allowed that may be left of a step's equations. Gauss' method keeps the energy only as far as they are solved,
-what rubs or touches is balanced by its powers in the stages, and replayed steps are compared with each other."""
+"""Residual of a step's equations in tolerances. The smaller one is for Gauss, whose energy error depends on it, for
+friction and contacts, whose powers in the stages are balanced, and for repeated steps, which are compared."""
 _FAR = 100.0
-"""Lengths of a step over which its polynomial says nothing any more."""
+"""Steps, in lengths of the last one, up to which its polynomial is extrapolated."""
 
 
 @njit(**OPTIONS)
 def _first_guess(m, table, h, length, here):
-    """Stages as the last step's polynomial goes on, or as the motion stands where that says nothing."""
+    """Initial stages from the last step's polynomial, or constant if it does not apply."""
     apart()
     plan, w, c = m.plan, m.w, table.nodes
     n, r, length = plan[COORDINATES], plan[REACTIONS], length if _FAR * length > h else 0.0
@@ -72,9 +70,10 @@ def _first_guess(m, table, h, length, here):
 
 @njit(**OPTIONS)
 def _factors(m, table, t, h, here, A, B, sloped):
-    """Factors where the step is half way: nowhere in it is the mass then far from theirs. False at a singular state.
+    """Factors at the middle of the step, so that the mass matrix is accurate everywhere in it. False at a singular
+    state.
 
-    ``sloped``: whether they are to know the slopes of loads and springs, see :mod:`kaneflex.multibody.slopes`.
+    ``sloped``: include derivatives of loads and springs, see :mod:`kaneflex.multibody.slopes`.
     """
     apart()
     plan, w = m.plan, m.w
@@ -100,7 +99,7 @@ def _factors(m, table, t, h, here, A, B, sloped):
 
 @njit(**OPTIONS)
 def _slopes_needed(m, table, t, h, here, A, B):
-    """Which slopes of loads and springs Newton's iteration failed without, see ``slopes.matter``."""
+    """Derivatives of loads and springs that Newton's iteration needs to converge, see ``slopes.matter``."""
     if m.plan[LOADS] == m.plan[CONTACTS] or not _factors(m, table, t, h, here, A, B, True):
         return 0.0
     return slopes.matter(m, h * table.real[0], A)
@@ -108,7 +107,7 @@ def _slopes_needed(m, table, t, h, here, A, B):
 
 @njit(**OPTIONS)
 def _stage(m, table, t, h, i, here):
-    """Put everything where stage i has it, and find what its motion asks for; False where a loop doesn't close."""
+    """Kinematics and residual of stage i; False if a loop does not close."""
     apart()
     plan, w, c = m.plan, m.w, table.nodes[i]
     n, r, a_1, a_2, of = plan[COORDINATES], plan[REACTIONS], table.a_1, table.a_2, plan[STAGE_A]
@@ -135,7 +134,7 @@ def _stage(m, table, t, h, i, here):
 
 @njit(**OPTIONS)
 def _drive(m, i, course, force):
-    """The power of a prescribed drive in stage i."""
+    """Power of a prescribed drive in stage i."""
     plan = m.plan
     first = plan[STAGE_P] + plan[WORKS] * i + 1 + plan[SPRINGS] - plan[LOADS]
     m.w[first + course] = force * m.w[plan[STAGE_C] + courses(m) * i + course]
@@ -143,9 +142,10 @@ def _drive(m, i, course, force):
 
 @njit(**OPTIONS)
 def _improve(m, table, h, A, B):
-    """One iteration of the stages; the largest change, as a displacement in errors allowed.
+    """One Newton iteration of the stages; returns the largest change, as a displacement in tolerances.
 
-    The drives' powers are those after it, for their forces are part of the answer."""
+    The drives' powers are updated, since their forces are part of the solution.
+    """
     apart()
     plan, w, into = m.plan, m.w, table.into
     n, count = plan[COORDINATES], plan[KEPT]
@@ -189,7 +189,7 @@ def _improve(m, table, h, A, B):
 
 @njit(**OPTIONS)
 def _iterate(m, table, t, h, here, replayed, counts, A, B):
-    """Solve for the stages; whether that came to an end."""
+    """Solve the stage equations; return True if converged."""
     apart()
     before, size = 0.0, m.plan[COORDINATES]
     plan = m.plan
@@ -209,7 +209,7 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
             return False
         if iteration > 0:
             rate = change / before
-            if replayed and rate >= 0.5 and change < 1.0:  # the scale is that of rounding
+            if replayed and rate >= 0.5 and change < 1.0:  # the change is rounding
                 return True
             if rate >= 1.0 and change > 1e-3:
                 return False
@@ -223,16 +223,16 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
 
 @njit(**OPTIONS)
 def _also(error, other, power):
-    """The larger error, the other one to the power at which it falls with the step as the first one does."""
+    """Larger of two errors, the second one raised to a power so that both scale alike with the step."""
     return larger(error, other**power) if other > 0.0 else error
 
 
 @njit(**OPTIONS)
 def _error(m, table, h, here, A):
-    """The step's error in errors allowed: of displacements, and of speeds and accelerations where it is bounded there.
+    """Error of the step in tolerances: of displacements, and of speeds and accelerations if they are bounded.
 
-    The defect at the step's start is M d, with d what the polynomial's acceleration there has beyond the motion's, for
-    which the equations hold; and as S = M + h mu C + h^2 mu^2 K, S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d.
+    The defect at the step's start is M d, where d is the polynomial's acceleration minus that of the motion; with S = M
+    + h mu C + h^2 mu^2 K, S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d.
     """
     apart()
     plan, w, c = m.plan, m.w, table.nodes
@@ -266,7 +266,7 @@ def _error(m, table, h, here, A):
 
 @njit(**OPTIONS)
 def _finish(m, table, h, end, here, A):
-    """Take the step: leave ``here`` at its end, works included; SINGULAR, or STRAYED where it is on another branch."""
+    """Advance ``here`` to the end of the step, works included; SINGULAR, or STRAYED on another branch."""
     apart()
     plan, w = m.plan, m.w
     n, r, of = plan[COORDINATES], plan[REACTIONS], plan[STAGE_A]
@@ -303,10 +303,10 @@ def _finish(m, table, h, end, here, A):
 
 @njit(**ENTRY)
 def project(m, t):
-    """Put the dependent coordinates and rates where the loops close, and find accelerations and reactions of the cuts.
+    """Project the dependent coordinates and rates onto the loop constraints, and compute accelerations and reactions.
 
-    The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts are closed where their sides overlap. False at
-    a singular state.
+    The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts with overlapping sides are closed. False at a
+    singular state.
     """
     closed = project_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
     return closed and sticking.decide(m, t, m.real) == 0
@@ -314,17 +314,17 @@ def project(m, t):
 
 @njit(**ENTRY)
 def integrate(m, table, control, here, given, fixed, times, count, rows, counts, ends):
-    """Fill rows 1, 2, ... of a table at ``times`` [s], from ``here``; every one of them is the end of a step.
+    """Fill rows 1, 2, ... of a table at ``times`` [s], starting from ``here``; a step ends at each of them.
 
-    control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
-    1 where the dependent coordinates are to stay, which slopes of loads and springs the factors are to know (see
-    ``slopes.matter``), 1 to come back after every change and 2 there after one].
-    here: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations, reactions of
-    the cuts and holds, how contacts and holds stand, works: a row of the table. given: the ends [s] of the ``fixed``
-    steps to take from there, with the ``times`` among them; none where the control of the error chooses them. Works are
-    time integrals of powers (dissipation, loads, drives, holds, contacts). counts: accepted and rejected steps, Newton
-    iterations, factorisations. ends: filled with those of the steps that are taken, at most as many as may be tried.
-    The row before a change lies behind the table's last one. Returns a status. """
+    ``control``: [next step, longest step, most steps to try, last row filled, steps taken, length of the last one or 0,
+    1 if the dependent coordinates are fixed, derivatives of loads and springs for the factors (see ``slopes.matter``),
+    1 to return after every change and 2 after one]. ``here``: a row of the table with the state before row 1, updated:
+    t, then coordinates, rates, accelerations, reactions of cut joints and holds, states of contacts and holds, works.
+    ``given``: ends [s] of the ``fixed`` steps to take, including the ``times``; none for error control. Works are time
+    integrals of powers (dissipation, loads, drives, holds, contacts). ``counts``: accepted and rejected steps, Newton
+    iterations, factorisations. ``ends``: ends of the steps taken. The row before a change lies behind the table's last
+    one. Returns an outcome.
+    """
     A, B, width, touching = m.real, m.pair, row_size(m), contact_search.searched(m)
     trial, found = 0.0, contact_search.PASSED
     if touching and not contact_search.back(m, here):
@@ -346,7 +346,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             if wanted < 1e-12 * (times[count - 1] - times[0]):
                 status = TOO_SMALL
                 break
-            # Steps of equal length up to the next instant: none is cut to a sliver.
+            # steps of equal length up to the next instant, so that none is very short
             left = times[row + 1] - t
             h = left / math.ceil(left / wanted * (1.0 - 1e-9))
             end = times[row + 1] if h >= left * (1.0 - 1e-9) else t + h
@@ -354,7 +354,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
                 trial_or_aim = trial if trial > 0.0 else contact_search.aimed(m, h)
                 if trial_or_aim != h:
                     end = t + trial_or_aim
-            h = end - t  # of short steps not what was asked for, but for rounding
+            h = end - t  # the actual length, which differs by rounding for short steps
         _first_guess(m, table, h, length, here)
         counts[3] += 1
         solved = _factors(m, table, t, h, here, A, B, control[7] != 0.0)
@@ -364,7 +364,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
                 control[7] = needed
                 counts[1] += 1
                 if needed == slopes.DAMPED and table.ends[0] == 0.0:
-                    status = PAUSED  # what is overdamped rings on in steps of Gauss, and dies away in Radau's
+                    status = PAUSED  # overdamped modes oscillate with Gauss and decay with Radau
                     break
                 continue
             if replayed:
@@ -431,4 +431,4 @@ ENTRIES = {
     project: boolean(MECHANISM, float64),
     integrate: int64(MECHANISM, TABLE, N, N, N, int64, N, int64, N, N, N),
 }
-"""What Python calls, and with which arguments."""
+"""Functions called by Python, and their argument types."""

@@ -1,21 +1,21 @@
-"""Linear complementarity problems of small size: what rigid sides exert on each other where several of them touch.
+"""Small linear complementarity problems for forces or impulses of several rigid contacts with Coulomb friction.
 
-u = W x + b: u are rates of gaps, then of slips, or their accelerations, and x impulses, or forces. Of gaps x >= 0,
-u >= 0 and x . u = 0. Of slips |x| <= L, and x = -L sgn(u) where u isn't zero (Coulomb); L is mu times what presses, the
-x of a gap, and what holds beside that. With x = y - z of a slip, both no less than zero, and its size s, that is
+u = W x + b: u are rates of gaps, then of slips, or their accelerations, and x impulses or forces. For gaps x >= 0, u >=
+0 and x . u = 0. For slips |x| <= L, and x = -L sgn(u) if u is not zero (Coulomb); L is mu times the gap's x, plus a
+constant. With x = y - z for a slip, both nonnegative, and its speed s, this is
 
     W x + b >= 0,  s + (W x + b) >= 0 by y,  s - (W x + b) >= 0 by z,  L - y - z >= 0 by s
 
-(Stewart & Trinkle 1996, Int. J. Numer. Methods Eng. 39, 2673). For impulses there is always a solution that Lemke's
-method comes to unless restitution asks for more than a wedge gives (Anitescu & Potra 1997, Nonlinear Dyn. 14, 231); for
-forces there may be none. Lemke 1965, Manage. Sci. 11, 681; ties are broken lexicographically, so that it ends (Cottle,
-Pang & Stone 1992, The Linear Complementarity Problem, ch. 4). Where W is singular, as with more contacts than a body
-needs, x is one of many and the u of gaps the only one.
+(Stewart & Trinkle 1996, Int. J. Numer. Methods Eng. 39, 2673). For impulses Lemke's method always finds a solution,
+unless restitution exceeds what a wedge allows (Anitescu & Potra 1997, Nonlinear Dyn. 14, 231); for forces there may be
+none. Lemke 1965, Manage. Sci. 11, 681; ties are broken lexicographically, which guarantees termination (Cottle, Pang &
+Stone 1992, The Linear Complementarity Problem, ch. 4). If W is singular, for example with redundant contacts, x is one
+of many solutions, but the u of gaps is unique.
 
-Lemke's covering vector is that of rows scaled to a diagonal of one, so that units don't choose the way it goes. Where
-it finds no solution all choices of modes are tried, each of them a system of linear equations: a gap is open or closed,
-a slip is stuck or goes one way or the other. So two methods that share nothing say that there is none. Of more than
-MOST_CHOICES choices Lemke's method alone decides.
+Lemke's covering vector is that of rows scaled to a unit diagonal, so that units don't affect the path. If it finds no
+solution, all combinations of modes are tried, each a system of linear equations: a gap is open or closed, a slip sticks
+or slips in one direction. Thus two independent methods must fail. Beyond MOST_CHOICES combinations Lemke's method alone
+decides.
 """
 
 from __future__ import annotations
@@ -32,49 +32,48 @@ from kaneflex.multibody.tables import (
     OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, RESTED_BEFORE, QUIET,
     SCALES, VECTORS,
 ) = range(15)  # fmt: skip
-"""Vectors over the rows of contacts that touch, then of holds: rates before and after, impulses, forces at rest,
-accelerations, the problem's b, which rows may exert something; of a hold its mu, what holds besides, and the row that
-presses it on or -1; of a contact whether it doesn't bounce, whether it rested, and a rate that is none; what makes rows
-alike."""
+"""Vectors over the rows of touching contacts, then of holds: rates before and after, impulses, forces at rest,
+accelerations, the problem's b, active rows; for a hold its mu, constant resistance, and the row of its normal force
+or -1; for a contact whether it does not bounce, whether it was at rest, and a negligible rate; row scales."""
 _NOTHING = 1e-13
-"""Of the largest b: a u that is no less than its negative."""
+"""Share of the largest b below which a negative u counts as zero."""
 _FLAT = 1e-9
-"""What is left of a row, which has begun with 1, where others determine it."""
+"""Remaining share of a row below which it is dependent."""
 _TIE = 1e-12
-"""By which two ways to go on are the same."""
+"""Difference of ratios that counts as a tie."""
 _ASTRAY = 1e-9
-"""Of the largest b: a u below zero that is rounding where there is no way to go on."""
+"""Share of the largest b below which a negative u is accepted as rounding without a pivot."""
 MOST_CHOICES = 7776
-"""Choices of modes that are tried: 2 of a gap and 3 of a slip, so those of five contacts with friction."""
+"""Largest number of tried mode combinations: 2 per gap and 3 per slip, so those of five contacts with friction."""
 
 
 def room_of(contacts: int, holds: int) -> int:
-    """How many numbers the problem takes."""
+    """Count of numbers that the problem needs."""
     rows, size = contacts + holds, contacts + 3 * holds
     return rows * (rows + VECTORS) + size * (2 * size + 2)
 
 
 @njit(**OPTIONS)
 def most(m):
-    """How many rows there may be."""
+    """Largest number of rows."""
     return m.plan[ACTS] - m.plan[CONTACTS] + m.plan[DRIVES] - m.plan[HOLDS]
 
 
 @njit(**OPTIONS)
 def vector(m, which):
-    """Where one of the vectors is; W is at COMPLEMENT."""
+    """Place of one of the vectors; W is at COMPLEMENT."""
     return m.plan[COMPLEMENT] + most(m) * (most(m) + which)
 
 
 @njit(**OPTIONS)
 def listed(m):
-    """Where in whole numbers the contacts and holds are whose rows they are; after them there is room for as many."""
+    """Place of the indices of the rows' contacts and holds among whole numbers; workspace of the same size follows."""
     return m.plan[TOUCHING] + most(m)
 
 
 @njit(**OPTIONS)
 def complement(m, x, u, gaps, slips):
-    """Fill the vectors x and u; rows whose MAY is 0 stay at x = 0, whatever their u. False: there is no solution."""
+    """Solve for the vectors x and u; rows with MAY = 0 keep x = 0. False: no solution."""
     apart()
     w, rows, W = m.w, gaps + slips, m.plan[COMPLEMENT]
     size, scales, x, u = gaps + 3 * slips, vector(m, SCALES), vector(m, x), vector(m, u)
@@ -100,7 +99,7 @@ def complement(m, x, u, gaps, slips):
 
 @njit(**OPTIONS)
 def _row(k, gaps):
-    """The row of an unknown of the problem, and its sign there; 0 of a slip's size."""
+    """Row of an unknown of the problem, and its sign; 0 for a slip's speed."""
     if k < gaps:
         return k, 1.0
     kind = (k - gaps) % 3
@@ -109,21 +108,20 @@ def _row(k, gaps):
 
 @njit(**OPTIONS)
 def _cover(m, i, rows):
-    """A row of Lemke's covering vector, which would be 1 if W had a diagonal of 1."""
+    """Entry of Lemke's covering vector, 1 for a unit diagonal of W."""
     own = abs(m.w[m.plan[COMPLEMENT] + (rows + 1) * i])
     return m.w[vector(m, SCALES) + i] * math.sqrt(own) if own > 1e-300 else 0.7
 
 
 @njit(**OPTIONS)
 def _fill(m, gaps, slips, size):
-    """Fill the problem of z >= 0 and M z + q >= 0; whether z = 0 doesn't solve it, and by what q is divided to be at
-    most 1."""
+    """Tableau of z >= 0, M z + q >= 0; returns whether z = 0 is not a solution, and the scale of q."""
     apart()
     w, rows, wide, T = m.w, gaps + slips, 2 * size + 2, vector(m, VECTORS)
     scales, largest, cover = vector(m, SCALES), 0.0, 0.0
     for i in range(rows):
         own = abs(w[m.plan[COMPLEMENT] + (rows + 1) * i])
-        w[scales + i] = math.ldexp(1.0, -math.frexp(own)[1] // 2) if own > 1e-300 else 1.0  # which rounds nothing
+        w[scales + i] = math.ldexp(1.0, -math.frexp(own)[1] // 2) if own > 1e-300 else 1.0  # a power of two is exact
         cover = larger(cover, _cover(m, i, rows))
         if w[vector(m, MAY) + i] != 0.0:
             largest = larger(largest, abs(w[vector(m, WANTED) + i]) * w[scales + i])
@@ -162,8 +160,7 @@ def _fill(m, gaps, slips, size):
 
 @njit(**OPTIONS)
 def _lemke(m, size):
-    """Solve it: which unknowns are not zero, after the list, and their values in the last column; False: there is no
-    solution."""
+    """Solve by Lemke's method: basic unknowns after the list, values in the last column; False: no solution."""
     apart()
     w, wide, T, basis = m.w, 2 * size + 2, vector(m, VECTORS), listed(m) + most(m)
     row, lowest = 0, 0.0
@@ -184,15 +181,15 @@ def _lemke(m, size):
         for i in range(size):
             if m.pivots[basis + i] == 2 * size:
                 left = w[T + wide * i + wide - 1]
-        if left <= _NOTHING or row < 0:  # where rows are as good as the same, nothing is left before it leaves
+        if left <= _NOTHING or row < 0:  # with nearly equal rows the artificial variable may vanish before it leaves
             return left <= _ASTRAY
     return False
 
 
 @njit(**OPTIONS)
 def _by_modes(m, x, gaps, slips, largest):
-    """Solve the problem by the choice of modes that violates it least and fill x, which is zero; False: all violate it
-    by more than rounding. ``largest``: of the scaled b."""
+    """Solve by the mode combination with the least violation and fill x, initially zero; False: all violations exceed
+    rounding. ``largest``: largest scaled b."""
     apart()
     w, rows, T, scales = m.w, gaps + slips, vector(m, VECTORS), vector(m, SCALES)
     choices, least, best = 1, _ASTRAY, -1
@@ -215,7 +212,7 @@ def _by_modes(m, x, gaps, slips, largest):
 
 @njit(**OPTIONS)
 def _mode(choice, i, gaps):
-    """Mode of a row: of a gap 0 open, 1 closed; of a slip 0 stuck, 1 and 2 by u above and below zero."""
+    """Mode of a row: gap 0 open, 1 closed; slip 0 sticking, 1 and 2 for u above and below zero."""
     left = choice
     for k in range(i):
         left = left // 2 if k < gaps else left // 3
@@ -224,14 +221,14 @@ def _mode(choice, i, gaps):
 
 @njit(**OPTIONS)
 def _entry(m, i, j, rows):
-    """W where its diagonal is about 1."""
+    """Scaled entry of W, with diagonal about 1."""
     scales = vector(m, SCALES)
     return m.w[m.plan[COMPLEMENT] + rows * i + j] * m.w[scales + i] * m.w[scales + j]
 
 
 @njit(**OPTIONS)
 def _limit(m, i):
-    """What a slip's x is at most, scaled: a constant, and a ratio of the x that presses it on."""
+    """Bound of a slip's x, scaled: a constant, and the ratio to its normal force."""
     w, scales, n = m.w, vector(m, SCALES), int(m.w[vector(m, PRESSES) + i])
     beside = w[vector(m, BESIDE) + i] / w[scales + i]
     if n < 0 or w[vector(m, MAY) + n] == 0.0:
@@ -241,7 +238,8 @@ def _limit(m, i):
 
 @njit(**OPTIONS)
 def _chosen(m, choice, gaps, slips):
-    """Fill the equations of a choice of modes, right sides in the last column; False: another choice has the same."""
+    """Equations of a mode combination with right-hand sides in the last column; False: another combination has the
+    same."""
     apart()
     w, rows, T = m.w, gaps + slips, vector(m, VECTORS)
     for i in range(rows):
@@ -267,7 +265,7 @@ def _chosen(m, choice, gaps, slips):
 
 @njit(**OPTIONS)
 def _solved(w, T, rows):
-    """Solve equations whose right sides, and then answers, are the last column; False: they are singular."""
+    """Solve equations with right-hand sides, then solutions, in the last column; False: singular."""
     apart()
     wide = rows + 1
     for k in range(rows):
@@ -292,7 +290,7 @@ def _solved(w, T, rows):
 
 @njit(**OPTIONS)
 def _violation(m, choice, gaps, slips, largest):
-    """By how much the answer of a choice violates the problem's inequalities, as a share of b or of the answer."""
+    """Violation of the problem's inequalities by a combination's solution, relative to b or to the solution."""
     apart()
     w, rows, answer, off, size = m.w, gaps + slips, vector(m, VECTORS) + gaps + slips, 0.0, largest
     for i in range(rows):
@@ -318,7 +316,7 @@ def _violation(m, choice, gaps, slips, largest):
 
 @njit(**OPTIONS)
 def _leaves(m, T, size, entering):
-    """The row whose unknown comes to zero first as another one grows; -1: none does."""
+    """Row of the unknown that first reaches zero as another one grows; -1: none."""
     apart()
     w, wide, basis, best = m.w, 2 * size + 2, listed(m) + most(m), -1
     for i in range(size):
@@ -344,7 +342,7 @@ def _leaves(m, T, size, entering):
 
 @njit(**OPTIONS)
 def _pivot(w, T, size, row, column):
-    """Have an unknown take the place of another one."""
+    """Exchange two unknowns."""
     apart()
     wide = 2 * size + 2
     own = T + wide * row

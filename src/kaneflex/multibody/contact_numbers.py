@@ -1,4 +1,4 @@
-"""What is asked of the numbers of a contact in the compiled integration: its kind, and what is small for it."""
+"""Kind and tolerances of a contact in the compiled integration."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 
 ROUNDING = 1e-14
-"""Of a gap, in sizes of the mechanism."""
+"""Rounding error of a gap, in sizes of the mechanism."""
 EPS = 2.3e-16
-"""Of numbers."""
+"""Relative rounding error of numbers."""
 
 
 @njit(**OPTIONS)
 def at(m, c):
-    """Where the numbers of the c-th contact are."""
+    """Place of the numbers of the c-th contact."""
     return m.plan[CONTACT] + CONTACT_SIZE * c
 
 
 @njit(**OPTIONS)
 def rigid(m, c):
-    """Whether the c-th contact is by Newton's law."""
+    """True if the c-th contact follows Newton's law."""
     return m.acts[m.plan[CONTACTS] + c, LAW] == NEWTON
 
 
 @njit(**OPTIONS)
 def tolerance(m, c, t, rate):
-    """How far from zero a gap counts as zero [m or rad]."""
+    """Gap that counts as zero [m or rad]."""
     return ROUNDING * extent(m, c) + 4.0 * EPS * abs(t * rate)
 
 
 @njit(**OPTIONS)
 def switches(m, c):
-    """Whether it is no contact, but switches laws."""
+    """True for a switching argument of laws instead of a contact."""
     return m.acts[m.plan[CONTACTS] + c, WHAT] == SWITCH
 
 
 @njit(**OPTIONS)
 def near(m, c, t, rate):
-    """How far from zero the gap of a contact counts as zero, or what switches laws."""
+    """Gap of a contact, or switching argument, that counts as zero."""
     if switches(m, c):
         return ROUNDING * m.w[at(m, c) + LARGEST] + 4.0 * EPS * abs(t * rate)
     return tolerance(m, c, t, rate)
@@ -51,7 +51,7 @@ def near(m, c, t, rate):
 
 @njit(**OPTIONS)
 def extent(m, c):
-    """What a contact's gap is small against: the size of the mechanism [m], of flanks the angle at which they stand."""
+    """Reference size of a contact's gap: size of the mechanism [m], for flanks their angle."""
     act = m.plan[CONTACTS] + c
     if m.acts[act, WHAT] == FLANK:
         return 1.0 + abs(m.w[m.plan[SECTION] + SEC * m.acts[act, ON] + 2])
@@ -60,14 +60,14 @@ def extent(m, c):
 
 @njit(**OPTIONS)
 def depth_of(w, own, mass, speed):
-    """How deep an elastic impact of a mass goes [m]."""
+    """Depth of an elastic impact of a mass [m]."""
     power = w[own + 4] + 1.0
     return (power * mass * speed * speed / (2.0 * w[own + 3])) ** (1.0 / power)
 
 
 @njit(**OPTIONS)
 def no_force(m, c):
-    """Force [N] of a contact that is as good as none."""
+    """Force [N] of a contact that counts as zero."""
     if rigid(m, c):
         return m.w[at(m, c) + ALLOWED] + 1e-11 * m.w[at(m, c) + PEAK]
     w, own = m.w, m.acts[m.plan[CONTACTS] + c, NUMBERS_AT]
@@ -77,14 +77,14 @@ def no_force(m, c):
 
 @njit(**OPTIONS)
 def gradient_at(m, c):
-    """Where a contact's gradient is, or a hold's, which come last."""
+    """Place of the gradient of a contact, or of a hold, which come last."""
     place = c if c >= 0 else m.plan[ACTS] - m.plan[CONTACTS] - 1 - c
     return m.plan[TOUCH] + SHARED + m.plan[COORDINATES] * place
 
 
 @njit(**OPTIONS)
 def product(w, row, values, count):
-    """A row of the tables times a column of values."""
+    """Product of a row of the tables and a column of values."""
     total = 0.0
     for i in range(count):
         total += w[row + i] * values[i]

@@ -1,8 +1,8 @@
-"""Where in a step a contact changes, in the compiled integration.
+"""Search for contact changes within a step of the compiled integration.
 
-The gap along a step is looked at where its stages are, and where the cubics between them come close to zero: on the
-step's own polynomial, so that no dip below zero is stepped over. A step that goes past a change is taken again up to
-there, until the gap is zero but for rounding.
+The gap is checked at the stages, and at points of the step's own polynomial where cubics between them come close to
+zero, so that no penetration is missed. A step beyond a change is repeated up to it, until the gap is zero up to
+rounding.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ from kaneflex.multibody.tables import (
 from kaneflex.multibody.rigid_contacts import LEAST_HEIGHT, NOISE, acceleration, collide, size_of
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)
-"""What is found in a step: no change, one at its end, one before it begins, one inside or beyond it; or its end doesn't
+"""Findings in a step: no change, one at its end, one before it begins, one inside or beyond it; or its end does not
 close."""
 _MANY = 30
-"""Steps that are taken again before their ends only halve what is left."""
+"""Repeated steps after which the interval is halved."""
 _PRESSED = 1e-8
-"""Of their accelerations, that with which sides come together that loads press on each other."""
+"""Approach acceleration, relative to the sides' accelerations, that counts as pressing."""
 _NONE = -1000000
-"""Number of no contact, and of no hold."""
+"""Index of no contact and no hold."""
 _FIRST_HYSTERETIC = 2
-"""Of the laws, by their numbers, that which is the first to divide by an approach speed."""
+"""First law, by number, that divides by an approach speed."""
 _FAR_FASTER = 3.0
-"""An impact only becomes slower than it began; loads that press it on make it 1.4 times as fast at most."""
+"""Increase of an impact's speed that requires a new approach speed: pressing loads increase it at most 1.4 times."""
 
 
 @of_contacts(False)
 @njit(**OPTIONS)
 def searched(m):
-    """Whether steps are searched for changes."""
+    """True if steps are searched for changes."""
     return True
 
 
 @of_contacts(None)
 @njit(**OPTIONS)
 def note(m, t, i):
-    """Keep gap, its rate, force and its sign of all contacts as they are now, as those of the step's node i."""
+    """Store gap, rate, force and sign of the force of all contacts as those of the step's node i."""
     apart()
     plan, w = m.plan, m.w
     for c in range(plan[ACTS] - plan[CONTACTS]):
@@ -65,7 +65,7 @@ def note(m, t, i):
         elif rigid(m, c):
             w[j + 3] = w[k + PUSH_NOW]
         elif w[k + BEGUN_AT] != 0.0:
-            # Where the depth is zero so is a force, but for its sign.
+            # at zero depth the force is zero, only its sign counts
             least, w[j + 3] = -1e-6 * w[k + ALLOWED] / w[plan[TOUCH] + PRECISION], w[k + PUSH_NOW]
             if w[k + BEGUN_AT] < 0.0 or w[k + GAP] > least:
                 law, own, gap = m.acts[act, LAW], m.acts[act, NUMBERS_AT], smaller(w[k + GAP], least)
@@ -76,7 +76,7 @@ def note(m, t, i):
 @of_contacts(True)
 @njit(**OPTIONS)
 def back(m, here):
-    """Have everything where a row has it, where a step begins; False: a loop doesn't close."""
+    """Restore the state of a row at the start of a step; False: a loop does not close."""
     apart()
     take(m, here)
     closes = follow(m, here[0])
@@ -87,7 +87,7 @@ def back(m, here):
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def go_on(m, table, h, here, A, wanted, found):
-    """Begin the next step after one in which this was ``found``; how long it may be [s], see ``contacts.change``."""
+    """Begin the next step after one with this finding; returns its largest length [s], see ``contacts.change``."""
     apart()
     if found != AT_ONCE:
         pushed_on(m, table, h)
@@ -103,16 +103,16 @@ def go_on(m, table, h, here, A, wanted, found):
 @of_contacts(False)
 @njit(**OPTIONS)
 def others_rest(m):
-    """Whether contacts rest by Newton's law that dependent coordinates don't keep closed, or the other way round."""
+    """True if contacts rest under Newton's law without being constraints of dependent coordinates, or vice versa."""
     return m.w[m.plan[TOUCH] + RESTED] != 0.0
 
 
 @njit(**OPTIONS)
 def begin(m, t):
-    """Note where a step begins: where everything is.
+    """Record the state at the start of a step.
 
-    Rigid sides that part without a speed, as where a force has come to zero, are still where rounding has them: only
-    what comes back beyond that closes again. What loads press together from the start closes at once.
+    Rigid sides that separate without speed, as when a force vanishes, are still within rounding: only a return beyond
+    that closes them again. Sides pressed together at the start close at once.
     """
     apart()
     w = m.w
@@ -130,7 +130,7 @@ def begin(m, t):
                 w[k + SHIFT] = 8.0 * zero
             aim = _meets(w[k + GAP] + w[k + SHIFT], rate, bent)
             aim += 3.0 * EPS * larger(abs(t), aim)
-            # Nothing moves on from a gap of rounding in the time that it would take.
+            # too short a time to leave a gap of rounding size
             if w[k + GAP] + w[k + SHIFT] > zero and 16.0 * EPS * abs(t) < aim < w[m.plan[TOUCH] + AIM]:
                 w[m.plan[TOUCH] + AIM] = aim
     sticking.begin(m)
@@ -139,7 +139,7 @@ def begin(m, t):
 
 @njit(**OPTIONS)
 def _meets(gap, rate, bent):
-    """When a gap that changes so by now is closed [s]; never, infinity."""
+    """Time until a gap with this rate and acceleration closes [s]; infinity if never."""
     root = rate * rate - 2.0 * bent * gap
     if not gap > 0.0 or root < 0.0 or (bent >= 0.0 and rate >= 0.0):
         return math.inf
@@ -149,19 +149,19 @@ def _meets(gap, rate, bent):
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def aimed(m, h):
-    """The step [s] to take in place of h, at whose end rigid sides are to meet: so that none has to be taken again."""
+    """Step [s] instead of h that ends at the predicted closing of rigid sides, to avoid repetitions."""
     return smaller(h, m.w[m.plan[TOUCH] + AIM])
 
 
 @njit(**OPTIONS)
 def forget(m):
-    """Give up the search for a change in a step."""
+    """End the search for a change in a step."""
     m.w[m.plan[TOUCH] + HIGH] = m.w[m.plan[TOUCH] + LOW] = m.w[m.plan[TOUCH] + TRIES] = 0.0
 
 
 @njit(**OPTIONS)
 def again(m, low, trial, high):
-    """Have a step taken again that ends between two others: at the trial, or half way after too many of these."""
+    """Repeat a step with an end between two others: at the trial, or halfway after too many of these."""
     w, shared = m.w, m.plan[TOUCH]
     w[shared + TRIES] += 1.0
     w[shared + LOW], w[shared + HIGH] = low, high
@@ -172,14 +172,14 @@ def again(m, low, trial, high):
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def next_trial(m, found):
-    """The step to take again [s], 0 where none is."""
+    """Length of the repeated step [s], 0 if there is none."""
     return m.w[m.plan[TOUCH] + TRIAL] if found == AGAIN else 0.0
 
 
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def unturned(m):
-    """The longest step [s] in which no body with an open contact turns by more than 1 rad; flanks but turn."""
+    """Longest step [s] in which no body with an open contact turns by more than 1 rad; without flanks."""
     plan, w, fastest = m.plan, m.w, 1e-300
     for c in range(plan[ACTS] - plan[CONTACTS]):
         if w[at(m, c) + BEGUN_AT] == 0.0 and m.acts[plan[CONTACTS] + c, WHAT] != FLANK:
@@ -191,9 +191,9 @@ def unturned(m):
 @of_contacts(0)
 @njit(**OPTIONS)
 def look(m, table, t, h, here, searched):
-    """Look for the first change of a contact in a step that is solved; see PASSED. TRIAL is the step to take instead.
+    """Find the first change of a contact in a solved step; see PASSED. TRIAL is the step to take instead.
 
-    The change is between LOW and HIGH where one was ``searched`` already.
+    The change is between LOW and HIGH if one was ``searched`` before.
     """
     apart()
     plan, w, shared = m.plan, m.w, m.plan[TOUCH]
@@ -233,16 +233,16 @@ def look(m, table, t, h, here, searched):
         w[shared + TARGET], w[shared + FOUND_AT] = which, how
         return again(m, w[shared + LOW] if searched else 0.0, first * h, h)
     if not at_end and _is_short_of(m, t, which, how, last):
-        return PASSED  # longer steps passed zero on their way by less than they are exact
+        return PASSED  # longer steps cross zero within their error
     w[at(m, which) + DUE] = how
     return CHANGED
 
 
 @njit(**OPTIONS)
 def _note_rests(m, t, h, last):
-    """Keep the forces of rigid sides that rest, as stages have them and as the end asks for them; False: singular.
+    """Store the forces of rigid sides at rest, in the stages and at the end; False: singular.
 
-    Those of stages are as exact as displacements by them within the step: what may be no more than that is no pull.
+    Forces of stages are as accurate as displacements within the step: smaller tensions are ignored.
     """
     apart()
     plan, w, found = m.plan, m.w, False
@@ -263,7 +263,7 @@ def _note_rests(m, t, h, last):
 
 @njit(**OPTIONS)
 def _first_change(m, table, t, h, here, c, last):
-    """Where in the step a contact changes first, as a share of it, and how."""
+    """First change of a contact in the step, as a share of it, and its kind."""
     apart()
     w, k = m.w, at(m, c)
     begun_at, j = w[k + BEGUN_AT], k + NODES
@@ -299,7 +299,7 @@ def _first_change(m, table, t, h, here, c, last):
 @of_holds(NEVER)
 @njit(**OPTIONS)
 def _first_shift(m, table, t, h, here, n, last):
-    """Where in the step a hold sticks, slips or turns round first, as a share of it."""
+    """First stick, slip or reversal of a hold in the step, as a share of it."""
     apart()
     w, k = m.w, at(m, n)
     mode = w[k + MODE]
@@ -324,7 +324,7 @@ def _first_shift(m, table, t, h, here, n, last):
 
 @njit(**OPTIONS)
 def _due(m, t, c, how, last):
-    """Whether a contact is where it changes at the step's end, but for rounding."""
+    """True if a contact changes at the step's end, up to rounding."""
     w = m.w
     j = at(m, c) + NODES + 4 * last
     if how == SHIFTS:
@@ -336,7 +336,7 @@ def _due(m, t, c, how, last):
 
 @njit(**OPTIONS)
 def _is_short_of(m, t, c, how, last):
-    """Whether an open contact at the step's end is yet to close, or a hold to slip, stick or turn round."""
+    """True if an open contact at the step's end has yet to close, or a hold to slip, stick or reverse."""
     j = at(m, c) + NODES + 4 * last
     if how == SHIFTS:
         return m.w[j] > m.w[j + 2]
@@ -345,7 +345,7 @@ def _is_short_of(m, t, c, how, last):
 
 @njit(**OPTIONS)
 def _ahead(m, table, h, c, how, last):
-    """How long after a step's end a contact changes, as things go there [s]."""
+    """Time from a step's end to a contact's change, by linear extrapolation [s]."""
     w, j = m.w, at(m, c) + NODES + 4 * last
     if how == CLOSES or how == OPENS or (how == SHIFTS and w[at(m, c) + MODE] != holds.STUCK):
         return -w[j] / w[j + 1] if w[j + 1] != 0.0 else 0.0
@@ -355,7 +355,7 @@ def _ahead(m, table, h, c, how, last):
 
 @njit(**OPTIONS)
 def _harden(m, last):
-    """Mark contacts that go deeper at the step's end far faster than they began, by whose speed their law divides."""
+    """Mark contacts whose speed at the step's end far exceeds the approach speed by which their law divides."""
     apart()
     plan, w, found = m.plan, m.w, False
     for c in range(plan[ACTS] - plan[CONTACTS]):

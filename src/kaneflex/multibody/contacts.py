@@ -1,15 +1,14 @@
-"""Contacts in the compiled integration: what closed ones add to its equations, and how they change.
+"""Contacts in the compiled integration: forces of closed contacts, and changes of state.
 
-A contact is open, and exerts nothing, or closed, and pushes by its law (:mod:`kaneflex.generated.contact`). It closes
-where its gap comes to zero from above, and opens where that comes back; in between it lets go where its law would pull,
-as that of a damper does, and pushes again where it no longer would. BEGUN_AT says which it is in: 0 open, the approach
-speed of its law where it pushes, less than zero where it has let go. Every change ends a step: where they are is found
-in :mod:`kaneflex.multibody.contact_search`.
+A contact is open, without force, or closed, with a force by its law (:mod:`kaneflex.generated.contact`). It closes when
+its gap reaches zero from above, and opens when it returns. In between it lets go when its law would pull, for example
+by damping, and pushes again when it no longer would. BEGUN_AT is its state: 0 open, the approach speed of its law while
+it pushes, negative after it has let go. Every change ends a step: :mod:`kaneflex.multibody.contact_search` finds them.
 
-A speed of approach says how deep an impact goes, by the mass that resists along the normal: a share of this depth is
-the error allowed in the gap while it lasts. A contact that loads press together begins at no less a speed than that
-which goes as deep as these loads do: slower ones are no impacts, and a law that divides by their speeds says nothing.
-Where one goes deeper far faster later than it began, as others push it on, its law goes on with the speed it has then.
+The approach speed determines the depth of an impact, by the effective mass along the normal: a share of this depth is
+the tolerance of the gap. A contact that loads press together has at least the approach speed that corresponds to the
+depth under these loads: slower impacts are meaningless for laws that divide by the speed. If it later moves inwards
+much faster, since other contacts press it, its law continues with that speed.
 """
 
 from __future__ import annotations
@@ -38,21 +37,21 @@ from kaneflex.multibody.tables import (
 from kaneflex.multibody.yielding import along
 
 CLOSES, LETS_GO, PUSHES, OPENS, HARDENS, SHIFTS = range(1, 7)
-"""How a contact changes, and SHIFTS a hold."""
+"""Changes of a contact; SHIFTS: change of a hold."""
 _LEAST = 1e-12
-"""In sizes of the mechanism, the depth of the slowest impact that has a law."""
+"""Depth of the slowest impact, in sizes of the mechanism."""
 _FIRST_STEP = 0.03
-"""Of the time in which an impact would come to its depth at its approach speed."""
+"""First step, as a share of the time in which an impact reaches its depth at its approach speed."""
 _MOST_AT_ONCE = 1000
-"""Changes without time between them that are still resolved."""
+"""Largest number of changes at one instant."""
 _DOUBTED = 4.0, 16.0
-"""Of these, the first and the last ones after which steps become ever shorter: what comes loose with hardly any
-acceleration turns back at once on the polynomial of a step that is too long to know, is caught, comes loose again."""
+"""Range of this number in which steps are shortened: a contact that separates with hardly any acceleration may close
+again on the polynomial of too long a step."""
 
 
 @njit(**OPTIONS)
 def pushed_on(m, table, h):
-    """Add a step that is taken to the impulses of closed contacts, and to their peaks: its parabola's, if inside."""
+    """Add a step to the impulses of closed contacts, and to their peaks, by its parabola if inside."""
     apart()
     plan, w, x = m.plan, m.w, table.nodes
     for c in range(plan[ACTS] - plan[CONTACTS]):
@@ -77,13 +76,13 @@ def pushed_on(m, table, h):
 @of_contacts(False)
 @njit(**OPTIONS)
 def full(m):
-    """Whether no more impacts are kept than may end together."""
+    """True if there is no room for more impacts."""
     return m.w[m.plan[IMPACTS]] >= MOST_IMPACTS
 
 
 @njit(**OPTIONS)
 def _without_end(m, t):
-    """Whether contacts change over and over at one instant, now being one of these changes."""
+    """True if too many changes occur at one instant, including this one."""
     w, shared = m.w, m.plan[TOUCH]
     w[shared + IN_A_ROW] = w[shared + IN_A_ROW] + 1.0 if t - w[shared + LAST_CHANGE] <= 64.0 * EPS * abs(t) else 0.0
     w[shared + LAST_CHANGE] = t
@@ -92,8 +91,8 @@ def _without_end(m, t):
 
 @njit(**OPTIONS)
 def also_due(m, t):
-    """Mark what changes where everything is beside what is due; how many contacts close, whether all were open,
-    and whether any changes.
+    """Mark further changes at this state; returns how many contacts close, whether all were open, and whether any
+    changes.
 
     Rigid sides have changed already.
     """
@@ -118,9 +117,9 @@ def also_due(m, t):
 
 @njit(**OPTIONS)
 def change(m, here, A, wanted):
-    """Have contacts change where everything is, with all others that are as far; the next step [s].
+    """Apply all changes due at this state; returns the next step [s].
 
-    0 where they change over and over at one instant, less than 0 at a singular state. Accelerations are those after it.
+    0 for an endless sequence at one instant, negative at a singular state. Accelerations are those afterwards.
     """
     apart()
     plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], here[0]
@@ -168,7 +167,7 @@ def change(m, here, A, wanted):
             return wanted
     if changing and not mend(m, t, A, 0.0, 2):
         return -1.0
-    if w[shared + RESTED] == 0.0:  # else once those that rest are held by other coordinates
+    if w[shared + RESTED] == 0.0:  # else after the coordinates are chosen again
         unsettled = sticking.decide(m, t, A)
         if unsettled:
             return -1.0 * unsettled
@@ -178,7 +177,7 @@ def change(m, here, A, wanted):
 
 @njit(**OPTIONS)
 def _close(m, c, t, A, lost):
-    """Begin a contact; the time [s] in which it would come to its depth at its approach speed."""
+    """Begin a contact; returns the time [s] in which it reaches its depth at its approach speed."""
     apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     k, own = at(m, c), m.acts[plan[CONTACTS] + c, NUMBERS_AT]
@@ -203,7 +202,7 @@ def _close(m, c, t, A, lost):
 
 @njit(**OPTIONS)
 def part(m, c, t, lost):
-    """End a contact, and keep what it was as an impact."""
+    """End a contact, and record its impact."""
     w, k, count = m.w, at(m, c), int(m.w[m.plan[IMPACTS]])
     w[k + BEGUN_AT] = 0.0
     j = m.plan[IMPACTS] + 1 + IMPACT_SIZE * count
@@ -216,10 +215,10 @@ def part(m, c, t, lost):
 @of_contacts(True)
 @njit(**OPTIONS)
 def stand_closed(m, t, A):
-    """Contacts of a state by itself: those whose sides overlap are closed, all others open; False at a singular state.
+    """Contact states of a single state: closed if the sides overlap, else open; False at a singular state.
 
-    Those by Newton's law stay as they are. Any other that is to be closed and is not counts as begun at the speed that
-    would bring it as deep as it is. Laws are on the side of zero on which their arguments are, or come to be.
+    Those by Newton's law keep their state. The approach speed of others that close is the one that leads to the present
+    depth. Discontinuous laws take the side of their present or imminent argument.
     """
     apart()
     plan, w, changing = m.plan, m.w, 0

@@ -1,4 +1,4 @@
-"""Whole turns of the bodies of a planar mechanism: with how many they begin, and how many of them sensors leave out."""
+"""Full turns of planar bodies: initial ones, and those that sensors leave out."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from kaneflex.support.errors import SceneError
 def unwrapped(
     scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion, given: Collection[str] = ()
 ) -> np.ndarray:
-    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn they prescribe.
+    """State q with full turns added to the bodies' angles, consistent with drives, welds and guides.
 
-    Joints that springs, laws or free drives know begin within half a turn of where these are at rest or start; between
-    bodies whose angles are ``given`` they keep the turns that they have.
+    Joints with springs, laws or free drives start within half a turn of their rest or start; between bodies with
+    ``given`` angles they keep their turns.
     """
     drives = {name: float(rigid[f"{name}.angle"][0]) for name in scene.drives}
     before = {name: float(q[k + 2]) for name, k in system.start.items()}
@@ -35,7 +35,7 @@ def unwrapped(
 def check_turns_kept(
     scene: Scene, system: CoupledSystem, before: np.ndarray, q: np.ndarray, given: Collection[str]
 ) -> None:
-    """Raise SceneError where springs and laws find other turns in q than angles are ``given`` with in ``before``."""
+    """Raise SceneError if springs and laws have other turns in q than by the ``given`` angles in ``before``."""
     was, now = ({name: float(part[k + 2]) for name, k in system.start.items()} for part in (before, q))
     now = _between(scene, now, given)
     sprung = {spring.torsional_at for spring in scene.springs.values()}
@@ -45,22 +45,22 @@ def check_turns_kept(
         if knows and round((turned - now[name]) / math.tau):
             raise SceneError(
                 "solve.start", "a table of a state",
-                f"{knows} counts the turns of {name}, which is given at {math.degrees(turned):.6g} deg: drives, welds "
-                f"and guides begin where it is at {math.degrees(now[name]):.6g} deg",
-                "Continue with --after, or simulate(model, after=...), where drives go on, too, or give the angles of "
-                "drives these turns",
+                f"{knows} counts the turns of {name}, which is given at {math.degrees(turned):.6g} deg, but drives, "
+                f"welds and guides start with it at {math.degrees(now[name]):.6g} deg",
+                "Continue with --after, or simulate(model, after=...), which also continues drives, or add turns to "
+                "the drives' angles",
             )  # fmt: skip
 
 
 def left_out(scene: Scene, start: Placement) -> dict[str, float]:
-    """Body -> whole turns [rad] with which it begins, where sensors begin within half a turn of zero."""
+    """Body -> initial full turns [rad] that sensors leave out, to start within half a turn of zero."""
     angles = {name: math.atan2(math.sin(pose[2]), math.cos(pose[2])) for name, pose in start.poses.items()}
     counted = _counted(scene, angles, start.drives)
     return {name: float(whole_turns(counted[name] - angle)) for name, angle in angles.items()}
 
 
 def _between(scene: Scene, angles: Mapping[str, float], given: Collection[str]) -> dict[str, float]:
-    """Coordinates [rad] of the pins between ``given`` bodies whose turns a spring, a law or a free drive knows."""
+    """Coordinates [rad] of pins between ``given`` bodies whose turns a spring, a law or a free drive counts."""
     sprung = [spring.torsional_at for spring in scene.springs.values() if spring.torsional_at is not None]
     free = [name for name, drive in scene.drives.items() if drive.kind == "free"]
     known, found = {"ground": 0.0, **{name: angles[name] for name in given}}, {}
@@ -74,9 +74,9 @@ def _between(scene: Scene, angles: Mapping[str, float], given: Collection[str]) 
 def _counted(
     scene: Scene, angles: Mapping[str, float], drives: Mapping[str, float], kept: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """Angles of the bodies [rad] with the turns that joints prescribe, or that are to be ``kept`` between them.
+    """Angles of the bodies [rad] with the turns prescribed by joints, or ``kept`` between them.
 
-    ``drives`` are the drives' coordinates.
+    ``drives``: coordinates of the drives.
     """
     counted, angle = {"ground"}, {"ground": 0.0, **angles}
     turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
@@ -87,10 +87,10 @@ def _counted(
     near |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
     near = {name: drives[name] for name in turning} | {name: at for name, at in near.items() if name not in turning}
     near |= kept or {}
-    turns |= {name: angle for name, angle in near.items() if name not in turns}  # what is prescribed comes first
+    turns |= {name: angle for name, angle in near.items() if name not in turns}  # prescribed ones take precedence
     while len(counted) < len(angle):
         leading = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
-        if not leading:  # no joint prescribes the turn of what is left against what is counted
+        if not leading:  # no joint determines the remaining turns
             counted.add(next(name for name in angle if name not in counted))
             continue
         name, side = leading[0]
@@ -102,6 +102,6 @@ def _counted(
 
 
 def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
-    """Whether a joint leads from a body that is counted, on this side of it, to one that is not."""
+    """True if a joint leads from a counted body on this side to one not yet counted."""
     base, other = (scene.joints[joint].addresses[k].body for k in (side, 1 - side))
     return base in counted and other not in counted

@@ -1,13 +1,12 @@
-"""Motions that repeat: from where a cycle's end misses its start to a start that it doesn't miss.
+"""Search for periodic motions by shooting: from the change over a cycle to a start without change.
 
-x are the independent coordinates and their rates at the start of a cycle, P(x) what they are at its end. Newton's
-method solves P(x) = x with the monodromy matrix dP/dx of the equations linearised along a cycle,
+x are the independent coordinates and their rates at the start of a cycle, P(x) those at its end. Newton's method solves
+P(x) = x with the monodromy matrix dP/dx of the equations linearised along a cycle,
 
     x <- x + (1 - dP/dx)^-1 (P(x) - x),
 
-whose modes forget their start by themselves where they are damped, and need not be waited for. Its eigenvalues are the
-Floquet multipliers of a motion that repeats (Nayfeh and Mook 1979, section 5.2): a disturbance grows where the modulus
-of one is beyond one.
+so that slowly decaying modes need not be waited for. The eigenvalues of dP/dx are the Floquet multipliers of a periodic
+motion (Nayfeh and Mook 1979, section 5.2): a disturbance grows if the modulus of one exceeds one.
 """
 
 from __future__ import annotations
@@ -22,28 +21,27 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 
 _CYCLES = 100
-"""Cycles after which a motion that doesn't repeat counts as one without a periodic state."""
+"""Largest number of cycles of the search."""
 REPEATS = 1e-5
-"""Change of the deformation over a cycle, against its largest value, and of free joints, against how far they go, below
-which a motion repeats."""
+"""Change over a cycle that counts as periodic: of the deformation, relative to its largest value, and of free joints,
+relative to their range."""
 PIECES, _FEWEST, _MOST = 48, 24, 200
-"""Pieces of a cycle in each of which the linear equations are those of its middle; at first and at most for its
-multipliers."""
+"""Pieces of a cycle with constant linear equations, and their first and largest number for multipliers."""
 _DIES, _EXACT = 0.5, 1e-4
-"""A modulus that needs no better look, and what another may be off by where it is one as far as one can tell."""
+"""Modulus that needs no refinement, and accuracy of one close to 1."""
 _ROUNDED = 1e-8
-"""What rounding and differences leave of a modulus at least."""
+"""Least error of a modulus by rounding and differences."""
 _APART, _BY_CYCLES = 1e-3, 1e-2
-"""Of cycles from which differences are taken: how far their starts lie apart, as a share of how far the motion goes,
-and what a modulus is off by then."""
-_UNKNOWN = "whether disturbances grow is not known"
+"""For differences of cycles: distance of their starts, as a share of the motion's range, and resulting error of a
+modulus."""
+_UNKNOWN = "the stability is not known"
 
 Start = TypeVar("Start")
 Cycle = TypeVar("Cycle")
 
 
 class Verdict(NamedTuple):
-    """What came of a search for a motion that repeats; floquet: its multipliers (2 k,), by decreasing modulus."""
+    """Result of a search for a periodic motion; floquet: its multipliers (2 k,), by decreasing modulus."""
 
     outcome: Outcome
     message: str
@@ -51,59 +49,59 @@ class Verdict(NamedTuple):
 
 
 COMPLETED = Verdict(Outcome.COMPLETED, Outcome.COMPLETED.value, None)
-"""Of a run that is no search."""
+"""Verdict of a run without search."""
 
 
 class Cycles(ABC, Generic[Start, Cycle]):
-    """The cycles of a mechanism by their starts."""
+    """Cycles of a mechanism by their starts."""
 
     touches = False
-    """Whether something hits, or sticks and slips: that turns a disturbance into another one at once, of which the
-    equations in between know nothing."""
+    """True with contacts or friction, whose changes the linearised equations between them don't include."""
 
     judges = True
-    """Whether it is asked of a cycle that repeats whether its disturbances grow."""
+    """True if the stability of a periodic motion is to be determined."""
 
     @abstractmethod
     def run(self, start: Start) -> Cycle:
-        """The cycle from a start, which may not come to its end."""
+        """Cycle from a start, which may stop early."""
 
     @abstractmethod
     def completed(self, cycle: Cycle) -> bool:
-        """Whether it did."""
+        """True if the cycle is complete."""
 
     @abstractmethod
     def repeats(self, cycle: Cycle) -> bool:
-        """Whether it ends where it began."""
+        """True if it ends in its initial state."""
 
     @abstractmethod
     def missed(self, cycle: Cycle) -> np.ndarray:
-        """P(x) - x, (2 k,)."""
+        """Change P(x) - x, (2 k,)."""
 
     @abstractmethod
     def monodromy(self, cycle: Cycle, pieces: int) -> np.ndarray:
-        """dP/dx (2 k, 2 k) by that many pieces. Raises ArithmeticError or LinAlgError where equations are singular."""
+        """Monodromy matrix dP/dx (2 k, 2 k) by that many pieces. Raises ArithmeticError or LinAlgError if equations
+        are singular."""
 
     @abstractmethod
     def moved(self, cycle: Cycle, x: np.ndarray) -> Start:
-        """The start whose x is another one by ``x`` (2 k,). Raises what :meth:`monodromy` does."""
+        """Start with x changed by ``x`` (2 k,). Raises as :meth:`monodromy`."""
 
     @abstractmethod
     def end(self, cycle: Cycle) -> Start:
-        """Its end as a start."""
+        """End of a cycle as a start."""
 
     def sizes(self, cycle: Cycle) -> np.ndarray:
-        """How far every one of x goes in a cycle, (2 k,); of what touches alone."""
+        """Range of every component of x in a cycle, (2 k,); needed with contacts or friction only."""
         raise NotImplementedError
 
     def most_pieces(self, cycle: Cycle) -> int:
-        """Into which it can be cut."""
+        """Largest number of pieces of a cycle."""
         return _MOST
 
     def by_cycles(self, cycle: Cycle) -> np.ndarray:
-        """dP/dx (2 k, 2 k) by central differences of cycles that start beside one.
+        """Monodromy matrix dP/dx (2 k, 2 k) by central differences of neighbouring cycles.
 
-        Raises ArithmeticError where one of them doesn't come to its end.
+        Raises ArithmeticError if one of them is not complete.
         """
         steps = np.diag(_APART * self.sizes(cycle))
         ends = np.zeros((2, *steps.shape))
@@ -111,16 +109,16 @@ class Cycles(ABC, Generic[Start, Cycle]):
             for k, step in enumerate(steps):
                 found = self.run(self.moved(cycle, sign * step))
                 if not self.completed(found):
-                    raise ArithmeticError("a cycle beside it doesn't come to its end")
+                    raise ArithmeticError("a neighbouring cycle is not complete")
                 ahead[:, k] = self.missed(found)
         return np.eye(len(steps)) + (ends[0] - ends[1]) / (2.0 * np.diag(steps))
 
     def repeated(self, start: Start, progress: Callable[[float], None] | None = None) -> tuple[Cycle, Verdict | None]:
-        """Cycle after cycle until one repeats, each from where Newton's method has the last one's end lead to.
+        """Run cycles until one repeats, each from the start that Newton's method predicts.
 
-        The tangent is that of the first cycle, mended by every further one (Broyden 1965); where it is none, or leads
-        away, a cycle goes on from the end of the last one, and the verdict says why. What is found says whether
-        disturbances of it grow; nothing where the motion can't go on.
+        The tangent is that of the first cycle, updated by every further one (Broyden 1965); if it fails or diverges,
+        cycles continue from the end of the last one, and the verdict reports it. The verdict also includes stability;
+        None if the motion can't continue.
         """
         found: Cycle | None = None
         slope: np.ndarray | None = None
@@ -131,11 +129,11 @@ class Cycles(ABC, Generic[Start, Cycle]):
             if not self.completed(found):
                 if before is None or failure:
                     return found, None
-                found, failure = before, "; Newton's method leads where no motion goes on"
+                found, failure = before, "; Newton's method leads to a state without motion"
             if self.repeats(found):
                 tell(1.0)
                 verdict = self.judged(found) if self.judges else COMPLETED
-                how = f"; found by waiting for {waited} cycles{failure}" if failure else ""
+                how = f"; found by continuing for {waited} cycles{failure}" if failure else ""
                 return found, verdict._replace(message=verdict.message + how)
             tell(count / _CYCLES)
             if not failure:
@@ -153,14 +151,14 @@ class Cycles(ABC, Generic[Start, Cycle]):
             if failure:
                 start, waited = self.end(found), waited + 1
         assert found is not None
-        reason = f"the motion still changes after {_CYCLES} cycles{failure}; damp it, or start from zero"
+        reason = f"the motion still changes after {_CYCLES} cycles{failure}; add damping, or start from zero"
         return found, Verdict(Outcome.NO_PERIODIC_STATE, f"no periodic state: {reason}", None)
 
     def multipliers(self, cycle: Cycle) -> tuple[np.ndarray, float]:
-        """Floquet multipliers (2 k,) of a cycle that repeats, by decreasing modulus, and what the largest is off by.
+        """Floquet multipliers (2 k,) of a periodic cycle, by decreasing modulus, and the error of the largest.
 
-        They are taken in as many pieces as it takes to tell its modulus from one, in doubt more than once: fast
-        vibrations hide from long pieces. Raises what :meth:`monodromy` does.
+        The number of pieces is increased until its modulus differs clearly from one, in doubt repeatedly, since long
+        pieces hide fast vibrations. Raises as :meth:`monodromy`.
         """
         if self.touches:
             found = np.linalg.eigvals(self.by_cycles(cycle))
@@ -179,7 +177,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
             pieces *= 2
 
     def judged(self, cycle: Cycle) -> Verdict:
-        """What a cycle's Floquet multipliers say of its disturbances."""
+        """Stability verdict from a cycle's Floquet multipliers."""
         from kaneflex.integrate.periodic import exceeds_one
         from kaneflex.integrate.run import LEFT
 
@@ -191,7 +189,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
         try:
             floquet, off = self.multipliers(cycle)
         except (ArithmeticError, np.linalg.LinAlgError):
-            return unknown("the equations beside it have no solution")
+            return unknown("the linearised equations have no solution")
         largest = float(abs(floquet[0]))
         if largest > 1.0 + 4.0 * off:
             return Verdict(Outcome.UNSTABLE, exceeds_one(floquet[0]) + LEFT, floquet)
@@ -201,9 +199,9 @@ class Cycles(ABC, Generic[Start, Cycle]):
 
 
 def propagated(pieces: Iterable[tuple[float, np.ndarray]]) -> np.ndarray:
-    """Of x' = A x over pieces of a cycle, each with its length [s] and A at its middle: what the end has of the start.
+    """State transition matrix of x' = A x over pieces of a cycle, each with its length [s] and A at its middle.
 
-    It is off by the second order of a piece's length (Magnus 1954).
+    The error is of second order in the length (Magnus 1954).
     """
     from scipy.linalg import expm
 

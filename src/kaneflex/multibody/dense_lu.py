@@ -1,4 +1,4 @@
-"""Factors of small dense matrices that lie in a long array: LU, real or complex, and L D L^T of definite ones."""
+"""Factors of small dense matrices in a long array: real or complex LU, and L D L^T of definite ones."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from kaneflex.multibody.tables import IN_ORDER, OPTIONS, apart, magnitude
 from kaneflex.support.inner import once
 
 _DEFINITE = 1e-13
-"""Least pivot of a definite matrix, as a share of what was on its diagonal."""
+"""Least pivot of a definite matrix, as a share of its diagonal entry."""
 
 
 @once
 @njit(**OPTIONS)
 def factorise(a, at, n, pivots, first):
-    """LU in place with row exchanges, 1/U on the diagonal; False where a pivot vanishes."""
+    """LU factors in place with row exchanges, 1/U on the diagonal; False for a zero pivot."""
     apart()
     for k in range(n):
         row, largest = k, magnitude(a[at + n * k + k])
@@ -42,7 +42,7 @@ def factorise(a, at, n, pivots, first):
 def substitute(a, at, n, pivots, first, x):
     """Solve with the factors of :func:`factorise`, in place: the right-hand side is at x."""
     apart()
-    if n == 2:  # of one loop, as most mechanisms have: what waits for it is a large part of a step
+    if n == 2:  # one loop, the most frequent case; it dominates a step's latency
         i = pivots[first]
         above = a[x + i]
         below = (a[x + 1 - i] - a[at + 2] * above) * a[at + 3]
@@ -67,7 +67,7 @@ def substitute(a, at, n, pivots, first, x):
 @once
 @njit(**IN_ORDER)
 def factorise_definite(a, at, n):
-    """L D L^T of a symmetric matrix in place, 1/D on the diagonal; False unless it is positive definite."""
+    """Factors L D L^T of a symmetric matrix in place, 1/D on the diagonal; False unless positive definite."""
     apart()
     for k in range(n):
         row = at + n * k

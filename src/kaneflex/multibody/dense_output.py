@@ -1,4 +1,4 @@
-"""The motion of a run between its stored instants, and the energies of states."""
+"""Motion of a run between its stored instants, and energies of states."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 
 def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> tuple[Energy, np.ndarray, np.ndarray]:
-    """Energies at some states, and the powers lost and supplied there; what was since the start is known already."""
+    """Energies of states, and the powers lost and supplied; accumulated energies are given."""
     kinetic, strain, _, weight = found.sums.T
     energy = Energy(kinetic, strain, weight, dissipated, supplied)
     return energy, found.sums[:, 2], found.powers[:, 1:].sum(axis=1)
 
 
 def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
-    """The motion at other instants within the run (dense output).
+    """Motion at other instants within the run (dense output).
 
-    q by the quintic through q, q', q'' of the stored instants and of the changes between them, put onto the
-    constraints; accelerations and reactions from the equations there. Where changes are no longer kept, contacts that
-    are closed count as begun as at the stored instants beside, else at the speed that would bring them as deep.
+    q by the quintic through q, q', q'' of the stored instants and of changes between them, projected onto the
+    constraints; accelerations and reactions from the equations. Where changes are no longer stored, closed contacts
+    have the approach speed of the neighbouring stored instants, else the one that leads to their depth.
     """
     path = _with_changes(trajectory)
     knots = path.times
@@ -70,7 +70,7 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
 
 @dataclass(frozen=True)
 class _Piece:
-    """For each of some instants the knots k and k + 1 about it, the share of the way between them, and its length."""
+    """Indices k of the knots before some instants, their share of the interval, and its length."""
 
     k: np.ndarray
     share: np.ndarray
@@ -78,7 +78,7 @@ class _Piece:
 
     @classmethod
     def of(cls, knots: np.ndarray, last: np.ndarray, times: np.ndarray) -> _Piece:
-        """``last``: the last knot at or before each of the instants."""
+        """Pieces for instants; ``last``: last knot at or before each."""
         k = np.minimum(last, len(knots) - 2)
         length = knots[k + 1] - knots[k]
         share = np.divide(times - knots[k], length, out=np.ones(len(times)), where=length > 0.0)
@@ -89,16 +89,16 @@ class _Piece:
         return before + self.share * (after - before)
 
     def cubic(self, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """Hermite's cubic, of one series."""
+        """Hermite cubic of one series."""
         s, h = self.share[:, 0], self.length[:, 0]
         first = (1.0 + 2.0 * s) * values[self.k] + s * h * slopes[self.k]
         last = (3.0 - 2.0 * s) * values[self.k + 1] + (s - 1.0) * h * slopes[self.k + 1]
         return (1.0 - s) ** 2 * first + s**2 * last
 
     def quintic(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Hermite's quintic through q and its two rates, with its slope."""
+        """Hermite quintic through q and its two rates, with its slope."""
         s, h, k = self.share, self.length, self.k
-        # Horner's scheme in s of what the Taylor polynomial of the first knot misses at the second one
+        # Horner's scheme in s for the error of the first knot's Taylor polynomial at the second knot
         c_1, c_2 = h * v[k], 0.5 * h**2 * a[k]
         off = q[k + 1] - q[k] - c_1 - c_2
         off_rate, off_accel = h * v[k + 1] - c_1 - 2.0 * c_2, h**2 * a[k + 1] - 2.0 * c_2
@@ -111,7 +111,7 @@ class _Piece:
 
 
 def _with_changes(trajectory: CoupledTrajectory) -> CoupledTrajectory:
-    """The stored instants and the states before and after the changes between them, in the order of time."""
+    """Stored instants and states before and after the changes between them, in order of time."""
     changes = trajectory.changes
     if changes is None:
         return trajectory

@@ -1,4 +1,4 @@
-"""Compiled: how well a mechanism's loops determine the coordinates that were chosen to depend on the others."""
+"""Compiled measures of how well the loops determine the dependent coordinates."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ from kaneflex.multibody.tables import (
 from kaneflex.support.inner import once
 
 WORN = 8.0
-"""How much more than an independent coordinate a dependent one may move, both in what counts as one in them."""
+"""Ratio of a dependent coordinate's motion to an independent one's, in their units, above which they are exchanged."""
 _MOVED = 1e-6
-"""How much a dependent coordinate moves with an independent one that moves it, both in what counts as one in them."""
+"""Ratio of motions, in their units, above which an independent coordinate moves a dependent one."""
 _SLIGHT = 0.1
-"""Share of the largest derivative by any coordinate: one that is less for all rows is no measure of a pivot."""
+"""Share of the largest derivative with respect to any coordinate: smaller ones don't scale a pivot."""
 
 
 @njit(**OPTIONS)
 def orientation(m):
-    """Sign of the determinant of the kept rows' derivatives by dependent coordinates, by the factors of these."""
+    """Sign of the determinant of the kept rows' derivatives with respect to dependent coordinates."""
     plan, sign = m.plan, 1.0
     for k in range(plan[KEPT]):
         if (m.w[plan[LOOP] + (plan[KEPT] + 1) * k] < 0.0) != (m.pivots[plan[LOOP_PIVOTS] + k] != k):
@@ -57,7 +57,7 @@ def orientation(m):
 
 @njit(**OPTIONS)
 def _largest(m, row):
-    """Of the derivatives at ``row``, by what counts as one in each coordinate."""
+    """Largest of the derivatives at ``row``, in units of each coordinate."""
     size = 0.0
     for i in range(m.plan[COORDINATES]):
         size = larger(size, abs(m.w[row + i]) * m.w[m.plan[MEASURE] + i])
@@ -66,14 +66,14 @@ def _largest(m, row):
 
 @njit(**OPTIONS)
 def _pushes(m, r):
-    """Whether a kept row's reaction is a force, not a moment alone."""
+    """True if a kept row's reaction is a force and not just a moment."""
     k = m.plan[CUT] + ROW_SIZE * m.plan[m.plan[ROW_OF] + r] + 3
     return m.w[k] != 0.0 or m.w[k + 1] != 0.0
 
 
 @njit(**OPTIONS)
 def margin(m):
-    """Least pivot of the same, as a share of its coordinate's largest derivative: 0 at a singular position."""
+    """Least pivot of these derivatives, as a share of its coordinate's largest derivative: 0 at a singular position."""
     apart()
     plan, w, least = m.plan, m.w, 1.0
     of_forces = of_moments = 1e-300
@@ -85,7 +85,7 @@ def margin(m):
             of_moments = larger(of_moments, size)
     for k in range(plan[KEPT]):
         row, i = m.pivots[plan[LOOP_PIVOTS] + k], plan[plan[DEPENDENT] + k]
-        for j in range(k - 1, -1, -1):  # where the row was before rows were exchanged
+        for j in range(k - 1, -1, -1):  # undo the row exchanges
             if row == m.pivots[plan[LOOP_PIVOTS] + j]:
                 row = j
         pushes = _pushes(m, row)
@@ -100,7 +100,7 @@ def margin(m):
 
 @njit(**OPTIONS)
 def determined(m):
-    """Whether bodies are rigid, and no more than one independent coordinate moves each dependent one."""
+    """True if bodies are rigid and at most one independent coordinate moves each dependent one."""
     apart()
     plan, w, count, movers = m.plan, m.w, m.plan[KEPT], m.plan[CROSSING] + CHANGE_POINT
     for b in range(plan[BODIES]):
@@ -125,9 +125,9 @@ def determined(m):
 @once
 @njit(**OPTIONS)
 def _outgrown(m):
-    """Whether a cut's row that is dropped follows from the kept ones by far more of one of them than there is of it.
+    """True if a dropped row of a cut joint depends on the kept ones with a much larger coefficient than its own size.
 
-    Where two of them come to say the same, a third one that follows from both no longer does.
+    If two kept rows become equal, a third one that depends on both becomes independent.
     """
     apart()
     plan, w = m.plan, m.w
@@ -161,10 +161,10 @@ def _outgrown(m):
 
 @njit(**OPTIONS)
 def worn(m):
-    """Whether an independent joint's coordinate should take the place of a dependent one that moves far more than it.
+    """True if an independent joint coordinate should replace a dependent one that moves much more.
 
-    Where a linkage nears its dead centre the loops no longer determine the coordinates that were chosen far from there;
-    by others they do. Gradients are those of the last closing.
+    Near a dead centre the loops no longer determine the dependent coordinates chosen far from it, but others. Gradients
+    are those of the last loop closure.
     """
     apart()
     plan, w = m.plan, m.w

@@ -1,4 +1,4 @@
-"""A mechanism's tables with its structure's kernels: what is asked of the compiled engine, as numpy sees it."""
+"""Compiled engine of a mechanism: its tables and kernels with a numpy interface."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from kaneflex.multibody.tables import Handle
 from kaneflex.multibody.topology import Layout, build_tables
 
 _HUGE = 1e9
-"""Mass of a held coordinate, in those of the mechanism."""
+"""Mass of a fixed coordinate, in masses of the mechanism."""
 _FIRM, _RANK = 1e-4, 1e-9
-"""Shares of a row's largest derivative: a joint's coordinate with a larger one is dependent before any shape; below the
-second one a row follows from the others."""
+"""Shares of a row's largest derivative: above the first, a joint coordinate becomes dependent before any shape; below
+the second, a row is redundant."""
 _ROUNDED = 1e-5
-"""Of where everything is: a row that changes by less than this times _RANK changes by rounding alone."""
+"""Relative position change: rows that change by less than this times _RANK change by rounding only."""
 
 
 @dataclass(frozen=True, eq=False)
 class Engine:
-    """The tables of one mechanism with the kernels of its structure and of its kinds of bodies.
+    """Tables of one mechanism with the kernels of its structure and kinds of bodies.
 
     Attributes
     ----------
     kernels : tuple
-        Of the structure's module, in the order of :data:`kaneflex.multibody.tables.STRUCTURE_KERNELS`.
+        Kernels of the structure's module, in the order of :data:`kaneflex.multibody.tables.STRUCTURE_KERNELS`.
     kinds : tuple
-        The different numbers of axial and transverse shapes of its bodies.
+        Distinct numbers of axial and transverse shapes of its bodies.
     p : ndarray
-        The module's PARAMETERS with its tables.
+        Values of the module's PARAMETERS with its tables.
     real, pair : ndarray
-        Room for factors.
+        Workspace of factors.
     shared : Handed, optional
-        The kind of mechanism whose library it uses, where this is not its own kind.
+        Kind of mechanism whose library it uses, if not its own.
     """
 
     tables: at.Tables
@@ -57,31 +57,31 @@ class Engine:
     shared: at.Handed | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses and views, which another process has others of."""
+        """Everything except addresses and views, which belong to one process."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def count(self, of: int) -> int:
-        """A number of the plan."""
+        """Number of the plan."""
         return int(self.tables.plan[of])
 
     def numbers(self, where: int, count: int) -> np.ndarray:
-        """A view of numbers of the tables."""
+        """View of numbers of the tables."""
         first = self.count(where)
         return self.tables.w[first : first + count]
 
     @cached_property
     def size(self) -> int:
-        """Coordinates of the tree."""
+        """Number of coordinates of the tree."""
         return self.count(at.COORDINATES)
 
     @cached_property
     def motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Views of coordinates, rates, accelerations and reactions of the cuts."""
+        """Views of coordinates, rates, accelerations and reactions of cut joints."""
         y, v, a = (self.numbers(part, self.size) for part in (at.Y, at.RATE, at.ACCEL))
         return y, v, a, self.numbers(at.NOW, self.count(at.REACTIONS))
 
     def row(self, t: float) -> np.ndarray:
-        """The motion as it stands at t [s], as a row of the integration; no work has been done."""
+        """Current motion at t [s] as a row of the integration, with zero works."""
         return np.concatenate([[t], *self.motion, self.standing, np.zeros(self.count(at.WORKS))])
 
     def stand(self, row: np.ndarray) -> None:
@@ -94,11 +94,11 @@ class Engine:
 
     @property
     def standing(self) -> np.ndarray:
-        """How holds and contacts stand: modes, BEGUN_AT, then where each hold stuck, or its bristles are."""
+        """States of holds and contacts: modes, BEGUN_AT, then sticking positions or bristle deflections of holds."""
         return np.concatenate([self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT], self.holds[:, at.STUCK_AT]])
 
     def take_impacts(self) -> np.ndarray:
-        """The impacts that are over and were not taken yet, (impacts, IMPACT_SIZE)."""
+        """Finished impacts not yet taken, (impacts, IMPACT_SIZE)."""
         room = self.numbers(at.IMPACTS, 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + len(self.contacts)))
         taken, room[0] = room[1 : 1 + at.IMPACT_SIZE * int(room[0])].reshape(-1, at.IMPACT_SIZE).copy(), 0.0
         return taken
@@ -110,29 +110,30 @@ class Engine:
         return out
 
     def magnitudes(self, times: np.ndarray, x: np.ndarray, count: int) -> np.ndarray:
-        """So many sizes of loads with what switches them, at ``times`` [s] and rows x of what their laws know."""
+        """Magnitudes of loads and switching arguments (``count``), at ``times`` [s] and rows x of the laws' joint
+        coordinates."""
         times, x, out = np.ascontiguousarray(times, float), np.ascontiguousarray(x), np.zeros((len(times), count))
         self._call(unfolding.magnitudes_at, times, len(times), x, x.shape[1], out, count)
         return out
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Take coordinates and rates of the bodies, in the order of the tree."""
+        """Set coordinates and rates of the bodies, in the tree's order."""
         self.contacts[:, at.BEGUN_AT] = self.holds[:, at.MODE] = self.holds[:, at.STUCK_AT] = 0.0
         self._call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
 
     def openings(self, t: float) -> np.ndarray:
-        """How far every row of the cuts is open [m or rad] where the coordinates are."""
+        """Opening of every row of the cut joints [m or rad] at the current coordinates."""
         out = np.zeros(self.count(at.REACTIONS))
         self._call(unfolding.openings, t, out)
         return out
 
     def choose(self, t: float, spared: Sequence[int] = (), even: bool = False) -> np.ndarray:
-        """Choose the dependent coordinates at the place of the coordinates; rows that follow from others are dropped.
+        """Choose the dependent coordinates at the current position; redundant rows are dropped and returned.
 
-        Joints' coordinates come first, the one with the largest share in a row at a time; shapes where those are too
-        few, as in a frame that can't move. Joints' coordinates ``spared`` stay independent where others can follow from
-        them. Contacts that rest by Newton's law are rows, too, after those of the cuts. Returns the rows that are
-        dropped. Rows count by their largest derivative; ``even``, and where some are dropped, all of them alike.
+        Joint coordinates come first, the one with the largest share in a row at a time; shapes only if these are too
+        few, as in a frame. Joint coordinates in ``spared`` stay independent if possible. Contacts at rest under
+        Newton's law are rows after those of the cut joints. Rows are scaled by their largest derivative; all alike with
+        ``even``, or if some are dropped.
         """
         self.openings(t)
         n, rows = self.size, self.count(at.REACTIONS)
@@ -141,7 +142,7 @@ class Engine:
         gradient = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * measure
         extent = max(abs(self.sections[:, :2]).max(initial=0.0), measure[~self.turns].max(initial=0.0))
         sizes = [1.0] * n
-        G = gradient.tolist()  # few numbers: below numpy's calls would take longer than the work
+        G = gradient.tolist()  # lists are faster than numpy for so few numbers
         units = np.where(self._sides[:, :2].any(axis=1), extent, 1.0).tolist() if even else [_ROUNDED * extent] * rows
         for row, unit in zip(G, units, strict=True):
             most = max([unit, 1e-300, *(abs(row[k]) for k in joints if not even)])
@@ -152,12 +153,12 @@ class Engine:
         dependent: list[int] = []
         dropped: list[int] = []
         others = [k for k in joints if k not in spared]
-        # Impacts need the cuts by themselves.
+        # impacts need the cut joints without contacts
         for left, later in ((list(range(cut_rows)), list(resting)), (list(resting), [])):
             for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
                 columns = [k for k in columns if k not in dependent]
                 if left and least == _RANK:
-                    # A shape counts as its largest share, however scaled: one that only turns the nodes has huge ones.
+                    # scale-free: shapes that only rotate nodes have very large entries
                     for k, largest in zip(shapes, abs(gradient[:, shapes]).max(axis=0).tolist(), strict=True):
                         sizes[k] = max(largest, 1e-300)
                 while left and columns:
@@ -174,13 +175,13 @@ class Engine:
                         share = G[other][j] / pivot[j]
                         G[other] = [a - share * b for a, b in zip(G[other], pivot, strict=True)]
             dropped += left
-        if dropped and not even:  # what is left of a row must not make it as good as another one
+        if dropped and not even:  # the remainder of a row must not compete with other rows
             return self.choose(t, spared, even=True)
         self._depend(sorted(zip(kept, dependent, strict=True)), resting)
         return np.array(dropped, int)
 
     def _depend(self, chosen: list[tuple[int, int]], resting: Mapping[int, int]) -> None:
-        """Have the kept rows, in their order, each with its dependent coordinate in the plan."""
+        """Write the kept rows and their dependent coordinates to the plan."""
         plan, kept = self.tables.plan, [row for row, _ in chosen]
         dependent = [column for _, column in chosen]
         cuts = [resting[row] if row in resting else bisect_right(self._cut_rows, row) - 1 for row in kept]
@@ -192,22 +193,22 @@ class Engine:
 
     @property
     def _sides(self) -> np.ndarray:
-        """What a unit of every row exerts on the cut's first side: force and moment, (rows, 3)."""
+        """Force and moment of each row's unit reaction on the cut joint's first side, (rows, 3)."""
         rows = self.numbers(at.CUT, at.ROW_SIZE * self.count(at.REACTIONS)).reshape(-1, at.ROW_SIZE)
         return rows[:, 3:6]
 
     @cached_property
     def _cut_rows(self) -> list[int]:
-        """First row of every cut and hold."""
+        """First row of every cut joint and hold."""
         return self.tables.acts[: self.count(at.DRIVES), at.ROW_AT].tolist()
 
     @cached_property
     def _last_columns(self) -> list[int]:
-        """Where every body's own coordinates end."""
+        """End of every body's own coordinates."""
         return (self.tables.bodies[:, at.MODAL] + self.tables.bodies[:, at.SHAPES]).tolist()
 
     def _rest(self) -> dict[int, int]:
-        """Rows of the contacts that rest by Newton's law, and are held from now on, with their places in ``acts``."""
+        """Rows of contacts at rest under Newton's law, now constraints, with their places in ``acts``."""
         if not len(self.contacts):
             return {}
         first = self.count(at.CONTACTS)
@@ -220,12 +221,12 @@ class Engine:
 
     @cached_property
     def turns(self) -> np.ndarray:
-        """Whether each coordinate is an angle [rad]."""
+        """Mask of coordinates that are angles [rad]."""
         return np.array([unit == "rad" for _, unit in self.layout.coordinates], bool)
 
     @cached_property
     def _free_columns(self) -> tuple[list[int], list[int]]:
-        """Coordinates of joints that no drive prescribes, and of shapes."""
+        """Coordinates of joints without prescribed drive, and of shapes."""
         joints: list[int] = []
         shapes: list[int] = []
         for row in self.tables.bodies.tolist():
@@ -236,81 +237,84 @@ class Engine:
 
     @property
     def dependent(self) -> np.ndarray:
-        """Coordinates that follow from the loops."""
+        """Coordinates determined by the loops."""
         first = self.count(at.DEPENDENT)
         return self.tables.plan[first : first + self.count(at.KEPT)]
 
     @property
     def kept_rows(self) -> np.ndarray:
-        """Rows of cuts and resting contacts from which all others follow."""
+        """Independent rows of cut joints and resting contacts."""
         first = self.count(at.ROW_OF)
         return self.tables.plan[first : first + self.count(at.KEPT)]
 
     @property
     def independent(self) -> np.ndarray:
-        """Coordinates that neither drives nor loops determine."""
+        """Coordinates determined neither by drives nor by loops."""
         joints, shapes = self._free_columns
         return np.setdiff1d(joints + shapes, self.dependent).astype(int)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the independent coordinates."""
+        """Names of the independent coordinates."""
         return tuple(self.layout.coordinates[k][0] for k in self.independent)
 
     @property
     def shapes(self) -> np.ndarray:
-        """Whether each coordinate is a shape's."""
+        """Mask of coordinates that are shape amplitudes."""
         return np.isin(np.arange(self.size), self._free_columns[1])
 
     @property
     def inputs(self) -> int:
-        """Loads and prescribed accelerations."""
+        """Number of loads and prescribed accelerations."""
         return self.count(at.WORKS) - 1 - len(self.holds) - len(self.contacts)
 
     @cached_property
     def contacts(self) -> np.ndarray:
-        """A view of the contacts' numbers, and of what switches laws after them, (contacts, CONTACT_SIZE)."""
+        """View of the numbers of contacts, then of switching arguments, (contacts, CONTACT_SIZE)."""
         count = self.count(at.ACTS) - self.count(at.CONTACTS)
         return self.numbers(at.CONTACT, at.CONTACT_SIZE * count).reshape(-1, at.CONTACT_SIZE)
 
     @cached_property
     def holds(self) -> np.ndarray:
-        """A view of the holds' numbers, (holds, CONTACT_SIZE); the first CONTACT_SIZE before the contacts' are the
-        last's."""
+        """View of the numbers of holds, (holds, CONTACT_SIZE), stored before those of the contacts."""
         count = self.count(at.DRIVES) - self.count(at.HOLDS)
         first = self.count(at.CONTACT) - at.CONTACT_SIZE * count
         return self.tables.w[first : first + at.CONTACT_SIZE * count].reshape(-1, at.CONTACT_SIZE)
 
     @property
     def sections(self) -> np.ndarray:
-        """A view of the sections, (sections, 9)."""
+        """View of the sections, (sections, 9)."""
         return self.numbers(at.SECTION, at.SEC * len(self.tables.sections)).reshape(-1, at.SEC)
 
     def demand(self, rows: np.ndarray) -> np.ndarray:
-        """See :func:`kaneflex.multibody.reduction.reduced_demand`. Raises ArithmeticError where a row doesn't close."""
+        """Residuals, see :func:`kaneflex.multibody.reduction.reduced_demand`. Raises ArithmeticError if loops don't
+        close."""
         independent, rows = self.independent.astype(np.int64), np.ascontiguousarray(rows)
         out = np.zeros((len(rows), len(independent)))
         done = self._call(reduction.reduced_demand, independent, len(independent), rows, *rows.shape, out)
         if done < len(rows):
-            raise ArithmeticError(f"no motion at t = {rows[done, 0]:.6g} s: its loops don't close")
+            raise ArithmeticError(f"the loops don't close at t = {rows[done, 0]:.6g} s")
         return out
 
     def project(self, t: float) -> bool:
-        """Project onto the constraints where the independent coordinates are, and find accelerations and reactions."""
+        """Project onto the constraints for the current independent coordinates, and compute accelerations and
+        reactions."""
         return bool(self._call(collocation.project, t))
 
     def move_on(self, t: float) -> bool:
-        """Close the loops in place, speed and acceleration where the independent coordinates are; False: they don't."""
+        """Close the loops in position, speed and acceleration for the current independent coordinates; False if they
+        don't."""
         return bool(self._call(unfolding.move_on, t))
 
     def follow(self, into: np.ndarray, side: np.ndarray, rows: np.ndarray) -> int:
-        """See :func:`kaneflex.multibody.unfolding.follow_rows`."""
+        """Follow rows, see :func:`kaneflex.multibody.unfolding.follow_rows`."""
         return int(self._call(unfolding.follow_rows, len(into), into, side, rows))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray) -> np.ndarray | None:
-        """Rows of states of the bodies, loops closed, with accelerations and reactions; None where one is singular.
+        """Rows of states of the bodies, loops closed, with accelerations and reactions; None if one is singular.
 
-        ``begun`` (n_times, standing) says how contacts and holds stand at each instant; contacts whose sides overlap.
+        ``begun`` (n_times, standing): states of contacts and holds at each instant; contacts with overlapping sides are
+        closed.
         """
         return self._states(times, q, v, False, begun)
 
@@ -319,7 +323,7 @@ class Engine:
     ) -> np.ndarray | None:
         """The same with accelerations and reactions as if some coordinates had a huge mass.
 
-        ``begun`` (n_times, standing) says how contacts and holds stand at each instant.
+        ``begun`` (n_times, standing): states of contacts and holds at each instant.
         """
         n, mass = self.size, sum(self.tables.w[block] for block in self.tables.bodies[:, at.BLOCK])
         hold = np.zeros(n)
@@ -340,7 +344,7 @@ class Engine:
         done, touching = 0, slice(len(self.holds), len(self.holds) + len(self.contacts))
         while done < len(times):
             self.fold(parts[1][done], parts[2][done])
-            self.contacts[:, at.BEGUN_AT] = begun[done, touching]  # of which some rest, and are kept closed
+            self.contacts[:, at.BEGUN_AT] = begun[done, touching]  # resting ones are kept closed
             self.choose(float(times[done]))
             now = self._call(unfolding.states, parts[0], len(times), *parts[1:], done, held, rows)
             if now == done:
@@ -349,14 +353,14 @@ class Engine:
         return rows
 
     def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
-        """See :func:`kaneflex.multibody.collocation.integrate`; parts: given, times, rows, counts, ends."""
+        """Integrate, see :func:`kaneflex.multibody.collocation.integrate`; parts: given, times, rows, counts, ends."""
         given, times, *out = parts
         return int(self._call(
             collocation.integrate, method, control, here, given, len(given), times, len(times), *out
         ))  # fmt: skip
 
     def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
-        """q, v, a of the bodies, what joints exert, energies and powers at rows of the integration."""
+        """Coordinates q, v, a of the bodies, joint forces, energies and powers at rows of the integration."""
         count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
         exerted = 3 * bodies + self.count(at.REACTIONS) + 5 * (len(self.contacts) + len(self.holds))
         widths = (size, size, size, exerted, 4, self.count(at.WORKS))
@@ -365,16 +369,16 @@ class Engine:
         return out
 
     def compile(self) -> None:
-        """Compile what is not compiled yet, so that it is seen and timed apart from computing."""
-        self._handle, self._entries  # noqa: B018 - which ask for the kernels' addresses
+        """Compile everything now, so that compilation is reported and timed separately."""
+        self._handle, self._entries  # noqa: B018 - computes the kernels' addresses
 
     def _call(self, function: Any, *values: Any) -> Any:
-        """Call one of the library's entries with this engine's handle; arrays and handles go by their addresses."""
+        """Call a library entry with this engine's handle; arrays and handles are passed by address."""
         return self._entries[function](self._handle.address, *map(by_address, values))
 
     @property
     def handed(self) -> at.Handed:
-        """The kind of mechanism that its library is compiled for."""
+        """Kind of mechanism that its library is compiled for."""
         if self.shared is not None:
             return self.shared
         if len(self.holds):
@@ -398,7 +402,7 @@ class Engine:
 
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:
-    """The engine of a mechanism, with its structure's module and the module's parameters; at rest, no loop closed."""
+    """Engine of a mechanism with its structure's module and the module's parameters; at rest, loops not closed."""
     switches = len(getattr(module, "SWITCHES", ()))
     kinds = tuple(dict.fromkeys((axial, transverse) for axial, transverse, *_ in module.BODIES.values()))
     tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, kinds, blocks, mechanism.size, switches)

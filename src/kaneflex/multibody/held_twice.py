@@ -1,7 +1,8 @@
-"""Reactions that the equations of motion leave open, as joints hold something twice and nothing there deforms.
+"""Statically indeterminate reactions of redundant constraints.
 
-All joints' rows act on all bodies' speeds, those of shapes among them, by the transposed Jacobian of the rows. A sum of
-rows that moves nothing can be added to the reactions without any change of the motion: what it is made of is open.
+All joints' rows act on all bodies' speeds, including those of shapes, by the transposed Jacobian of the rows. A linear
+combination of rows that acts on nothing can be added to the reactions without changing the motion: its members are
+indeterminate.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
 _STEP = 1e-30
-"""Imaginary step: f(x + i h) = f(x) + i h f'(x) to the last bit (Squire & Trapp 1998, SIAM Review 40)."""
+"""Imaginary step: f(x + i h) = f(x) + i h f'(x) to machine precision (Squire & Trapp 1998, SIAM Review 40)."""
 _NOTHING = 1e-7
-"""Share of the largest singular value below which a sum of rows moves nothing, and of a sum below which a row is not
-in it."""
+"""Share of the largest singular value below which a combination of rows acts on nothing, and of a combination below
+which a row is not a member."""
 
 
 def jacobian(system: CoupledSystem, q: np.ndarray, free: Sequence[str] = ()) -> np.ndarray:
-    """Derivatives of the rows of all ``reactions`` of a system by the speeds of all bodies at a state q (size,).
+    """Derivatives of all ``reactions`` rows of a system with respect to the speeds of all bodies at a state q (size,).
 
-    After them those of the coordinates of ``free`` drives.
+    Then those of the coordinates of ``free`` drives.
     """
     system.fold(q, np.zeros_like(q))
     engine, mechanism = system.engine, system.mechanism
-    engine.openings(0.0)  # leaves W of the sections
+    engine.openings(0.0)  # computes W of the sections
     tables, sections, owners = engine.tables, engine.sections, engine.layout.bodies
 
     def share(key: tuple[str, str]) -> tuple[slice, np.ndarray] | None:
@@ -63,7 +64,7 @@ def jacobian(system: CoupledSystem, q: np.ndarray, free: Sequence[str] = ()) -> 
 
 
 def undetermined(system: CoupledSystem, q: np.ndarray) -> tuple[str, ...]:
-    """Names among a system's ``constraints`` that no equation of motion determines at a state."""
+    """Names of a system's ``constraints`` with statically indeterminate reactions at a state."""
     rows = jacobian(system, q) * np.where([unit == "rad" for _, unit in system.coordinates], 1.0, system.mechanism.size)
     rows /= np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
     sums, sizes, _ = np.linalg.svd(rows)
@@ -73,12 +74,12 @@ def undetermined(system: CoupledSystem, q: np.ndarray) -> tuple[str, ...]:
 
 
 def check_sensors(scene: Scene, open_rows: tuple[str, ...]) -> None:
-    """No sensor may read what is open.
+    """Raise SceneError if a sensor reads a statically indeterminate reaction.
 
     Raises
     ------
     SceneError
-        Naming the sensor, what is open, and the joints that hold it together.
+        Names the sensor, the reaction, and the redundant joints.
     """
     for name, sensor in scene.sensors.items():
         if sensor.kind in ("axial_force", "bending_moment", "shear_force", "strain"):
@@ -101,7 +102,7 @@ def check_sensors(scene: Scene, open_rows: tuple[str, ...]) -> None:
             joints = list(dict.fromkeys(row.rpartition(".")[0] for row in open_rows))
             raise SceneError(
                 f"sensors.{name}", str(sensor.target),
-                f"{', '.join(joints)} hold the same together, and rigid bodies don't say which of them bears how much: "
-                f"{', '.join(read)} is not determined",
-                "Leave the sensor or one of these joints out, or give one of the bodies a beam",
+                f"{', '.join(joints)} have redundant constraints: "
+                f"{', '.join(read)} is statically indeterminate between rigid bodies",
+                "Leave out the sensor or one of these joints, or give one of the bodies a beam",
             )  # fmt: skip

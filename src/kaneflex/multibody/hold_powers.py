@@ -13,7 +13,7 @@ from kaneflex.multibody.tables import DRIVES, HOLDING, MODE, NUMBERS_AT, OPTIONS
 @of_holds(0.0)
 @njit(**OPTIONS)
 def not_moved(m):
-    """Kinetic energy [J] of what bodies were lent."""
+    """Kinetic energy [J] of virtual inertia."""
     total = 0.0
     for n in range(-count(m), 0):
         total += 0.5 * lent(m, n) * m.w[number_at(m, n) + SLIP] * m.w[number_at(m, n) + SLIP]
@@ -22,7 +22,7 @@ def not_moved(m):
 
 @njit(**OPTIONS)
 def _taken_by(m, n):
-    """Power that a hold takes up [W]: none where it is stuck, whatever it slips by rounding."""
+    """Power that a hold dissipates [W]: zero while sticking, whatever its rounding slip."""
     w, k = m.w, number_at(m, n)
     return -w[k + HOLDING] * w[k + SLIP] if w[k + MODE] != STUCK else 0.0
 
@@ -44,6 +44,6 @@ def lost(m):
 @of_holds(None)
 @njit(**OPTIONS)
 def losses(m, end):
-    """What each hold takes up, of bristles what they store besides, at the places before ``end``."""
+    """Power of each hold, including energy stored in bristles, at the places before ``end``."""
     for n in range(-count(m), 0):
         m.w[end + n] = _taken_by(m, n)

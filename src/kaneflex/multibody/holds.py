@@ -1,17 +1,17 @@
-"""Holds in the compiled equations: rows that hold at times and let slip at others, as dry friction does.
+"""Holds in the compiled equations: rows that stick at times and slip at others, as dry friction.
 
-A hold is a row of two sections as those of joints are: a place along it, its two rates, and the Jacobian of the first
-by the sections' twists. Its number is below zero, -1 the last one's; its act lies before the drives', its row of CUT
-after the cuts', its own numbers before the contacts'. MODE says what it does: IDLE (its contact is open), 1 or -1 while
-it slips that way, STUCK, or FLOWS where its force is a function of the state by itself. While it slips its force is by
-its law (:mod:`kaneflex.generated.friction`) and against the slip; while it is stuck it is an unknown: a row of the
-factors that yields nothing, and a reaction of NOW and of the stages as the cuts' are, so that it is stuck indeed. Where
-it BENDS, bristles exert it: an unknown, too, whose row of the factors says by force what they yield (``bristles``).
-Beside the cuts' columns in the factors stand those of the friction that their reactions bring with them.
+A hold is a row between two sections like those of joints: a slip coordinate, its two rates, and its Jacobian with
+respect to the sections' twists. Its index is negative, -1 for the last one; its interaction precedes those of the
+drives, its row of CUT follows the cut joints', its numbers precede the contacts'. MODE is its state: IDLE (its contact
+is open), 1 or -1 while slipping in that direction, STUCK, or FLOWS if its force is a function of the state. While
+slipping, its force follows its law (:mod:`kaneflex.generated.friction`); while stuck it is an unknown: a rigid row of
+the factors, and a reaction of NOW and of the stages like those of cut joints. In mode BENDS, bristles exert it: also an
+unknown, whose row of the factors is their force law (``bristles``). The factors also contain the friction forces caused
+by the reactions.
 
-Another kind of row becomes a hold so: a number after ALONG in ``tables`` with its kernel in :func:`row_of`, its act in
-``topology``; who sets its MODE to STUCK has it held from then on: in the stages (:func:`ask`), at an instant
-(``loops.mend``), and in place and speed at the end of every step (``sticking.keep``). What it takes is at HOLDING.
+To add a kind of hold: a number after ALONG in ``tables`` with its kernel in :func:`row_of`, and its interaction in
+``topology``. Setting MODE to STUCK fixes it: in the stages (:func:`ask`), at an instant (``loops.mend``), and in
+position and speed at the end of every step (``sticking.keep``). Its force is at HOLDING.
 """
 
 from __future__ import annotations
@@ -33,38 +33,38 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 
 _SOFT = 1e-9
-"""Of what a row yields by itself, the share that it is let yield more where it can bear most."""
+"""Additional compliance of a stuck row, as a share of its own, at the largest force limit."""
 _SOFTEST = 1e3
-"""How much more than that where it can bear little."""
+"""Factor on it at a small force limit."""
 IDLE, STUCK, FLOWS, BENDS = 0.0, 2.0, 3.0, 4.0
-"""Modes of a hold beside 1 and -1."""
+"""Modes of a hold besides 1 and -1."""
 MU_AT, STATIC_AT, VISCOUS_AT, PRELOAD_AT, ARM, LAW_AT, OF_AT = 3, 4, 7, 8, 9, 10, 11
-"""Among its law's numbers: both coefficients, the viscous part, the preload, the arm, the number of its law, the act
-that it belongs to."""
+"""Places among its law's numbers: both coefficients, viscous part, preload, arm, number of its law, and the
+interaction that it belongs to."""
 
 
 @njit(**OPTIONS)
 def count(m):
-    """How many holds there are."""
+    """Number of holds."""
     return m.plan[DRIVES] - m.plan[HOLDS]
 
 
 @njit(**OPTIONS)
 def number_at(m, n):
-    """Where the numbers of a hold are."""
+    """Place of the numbers of a hold."""
     return m.plan[CONTACT] + CONTACT_SIZE * n
 
 
 @njit(**OPTIONS)
 def lent(m, n):
-    """The inertia [kg m^2] that a hold takes back of a body that was lent it, see ``topology``; 0 of friction."""
+    """Virtual inertia [kg m^2] that a hold removes, see ``topology``; 0 for friction."""
     j = m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     return m.w[j + ARM] if m.w[j + LAW_AT] < 0.0 else 0.0
 
 
 @njit(**OPTIONS)
 def row_of(m, n):
-    """Fill a hold's row where everything is, of a contact's one that has been met; where its numbers are."""
+    """Row of a hold at the current state, for a contact after :func:`meet`; returns the place of its numbers."""
     apart()
     plan, w, act, k = m.plan, m.w, m.plan[DRIVES] + n, number_at(m, n)
     first, second, j = m.acts[act, AT], m.acts[act, ON], m.acts[act, NUMBERS_AT]
@@ -89,13 +89,13 @@ def row_of(m, n):
 
 @njit(**OPTIONS)
 def row_at(m, n):
-    """Number of a hold's row."""
+    """Index of a hold's row."""
     return m.plan[CUT_ROWS] + n
 
 
 @njit(**OPTIONS)
 def pressed(m, n):
-    """What presses a hold on [N or N m]: its contact's force, or its joint's reactions as NOW has them."""
+    """Normal force of a hold [N or N m]: its contact's force, or its joint's reactions in NOW."""
     plan, w, j = m.plan, m.w, m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     of, arm = int(w[j + OF_AT]), w[j + ARM]
     if m.acts[plan[DRIVES] + n, WHAT] == ALONG:
@@ -109,7 +109,7 @@ def pressed(m, n):
 @of_holds(None)
 @njit(**OPTIONS)
 def exert(m):
-    """Find what every hold exerts where everything is, at NOW and HOLDING; contacts have been met."""
+    """Force of every hold at the current state, at NOW and HOLDING; contacts are evaluated before."""
     apart()
     plan, w = m.plan, m.w
     for n in range(-count(m), 0):
@@ -132,7 +132,7 @@ def exert(m):
 @of_holds(0)
 @njit(**OPTIONS)
 def stuck_rows(m, first):
-    """Have factors at an instant know what is stuck, after ``first`` others; how many that are."""
+    """Add stuck holds to the rows of factors at an instant, after ``first`` others; returns their number."""
     apart()
     found = 0
     for n in range(-count(m), 0):
@@ -150,8 +150,8 @@ def stuck_rows(m, first):
 @of_holds(0)
 @njit(**OPTIONS)
 def known_rows(m, first, h, here):
-    """Have the factors of a step of h know holds where everything is, half way from ``here``, after ``first`` contacts;
-    how many those are."""
+    """Add holds to the rows of a step's factors, with the state halfway from ``here``, after ``first`` contacts;
+    returns their number."""
     apart()
     plan, w, found = m.plan, m.w, 0
     for r in range(plan[REACTIONS]):
@@ -174,8 +174,7 @@ def known_rows(m, first, h, here):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def most(m, rows, A):
-    """Of what is stuck among so many rows of the factors, the largest force that holds by the motion it keeps still:
-    its square times what a unit force does to its own row."""
+    """Largest force limit of stuck rows of the factors, as its square times the row's response to a unit force."""
     largest = 0.0
     for r in range(m.plan[KEPT], rows):
         n = m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]]
@@ -187,10 +186,10 @@ def most(m, rows, A):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def compliance(m, n, h, own, largest):
-    """What a hold's row adds to its own in the factors; ``largest``: see :func:`most`.
+    """Additional compliance of a hold's row in the factors; ``largest``: see :func:`most`.
 
-    Next to nothing where it is stuck, and as answers are mended by what they miss, nothing in the end. But where others
-    hold it already, it decides who bears how much: as much of its limit as they do of theirs.
+    Almost zero for a stuck hold, and without effect after iterative refinement. For redundant holds it determines the
+    distribution of force: in proportion to their limits.
     """
     slope, limit = m.w[number_at(m, n) + SLOPE], m.w[number_at(m, n) + LIMIT]
     if lent(m, n) > 0.0:
@@ -204,7 +203,7 @@ def compliance(m, n, h, own, largest):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def wanted(m, A, r):
-    """The acceleration that a row of the factors is to have, of those that are stuck; of bristles the force missed."""
+    """Acceleration prescribed to a stuck row of the factors; for bristles the missing force."""
     if r < m.plan[KEPT]:
         return 0.0 * A[0]
     n = m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]]
@@ -214,7 +213,7 @@ def wanted(m, A, r):
 @of_holds(None)
 @njit(**OPTIONS)
 def want_nothing(m, A):
-    """No row of the factors is to have any acceleration."""
+    """Set prescribed accelerations of all rows to zero."""
     for n in range(count(m)):
         A[m.plan[WANTED] + n] = 0.0 * A[0]
 
@@ -222,7 +221,7 @@ def want_nothing(m, A):
 @of_holds(0)
 @njit(**OPTIONS)
 def brought(m, r):
-    """The hold whose friction the reaction of a factors' row brings with it as it slips; 0: there is none."""
+    """Slipping hold whose friction depends on the reaction of a factors' row; 0: none."""
     apart()
     for n in range(-count(m), 0):
         mode = m.w[number_at(m, n) + MODE]
@@ -233,7 +232,7 @@ def brought(m, r):
 
 @njit(**OPTIONS)
 def presses(m, n, r):
-    """Whether the reaction of a factors' row presses a hold on."""
+    """True if the reaction of a factors' row is the normal force of a hold."""
     plan = m.plan
     of = plan[plan[CUT_OF] + r] if r < plan[KEPT] else plan[CONTACTS] + m.pivots[plan[TOUCHING] + r - plan[KEPT]]
     return int(m.w[m.acts[plan[DRIVES] + n, NUMBERS_AT] + OF_AT]) == of
@@ -242,7 +241,7 @@ def presses(m, n, r):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def share(m, n, r):
-    """Derivative of what a hold exerts as it slips by the reaction of a factors' row."""
+    """Derivative of a slipping hold's force with respect to the reaction of a factors' row."""
     w, k, j = m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     v = w[k + SLIP]
     return -w[k + MODE] * (laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v)) * pressed_by(m, n, r)
@@ -250,7 +249,7 @@ def share(m, n, r):
 
 @njit(**OPTIONS)
 def pressed_by(m, n, r):
-    """Derivative of what presses a hold on by the reaction of a factors' row."""
+    """Derivative of a hold's normal force with respect to the reaction of a factors' row."""
     apart()
     plan, w = m.plan, m.w
     j, what = m.acts[plan[DRIVES] + n, NUMBERS_AT], m.acts[plan[DRIVES] + n, WHAT]
@@ -268,7 +267,7 @@ def pressed_by(m, n, r):
 @of_holds(None)
 @njit(**OPTIONS)
 def kept_of_stage(m, i):
-    """Keep what holds do in a stage: accelerations of all, and the forces of those that slip."""
+    """Store results of holds in a stage: accelerations of all, and forces of slipping ones."""
     apart()
     plan, w = m.plan, m.w
     for n in range(-count(m), 0):
@@ -279,7 +278,7 @@ def kept_of_stage(m, i):
 
 @njit(**OPTIONS)
 def row_place(m, n):
-    """Where a row of the integration has where a hold stuck, or how its bristles are bent."""
+    """Place of a hold's sticking position or bristle deflection in a row of the integration."""
     plan = m.plan
     return 1 + 3 * plan[COORDINATES] + plan[REACTIONS] + plan[ACTS] - plan[CONTACTS] + 2 * count(m) + n
 
@@ -287,8 +286,7 @@ def row_place(m, n):
 @of_holds(None)
 @njit(**OPTIONS)
 def ask(m, into, A, B):
-    """Ask an iteration of the stages for accelerations that leave no hold with any that is stuck; of bristles for the
-    force that is missed."""
+    """Prescribe zero accelerations of stuck holds to an iteration of the stages; for bristles the missing force."""
     apart()
     plan, w, own = m.plan, m.w, m.plan[STAGE_H] + count(m)
     for n in range(-count(m), 0):
@@ -303,7 +301,7 @@ def ask(m, into, A, B):
 @of_holds(None)
 @njit(**OPTIONS)
 def answered(m, i, one, two, A, B):
-    """Take an iteration's answer for what holds exert in a stage."""
+    """Add an iteration's solution to the forces of holds in a stage."""
     apart()
     plan, w = m.plan, m.w
     for r in range(m.pivots[YIELDING]):
@@ -315,7 +313,7 @@ def answered(m, i, one, two, A, B):
 @of_holds(None)
 @njit(**OPTIONS)
 def hold_still(m, A):
-    """Want no acceleration of what is stuck, by the motion that is met, and of bristles the force by their law."""
+    """Prescribe zero acceleration to stuck holds at the current state, and to bristles their force law."""
     w = m.w
     for n in range(-count(m), 0):
         k = number_at(m, n)
@@ -328,7 +326,7 @@ def hold_still(m, A):
 @of_holds(None)
 @njit(**OPTIONS)
 def take_up(m, A):
-    """Add what the answer at an instant has for holds to what they exert."""
+    """Add the solution at an instant to the forces of holds."""
     plan = m.plan
     for r in range(m.pivots[YIELDING]):
         n = m.pivots[plan[TOUCHING] + r]
@@ -339,7 +337,7 @@ def take_up(m, A):
 @of_holds(None)
 @njit(**OPTIONS)
 def taken(m, row, first):
-    """Where holds stuck, from a row of the integration, from ``first`` on."""
+    """Read the sticking positions of holds from a row of the integration, from ``first`` on."""
     for n in range(count(m)):
         m.w[number_at(m, n - count(m)) + STUCK_AT] = row[first + n]
 
@@ -347,7 +345,7 @@ def taken(m, row, first):
 @of_holds(None)
 @njit(**OPTIONS)
 def given(m, row, first):
-    """The same into a row."""
+    """Write the sticking positions of holds to a row."""
     for n in range(count(m)):
         row[first + n] = m.w[number_at(m, n - count(m)) + STUCK_AT]
 
@@ -355,7 +353,7 @@ def given(m, row, first):
 @of_holds(None)
 @njit(**OPTIONS)
 def told(m, out):
-    """Of every hold, as everything stands: force, speed, what presses it on, mode, how far its bristles are bent."""
+    """Results of every hold at the current state: force, speed, normal force, mode, bristle deflection."""
     for n in range(count(m)):
         k = number_at(m, n - count(m))
         out[5 * n], out[5 * n + 1], out[5 * n + 2] = m.w[k + HOLDING], m.w[k + SLIP], m.w[k + NORMAL]

@@ -1,4 +1,4 @@
-"""What the contacts of a run did: their gaps, forces and losses over time, and every impact."""
+"""Contact results of a run: gaps, forces and losses over time, and every impact."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Impact:
-    """A contact from when it closed to when it opened.
+    """A contact from its closing to its opening.
 
     Attributes
     ----------
     contact : str
     begin, end : float
-        Instants [s]; no number is the end of one that lasts beyond the run.
+        Instants [s]; the end is NaN if it lasts beyond the run.
     approach, separation : float
         Speeds [m/s] at which the gap shrinks at its begin and grows at its end.
     impulse : float
-        Of its normal force [N s].
+        Impulse of its normal force [N s].
     peak : float
         Largest normal force [N].
     lost : float
-        Energy [J].
+        Energy lost [J].
     x, y : float
-        Global place [m] of the contact at its begin; of flanks, which have none, 0.
+        Global position [m] of the contact at its begin; 0 for flanks, which have none.
     """
 
     contact: str
@@ -46,28 +46,28 @@ class Impact:
 
     @property
     def lasts(self) -> bool:
-        """Whether it is closed where the run ends."""
+        """True if it is closed at the end of the run."""
         return math.isnan(self.end)
 
 
 @dataclass(frozen=True, eq=False)
 class ContactRecord:
-    """The contacts of a run at its stored instants.
+    """Contacts of a run at its stored instants.
 
     Attributes
     ----------
     names : tuple of str
     gap : ndarray (n_times, n_contacts)
-        [m], below zero where the sides are in each other.
+        Gap [m], negative for penetration.
     force : ndarray (n_times, n_contacts)
-        Normal forces [N] that push the sides apart.
+        Normal forces [N], positive for compression.
     lost : ndarray (n_times, n_contacts)
         Energy [J] that each has lost since the start.
     begun : ndarray (n_times, n_contacts + n_switches)
-        0 where a contact is open, the speed of approach [m/s] of its law where it is closed, below zero where it has
-        let go; then of what switches laws on which side of zero it is.
+        State of each contact: 0 open, the approach speed [m/s] of its law if closed, negative after it has let go; then
+        the side of zero of each switching argument.
     impacts : tuple of Impact
-        In the order of their ends; those that last come last.
+        Impacts in the order of their ends; unfinished ones come last.
     """
 
     names: tuple[str, ...]
@@ -78,22 +78,22 @@ class ContactRecord:
     impacts: tuple[Impact, ...] = ()
 
     def taken(self, instants: np.ndarray) -> ContactRecord:
-        """The same at some of the stored instants; the impacts are all."""
+        """The same at some of the stored instants, with all impacts."""
         picked = {key: getattr(self, key)[instants] for key in ("gap", "force", "lost", "begun")}
         return replace(self, **picked)
 
     def of(self, name: str) -> tuple[Impact, ...]:
-        """The impacts of one contact."""
+        """Impacts of one contact."""
         return tuple(impact for impact in self.impacts if impact.contact == name)
 
 
 def over(names: tuple[str, ...], taken: np.ndarray) -> tuple[Impact, ...]:
-    """The impacts that the engine has kept, (impacts, IMPACT_SIZE)."""
+    """Impacts recorded by the engine, (impacts, IMPACT_SIZE)."""
     return tuple(Impact(names[int(row[0])], *map(float, row[1:])) for row in taken)
 
 
 def lasting(names: tuple[str, ...], engine: Engine, here: np.ndarray) -> tuple[Impact, ...]:
-    """The impacts that go on where a run stands: at a row of it, whose motion the engine has."""
+    """Unfinished impacts at a row of a run, whose motion the engine has."""
     from kaneflex.multibody import tables as at
 
     found, works = [], here[len(here) - len(engine.contacts) :]

@@ -1,7 +1,8 @@
-"""What unit impulses along the rows of rigid sides do to these rows, in the compiled integration, and to everything.
+"""Responses of rigid contacts' rows, and of the whole mechanism, to unit impulses along these rows, in the compiled
+integration.
 
-Rows are those of contacts that touch and of holds that may stick or slip beside them. Cuts stay closed, drives held,
-and what bodies were lent is taken back. Where the rows exert forces, bristles exert what these bring with them.
+Rows are those of touching contacts and of holds that may stick or slip. Loops stay closed, drives are kinematic, and
+virtual inertia is removed. With forces of the rows, bristles exert the resulting friction.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from kaneflex.multibody.tables import (
 
 @njit(**OPTIONS)
 def weigh(m, A, rows):
-    """Fill W of the problem, at COMPLEMENT, of so many rows; False at a singular state.
+    """Fill W of the problem, at COMPLEMENT, for ``rows`` rows; False at a singular state.
 
-    Cuts, and what takes back what is lent, are eliminated from what unit forces of all rows do to them, at SCHUR.
+    Rows of cut joints and of virtual inertia are eliminated from the responses to unit forces, at SCHUR.
     """
     apart()
     plan, w = m.plan, m.w
@@ -53,7 +54,7 @@ def weigh(m, A, rows):
 
 @njit(**OPTIONS)
 def _turn(m, s, rows):
-    """The row of the factors whose turn is the s-th: cuts, then what takes back what is lent, then the others."""
+    """Index of the s-th row in elimination order: cut joints, then virtual inertia, then the others."""
     cuts, total = m.pivots[KEPT], m.pivots[KEPT] + m.pivots[YIELDING]
     if s < cuts:
         return s
@@ -62,7 +63,7 @@ def _turn(m, s, rows):
 
 @njit(**OPTIONS)
 def answer(m, A, rows, x):
-    """What all rows exert, at REACTION, where the problem's rows exert the vector at x."""
+    """Forces of all rows, at REACTION, for forces x of the problem's rows."""
     apart()
     cuts, total, S, R = m.pivots[KEPT], m.pivots[KEPT] + m.pivots[YIELDING], m.plan[SCHUR], m.plan[REACTION]
     for i in range(rows):
@@ -77,7 +78,7 @@ def answer(m, A, rows, x):
 
 @njit(**OPTIONS)
 def share(m, A):
-    """Add to all rates what the rows' impulses at REACTION make of them; at POWER works of the drives that hold on."""
+    """Add the effect of the impulses at REACTION to all rates; works of prescribed drives at POWER."""
     apart()
     plan, w, x = m.plan, m.w, m.plan[REACTION]
     drives = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]

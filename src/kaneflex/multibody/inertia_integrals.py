@@ -1,4 +1,4 @@
-"""The sums over a body's slices that the coupled kernels take as parameters: its moments, and its shapes at points."""
+"""Integrals over a body for the coupled kernels: its moments, and its shapes at points."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, symmetris
 
 
 def body_data(scene: Scene, name: str, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> ModalData | None:
-    """The arrays of a body that deforms, of its finite elements or of its file; None of a rigid one."""
+    """Arrays of an elastic body, from finite elements or from its file; None for a rigid one."""
     return link_data(scene, links[name], shapes[name]) if name in links else scene.bodies[name].modal
 
 
 def body_moments(scene: Scene, name: str, data: ModalData | None) -> dict[str, np.ndarray]:
-    """ARRAYS of a body with its lumped masses, each of which is one more slice.
+    """Inertia moments ARRAYS of a body with its lumped masses.
 
-    A rigid body has its mass [kg], its moments of the first [kg m] and the second order [kg m^2] and its inertia alone;
-    it alone can have mass beside the axis: mass_Y, mass_X_Y, mass_Y_Y.
+    A rigid body has mass [kg], first [kg m] and second moments [kg m^2] and inertia only; it may have mass off the
+    axis: mass_Y, mass_X_Y, mass_Y_Y.
     """
     body = scene.bodies[name]
     lumped = [mass for mass in scene.masses.values() if mass.at.body == name]
@@ -49,7 +49,7 @@ _RIGID = ("mass", "mass_X", "mass_Y", "mass_X_X", "mass_X_Y", "mass_Y_Y", "inert
 
 
 def link_data(scene: Scene, link: Link, shapes: Shapes) -> ModalData:
-    """The arrays of finite elements without lumped masses, of the points on the link's axis."""
+    """Modal data of a link's finite elements without lumped masses, with the points on its axis."""
     points = {name: x for name, (x, y) in scene.bodies[link.name].points_all.items() if y == 0.0}
     H, axial = shapes.shortening(link), shapes.axial.shape[1]
     rows, shortening = zip(*(shapes.at(link, x, H) for x in points.values()), strict=True)
@@ -64,10 +64,10 @@ def link_data(scene: Scene, link: Link, shapes: Shapes) -> ModalData:
 
 
 def _link_moments(scene: Scene, link: Link, shapes: Shapes) -> dict[str, np.ndarray]:
-    """ARRAYS of finite elements, whose own matrices rigid displacements and shapes go through.
+    """Inertia moments ARRAYS of finite elements, from their matrices with rigid displacements and shapes.
 
-    H_jk = int_0^X w_j' w_k', beside what the frame's point has of it, is under the sum, by exchange of the integrals,
-    a geometric stiffness: that of the tension which the mass beyond X (or its first moment) would raise.
+    The integral of H_jk = int_0^X w_j' w_k' over the mass is, by exchange of integrals, the geometric stiffness of the
+    tension that the mass beyond X (or its first moment) would cause.
     """
     matrices, nodes = link.part.matrices, link.nodes
     size = 3 * len(nodes)
@@ -97,9 +97,9 @@ def _link_moments(scene: Scene, link: Link, shapes: Shapes) -> dict[str, np.ndar
 
 
 def spread_shapes(scene: Scene, name: str, link: Link | None, shapes: Shapes | None) -> dict[str, np.ndarray]:
-    """Sums of a load's profile over its body: share [m], X [m^2], s, w [m] and H [1].
+    """Integrals of a distributed load over its body: share [m], X [m^2], s, w [m] and H [1].
 
-    int p H dX is, by exchange of the integrals, the geometric stiffness of a tension int_X^l p.
+    int p H dX is, by exchange of integrals, the geometric stiffness of a tension int_X^l p.
     """
     load = scene.spreads[name]
     length, (first, last) = scene.bodies[load.spread_on].length, load.profile
@@ -121,7 +121,7 @@ def spread_shapes(scene: Scene, name: str, link: Link | None, shapes: Shapes | N
 
 
 def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: Matrix) -> np.ndarray:
-    """Damping of the modal coordinates [N s/m]; a modal ratio is that of each of the link's own modes."""
+    """Damping matrix of the modal coordinates [N s/m]; a modal ratio applies to the link's own modes."""
     damping = scene.damping
     if damping is None:
         return np.zeros((modal.shape[1],) * 2)

@@ -1,8 +1,8 @@
-"""What Python calls of the compiled engine: one library, compiled once on a machine, entered by addresses.
+"""Library of the compiled engine's functions for Python, compiled once per machine and called by address.
 
-A compiled function that others enclose is optimised with each of them, so that as many functions with caches of their
-own would each compile the whole engine again. Here one function encloses all that Python calls, and gives their
-addresses; arrays go in by theirs, so that a call costs a few microseconds.
+Numba optimises a compiled function again within each function that contains it, so that several cached functions would
+each compile the whole engine. Here a single function contains all entries and returns their addresses; arrays are
+passed by address, so that a call takes a few microseconds.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ _C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_b
 
 
 def _entered(mechanism):
-    """What gives, in compiled code, the addresses under which C, and ctypes, would call the entries."""
+    """Intrinsic that returns the C addresses of the entries."""
 
     @intrinsic
     def entered(typing):
@@ -119,9 +119,9 @@ _ENTERED = {
 
 @cache
 def library(mechanism: Handed) -> dict[Any, Callable[..., Any]]:
-    """Every entry as a function of C, by the function of numba's that it is made of; all compiled on the first call.
+    """C functions of all entries, by their numba functions; all compiled on the first call.
 
-    ``mechanism``: what it is handed; that of a mechanism with contacts, or with holds besides, has functions more.
+    ``mechanism``: the argument type; those with contacts or holds have more functions.
     """
     with compiling():
         found = _ENTERED[mechanism]()

@@ -1,12 +1,11 @@
-"""The coupled equations linearised about a motion, in independent coordinates of the tree.
+"""Coupled equations linearised about a motion, in independent coordinates of the tree.
 
-What a motion asks for (:mod:`kaneflex.multibody.reduction`) is a function D(t, y, y', y'', u) of the independent
-coordinates, of loads and of prescribed accelerations u, and zero where the equations hold. So small motions about it
-satisfy
+The residual (:mod:`kaneflex.multibody.reduction`) is a function D(t, y, y', y'', u) of the independent coordinates,
+loads and prescribed accelerations u, zero on the motion. Small motions about it satisfy
 
     M y'' + C y' + K y = B u,   M = dD/dy'', C = dD/dy', K = dD/dy, B = -dD/du:
 
-geometric stiffening, the loops and how fast they turn are in these derivatives.
+these derivatives include geometric stiffening and the loops' kinematics.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from kaneflex.multibody.trajectory import CoupledTrajectory, by_themselves
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """Independent coordinates with their rates and accelerations (n,) at the time t [s]."""
+    """Independent coordinates with rates and accelerations (n,) at the time t [s]."""
 
     t: float
     y: np.ndarray
@@ -35,12 +34,12 @@ class Instant:
     a: np.ndarray
 
     def row(self, inputs: int) -> np.ndarray:
-        """As an argument of :meth:`Engine.demand`."""
+        """Argument of :meth:`Engine.demand`."""
         return np.concatenate([[self.t], self.y, self.v, self.a, np.zeros(inputs)])
 
 
 def prepare(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Engine:
-    """The engine at a state of the bodies, the coordinates of free drives among the independent ones if they can be."""
+    """Engine at a state of the bodies, with the coordinates of free drives independent if possible."""
     engine = system.engine
     system.fold(q, v)
     drives = engine.tables.acts[engine.count(at.DRIVES) : engine.count(at.LOADS), at.COURSE_AT]
@@ -51,9 +50,9 @@ def prepare(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> En
 def slopes(
     engine: Engine, base: Instant, columns: Sequence[int] | np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """D (n,) at an instant and its derivatives by y, v, a, u (n, 3 n + inputs), or by some of these.
+    """Residual D (n,) at an instant and its derivatives by y, v, a, u (n, 3 n + inputs), or by some of these.
 
-    The tables are left there. Raises ArithmeticError where loops don't close about it.
+    The tables keep that state. Raises ArithmeticError if loops don't close nearby.
     """
     inputs = len(engine.numbers(at.INPUT, engine.inputs))
     middle = base.row(inputs)
@@ -69,7 +68,7 @@ def slopes(
 
 
 def _steps(engine: Engine) -> np.ndarray:
-    """Steps in y, v, a, u about where the tables are."""
+    """Steps in y, v, a, u about the state of the tables."""
     n, which = engine.size, engine.independent
     measure, (_, v, a, reactions) = engine.numbers(at.MEASURE, n), engine.motion
     rate, acceleration = (max(1.0, (abs(part) / measure).max(initial=0.0)) for part in (v, a))
@@ -81,10 +80,10 @@ def _steps(engine: Engine) -> np.ndarray:
 
 
 def equilibrium(engine: Engine, t: float, rates: tuple[np.ndarray, np.ndarray] | None = None) -> Instant | None:
-    """The motion whose shapes stand still, deformed as its loads and accelerations ask for, by Newton's method.
+    """Steady deformation under the loads and accelerations at an instant, by Newton's method; None if not found.
 
-    Joints' independent coordinates and rates are those of the tables; they take the accelerations that the balance
-    leaves them. ``rates``: speeds and accelerations (n,) of the shapes instead of none. None where no balance is found.
+    Joints' independent coordinates and rates are those of the tables; their accelerations follow from the equations.
+    ``rates``: speeds and accelerations (n,) of the shapes, zero by default.
     """
     which = engine.independent
     still = engine.shapes[which]
@@ -97,7 +96,7 @@ def equilibrium(engine: Engine, t: float, rates: tuple[np.ndarray, np.ndarray] |
         return Instant(t, np.where(still, x, y), v, np.where(still, a, x))
 
     def corrected(x: np.ndarray, left: np.ndarray) -> np.ndarray | None:
-        """x that leaves so much of the demand; None where 50 steps, none of them long, don't lead there."""
+        """State x with the residual ``left``; None if 50 short steps don't converge."""
         here = engine.row(t)
         try:
             for _ in range(50):
@@ -125,14 +124,15 @@ def equilibrium(engine: Engine, t: float, rates: tuple[np.ndarray, np.ndarray] |
 
 
 def linear(engine: Engine, instant: Instant) -> Linear[Instant]:
-    """The linear equations about an instant. Raises ArithmeticError where loops don't close about it."""
+    """Linear equations about an instant. Raises ArithmeticError if loops don't close nearby."""
     n = len(instant.y)
     K, C, M, by_inputs = np.split(slopes(engine, instant)[1], [n, 2 * n, 3 * n], axis=1)
     return Linear(instant, engine.names, M, C, K, -by_inputs)
 
 
 def at_rest(engine: Engine, t: float) -> tuple[np.ndarray, np.ndarray]:
-    """M and K where the coordinates of the tables are, K of the strain of shapes and springs, whatever these carry."""
+    """Matrices M and K at the coordinates of the tables, K from strain of shapes and springs without geometric
+    stiffness."""
     n, which = len(engine.independent), engine.independent
     if not n:  # everything is prescribed
         return np.zeros((0, 0)), np.zeros((0, 0))
@@ -154,9 +154,9 @@ def at_rest(engine: Engine, t: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _parts(engine: Engine, fields: np.ndarray, sections: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """How far a spring's ends part in a small motion ``moved`` (sections, 9) of the speeds.
+    """Relative motion of a spring's ends for small motions ``moved`` (sections, 9) of the speeds.
 
-    What a unit damper in its place, or where it needs no direction a unit spring, makes of that motion.
+    Computed as the force of a unit damper, or of a unit spring without direction.
     """
     first, second = int(fields[at.AT]), int(fields[at.ON])
     _, c, free = engine.tables.w[fields[at.NUMBERS_AT] :][:3]
@@ -174,10 +174,10 @@ def _parts(engine: Engine, fields: np.ndarray, sections: np.ndarray, moved: np.n
 
 
 def probes(system: CoupledSystem, found: Linear[Instant]) -> tuple[CoupledTrajectory, np.ndarray, np.ndarray]:
-    """States about an instant, from whose differences derivatives by y, y' and u follow.
+    """States around an instant for central differences by y, y' and u.
 
-    Returns a trajectory with four of them for every one of these, how far each is from the instant, and the weight with
-    which it makes up the derivative.
+    Returns a trajectory with four states for each of these, their distances from the instant, and their weights in the
+    derivative.
     """
     engine, base, n = system.engine, found.instant, len(found.names)
     engine.demand(base.row(engine.inputs)[None])
@@ -196,10 +196,10 @@ def probes(system: CoupledSystem, found: Linear[Instant]) -> tuple[CoupledTrajec
             state = system.unfold(engine.row(base.t)[None]) if engine.project(base.t) else None
             engine.numbers(at.INPUT, engine.inputs)[:] = 0.0
             if state is None:
-                raise ArithmeticError(f"no motion beside that at t = {base.t:.6g} s: its loops don't close")
+                raise ArithmeticError(f"the loops don't close near t = {base.t:.6g} s")
             states.append(state)
     every = Unfolded(**{name: np.concatenate([getattr(state, name) for state in states]) for name in vars(states[0])})
-    # The course of what is free needs an order: instants so close that nothing else depends on their difference.
+    # free courses need ascending times: instants so close that nothing else changes
     apart = 1e-15 * max(1.0, abs(base.t)) * bool(system.mechanism.free)
     times = base.t + apart * np.arange(len(states))
     trajectory = by_themselves(times, every.q, every.v, every.a, every.reactions)

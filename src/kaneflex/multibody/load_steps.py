@@ -1,4 +1,4 @@
-"""A deformation in balance, found in load steps where Newton's method does not reach it at once."""
+"""Static equilibrium by Newton's method, in load steps if needed."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -6,21 +6,21 @@ from typing import TypeVar
 import numpy as np
 
 _LOAD_STEPS = 256
-"""Share of the load, its inverse, below which a load step is not worth trying."""
+"""Inverse of the smallest load step."""
 
 FARTHEST = 0.1
-"""Step of Newton's method, as a share of the mechanism's size, that is as likely to lead to a balance far away: the
-load then grows in smaller steps."""
-UNBALANCED = "no deformation is found that balances what acts at the start, not even in load steps"
+"""Largest Newton step, as a share of the mechanism's size: longer ones may lead to a distant equilibrium, so the load
+is applied in smaller steps."""
+UNBALANCED = "no static equilibrium is found at the start, even in load steps"
 
 _S = TypeVar("_S")
 
 
 def in_load_steps(state: _S, off: np.ndarray, corrected: Callable[[_S, np.ndarray], _S | None]) -> _S | None:
-    """A state in balance, from one that is in balance where ``off`` (n,) of its load is missing; None if none is found.
+    """Equilibrium state, from one that is in equilibrium without the load ``off`` (n,); None if not found.
 
-    ``corrected``: a state and what is missing -> the balanced state near by, or None. The whole load is tried first,
-    then halves of it as often as needed.
+    ``corrected``: function of a state and the missing load that returns the equilibrium nearby, or None. The whole load
+    is tried first, then halves as often as needed.
     """
     if not off.any():
         return corrected(state, off)

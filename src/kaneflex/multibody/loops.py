@@ -1,8 +1,8 @@
-"""Loops of a mechanism: cuts closed by dependent coordinates, and what their reactions do to a tree's linear equations.
+"""Loop closure: cut joints closed by dependent coordinates, and their reactions in a tree's linear equations.
 
-Every cut's rows are constraints between two sections. As many coordinates as there are rows follow from the others: the
-motion is integrated in the independent ones alone, and where the loops are, in position, speed and acceleration, is
-solved for on the bodies as they are deformed.
+Every cut joint's rows are constraints between two sections. As many coordinates as independent rows are dependent: the
+motion is integrated in the independent ones only, and the loops are closed in position, speed and acceleration on the
+deformed bodies.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from kaneflex.multibody.tables import (
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe
 
 CLOSED = 1e-10
-"""Correction of a dependent coordinate, in rad or sizes of the mechanism, that is not worth another one."""
+"""Correction of a dependent coordinate, in rad or sizes of the mechanism, at which iteration ends."""
 EXACT = 1e-12
-"""The same beside a change point, where rates and accelerations are far less exact than places."""
+"""The same near a change point, where rates and accelerations are far less accurate than positions."""
 SIDES = 6
-"""Places on either side of a change point, equally far from each other, between which the motion is interpolated."""
+"""Number of evenly spaced positions on either side of a change point for interpolation."""
 NEAR = 1e-6
-"""Correction of one that is small enough in a stage: the next would be its square, and the gradients that it was found
-by, wrong by as much, find what is missing of rates that are nearly known."""
+"""Sufficient correction in a stage: the next one would be its square, and the gradients, with an error as large,
+correct rates that are nearly known."""
 
 
 @once
 @njit(**OPTIONS)
 def gradient(m, row, cut, bends, out):
-    """Add a cut's row's derivatives by all coordinates to those at ``out``; by shapes only where asked.
+    """Add the derivatives of a cut joint's row with respect to all coordinates at ``out``; shapes only if requested.
 
-    A section's force goes inwards from body to body as it is, its moment changes with the point.
+    A section's force is passed inwards from body to body unchanged, its moment changes with the point.
     """
     apart()
     plan, w = m.plan, m.w
@@ -78,7 +78,7 @@ def gradient(m, row, cut, bends, out):
 
 @njit(**OPTIONS)
 def bent(m):
-    """W of all sections where the bodies are now."""
+    """Jacobians W of all sections at the current state."""
     apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
@@ -92,7 +92,7 @@ def bent(m):
 
 @njit(**OPTIONS)
 def gradients(m):
-    """Derivatives of the kept rows where everything is, and the factors of those by dependent coordinates."""
+    """Derivatives of the kept rows at the current state, and factors of those by dependent coordinates."""
     apart()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
@@ -110,10 +110,10 @@ def gradients(m):
 
 @njit(**OPTIONS)
 def close(m, near):
-    """Put the dependent coordinates where the loops close (Newton); False where they don't.
+    """Close the loops by the dependent coordinates (Newton's method); False if they don't close.
 
-    ``near``: a correction after which no other one is asked for; that may be larger than CLOSED, or 0. Below zero
-    places are as exact as rounding allows: corrections are asked for until one is less than EXACT.
+    ``near``: correction at which iteration ends, at least CLOSED. If negative, positions are made accurate to rounding:
+    iteration ends below EXACT.
     """
     apart()
     plan, w = m.plan, m.w
@@ -147,8 +147,8 @@ def close(m, near):
 
 @njit(**OPTIONS)
 def follow(m, t):
-    """Everything moves as the independent coordinates say, dependent ones included; False: a loop doesn't close."""
-    if not crosses(m, t):  # where rates say on which branch
+    """Kinematics from the independent coordinates, dependent ones included; False: a loop does not close."""
+    if not crosses(m, t):  # there rates select the branch
         for k in range(m.plan[KEPT]):
             i = m.plan[m.plan[DEPENDENT] + k]
             m.w[m.plan[RATE] + i] = m.w[m.plan[ACCEL] + i] = 0.0
@@ -157,7 +157,7 @@ def follow(m, t):
 
 @njit(**OPTIONS)
 def follow_on(m, t, near):
-    """The same where rates and accelerations of dependent coordinates are nearly known; ``near``: see :func:`close`."""
+    """The same with nearly known rates and accelerations of dependent coordinates; ``near``: see :func:`close`."""
     prescribe(m, t)
     if crosses(m, t):
         return _follow_across(m, t)
@@ -166,14 +166,14 @@ def follow_on(m, t, near):
 
 @njit(**OPTIONS)
 def crosses(m, t):
-    """Whether the loops are as good as singular at t [s], as on their way through a change point."""
+    """True if the loops are nearly singular at t [s], as at a change point."""
     w, shared = m.w, m.plan[CROSSING]
     return abs(t - w[shared + WHEN]) < w[shared + REACH]
 
 
 @njit(**OPTIONS)
 def _follow_here(m, near):
-    """The same where prescribed coordinates are in place."""
+    """The same with prescribed coordinates already set."""
     apart()
     plan, w = m.plan, m.w
     if not close(m, near):
@@ -200,10 +200,10 @@ def _follow_here(m, near):
 
 @njit(**OPTIONS)
 def _follow_across(m, t):
-    """The same close to a change point, where the loops' equations are singular and the motion through it is smooth.
+    """The same close to a change point, where the loops' equations are singular but the motion is smooth.
 
-    Dependent coordinates, their rates, accelerations and derivatives by all coordinates are interpolated (Lagrange)
-    between places on either side of it where the equations are regular, on the line along the rates.
+    Dependent coordinates, rates, accelerations and derivatives are interpolated (Lagrange) between regular positions on
+    either side, along the direction of the rates.
     """
     apart()
     plan, w = m.plan, m.w
@@ -246,7 +246,7 @@ def _follow_across(m, t):
 
 @njit(**OPTIONS)
 def _add_dependent(m, sums, weight):
-    """Add places, rates and accelerations of dependent coordinates, and their derivatives by all coordinates."""
+    """Add positions, rates and accelerations of dependent coordinates, and their derivatives by all coordinates."""
     apart()
     plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
@@ -265,8 +265,8 @@ def _add_dependent(m, sums, weight):
 
 @njit(**OPTIONS)
 def reduce_across(m):
-    """Have independent coordinates ask for what the dependent ones do, by the derivatives of these close to a change
-    point: no reaction is needed for that."""
+    """Reduce the residual to independent coordinates by the dependent ones' derivatives near a change point, without
+    reactions."""
     apart()
     plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
@@ -279,7 +279,7 @@ def reduce_across(m):
 
 @njit(**OPTIONS)
 def stand(m, t):
-    """Everything moves as all coordinates say, which close the loops already."""
+    """Kinematics from all coordinates, which close the loops already."""
     apart()
     prescribe(m, t)
     deform(m)
@@ -291,7 +291,7 @@ def stand(m, t):
 
 @njit(**OPTIONS)
 def middle(m):
-    """Matrices of the factors to come where everything is now."""
+    """Matrices for the next factors at the current state."""
     apart()
     plan, w = m.plan, m.w
     assemble(m)
@@ -302,7 +302,7 @@ def middle(m):
 @of_holds(None)
 @njit(**OPTIONS)
 def hold_now(m):
-    """Rows of the holds where everything is."""
+    """Rows of the holds at the current state."""
     apart()
     for act in range(m.plan[CONTACTS], m.plan[ACTS]):
         if m.acts[act, WHAT] != SWITCH:
@@ -314,9 +314,9 @@ def hold_now(m):
 @once
 @njit(**OPTIONS)
 def mend(m, t, A, h, turns):
-    """Mend accelerations and reactions where everything is, in as many turns; False: singular.
+    """Correct accelerations and reactions at the current state in ``turns`` iterations; False: singular.
 
-    ``h``: 0, or 1 where STIFFNESS is a mass that coordinates have besides.
+    ``h``: 0, or 1 if STIFFNESS is an additional mass of coordinates.
     """
     apart()
     plan, w = m.plan, m.w
@@ -345,7 +345,7 @@ def mend(m, t, A, h, turns):
 @once
 @njit(**OPTIONS)
 def project_now(m, t, A, h, turns):
-    """Accelerations and reactions of the cuts where and as fast as the independent coordinates are; False: singular.
+    """Accelerations and reactions for the current independent coordinates and rates; False: singular.
 
     ``h`` and ``turns``: see :func:`mend`.
     """

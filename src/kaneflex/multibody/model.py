@@ -1,4 +1,4 @@
-"""A scene with numbers bound to its kernels: what is integrated, and what can be asked at any instant."""
+"""A scene with numbers bound to its kernels, ready for integration and evaluation."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     from kaneflex.multibody.system import CoupledSystem
 
 REACHED = {"rad": 1e-3, "m": 1e-5}
-"""Largest distance of the first drive, by its unit, from the coordinate that was asked for."""
+"""Largest distance of the first drive, by its unit, from the requested coordinate."""
 _FROM_EQUATIONS = ("kept", "kept_parts", "monomials", "_products", "system")
-"""What a model computes when it is asked for, from its equations and options alone."""
+"""Cached attributes that follow from the equations and options alone."""
 JOINT_FORCES = ("force_x", "force_y", "normal", "moment", "drive")
-"""Scalars JOINT.NAME of the motion: what a joint exerts on its second body, and its drive's torque or force."""
+"""Scalars JOINT.NAME of the motion: joint forces and moment on its second body, and its drive's force or torque."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Model:
     scene, options
         What is modelled, and how.
     motion : RigidKinematics
-        The rigid stage.
+        Rigid motion.
     links : mapping of str to Link
         Elastic bodies with their meshes.
     parts : mapping of str to Part
@@ -62,7 +62,7 @@ class Model:
     bases : mapping of str to ndarray
         Craig-Bampton basis of each reduced link.
     interfaces, frame
-        How the parts hang together.
+        Connections of the parts.
     equations : ElasticEquations
         Assembled and constrained, in the coordinates ``coordinates``.
     reduced : ElasticEquations
@@ -103,7 +103,7 @@ class Model:
         return f"Model({self.in_short})"
 
     def _repr_html_(self) -> str:
-        """In a notebook: what is solved for."""
+        """Table of the model's main data for notebooks."""
         from kaneflex.support.html import shown
 
         links = ", ".join(f"{name} ({len(link.part.coordinates)})" for name, link in self.links.items())
@@ -123,7 +123,7 @@ class Model:
     def degrees_of_freedom(self) -> int:
         """Elastic ones before any reduction; bodies with modal data have their shapes.
 
-        Of coupled equations without an elastic stage beside them: what is free, and all shapes.
+        Of coupled equations without an elastic stage: free coordinates and all shapes.
         """
         if self.bare or self.coupled_in_space is not None:
             return self.solved_for
@@ -142,13 +142,13 @@ class Model:
 
     @property
     def bare(self) -> bool:
-        """Whether the coupled equations have no linear ones beside them, see
+        """True if the coupled equations have no linear ones beside them, see
         :func:`kaneflex.solve.loading.has_elastic_stage`."""
         return self.coupled is not None and not self.equations.size
 
     @property
     def solved_for(self) -> int:
-        """How many coordinates the equations have that are integrated."""
+        """Number of coordinates that are integrated."""
         if self.coupled_in_space is not None:
             return self.coupled_in_space.freedoms
         if self.coupled is not None:
@@ -162,7 +162,7 @@ class Model:
 
     @property
     def reference_coordinates(self) -> dict[str, float]:
-        """Coordinate of each drive at ``reference_time`` [rad or m]; the first as asked for, if it is there."""
+        """Coordinate of each drive at ``reference_time`` [rad or m]; the first as requested if it is reached."""
         rigid, asked = self.motion.at(self.reference_time), self.options.mode_angle
         found = {name: float(rigid[f"{name}.angle"][0]) for name in self.scene.drives}
         for name in list(found)[:1]:
@@ -179,7 +179,7 @@ class Model:
 
     @property
     def balances(self) -> bool:
-        """Whether the equations balance at every instant, so that reactions follow from their residual.
+        """True if the equations balance at every instant, so that reactions follow from their residual.
 
         Those of the paper's frozen model don't: its matrices are those of one crank angle, its loads those of all.
         """
@@ -237,7 +237,7 @@ class Model:
 
     @cached_property
     def kernels(self) -> Kernels:
-        """Compiled kernels of what is integrated, with the term groups that the options keep, and their argument p.
+        """Compiled kernels of the integrated equations, with the term groups that the options keep, and argument p.
 
         Raises SceneError under preset ``coupled``, whose matrices depend on where the mechanism goes, and in space.
         """
@@ -259,19 +259,19 @@ class Model:
         return Kernels(bind(self.motion, found), self.reduced.coordinates, tuple(points), forces)
 
     def sharing(self, like: Model) -> Model:
-        """The model, with what was computed of another one that has the same equations and options, if it has them."""
+        """The model, with cached results of another one with the same equations and options."""
         if self.reduced is like.reduced:
             vars(self).update({name: vars(like)[name] for name in _FROM_EQUATIONS if name in vars(like)})
         return self
 
     @cached_property
     def kept(self) -> dict[str, Affine]:
-        """M, C, K, F of what is integrated: the sums of :attr:`kept_parts`."""
+        """M, C, K, F of the integrated equations: the sums of :attr:`kept_parts`."""
         return {name: self.kept_parts[name] for name in "MCKF"}
 
     @cached_property
     def kept_parts(self) -> dict[str, Affine]:
-        """:func:`sums` of what is integrated, with the term groups that the options keep.
+        """:func:`sums` of the integrated equations, with the term groups that the options keep.
 
         Terms that are zero by structure are not in: those of a link whose motion has no such scalar, though others do.
         """

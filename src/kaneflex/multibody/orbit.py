@@ -1,15 +1,14 @@
-"""Where a periodic motion of driven elastic bodies begins: Newton's method on its harmonics.
+"""Initial state of a periodic motion of driven elastic bodies by harmonic collocation and Newton's method.
 
-z are the shapes' coordinates, all that is independent where drives prescribe every joint or loops do. At N instants of
-a cycle the engine says which accelerations a(z, z') the equations leave them, and z'' = a(z, z') is to hold there for
-trigonometric polynomials z (Fourier collocation, as :mod:`kaneflex.integrate.spectral` has it for linear equations).
-Each correction solves the equations linearised about the cycle,
+z are the coordinates of the shapes, which are the only independent ones if drives and loops determine all joints. At N
+instants of a cycle, the engine evaluates the accelerations a(z, z'), and z'' = a(z, z') is required there of
+trigonometric polynomials z (Fourier collocation, as in :mod:`kaneflex.integrate.spectral` for linear equations). Each
+correction solves the equations linearised about the cycle,
 
     M(t) dz'' + C(t) dz' + K(t) dz = M(t) (a - z''),
 
-by GMRES (Saad and Schultz 1986), preconditioned by their solution on a coarse grid for the low harmonics, where
-vibrations resonate, and by that of their mean for the high ones. A motion that nothing damps is found like any other:
-nothing has to die away.
+by GMRES (Saad and Schultz 1986), preconditioned by their solution on a coarse grid for the low harmonics, which include
+resonances, and by that of their mean for the high ones. Undamped motions converge like damped ones.
 """
 
 from __future__ import annotations
@@ -26,15 +25,16 @@ from kaneflex.multibody.linearisation import Instant, slopes
 from kaneflex.multibody.system import CoupledSystem, Unfolded
 
 _DRAGS, _NEAR = (8.0, 1.0, 0.125, 0.0), 0.03
-"""Drags on the way to a motion far from the undeformed one, by the cycle's angular velocity; how near to go by them."""
+"""Damping for continuation to a motion far from the undeformed one, relative to the cycle's angular velocity;
+precision on the way."""
 _WAYS = (32, (0.0,)), (64, (0.0,)), (64, _DRAGS)
 """Instants of a first grid, and the drags there, as they are tried."""
 _ROUGH, _FINEST = 0.1, 4096
-"""Share of the highest harmonics that leaves a first grid without worth; instants of the last one."""
+"""Share of the highest harmonics above which a first grid is rejected; instants of the finest one."""
 _LARGEST = 1536
 """Unknowns on a first grid: its dense factors take 0.3 s then."""
 _STEPS, _FRESH = 8, 0.2
-"""Newton's steps on a grid, and the contraction of one from which the next one linearises anew."""
+"""Newton's steps on a grid, and the contraction of one above which the next one linearises again."""
 _SOLVED, _VECTORS = 1e-3, 30
 """Share to which each correction is solved for, and GMRES' vectors."""
 
@@ -45,10 +45,10 @@ States = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 def orbit_start(
     system: CoupledSystem, bare: States, t0: float, period: float, precision: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """q and v (size,) at t0 [s] of the motion that repeats after ``period`` [s], to ``precision`` of its deformation.
+    """Initial state q and v (size,) at t0 [s] of the motion of ``period`` [s], to ``precision`` of its deformation.
 
-    None where it isn't found this way: where more than shapes is independent, or what acts knows what was before;
-    where corrections don't converge, or the harmonics don't die away.
+    None if the search fails: coordinates other than shapes are independent, forces depend on the history, corrections
+    don't converge, or the harmonics don't decrease.
     """
     system.compile()
     system.fold(*(part[0] for part in bare(np.array([t0]))))
@@ -71,7 +71,7 @@ def orbit_start(
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """What :func:`orbit_start` is given; ``modal``: places in q of the independent shapes."""
+    """Search of :func:`orbit_start`; ``modal``: places in q of the independent shapes."""
 
     system: CoupledSystem
     bare: States
@@ -84,7 +84,7 @@ class _Search:
         return 2.0 * np.pi / self.period
 
     def found(self, precision: float) -> np.ndarray | None:
-        """z (k, N) at the instants of the grid that its harmonics ask for; None where it isn't found."""
+        """Solution z (k, N) at the instants of a sufficiently fine grid; None without convergence."""
         z, tangent = self.begun(precision)
         while tangent is not None and z.shape[1] < _FINEST:
             if _tail(z) <= precision:
@@ -93,7 +93,7 @@ class _Search:
         return None
 
     def begun(self, precision: float) -> tuple[np.ndarray, _Tangent | None]:
-        """z (k, N) on a first grid, and the tangent there; none where no way leads to a motion."""
+        """Solution z (k, N) on a first grid, and its tangent; None without convergence."""
         z, tangent = np.zeros((len(self.modal), 0)), None
         for instants, drags in _WAYS:
             if instants * len(z) > _LARGEST:
@@ -111,7 +111,8 @@ class _Search:
     def corrected(
         self, z: np.ndarray, tangent: _Tangent | None, precision: float, drag: float = 0.0
     ) -> tuple[np.ndarray, _Tangent | None]:
-        """z (k, N) as near to the motion as its grid is worth, and the tangent that led there; none where none did."""
+        """Newton's corrections of z (k, N) up to the accuracy of its grid, with the last tangent; None without
+        convergence."""
         last, states = np.inf, self.states(z.shape[1])
         for _ in range(_STEPS):
             v, a = rates(z, self.omega)
@@ -123,7 +124,7 @@ class _Search:
             step = tangent.answer(rest)
             z = z + step
             size = abs(step).max() / max(abs(z).max(), 1e-300)
-            if size <= max(precision, _tail(z)):  # what is left after the step is less by far
+            if size <= max(precision, _tail(z)):  # the residual after the step is much smaller
                 return z, tangent
             if not size <= 2.0 * last:
                 break
@@ -133,12 +134,12 @@ class _Search:
         return z, None
 
     def states(self, instants: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """So many instants of the cycle [s], with q and v of the undeformed bodies."""
+        """Given number of instants of the cycle [s], with q and v of the undeformed bodies."""
         times = self.t0 + self.period / instants * np.arange(instants)
         return times, *self.bare(times)
 
     def projected(self, states: tuple[np.ndarray, np.ndarray, np.ndarray], z: np.ndarray, v: np.ndarray) -> Unfolded:
-        """The states with z and v (k, N) in their shapes, loops closed, as the equations have them."""
+        """States with z and v (k, N) in their shapes, loops closed."""
         times, q, rate = states
         q[:, self.modal], rate[:, self.modal] = z.T, v.T
         return self.system.states(times, q, rate)
@@ -177,7 +178,7 @@ class _Tangent:
         return cls(search, matrices, lu_factor(whole.reshape(k * instants, -1)))
 
     def answer(self, rest: np.ndarray) -> np.ndarray:
-        """dz (k, N) that takes away what accelerations (k, N) are left over."""
+        """Correction dz (k, N) for residual accelerations (k, N)."""
         shape, (_, k, _, coarse) = rest.shape, self.matrices.shape
         M, C, K = at_instants(self.matrices.reshape(-1, coarse), shape[1]).reshape(3, k, k, -1)
         load = np.einsum("abj,bj->aj", M, rest).ravel()

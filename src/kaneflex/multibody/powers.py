@@ -45,10 +45,9 @@ def energies(m):
 
 @njit(**OPTIONS)
 def losses(m, out):
-    """At ``out``, powers [W] of dissipation, of every load, and after the drives those that holds and contacts take up.
+    """Powers [W] at ``out``: dissipation, loads, and after the drives holds and contacts.
 
-    A contact's work is what it has stored and lost: its loss is not integrated by itself, for next to a depth of zero
-    its parts are not smooth, while the force is small.
+    The loss of a contact is its work less its stored energy, since the loss itself is not smooth near zero depth.
     """
     apart()
     plan, w, acts = m.plan, m.w, m.acts
@@ -81,7 +80,7 @@ def losses(m, out):
 
 @njit(**OPTIONS)
 def powers(m):
-    """At POWER, rates of the works [W], after :func:`demand`: dissipation but in what follows, loads, drives, holds,
+    """Powers [W] at POWER, after :func:`demand`: dissipation without contacts and friction, loads, drives, holds,
     contacts."""
     apart()
     plan, w, acts = m.plan, m.w, m.acts

@@ -1,11 +1,11 @@
-"""Compiled functions as C11: the same texts that numba compiles, printed with the types of what they are called with.
+"""Compiled functions as C11, printed from the texts that numba compiles and the types of their arguments.
 
-The functions of the engine are written in little of Python: whole and floating-point numbers, addresses of them, loops,
-branches, calls of each other. That much is printed here, and whatever else one of them should come to hold is refused
-with its place. So a law stands in one text, whoever compiles it.
+The engine's functions use a small subset of Python: integers and floating-point numbers, addresses, loops, branches and
+calls. Only this subset is printed; anything else is refused with its location. So numba and C share one text of every
+law.
 
-A function is printed once for every list of its arguments' types, as numba compiles it; the type of a variable is the
-widest of what is assigned to it.
+A function is printed once for each list of argument types, as numba compiles it; the type of a variable is the widest
+type assigned to it.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Printer:
         )
 
     def chosen(self, which: int, given: Sequence[Any]) -> tuple[str, Any, bool]:
-        """What calls a kernel of a structure, or that of a kind of bodies, whose place is its first argument then."""
+        """Call of a structure's kernel, or of one of a body kind, whose number is the first argument then."""
         own = len(tables.STRUCTURE_KERNELS)
         if which < own:
             return *self.function(self.kernels[which], given), False
@@ -188,7 +188,7 @@ class _Written(Expressions):
         self._line(f"{' = '.join(self._place(target) for target in node.targets)} = {text};")
 
     def _parallel(self, targets: Sequence[ast.expr], node: ast.Assign) -> None:
-        """Several at once: in their order, where no value asks for what was assigned before it, else by copies."""
+        """Several at once: in sequence if no value uses a target assigned before it, else by copies."""
         if len(node.targets) > 1:
             self.refuse(node)
         value = node.value
@@ -217,7 +217,7 @@ class _Written(Expressions):
             self._line(f"{self._place(target)} = {text};")
 
     def _read(self, targets: Sequence[ast.expr], array: ast.expr, _: ast.expr, *start: ast.expr) -> None:
-        """Numbers of an array one by one, but those that go by ``_``."""
+        """Elements of an array one by one, except those named ``_``."""
         for k, target in enumerate(targets):
             if not (isinstance(target, ast.Name) and target.id == "_"):
                 place = ast.BinOp(start[0], ast.Add(), ast.Constant(k)) if start else ast.Constant(k)
@@ -227,7 +227,7 @@ class _Written(Expressions):
 
     @staticmethod
     def _meet(targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> bool:
-        """Whether a value may ask for what is assigned before it."""
+        """True if a value may use a target that is assigned before it."""
         for k, target in enumerate(targets):
             later = [node for value in values[k + 1 :] for node in ast.walk(value)]
             if isinstance(target, ast.Name):
@@ -245,7 +245,7 @@ class _Written(Expressions):
         return name
 
     def _take(self, target: ast.expr, kind: Any) -> None:
-        """A variable's type, as wide as this one at least."""
+        """Widen a variable's type to this one."""
         if isinstance(target, ast.Name):
             known = self.variables if target.id not in self.arguments else self.arguments
             known[target.id] = wider(known.get(target.id, kind), kind) if kind in WIDTH else kind

@@ -26,18 +26,18 @@ _MATHEMATICS = {getattr(math, name): name for name in (
     "log log10 log1p log2 pow sin sinh sqrt tan tanh trunc"
 ).split() if hasattr(math, name)}  # fmt: skip
 _WHOLE = (math.ceil, math.floor, math.trunc)
-"""What Python makes a whole number of."""
+"""Functions that return an int in Python."""
 
 
 class Expressions:
-    """What stands to the right in one function.
+    """Expressions of one function in C.
 
     Attributes
     ----------
     arguments, variables : dict of str
         Types by name.
     read : set of str
-        Those that are asked for.
+        Names that are read.
     """
 
     def __init__(self, printer: Printer, function: Any, arguments: dict[str, Any]) -> None:
@@ -102,7 +102,7 @@ class Expressions:
         self.refuse(node)
 
     def whole(self, node: ast.expr) -> str:
-        """A whole number, whose variable may be a floating-point one elsewhere in the function."""
+        """An integer, even if its variable is a floating-point one elsewhere in the function."""
         text, kind = self.expression(node)
         return f"(int64_t){text}" if kind == types.float64 else text
 
@@ -160,7 +160,7 @@ class Expressions:
             return special(self, node)
         if hasattr(called, "where"):
             function, mechanisms, otherwise = called.where
-            if self.expression(node.args[0])[1] not in mechanisms:  # this one has nothing of it
+            if self.expression(node.args[0])[1] not in mechanisms:  # not used by this mechanism
                 return ("", types.void) if otherwise is None else constant(otherwise)
             called = function
         given = [self.expression(each) for each in node.args]
@@ -209,13 +209,13 @@ class Expressions:
     # ---- names ------------------------------------------------------------------------------------------------
 
     def _is_static(self, node: ast.expr) -> bool:
-        """Whether an attribute is that of a module."""
+        """True if an attribute is that of a module."""
         while isinstance(node, ast.Attribute):
             node = node.value
         return isinstance(node, ast.Name) and isinstance(self.known.get(node.id), ModuleType)
 
     def _object(self, node: ast.expr) -> Any:
-        """What a name of the function's module, or an attribute of a module, stands for."""
+        """Object of a name of the function's module, or of an attribute of a module."""
         if isinstance(node, ast.Name):
             if node.id not in self.known:
                 self.refuse(node)
@@ -238,7 +238,7 @@ _SPECIAL: Mapping[Any, Callable[[Expressions, ast.Call], Expression]] = {
 
 
 def _names_of(function: Any) -> dict[str, Any]:
-    """What the names in a function stand for that are not its own."""
+    """Objects of the global and enclosing names of a function."""
     inner = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
     builtins = {each.__name__: each for each in (abs, int, float, range)}
     return {**builtins, **function.__globals__, **{name: cell.cell_contents for name, cell in inner.items()}}

@@ -1,9 +1,9 @@
-"""Linear equations of a tree of bodies, leaf by leaf: (M + h C + h^2 K) x = r with work that grows as the bodies do.
+"""Linear equations (M + h C + h^2 K) x = r of a tree of bodies, with work proportional to the number of bodies.
 
-Inwards every body's shapes and its joint's coordinate are eliminated, so that its parent feels it as a 3 x 3 matrix at
-the section that it hangs on (the articulated inertia of Featherstone 1983, with shapes as further joints); outwards the
-answers come back. C and K are local to shapes and joints, and h may be complex: the same lines factorise what every
-stage of a collocation method asks for. Rows of the matrices are of a body's frame (x, y, phi) and its shapes.
+The inward pass eliminates every body's shapes and its joint's coordinate, which leaves a 3 x 3 matrix at the section of
+the parent (articulated inertia of Featherstone 1983, with shapes as further joints); the outward pass substitutes back.
+C and K are local to shapes and joints. h may be complex: the same code factorises the matrices of all collocation
+stages. Rows of the matrices belong to a body's frame (x, y, phi) and its shapes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def assemble(m):
 
 @njit(**OPTIONS)
 def factorise(m, h, A):
-    """Factors of M + h C + h^2 K in A, real or complex, where MASS, W and MIDDLE are of; False: a pivot vanishes."""
+    """Factors of M + h C + h^2 K in A, real or complex, with MASS, W and MIDDLE; False: a pivot vanishes."""
     apart()
     plan, w = m.plan, m.w
     count, squares = plan[BODIES], plan[SQUARES]
@@ -170,7 +170,7 @@ def _small(A, ao, n):
 
 @njit(**OPTIONS)
 def _hand_over(m, b, A):
-    """Add a body's articulated inertia, less what its joint gives way, to the square of the body that it hangs on."""
+    """Add a body's articulated inertia, reduced by its joint's freedom, to the matrix of its parent."""
     apart()
     plan, w = m.plan, m.w
     ao, n, g = plan[SQUARES] + m.bodies[b, SQUARE], 3 + m.bodies[b, SHAPES], plan[HINGES] + HINGE_SIZE * b
@@ -198,10 +198,10 @@ def _hand_over(m, b, A):
 
 @njit(**OPTIONS)
 def solve(m, A, row):
-    """Solve with the factors: the answer of the coordinates takes the place of their forces in a row of COLUMNS.
+    """Solve with the factors; the solution replaces the coordinates' forces in a row of COLUMNS.
 
-    PUSH has forces over all bodies' speeds besides and is left with these speeds. In place of coordinates that a drive
-    prescribes, which stay as they are, stand the forces that it takes to keep them so.
+    PUSH has forces over all bodies' speeds besides and receives these speeds. Prescribed coordinates stay unchanged;
+    their entries receive the forces of their drives.
     """
     apart()
     plan, w = m.plan, m.w

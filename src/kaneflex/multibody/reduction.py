@@ -1,7 +1,7 @@
-"""Compiled: what a motion of the independent coordinates asks for, as generalised forces over these coordinates.
+"""Compiled residual of the equations of motion as generalised forces of the independent coordinates.
 
-Zero where the equations of motion hold: N^T (M a - f), Kane's equations, with the partial velocities N of the
-independent coordinates. The reactions that close the loops take what the dependent coordinates of the tree ask for.
+It is N^T (M a - f), Kane's equations with the partial velocities N of the independent coordinates, and zero for
+solutions. The reactions of the cuts balance the dependent coordinates of the tree.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from kaneflex.multibody.tree import demand
 
 @njit(**OPTIONS)
 def react(m):
-    """Change the reactions of the cuts at NOW so that dependent coordinates ask for nothing; False: none do.
+    """Update the reactions of the cuts at NOW to balance the dependent coordinates; False: singular.
 
-    At DEMAND the independent ones then ask for what they ask for all in all.
+    At DEMAND the independent coordinates then have the whole residual.
     """
     apart()
     plan, w = m.plan, m.w
@@ -48,12 +48,12 @@ def react(m):
 
 @njit(**ENTRY)
 def reduced_demand(m, independent, n, rows, count, width, out):
-    """What the motion of every row asks for, (count, n), N = kg m/s^2 or N m.
+    """Generalised forces of every row's motion, (count, n), N = kg m/s^2 or N m.
 
-    A row: t [s], then the n independent coordinates, their rates and accelerations, then what is added to the sizes of
-    the loads and to the prescribed accelerations. independent: which coordinates of the tree those are. The tables are
-    left at the last row, with the reactions of its cuts, and without anything added. Returns the rows that were done:
-    the next one doesn't close.
+    A row: t [s], then the n independent coordinates, their rates and accelerations, then additions to the sizes of the
+    loads and to the prescribed accelerations. independent: their numbers among the tree's coordinates. The tables keep
+    the last row, with the reactions of its cuts, and without additions. Returns the number of rows done: the next one
+    doesn't close.
     """
     plan, w = m.plan, m.w
     added, done = width - 1 - 3 * n, 0
@@ -82,4 +82,4 @@ def reduced_demand(m, independent, n, rows, count, width, out):
 
 
 ENTRIES = {reduced_demand: int64(MECHANISM, CPointer(int64), int64, N, int64, int64, N)}
-"""What Python calls, and with which arguments."""
+"""Signatures of the functions that Python calls."""

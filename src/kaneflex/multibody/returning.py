@@ -1,4 +1,4 @@
-"""The independent coordinates of a planar mechanism at the start of its cycles, and how a cycle's end follows them."""
+"""Independent coordinates of a planar mechanism at the start of its cycles, and their change over a cycle."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from kaneflex.multibody.trajectory import CoupledTrajectory
 
 @dataclass(frozen=True, eq=False)
 class Returning:
-    """The independent coordinates that the starts of a mechanism's cycles differ by.
+    """Independent coordinates of the initial states of a mechanism's cycles.
 
-    ``which`` of the tree's coordinates they are is chosen once, by :func:`returning`, and serves every system with the
-    same joints; ``t`` [s] is when a cycle begins.
+    ``which`` are their numbers among the tree's coordinates, chosen once by :func:`returning` and valid for every
+    system with the same joints; ``t`` [s] is the start of a cycle.
     """
 
     t: float
@@ -37,9 +37,9 @@ class Returning:
     def moved(
         self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, x: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """q and v (size,) of a state whose x is another one by ``x`` (2 k,).
+        """State q and v (size,) with x changed by ``x`` (2 k,).
 
-        Raises ArithmeticError where the loops don't close there.
+        Raises ArithmeticError if the loops don't close there.
         """
         engine = system.engine
         system.fold(q, v)
@@ -54,7 +54,7 @@ class Returning:
         return found.q[0], found.v[0]
 
     def missed(self, system: CoupledSystem, cycle: CoupledTrajectory) -> np.ndarray:
-        """P(x) - x, (2 k,): a joint that has turned on by whole turns stands where it stood."""
+        """Change P(x) - x over a cycle, (2 k,), without whole turns of joints."""
         ends = (self.coordinates(system, cycle.q[k], cycle.v[k]) for k in (-1, 0))
         gap = next(ends) - next(ends)
         turns = np.flatnonzero(self.turns)
@@ -62,9 +62,9 @@ class Returning:
         return gap
 
     def monodromy(self, system: CoupledSystem, cycle: CoupledTrajectory, pieces: int = PIECES) -> np.ndarray:
-        """dP/dx (2 k, 2 k) of the equations linearised along a cycle, in each piece of it about its middle.
+        """Monodromy matrix dP/dx (2 k, 2 k) of the equations linearised along a cycle, at the middle of each piece.
 
-        Raises ArithmeticError or LinAlgError where they don't determine the motion.
+        Raises ArithmeticError or LinAlgError at a singular state.
         """
         return propagated(self._pieces(system, cycle, pieces))
 
@@ -90,7 +90,7 @@ def _stride(count: int, pieces: int) -> int:
 
 
 def returning(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Returning:
-    """The independent coordinates at a state of the bodies."""
+    """Independent coordinates at a state of the bodies."""
     system.compile()
     system.fold(q, v)
     system.engine.choose(t)

@@ -1,15 +1,15 @@
-"""Newton's law of impact in the compiled integration: speeds that jump where rigid sides meet, and sides that rest.
+"""Newton's law of impact in the compiled integration: speeds after impacts of rigid sides, and resting contacts.
 
-At an instant all contacts that touch act together. Impulses p along their normals give the gaps' rates
-v' = v + W p, W = J M^-1 J^T with all loops closed and prescribed drives held; p >= 0, v' >= e (-v) where v < 0 and
-v' >= 0 else, and either the one or the other is zero: a linear complementarity problem (Moreau 1988, CISM 302;
-Pfeiffer & Glocker 1996, Multibody Dynamics with Unilateral Contacts, ch. 8). The energy lost is p (v + v')/2 by contact
-(Thomson & Tait 1879, Treatise on Natural Philosophy, sec. 309), the rest is work of the drives that are held.
+At an instant all touching contacts act together. Impulses p along their normals give the gaps' rates v' = v + W p, W =
+J M^-1 J^T with all loops closed and prescribed drives held; p >= 0, v' >= e (-v) if v < 0 and v' >= 0 otherwise, and
+one of both is an equality: a linear complementarity problem (Moreau 1988, CISM 302; Pfeiffer & Glocker 1996, Multibody
+Dynamics with Unilateral Contacts, ch. 8). Each contact loses the energy p (v + v')/2 (Thomson & Tait 1879, Treatise on
+Natural Philosophy, sec. 309), the rest is work of the drives.
 
-The same problem of forces and accelerations says which of them rest from there on: a contact that loads press together,
-and that parts so slowly that it would come back before it rose beyond rounding. Bounces that get ever shorter end so.
-One that rests is a row like those of the cuts: a dependent coordinate follows from it, its force is an unknown. It
-opens where this would pull; then the problem of forces is put again.
+The same problem with forces and accelerations determines the resting contacts: those that loads press together, and
+that separate so slowly that they would return before the gap exceeds rounding. This ends sequences of ever shorter
+bounces. A resting contact is a row like those of the cuts: it determines a dependent coordinate, and its force is an
+unknown. It opens if the force would become tensile; then the problem of forces is solved again.
 """
 
 from __future__ import annotations
@@ -41,20 +41,20 @@ _TOGETHER = 100.0
 LEAST_HEIGHT = 16.0
 """Tolerances of a gap that a bounce must be high."""
 NOISE = 1e-12
-"""Of speeds and accelerations that add up to nothing."""
+"""Rounding error of cancelling speeds and accelerations, relative to them."""
 _TURNS = 40
-"""In so many do impulses of joints and those of the friction that they bring with them settle, or go on by half as far.
-Where several joints come to a stand at once what each of them bears is not determined: one of many ways is taken."""
+"""Iterations in which impulses of joints and their friction converge, or after which the increments are halved. If
+several joints stop at once, their loads are statically indeterminate: one solution is taken."""
 
 
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def collide(m, here, A, wanted):
-    """Have rigid sides that touch where everything is bounce or rest; the next step [s], -1 at a singular state, -2
-    where nothing agrees with the friction there is.
+    """Solve the impacts of touching rigid sides and find those that rest; returns the next step [s], -1 at a singular
+    state, -2 without a solution with friction.
 
-    RESTED says whether others rest than before: then dependent coordinates are to be chosen anew. Of those that rest
-    BEGUN_AT is 1.
+    RESTED is set if other contacts rest than before: dependent coordinates must be chosen again then. BEGUN_AT of
+    resting contacts is 1.
     """
     apart()
     plan, w, t = m.plan, m.w, here[0]
@@ -78,9 +78,9 @@ def collide(m, here, A, wanted):
 
 @njit(**OPTIONS)
 def gather(m, t):
-    """List the contacts that touch, with the rates of their gaps; their number. None rests any more.
+    """List the touching contacts with the rates of their gaps; returns their number. All are marked as not resting.
 
-    Where the force of one has come to zero, all whose forces have are to part.
+    If the force of one has come to zero, all with zero force separate.
     """
     apart()
     plan, w, count, parting = m.plan, m.w, 0, False
@@ -116,7 +116,7 @@ def size_of(m, act, rate):
 
 @njit(**OPTIONS)
 def _collided(m, here, A, count, slips):
-    """Speeds after the impact, accelerations without contacts, and forces of those that rest; what to return, see
+    """Speeds after the impact, accelerations without contacts, and forces of the resting contacts; returns as
     :func:`collide`."""
     apart()
     t = here[0]
@@ -135,8 +135,8 @@ def _collided(m, here, A, count, slips):
 
 @njit(**OPTIONS)
 def _forces(m, t, A, count, slips):
-    """Accelerations without contacts, and forces of those that rest, with what friction the joints' reactions to these
-    bring with them; see :func:`_press`, -2: singular."""
+    """Accelerations without contacts, and forces of the resting contacts, with the friction of the joints' reactions;
+    returns as :func:`_press`, -2: singular."""
     apart()
     plan, w, again, missed, turn = m.plan, m.w, 0, math.inf, 0
     while missed > 1.0 and turn < _TURNS:
@@ -157,8 +157,7 @@ def _forces(m, t, A, count, slips):
 
 @njit(**OPTIONS)
 def _jump(m, here, A, count, slips):
-    """Impulses of the contacts and of what slips beside them, and all speeds after them; what to return, see
-    :func:`collide`."""
+    """Impulses of the contacts and holds, and all speeds after them; returns as :func:`collide`."""
     apart()
     plan, w, n, rows, W = m.plan, m.w, m.plan[COORDINATES], count + slips, m.plan[COMPLEMENT]
     old, new, p = vector(m, OLD), vector(m, NEW), vector(m, IMPULSES)
@@ -175,7 +174,7 @@ def _jump(m, here, A, count, slips):
     missed, turn = math.inf, 0
     while missed > 1.0 and turn < 5 * _TURNS:
         if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
-            for i in range(count):  # in a wedge where friction jams no impulses give what restitution asks for
+            for i in range(count):  # in a jamming wedge no impulses satisfy restitution
                 w[vector(m, WANTED) + i] = w[old + i]
             if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
                 return -2.0 if slips else -1.0
@@ -195,7 +194,8 @@ def _jump(m, here, A, count, slips):
 
 @njit(**OPTIONS)
 def _press(m, t, count, slips):
-    """Forces of the contacts that rest; how many part too slowly to bounce, and are not to part; -1: no such forces."""
+    """Forces of the resting contacts; returns the number of those that separate too slowly to bounce, and stay; -1: no
+    solution."""
     apart()
     plan, w, W, rows = m.plan, m.w, m.plan[COMPLEMENT], count + slips
     new, p, f, sticks = vector(m, NEW), vector(m, IMPULSES), vector(m, FORCES), vector(m, STICKS)
@@ -233,7 +233,7 @@ def _press(m, t, count, slips):
 
 @njit(**OPTIONS)
 def _settle(m, here, count, slips):
-    """Note what the contacts that touched do from here on, and keep the impacts that are over."""
+    """Update the modes of the contacts, and record the impacts."""
     apart()
     plan, w, t, works, W = m.plan, m.w, here[0], works_at(m), m.plan[COMPLEMENT]
     for k in range(plan[WORKS]):

@@ -1,12 +1,12 @@
-"""Friction where rigid sides meet, in the compiled integration: impulses of holds, and which slip or stick then.
+"""Friction of rigid sides in the compiled integration: impulses, and modes after them.
 
-Coulomb's law of impulses: along a contact's face at most mu times the impulse that presses it, against the slip that is
-left (Moreau 1988; Glocker & Pfeiffer 1995, Nonlinear Dyn. 7, 471). A joint's friction has mu times the impulse of the
-joint's own reactions; as that is no linear law of them, it is found by iteration. What has a size by itself, as a
-preload, a compliant contact's force or that of bristles, has no impulse: what it holds gives way.
+Coulomb's law of impulses: along a contact's face at most mu times the normal impulse, against the remaining slip
+(Moreau 1988; Glocker & Pfeiffer 1995, Nonlinear Dyn. 7, 471). A joint's friction is mu times the impulse of the joint's
+own reactions; as that is not a linear law, it is found by iteration. Friction by a preload, a compliant contact's force
+or bristles has no impulse.
 
-Then forces: what has a speed slips, what has none is a row of the problem that says which contacts rest, and begins as
-that finds it; ``sticking.decide`` has the last word.
+In the problem of forces, holds with a speed slip, those without are rows of the complementarity problem, which
+determines their first mode; ``sticking.decide`` makes the final choice.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from kaneflex.multibody.tables import (
 
 VISCOUS = LAWS.index("viscous")
 _AGREE = 1e-12
-"""Of a joint's impulse of friction, what two turns may differ by."""
+"""Tolerance of a joint's friction impulse between two iterations, relative to it."""
 _SETTLED = 1e-10
-"""Of the largest reaction of a joint, what two turns may differ by."""
+"""Tolerance between two iterations, as a share of the joint's largest reaction."""
 _HELD = 1e-9
-"""Share of what holds that is kept in reserve by what counts as stuck."""
+"""Share of the holding force that is kept in reserve for a stuck hold."""
 _ROUNDING = 1e-12
-"""Of rates that add up to nothing."""
+"""Rounding error of cancelling rates, relative to them."""
 
 
 @of_holds(0)
 @njit(**OPTIONS)
 def gather(m, touching):
-    """List, after so many contacts that touch, what may stick or slip beside them; how many. BEFORE is how they stood,
-    and DUE says where one is to let go, BORE by what force."""
+    """List the holds that may stick or slip, after the touching contacts; returns their number. BEFORE is their mode,
+    DUE marks those that are to slip, BORE their force."""
     apart()
     plan, w, found = m.plan, m.w, touching
     for n in range(-count(m), 0):
@@ -71,7 +71,7 @@ def gather(m, touching):
 
 @njit(**OPTIONS)
 def _pressing(m, n, touching):
-    """Which of the contacts that touch presses a hold on, -1 what is none of them, -2 nothing: its sides are apart."""
+    """Number of the touching contact that presses a hold; -1: not one of them, -2: its sides are apart."""
     act = m.plan[DRIVES] + n
     if m.acts[act, WHAT] != ALONG:
         return -1
@@ -87,7 +87,7 @@ def _pressing(m, n, touching):
 @of_holds(None)
 @njit(**OPTIONS)
 def begin(m, touching, slips):
-    """Put the problem of impulses: nothing slips by a law yet, and joints have no impulses."""
+    """Initialise the problem of impulses: no hold slips yet, and joints have no impulses."""
     apart()
     w = m.w
     for r in range(touching, touching + slips):
@@ -103,8 +103,8 @@ def begin(m, touching, slips):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def joints_ask(m, A, touching, slips, part):
-    """Have joints' friction know a part of how the impulses of their reactions, at REACTION and NOW, have changed; how
-    many times what is allowed that is."""
+    """Update joints' friction by a part of the change of their reactions' impulses, at REACTION and NOW; returns the
+    change in tolerances."""
     apart()
     plan, w, largest, missed = m.plan, m.w, 0.0, 0.0
     for q in range(m.pivots[KEPT]):
@@ -134,8 +134,8 @@ def exchange(m):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def joints_know(m, A, touching, slips):
-    """Add what contacts that rest do to reactions at NOW, where joints rub; how many times what is allowed these differ
-    from those about which the friction was taken."""
+    """Add the effect of resting contacts to the reactions at NOW, if joints have friction; returns their change from
+    the linearisation point in tolerances."""
     apart()
     plan, w, rubs, missed, size = m.plan, m.w, False, 0.0, 0.0
     for n in range(-count(m), 0):
@@ -155,9 +155,9 @@ def joints_know(m, A, touching, slips):
 @of_holds(None)
 @njit(**OPTIONS)
 def wait(m, t, touching, slips):
-    """After an impact, or none: what has a speed slips that way, what has none waits for the problem of forces.
+    """Modes after an impact, or none: holds with a speed slip that way, the others wait for the problem of forces.
 
-    Bristles of sides that touch exert what they do where nothing is known of rigid sides' forces.
+    Bristles of touching sides exert their force as without rigid contacts.
     """
     apart()
     w, p, rows, jumped = m.w, vector(m, IMPULSES), touching + slips, False
@@ -182,7 +182,7 @@ def wait(m, t, touching, slips):
 @of_holds(None)
 @njit(**OPTIONS)
 def put(m, touching, slips):
-    """Put the problem of forces, where accelerations are those without them."""
+    """Set up the problem of forces, with accelerations without them."""
     apart()
     w = m.w
     exert(m)
@@ -198,7 +198,7 @@ def put(m, touching, slips):
 @of_holds(None)
 @njit(**OPTIONS)
 def settle(m, here, touching, slips):
-    """Note what the holds do from here on, and what they have taken up."""
+    """Record the modes of the holds, and their impulses."""
     apart()
     plan, w, f, p = m.plan, m.w, vector(m, FORCES), vector(m, IMPULSES)
     work = works_at(m) + plan[WORKS] - plan[ACTS] + plan[CONTACTS]

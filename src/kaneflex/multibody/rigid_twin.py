@@ -1,8 +1,8 @@
-"""The rigid mechanism beside a coupled one, by the engine's numbers: nothing of it is derived.
+"""The rigid mechanism beside a coupled one, computed by the engine without derived equations.
 
-A body without shapes is one of the engine's, too. With all drives prescribed, the free ones where they are said to
-stand, the loops place the bodies, and what a mechanism's own module tabulates of places, speeds and accelerations is
-found here; what joints exert is found where it is asked for.
+Bodies without shapes use the engine, too. With all drives prescribed, and free ones at given positions, the loops place
+the bodies; this module computes the positions, speeds and accelerations that a mechanism's own module tabulates, and
+joint forces on request.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ if TYPE_CHECKING:
 _FAR = 0.1
 """Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
 _MOST_PLACES = 2_000_000
-"""Places between instants, of some hundred numbers each: two gigabytes at most."""
+"""Largest number of positions between instants, of some hundred numbers each: two gigabytes at most."""
 _OPENED = 1e-6
-"""Largest opening of a joint that is held twice, in rad or sizes of the mechanism."""
+"""Largest opening of a redundantly constrained joint, in rad or sizes of the mechanism."""
 _SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _UNITS = ("m", "m", "1", "1", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
 
 
 @dataclass(frozen=True, eq=False)
 class RigidTwin:
-    """What a :class:`~kaneflex.mechanism.rigid_motion.RigidKinematics` reads of a module.
+    """Counterpart of a generated module for a :class:`~kaneflex.mechanism.rigid_motion.RigidKinematics`.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class RigidTwin:
 
     @cached_property
     def FREE(self) -> tuple[str, ...]:
-        """What is left to the forces: joints, then the coordinates of bodies."""
+        """Free joints, then the free coordinates of bodies."""
         return self.mechanism.free
 
     @property
@@ -98,12 +98,12 @@ class RigidTwin:
 
     @cached_property
     def PARAMETERS(self) -> tuple[tuple[str, str], ...]:
-        """Where p has the courses of what is free."""
+        """Places in p of the courses of free coordinates."""
         return tuple((f"drives.{name}.{course}", "1") for name in self.FREE for course in COURSES)
 
     @cached_property
     def SCALARS(self) -> tuple[tuple[str, str, str], ...]:
-        """Name, unit and meaning of what is tabulated."""
+        """Name, unit and meaning of the tabulated scalars."""
         joints = self.mechanism.joints
         found = [(f"{name}.angle", "m" if joints[name].slides else "rad", "coordinate of the drive")
                  for name in self.mechanism.drives]  # fmt: skip
@@ -121,7 +121,7 @@ class RigidTwin:
         out[:] = self._table(times, p)
 
     def said(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """The first columns: what of SCALARS is known before the bodies are placed."""
+        """The first columns of SCALARS, which are known before the bodies are placed."""
         return self._said(times, self._drives(times, p))
 
     def _said(self, times: np.ndarray, drives: np.ndarray) -> np.ndarray:
@@ -137,9 +137,9 @@ class RigidTwin:
         return np.concatenate([said, bodies.reshape(len(times), math.prod(bodies.shape[1:]))], axis=1)
 
     def trajectory(self, times: np.ndarray, p: np.ndarray, shift: Mapping[str, np.ndarray]) -> CoupledTrajectory:
-        """The motion as states of ``rigid``, with what its joints exert. Raises ArithmeticError at a singular state.
+        """Motion as states of ``rigid``, with joint forces. Raises ArithmeticError at a singular state.
 
-        ``shift`` is what loads have beyond what is said of them, by name (n_times,).
+        ``shift`` has additions to the sizes of loads, by name (n_times,).
         """
         drives = self._drives(times, p)
         said = self._said(times, drives)
@@ -164,15 +164,16 @@ class RigidTwin:
         return found
 
     def _loads(self, times: np.ndarray, drives: np.ndarray) -> np.ndarray:
-        """Sizes of all loads, (n_times, loads); joints without a drive stand at zero, as their places aren't known."""
+        """Sizes of all loads, (n_times, loads); joints without a drive count as at zero, as their positions aren't
+        known."""
         unknown = np.zeros((len(times), 3 * len(self.mechanism.observed)))
         return self.system.load_sizes(times, np.column_stack([drives, unknown]))
 
     def _followed(self, drives: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, v, a of the bodies where the drives are, from place to place; NaN where the loops can't be followed.
+        """States q, v, a of the bodies along the drives' path; NaN if the loops can't be followed.
 
-        Behind such a place every further one is tried by itself, from where the loops were closed last. Every call
-        begins where the bodies stand at first, so that what it finds does not depend on what was asked before.
+        Beyond such a position every further one is tried by itself, from the last closed position. Every call begins at
+        the initial position, so that results don't depend on earlier calls.
         """
         stood, done, ahead = {name: value.copy() for name, value in self._stood.items()}, 0, len(drives)
         self.engine.stand(stood["row"])
@@ -193,7 +194,7 @@ class RigidTwin:
         return found.q, found.v, found.a
 
     def _told(self, drives: np.ndarray, said: np.ndarray | None = None) -> CoupledSystem:
-        """``rigid`` at as many places of its drives, the times 0, 1, 2, ..., with the sizes of its loads there."""
+        """``rigid`` with tabulated positions of its drives, at times 0, 1, 2, ..., and sizes of its loads."""
         courses = drives[:, : 3 * len(self.mechanism.drives)]
         loads = np.zeros((len(drives), len(self.mechanism.loads)))
         if said is not None:
@@ -201,7 +202,7 @@ class RigidTwin:
         return replace(self.rigid, engine=replace(self.engine, p=told.parameters(courses, loads)))
 
     def _path(self, start: np.ndarray, drives: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places of the drives (n, as many), near enough to each other, and which of them are those that are wanted."""
+        """Positions of the drives (n, as many), sufficiently close to each other, and which of them were requested."""
         before, places = np.vstack([start, drives[:-1]]), slice(0, 3 * len(self._measure), 3)
         steps = np.ones(len(drives), int)
         if self.engine.count(at.REACTIONS):
@@ -209,7 +210,7 @@ class RigidTwin:
             between = np.maximum(1.0, np.ceil(np.nan_to_num(moved.max(axis=1, initial=0.0)) / _FAR))
             if between.sum() > _MOST_PLACES:
                 name = list(self.mechanism.drives)[int(moved.max(axis=0).argmax())]
-                far = f"between its instants the drive moves so far that loops are closed at {between.sum():.3g} places"
+                far = f"the drive moves so far between instants that loops are closed at {between.sum():.3g} positions"
                 raise SceneError(f"drives.{name}.speed", None, far, "Give a lower speed or a shorter duration")
             steps = between.astype(int)
         ends = np.cumsum(steps) - 1
@@ -221,7 +222,7 @@ class RigidTwin:
         return path, ends
 
     def _passed(self, path: np.ndarray, ends: np.ndarray, side: np.ndarray, rows: np.ndarray) -> int:
-        """Fill rows of the engine at the ``ends`` of a path; how many of these are reached."""
+        """Fill rows of the engine at the ``ends`` of a path; returns the number of those reached."""
         engine = self._told(path).engine
         if self.determined:
             into = np.full(len(path), -1.0)
@@ -238,7 +239,7 @@ class RigidTwin:
         return len(ends)
 
     def _let_float(self, courses: np.ndarray) -> None:
-        """Take coordinates, rates and accelerations of the bodies that move freely."""
+        """Set coordinates, rates and accelerations of free bodies."""
         for part, values in zip(self.engine.motion, courses.reshape(-1, 3).T, strict=False):
             for k, first in enumerate(self.floating.values()):
                 part[first : first + 3] = values[3 * k : 3 * k + 3]
@@ -249,13 +250,13 @@ class RigidTwin:
 
     @cached_property
     def determined(self) -> bool:
-        """Whether the drives alone say where the bodies are, and nothing holds a joint twice."""
+        """True if the drives alone determine the positions of the bodies, without redundant constraints."""
         return not self.floating and not len(self._stood["spare"]) and not len(self.engine.independent)
 
     @cached_property
     def _stood(self) -> dict[str, np.ndarray]:
-        """Row of the engine and places of the drives where the loops are closed at first, on which side of a dead
-        centre; and rows of joints that follow from the others."""
+        """Row of the engine and positions of the drives at the initial position, the side of a dead centre, and rows
+        of redundant constraints."""
         engine = self.engine
         q = np.concatenate([self.start.poses[body] for body in engine.layout.bodies])
         engine.fold(q, np.zeros_like(q))
@@ -271,7 +272,7 @@ class RigidTwin:
 
 
 class TwinKinematics(RigidKinematics):
-    """The motion of a twin: bodies are placed when one is asked for."""
+    """Motion of a twin, whose bodies are placed on request."""
 
     module: Any
 
@@ -281,12 +282,12 @@ class TwinKinematics(RigidKinematics):
 
 @dataclass(frozen=True, eq=False)
 class FollowedKinematics(TwinKinematics):
-    """The same where nothing deforms: at the instants of a trajectory the bodies are where that brought them."""
+    """Motion of rigid bodies read from a trajectory."""
 
     followed: CoupledTrajectory
 
     def table(self, times: np.ndarray) -> np.ndarray:
-        """As the twin tabulates it."""
+        """Table as of the twin."""
         t = self.followed
         place = np.minimum(np.searchsorted(t.times, times), len(t.times) - 1)
         if not (t.times[place] == times).all():
@@ -324,7 +325,7 @@ class _Placed(RigidMotion):
 
     @cached_property
     def said(self) -> np.ndarray:
-        """What is known before the bodies are placed."""
+        """Scalars that are known before the bodies are placed."""
         return self.motion.module.said(self.times, self.motion.parameters)
 
     @cached_property

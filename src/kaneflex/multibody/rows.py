@@ -1,4 +1,4 @@
-"""A row of the compiled integration: the motion, how contacts and holds stand, and what work was done."""
+"""Row of the compiled integration: motion, modes of contacts and holds, and works."""
 
 from __future__ import annotations
 
@@ -11,29 +11,28 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 
 
-
 @njit(**OPTIONS)
 def row_size(m):
-    """Numbers of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and holds, modes
-    of the holds, BEGUN_AT of the contacts, where holds stuck, works."""
+    """Length of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and holds, modes
+    of the holds, BEGUN_AT of the contacts, positions of stuck holds, works."""
     return works_at(m) + m.plan[WORKS]
 
 
 @njit(**OPTIONS)
 def works_at(m):
-    """Where the works are in a row."""
+    """Place of the works in a row."""
     return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + standing(m)
 
 
 @njit(**OPTIONS)
 def standing(m):
-    """Numbers of a row that say how contacts and holds stand."""
+    """Number of entries of a row for the modes of contacts and holds."""
     return m.plan[ACTS] - m.plan[CONTACTS] + 2 * (m.plan[DRIVES] - m.plan[HOLDS])
 
 
 @njit(**OPTIONS)
 def take(m, row):
-    """The motion of a row."""
+    """Set the motion from a row."""
     apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     for i in range(n):
@@ -45,7 +44,7 @@ def take(m, row):
 
 @njit(**OPTIONS)
 def stands(m, row):
-    """How contacts and holds stand by a row."""
+    """Set the modes of contacts and holds from a row."""
     plan, w = m.plan, m.w
     held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
     for k in range(held + touching):
@@ -55,7 +54,7 @@ def stands(m, row):
 
 @njit(**OPTIONS)
 def give(m, t, row):
-    """The motion as a row, its works left."""
+    """Store the motion in a row, without works."""
     apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     row[0] = t

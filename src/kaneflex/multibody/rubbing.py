@@ -1,4 +1,4 @@
-"""What the frictions of a run did: forces, speeds and losses over time."""
+"""Forces, speeds and losses of friction over time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 STUCK = 2.0
-"""Mode of what neither slides nor turns."""
+"""Mode of stuck friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +30,12 @@ class FrictionRecord:
         1 or -1 where it slips that way, 2 where it is stuck, 3 where its force is a function of the state, 4 where
         bristles have it, 0 where the sides are apart.
     lost : ndarray (n_times, n_frictions)
-        Energy [J] that each has lost since the start.
+        Energy [J] dissipated since the start.
     bristles : ndarray (n_times, n_frictions)
-        How far those of law lugre are bent [m, in a pin rad]; 0 of others.
+        Deflection of the bristles of law lugre [m, in a pin rad]; 0 of others.
     jams : ndarray (n_frictions,)
-        When each first pressed the sides of its contact into each other, so that between rigid ones no force would
-        agree with it, or several would (Painleve's paradox) [s]; no number where it never did.
+        First time [s] at which friction jammed its contact: rigid sides would have no consistent contact force, or
+        several (Painleve's paradox); NaN without jamming.
     """
 
     names: tuple[str, ...]
@@ -49,7 +49,7 @@ class FrictionRecord:
 
     @classmethod
     def of(cls, names: tuple[str, ...], told: np.ndarray, lost: np.ndarray, jams: np.ndarray) -> FrictionRecord:
-        """From what the engine tells of each, (n_times, n_frictions, 5), what it lost, and when it first jammed."""
+        """Record from the engine's series of each friction, (n_times, n_frictions, 5), its losses, and first jams."""
         force, speed, pressed, mode, bristles = told.transpose(2, 0, 1)
         return cls(names, force, speed, pressed, mode, lost, bristles, jams)
 

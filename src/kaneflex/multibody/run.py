@@ -20,26 +20,26 @@ from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.multibody.trajectory import CoupledTrajectory
 
 _PATIENCE = 5_000_000
-"""Steps between two stored instants, a million periods: what takes more is in a wrong unit."""
+"""Largest number of steps between two stored instants, a million periods: more indicate a wrong unit."""
 _PIECE, _GROWTH, _WORK = 100, 8, 40_000
-"""Between two reports of progress, at each of which a run can be interrupted: stored instants at most, and as many
-steps at first; by how much their number may grow at once, and how many there are at most, times the coordinates: some
-0.2 s. They are counted and not timed, as what is bounded by its largest values so far depends on where pieces end."""
+"""Pieces of a run between reports of progress, after which it can be interrupted: most stored instants, and first
+number of steps; largest growth of that number, and its limit times the number of coordinates, about 0.2 s. Steps
+are counted and not timed, as error bounds by largest values so far depend on the ends of pieces."""
 
 _OF_A_DEPTH = 30.0
-"""Tolerances of a run, as a share of an impact's depth, that are allowed as error in a contact's gap."""
+"""Error allowed in a contact's gap, in tolerances of a run times an impact's depth."""
 _TINY = 1e-4
-"""Of the longest step: where steps are as short as that, friction may not agree with its reactions."""
+"""Share of the longest step below which friction may be inconsistent with its reactions."""
 _AGREE = 1e-7
-"""Share of the mechanism's size by which joints that hold something twice may differ."""
+"""Largest misfit of redundant constraints, as a share of the mechanism's size."""
 _MOST_CHANGES = 20_000
-"""Changes of contacts and frictions that a run keeps, so that what it says between stored instants knows them."""
+"""Largest number of changes of contacts and frictions that a run keeps, for results between stored instants."""
 _NONE = np.zeros(0)
 
 
 @dataclass(frozen=True)
 class Method:
-    """How to integrate.
+    """Method of integration.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Method:
 
 
 def rigid_states(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
-    """q and v (n_times, size) of the undeformed bodies of a rigid motion, their angles without jumps."""
+    """States q and v (n_times, size) of the undeformed bodies of a rigid motion, their angles without jumps."""
     q, v = np.zeros((2, len(rigid.times), system.size))
     for name, k in system.start.items():
         turn = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
@@ -76,7 +76,7 @@ def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, 
 
 
 Stop = Callable[[CoupledTrajectory], bool]
-"""Asked of every piece of a run, its first instant being the last one of the piece before: whether to stop there."""
+"""Condition to stop a run, evaluated on every piece, whose first instant is the last one of the piece before."""
 
 
 def integrate(
@@ -89,9 +89,9 @@ def integrate(
     stop: Stop | None = None,
     ends: np.ndarray | None = None,
 ) -> CoupledTrajectory:
-    """Integrate from q, v at times[0] and give the motion at ``times`` [s], as far as it goes.
+    """Integrate from q, v at times[0]; returns the motion at ``times`` [s] up to its end.
 
-    ``ends`` [s], with all ``times`` among them, are those of the steps to take where the error doesn't choose them.
+    ``ends`` [s], including all ``times``, prescribe the ends of steps in place of error control.
     """
     run = Run(system, q, v, times, method, _NONE if ends is None else ends)
     started = time.perf_counter()
@@ -107,7 +107,7 @@ def integrate(
 
 
 def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
-    """A first step [s] that alone would move things by ten errors; the estimate takes over from there."""
+    """First step [s], which moves the mechanism by ten errors; the error estimate controls the next ones."""
     largest = (abs(accelerations) / scale).max()
     return min(math.sqrt(20.0 / largest) if largest > 0 else math.inf, longest)
 
@@ -152,9 +152,9 @@ class Run:
         self.step = first_step(engine.motion[2], self.scale, self.longest)
 
     def go(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
-        """Integrate to the end, or to where the motion can't go on."""
+        """Integrate to the end, or to the last possible state."""
         if not self.projected:
-            rubs = ", or no way to stick or slip agrees with the friction there is" if len(self.engine.holds) else ""
+            rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
         scipy = self.method.integrator == "scipy"
         # What is bounded by its largest values so far is known better after every piece.
@@ -168,11 +168,11 @@ class Run:
                 self.changes.append(self.here.copy())
             if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
                 ended = collocation.CASCADE
-            if not scipy:  # which starts anew, and can be interrupted anywhere
+            if not scipy:  # scipy starts again, and can be interrupted anywhere
                 most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
             if ended not in (collocation.DONE, collocation.PAUSED, collocation.CHANGED) and not self._turned():
                 outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
-                said = f"; held twice there: what {', '.join(self.twice)} and others hold" if self.twice else ""
+                said = f"; constraints of {', '.join(self.twice)} and others are redundant there" if self.twice else ""
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + said
             if self._is_in_doubt() and not self._agrees():
                 outcome, words = _ENDED[collocation.PARADOX]
@@ -184,7 +184,7 @@ class Run:
             since = tried if self.filled > before else since
             if tried - since > _PATIENCE:
                 said = f"more than {_PATIENCE:,} steps after t = {self.times[self.filled]:.6g} s do not reach the next"
-                return Outcome.UNSTABLE, f"{said} stored instant: something moves far too fast to be followed"
+                return Outcome.UNSTABLE, f"{said} stored instant: the motion is too fast"
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
@@ -200,18 +200,18 @@ class Run:
         return lambda done: progress(float(first + done * (last - first)))
 
     def _held(self) -> tuple[Outcome, str] | None:
-        """How it is said that a law would have to hold what changes it at zero; None where none does."""
+        """Outcome if a law would have to hold its switch at zero; None otherwise."""
         held = int(self.engine.numbers(at.TOUCH, at.SHARED)[at.HELD])
         if not held:
             return None
         return Outcome.CASCADE, (
-            f"after {{at}} the law of loads.{self.system.module.SWITCHES[held - 1]} jumps back and forth: on "
-            "both sides of its jump it leads back to it, as a brake that holds does. Friction of a joint holds, a law "
-            "doesn't"
+            f"after {{at}} the law of loads.{self.system.module.SWITCHES[held - 1]} switches back and forth: on "
+            "both sides of its jump the motion returns to it, as with a brake at rest. Use friction of a joint in "
+            "place of the law"
         )  # fmt: skip
 
     def _overdamped(self, ended: int) -> tuple[Outcome, str] | None:
-        """How it is said that the damping of bristles asks for more than what presses them gives; None: it doesn't."""
+        """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
         if ended != collocation.TOO_SMALL:
             return None
         frictions, states = self.system.mechanism.frictions, self.system.unfold(self.here[None]).frictions[0]
@@ -219,13 +219,13 @@ class Run:
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
                 return Outcome.UNSTABLE, (
-                    f"the step vanishes after {{at}}: at {name} bristle_damping times the speed is {damped:.3g}, what "
-                    f"slides is resisted by {dry:.3g}, and no force may agree with both. Give a smaller bristle_damping"
+                    f"the step size tends to zero after {{at}}: at {name} bristle_damping times the speed is "
+                    f"{damped:.3g}, sliding friction {dry:.3g}; no force may equal both. Give a smaller bristle_damping"
                 )  # fmt: skip
         return None
 
     def _misfit(self) -> str:
-        """What to say where joints that hold something twice no longer agree; nothing where they do."""
+        """Message about redundant constraints that no longer agree; empty otherwise."""
         engine = self.engine
         rows, first = engine.count(at.JOINT_ROWS), engine.count(at.ROW_OF)
         if np.count_nonzero(engine.tables.plan[first : first + engine.count(at.KEPT)] < rows) == rows:
@@ -236,19 +236,19 @@ class Run:
         row = int(apart.argmax())
         if apart[row] <= _AGREE:
             return ""
-        return (f"over-constrained after t = {t:.6g} s: {self._joint_of(row)} holds what other joints hold already, "
-                f"and misses it by {apart[row]:.2g} of the mechanism's size")  # fmt: skip
+        return (f"over-constrained after t = {t:.6g} s: a constraint of {self._joint_of(row)} is redundant, "
+                f"and violated by {apart[row]:.2g} of the mechanism's size")  # fmt: skip
 
     def _joint_of(self, row: int) -> str:
-        """The joint whose cut a row is of; of a contact that rests the last one."""
+        """Joint of a cut's row; of a resting contact the last one."""
         acts = self.engine.tables.acts[: self.engine.count(at.HOLDS), at.ROW_AT]
         return self.engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
 
     def _is_in_doubt(self) -> bool:
-        """Whether steps are so short that friction may not agree with the reactions that it asks for.
+        """True if steps are so short that friction may be inconsistent with its reactions.
 
-        Not where rigid sides rest on each other: just before they part their force is below zero by rounding, which no
-        friction agrees with, and a problem of complementarity says what comes then.
+        Not with resting rigid sides: just before they separate, rounding makes their force negative, with which no
+        friction is consistent, and the complementarity problem determines the next mode.
         """
         if not len(self.engine.holds) or self.step >= _TINY * self.longest:
             return False
@@ -257,21 +257,21 @@ class Run:
         return not any(shut and each.law == "newton" for shut, each in zip(closed, contacts, strict=True))
 
     def _agrees(self) -> bool:
-        """Whether friction and the reactions that it asks for agree where the motion stands."""
+        """True if friction is consistent with its reactions at the current state."""
         self.engine.stand(self.here)
         agrees = self.engine.project(float(self.here[0]))
         self.engine.stand(self.here)
         return agrees
 
     def _turned(self) -> bool:
-        """Whether other coordinates are dependent where the motion stands than were: then it may go on with them."""
+        """True if the integration can continue with other dependent coordinates."""
         if not self._chosen_anew() or not self.engine.project(float(self.here[0])):
             return False
         self.step, self.length = first_step(self.engine.motion[2], self.scale, self.longest), 0.0
         return True
 
     def _chosen_anew(self) -> bool:
-        """Choose kept rows and dependent coordinates where the motion stands; whether they are others than before."""
+        """Choose kept rows and dependent coordinates at the current state; True if they change."""
         before, t = self._chosen, float(self.here[0])
         self.engine.stand(self.here)
         self.engine.choose(t)
@@ -282,7 +282,7 @@ class Run:
         return self.engine.kept_rows.tolist(), sorted(self.engine.dependent.tolist())
 
     def _bound(self) -> None:
-        """Take the errors allowed of speeds and accelerations from their largest values so far, by kind."""
+        """Update the errors allowed of speeds and accelerations from their largest values so far, by kind."""
         if not self.method.bounded:
             return
         engine, n = self.engine, self.engine.size
@@ -328,13 +328,13 @@ class Run:
         return ended
 
     def _rest(self) -> bool:
-        """Go on where others rest by Newton's law than before, with other dependent coordinates; False: singular."""
+        """Continue after a change of resting contacts, with other dependent coordinates; False: singular."""
         self.engine.stand(self.here)
         self.engine.choose(float(self.here[0]))
         return self._projected()
 
     def _projected(self) -> bool:
-        """Go on from where the motion stands, with the reactions of the rows that are kept now; False: singular."""
+        """Continue from the current state, with the reactions of the kept rows; False: singular."""
         t, works = float(self.here[0]), self.engine.count(at.WORKS)
         projected = self.engine.project(t)
         self.here[:-works], self.length = self.engine.row(t)[:-works], 0.0
@@ -377,24 +377,23 @@ TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 """Coefficients of the integrators that control their error."""
 
 
-_SINGULAR = "the constraints there determine neither motion nor reactions, as in a linkage stretched to its limit"
+_SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"
 _ENDED = {
     collocation.TOO_SMALL: (
-        Outcome.UNSTABLE, "the motion can't go on after {at}: the step vanishes, as where a linkage locks",
+        Outcome.UNSTABLE, "the motion can't continue after {at}: the step size tends to zero, as in a locked linkage",
     ),
     collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
     collocation.CASCADE: (
         Outcome.CASCADE,
-        "contacts close and open, or sides stick and slip, over and over after {at}, with no time between that a step "
-        "resolves",
+        "contacts close and open, or stick and slip, repeatedly after {at}, at intervals too short for a step",
     ),
     collocation.PARADOX: (
         Outcome.PARADOX,
-        "at {at} no way to stick or slip agrees with the friction there is (Painleve's paradox): rigid bodies and "
-        "Coulomb's law say nothing of what comes then",
+        "at {at} no combination of sticking and slipping is consistent with friction (Painleve's paradox): the motion "
+        "of rigid bodies with Coulomb's law is undefined",
     ),
     collocation.NO_CONVERGENCE: (
         Outcome.UNSTABLE,
-        "no step of the given length leads on from {at}: give shorter ones, or let the error choose them",
+        "the step of the given length from {at} does not converge: give shorter ones, or use error control",
     ),
 }  # fmt: skip

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def by_scipy(run: Run, rows: slice, progress: Progress | None = None) -> int:
-    """Fill rows of a run, with works integrated beside the motion; how that ended.
+    """Fill rows of a run, with works integrated beside the motion; returns the outcome.
 
-    progress: called with the share of these rows that is done.
+    progress: called with the completed share of these rows.
     """
     engine, times = run.engine, run.times[rows]
     y, v, a, _ = engine.motion
@@ -28,7 +28,7 @@ def by_scipy(run: Run, rows: slice, progress: Progress | None = None) -> int:
     works, last = engine.count(at.WORKS), times[0]
 
     def stand(t: float, x: np.ndarray) -> np.ndarray:
-        """The motion at t; loops are followed from where it stood last."""
+        """Motion at t; loops are followed from their last position."""
         nonlocal last
         y[:] += (t - last) * v
         last = t

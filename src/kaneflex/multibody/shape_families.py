@@ -1,4 +1,4 @@
-"""Families of functions that can stand for a link's fixed-interface modes: sine, clamped-free, polynomial."""
+"""Families of functions in place of a link's fixed-interface modes: sine, clamped-free, polynomial."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SAME = 1e-9
 
 
 def check_family(scene: Scene, name: str, elements: int) -> None:
-    """A link's family of shapes must know its theory, suit its joints, and be resolved by its ``elements``.
+    """Check that a link's family of shapes suits its theory and joints, and is resolved by its ``elements``.
 
     Raises
     ------
@@ -25,28 +25,28 @@ def check_family(scene: Scene, name: str, elements: int) -> None:
         return
     modes = link_modes(scene, name)
     if beam.theory == "timoshenko":
-        reason, cure = "these functions have no shear, a Timoshenko beam has", "Take craig-bampton, or another theory"
+        reason, cure = "these functions have no shear, unlike a Timoshenko beam", "Use craig-bampton, or another theory"
     elif beam.shapes == "sine" and not _between_ends(stations(scene, name), length):
-        reason = "sines vanish at both ends of the link, and one of them is not held by a joint that lets it turn"
-        cure = "Take craig-bampton or polynomial"
+        reason = "sines vanish at both ends of the link, and one of them is not pinned"
+        cure = "Use craig-bampton or polynomial"
     elif beam.shapes == "clamped-free" and not _held_at_an_end(stations(scene, name), length):
-        reason, cure = "these shapes are clamped at one end, and here it turns", "Take craig-bampton or polynomial"
+        reason, cure = "these shapes are clamped at one end, but this link is pinned", "Use craig-bampton or polynomial"
     elif modes > elements:
-        reason = f"{modes} of them take as many elements, the link has {elements}"
-        cure = f"Give bodies.{name}.beam.elements, or ask for fewer modes"
+        reason = f"{modes} of them need at least {modes} elements, the link has {elements}"
+        cure = f"Give bodies.{name}.beam.elements, or use fewer modes"
     else:
         return
     raise SceneError(f"bodies.{name}.beam.shapes", beam.shapes, reason, cure)
 
 
 def _between_ends(found: list[Station], length: float) -> bool:
-    """Whether a link has its chord between joints at both of its ends."""
+    """True if a link has its chord between joints at both of its ends."""
     frame = frame_of(found)
     return frame.kind in IN_THE_MEAN and frame.at < _SAME * length and frame.to > (1 - _SAME) * length
 
 
 def _held_at_an_end(found: list[Station], length: float) -> bool:
-    """Whether a link touches its frame's axis at its start or its end."""
+    """True if a link touches its frame's axis at its start or its end."""
     frame = frame_of(found)
     return frame.kind == "tangent" and not _SAME * length < frame.at < (1 - _SAME) * length
 

@@ -34,8 +34,8 @@ class ShapeMoments:
     r_G: np.ndarray
 
     def numbers(self, stiffness: np.ndarray, damping: np.ndarray, cubic: np.ndarray) -> np.ndarray:
-        """What :mod:`kaneflex.generated.spatial_shapes` reads, with the stiffness [N/m] and the damping [N s/m] of the
-        modal coordinates, (count, count), and ``cubic`` (count, count, count)."""
+        """Parameters of :mod:`kaneflex.generated.spatial_shapes`, with the stiffness [N/m] and the damping [N s/m] of
+        the modal coordinates, (count, count), and ``cubic`` (count, count, count)."""
         count = self.N.shape[1]
         singles = np.concatenate([self.N, self.r_N.reshape(9, count)])
         square = (-1, count, count)

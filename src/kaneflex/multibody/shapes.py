@@ -16,10 +16,11 @@ from kaneflex.scene import Scene
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics
 _TURNS = 1e-6
-"""Displacement of its nodes, as a share of the link's length times their rotation, below which a shape only turns them.
-"""
+"""Displacement of the nodes, as a share of the link's length times their rotation, below which a shape only rotates
+them."""
 _STILL = {"mean": 1, "free": 2}
-"""How many of the lowest shapes deform nothing, by the kind of frame, which moves so itself: turn, displacement."""
+"""Number of the lowest shapes without deformation, by the kind of frame, which has these motions itself: rotation,
+translation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ class Shapes:
         return found - (whole - beyond / (along @ link.part.matrices["M"].value({}) @ along))
 
     def at(self, link: Link, x: float, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """u, v, theta (3, n) and the shortening (n_w, n_w) at x [m] from the start, ``H`` that of the nodes."""
+        """Rows u, v, theta (3, n) and the shortening (n_w, n_w) at x [m] from the start, ``H`` that of the nodes."""
         node = link.node_at(x)
         if node is not None:
             return self.all[3 * node : 3 * node + 3], H[node]
@@ -131,7 +132,7 @@ def _axial_loads(link: Link, rows: _Rows) -> np.ndarray:
 
 
 def _mean_free(axial: np.ndarray, mass: Matrix, frame: Frame) -> np.ndarray:
-    """Axial shapes of a chord without displacement in the mean: neither of its ends is the one that stays."""
+    """Axial shapes of a chord with zero mean displacement."""
     if frame.kind not in IN_THE_MEAN:
         return axial
     along = np.zeros(mass.shape[0])
@@ -141,9 +142,9 @@ def _mean_free(axial: np.ndarray, mass: Matrix, frame: Frame) -> np.ndarray:
 
 
 def spanned(shapes: Shapes, link: Link) -> Shapes:
-    """The space that some shapes span, by the modes of a link within it.
+    """Shapes that span the same space, orthogonal with respect to mass and stiffness.
 
-    The equations take shapes that are orthogonal; the motion knows their space alone.
+    The equations need orthogonal shapes; the motion depends on their space alone.
     """
     stiffness, mass = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
     still = np.zeros((mass.shape[0], 2))
@@ -156,7 +157,7 @@ def spanned(shapes: Shapes, link: Link) -> Shapes:
 
 
 def alike(shapes: Shapes, others: Shapes, length: float) -> Shapes:
-    """The shapes of a link of a length [m] with the size and sign of others where those are largest."""
+    """Shapes of a link of a length [m], with size and sign of others at their largest displacements."""
     axial, transverse = (
         _scaled(own, length, other)
         for own, other in ((shapes.axial, others.axial), (shapes.transverse, others.transverse))
@@ -180,7 +181,7 @@ class _Rows:
 
     @property
     def turns(self) -> bool:
-        """Whether one of the fixed-interface modes is a turn of the undeformed link."""
+        """True if one of the fixed-interface modes is a rotation of the undeformed link."""
         return self.frame.kind == "mean" and not self.held
 
 
@@ -219,7 +220,7 @@ def _orthogonal(basis: np.ndarray, stiffness: Matrix, mass: Matrix, length: floa
 
 
 def _scaled(shapes: np.ndarray, length: float, others: np.ndarray | None = None) -> np.ndarray:
-    """Each with +1 where its displacement, or that of the other one, is largest.
+    """Shapes scaled to +1 at the largest displacement, of their own or of the others.
 
     One that only turns the nodes, as the fourth mode of four elements, has the displacement 1 where its rotation times
     the link's length [m] is.

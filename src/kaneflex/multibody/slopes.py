@@ -1,14 +1,14 @@
-"""Slopes of loads' laws and of springs between points in the Newton matrix of a step.
+"""Derivatives of loads' laws and of springs between points in the Newton matrix of a step.
 
-A load whose size depends on coordinates and speeds of joints adds to the step's matrix S = M + h C + h^2 K the term
--p (h ds/dx' + h^2 ds/dx) g^T, with p its partial velocity and g the gradient of the joint's coordinate; a spring adds
-g (h c + h^2 k) g^T with g the gradient of its length or angle. Without them a light body against a damper binds the
-step to its time constant m/c: Newton's iteration converges in no longer one, and S^-1, by which the error estimate is
-filtered (Hairer & Wanner 1996, IV.8), is not that of the equations.
+A load whose size depends on coordinates and speeds of joints adds to the step's matrix S = M + h C + h^2 K the term -p
+(h ds/dx' + h^2 ds/dx) g^T, with its partial velocity p and the gradient g of the joint's coordinate; a spring adds g (h
+c + h^2 k) g^T with the gradient g of its length or angle. Without these terms a light body on a damper limits the step
+to its time constant m/c: Newton's iteration doesn't converge for longer ones, and S^-1, which filters the error
+estimate (Hairer & Wanner 1996, IV.8), is inconsistent with the equations.
 
-Most steps converge without. So the terms are left out until Newton's iteration fails in a step that they would change
-by ``SMALL``; from then on they are solved for by the Woodbury formula on top of the factors of ``closed_factors``.
-Springs at joints of the tree and contacts are in these factors already.
+Most steps converge without them. So the terms are omitted until Newton's iteration fails in a step that they would
+change by ``SMALL``; from then on the Woodbury formula adds them to the factors of ``closed_factors``. Springs at joints
+of the tree and contacts are in these factors already.
 """
 
 from __future__ import annotations  # noqa: I001, names of the tables' places stand side by side
@@ -33,15 +33,15 @@ from kaneflex.multibody.tree import deform, move
 
 STIFF, DAMPED = 1.0, 2.0
 SMALL = 0.1
-"""Largest change of a step's matrix along a load or a spring, relative to it, with which Newton's iteration does well
-without: its error falls by that much in each turn."""
+"""Largest relative change of a step's matrix along a load or a spring that Newton's iteration tolerates: its error
+falls by that factor in each iteration."""
 _NUDGE = 1e-8
 """Change of a coordinate for a difference quotient, in rad or sizes of the mechanism: the root of rounding errors."""
 
 
 @njit(**OPTIONS)
 def _joints(m):
-    """Number of joints whose coordinates the laws know."""
+    """Number of joints whose coordinates occur in laws."""
     return m.plan[LOADS] - m.plan[DRIVES]
 
 
@@ -59,7 +59,7 @@ def _slope(m, act):
 
 @njit(**OPTIONS)
 def _row(m, act):
-    """Jacobian of an act's way by the twists of its sections, where everything is; the number of that row."""
+    """Jacobian of an act by the twists of its sections, at the current position; returns the number of that row."""
     apart()
     plan, w, sec = m.plan, m.w, shifted(m.w, m.plan[SECTION])
     kind, first, second, j = m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON], m.acts[act, NUMBERS_AT]
@@ -86,7 +86,7 @@ def _row(m, act):
 
 @njit(**OPTIONS)
 def _fill_ways(m):
-    """Gradients where everything is. Prescribed coordinates stay: only a load does work along them."""
+    """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
     apart()
     plan, w, bends = m.plan, m.w, m.plan[SPEEDS] > 3 * m.plan[BODIES]
     if bends:
@@ -103,8 +103,8 @@ def _fill_ways(m):
 
 @njit(**OPTIONS)
 def _derive_sizes(m, t, h):
-    """Derivatives of the loads' sizes by coordinates and speeds of joints at t, as difference quotients; 0 where a law
-    has no value beside."""
+    """Derivatives of the loads' sizes by coordinates and speeds of joints at t, as difference quotients; 0 if a
+    neighbouring value of a law is undefined."""
     apart()
     plan, w, count = m.plan, m.w, _joints(m)
     load_sizes(m, t)
@@ -124,7 +124,7 @@ def _derive_sizes(m, t, h):
 
 @njit(**OPTIONS)
 def find(m, t, h, here):
-    """Have the factors of a step of h know all loads and springs with slopes, half way at t, where positions are."""
+    """Find all loads and springs with slopes for the factors of a step of h; t and positions are of its middle."""
     apart()
     plan, w, n, found = m.plan, m.w, m.plan[COORDINATES], 0
     for k in range(n):
@@ -164,13 +164,13 @@ def _grown(m, r, h, square, values):
 
 @njit(**OPTIONS)
 def _column(m, r):
-    """Place of what a unit of the r-th force brings about: coordinates, then reactions of the factors' rows."""
+    """Place of the response to a unit of the r-th force: coordinates, then reactions of the factors' rows."""
     return m.plan[SLOPE_COLUMNS] + (m.plan[COORDINATES] + m.plan[KEPT] + m.pivots[YIELDING]) * r
 
 
 @njit(**OPTIONS)
 def factorise(m, h, A, pivots, own):
-    """Add the slopes that were found to the factors of ``closed_factors`` for h; False: the matrix is singular.
+    """Add the slopes to the factors of ``closed_factors`` for h; False: the matrix is singular.
 
     ``pivots``, ``own``: places of the pivots of those factors, and of the ones made here.
     """
@@ -195,8 +195,7 @@ def factorise(m, h, A, pivots, own):
 
 @njit(**OPTIONS)
 def matter(m, h, A):
-    """Whether Newton's iteration needs the slopes with which the factors were made: DAMPED where it needs those by
-    speeds, STIFF where those by coordinates alone, else 0."""
+    """DAMPED if Newton's iteration needs the slopes by speeds, STIFF if only those by coordinates, else 0."""
     found = 0.0
     for r in range(m.pivots[SLOPED]):
         column = shifted(A, _column(m, r))
@@ -209,7 +208,7 @@ def matter(m, h, A):
 
 @njit(**OPTIONS)
 def correct(m, h, A, own):
-    """Correct the answer of ``solve_closed``, reactions included, by the slopes."""
+    """Correct the solution of ``solve_closed``, reactions included, by the slopes."""
     apart()
     plan, n, count, x = m.plan, m.plan[COORDINATES], m.pivots[SLOPED], m.plan[SLOPE_FORCES]
     answer = plan[COLUMNS] + plan[KEPT] * n
@@ -225,7 +224,7 @@ def correct(m, h, A, own):
 
 @njit(**OPTIONS)
 def resist_defect(m, h, defect, A, answer):
-    """Add what the slopes make of a defect to the forces at the answer: see ``collocation._error``."""
+    """Add the effect of the slopes on a defect to the forces: see ``collocation._error``."""
     apart()
     for r in range(m.pivots[SLOPED]):
         size, way = _grown(m, r, h, h * h, defect), _way(m, m.pivots[m.plan[WITH_SLOPES] + r])

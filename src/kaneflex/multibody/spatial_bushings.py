@@ -13,23 +13,22 @@ from kaneflex.multibody.tables import OPTIONS, apart
 from kaneflex.support.inner import once
 
 FORCE, MOMENT, ENERGY, POWER, ANGLE = 0, 3, 6, 7, 8
-"""Where in a row what a bushing opposes begins, along and about its axes [N, N m]; energy [J], dissipated power [W],
-how far it is turned [rad]."""
+"""Places in a bushing's row: force and moment along and about its axes [N, N m]; energy [J], dissipated power [W],
+angle of rotation [rad]."""
 _NO_ANGLE = 1e-8
 _HALF_TURN = 1e-6
 """cos of half the angle of a turn that is as good as a half one."""
 MOST = 3.0
-"""The most that it may be turned by [rad]: at half a turn the rotation vector jumps."""
+"""Largest rotation [rad]: at half a turn the rotation vector jumps."""
 
 
 def overturned(mechanism: SpatialMechanism, rows: np.ndarray) -> tuple[str, str] | None:
-    """The first bushing that is turned too far, by rows of one instant or of many, (..., n_bushings, 9), and what is
-    said of it."""
+    """First bushing with too large a rotation, by rows of one or many instants, (..., n_bushings, 9), and a message."""
     names = [name for name, spring in mechanism.springs.items() if spring.is_bushing]
     angles = rows[..., ANGLE].reshape(-1, len(names)).max(axis=0, initial=0.0) if names else ()
     for name, angle in zip(names, angles, strict=True):
         if angle > MOST:
-            return name, f"bushing {name} is turned by {math.degrees(angle):.0f} deg, and knows no way at half a turn"
+            return name, f"bushing {name} is rotated by {math.degrees(angle):.0f} deg, too close to half a turn"
     return None
 
 
@@ -44,7 +43,7 @@ def cushion(m, k, n):
 
         H = 1 - phi~/2 + (1 - theta/2 cot theta/2) phi~ phi~ / theta^2,   theta = |phi|
 
-    The energy 1/2 d K d + 1/2 phi C phi asks for the force K d and the moment H^T C phi, dampers for what is
+    The energy 1/2 d K d + 1/2 phi C phi gives the force K d and the moment H^T C phi, dampers for what is
     proportional to d' and omega.
     """
     apart()

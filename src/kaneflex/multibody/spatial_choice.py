@@ -1,4 +1,4 @@
-"""Which speeds of a mechanism in space are independent: what the scene gives of them, and what its loops leave."""
+"""Choice of the independent speeds of a mechanism in space, from the scene and the rank of its constraints."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _RANK = 1e-9
 
 
 def given_speeds(system: SpatialSystem) -> dict[int, float]:
-    """Speeds that the scene gives of what is free, by their numbers, where ``work`` stands."""
+    """Initial speeds of free joints and bodies from the scene, by their numbers, at the position of ``work``."""
     found: dict[int, float] = {}
     number = {name: k for k, name in enumerate(system.layout.speeds)}
     for name, drive in system.scene.drives.items():
@@ -61,23 +61,24 @@ def _as_ball(system: SpatialSystem, joint: SpatialJoint, omega: Sequence[float] 
 
 
 def _standing(system: SpatialSystem, joint: SpatialJoint) -> list[np.ndarray]:
-    """Axes of a joint's bodies where ``work`` stands."""
+    """Axes of a joint's bodies at the position of ``work``."""
     return [system.work.R[system.layout.node_of[side.body]] if side.body != GROUND else np.eye(3)
             for side in joint.sides]  # fmt: skip
 
 
 def named_speeds(system: SpatialSystem) -> list[int]:
-    """Speeds of what the scene leaves to the forces by name, and of what deforms."""
+    """Numbers of the speeds of free joints, free bodies and shapes."""
     free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
     return [*(k for name in (*free, *system.mechanism.floating) for k in system.speeds_of(name)),
             *system.modal_speeds.tolist()]  # fmt: skip
 
 
 def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray], rank: int | None = None) -> np.ndarray:
-    """Smallest singular value, at each of some instants, of the rows by the speeds that no drive prescribes, in the
-    measures of both; as many rows as follow from others at all of these instants are left out.
+    """Smallest singular value, at each of some instants, of the constraints by the speeds that no drive prescribes, in
+    the measures of both, without redundant rows.
 
-    rank: how many rows are left, where that is known, as where loops are not quite closed."""
+    rank: number of independent rows if known, as for loops that are not quite closed.
+    """
     sizes = [np.linalg.svd(system.jacobian(q)[:, system.open_speeds], compute_uv=False) for q in rows]
     if rank is None:
         rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
@@ -85,7 +86,7 @@ def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray], ran
 
 
 def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice:
-    """Rows and speeds by pivoted QR where the mechanism stands; ``prefer``: named speeds are independent."""
+    """Independent rows and speeds by pivoted QR at a position; ``prefer``: named speeds are independent."""
     from scipy.linalg import qr
 
     J, free = system.jacobian(q)[:, system.open_speeds], system.open_speeds
@@ -94,7 +95,7 @@ def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice
         _, r, order = qr(J.T, pivoting=True, mode="economic")
         kept = np.sort(order[: _rank(r)])
         weight = np.ones(len(free))
-        weight[np.isin(free, system.modal_speeds)] = 1e-4  # what is stiff closes a loop where nothing else does
+        weight[np.isin(free, system.modal_speeds)] = 1e-4  # shapes are dependent only if necessary
         if prefer:
             weight[np.isin(free, named_speeds(system))] *= 1e-3
             weight[np.isin(free, list(given_speeds(system)))] = 1e-6
@@ -104,8 +105,8 @@ def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice
 
 
 def choose_anew(system: SpatialSystem, q: np.ndarray, choice: Choice) -> Choice:
-    """Other speeds where the mechanism stands, if they hold it by as many rows; the choice there was, if not: at a
-    singular place, where rows fall together, fewer would let it go."""
+    """Other speeds at a position if they keep the rank; else the given choice: near a singular position fewer rows
+    would leave a freedom unconstrained."""
     other = choose(system, q)
     return other if len(other.rows) == len(choice.rows) else choice
 

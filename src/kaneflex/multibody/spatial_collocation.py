@@ -1,14 +1,14 @@
-"""Compiled integration of bodies in space that deform, by collocation at three points.
+"""Compiled integration of deforming bodies in space by collocation with three stages.
 
-As :mod:`kaneflex.multibody.collocation` has it in the plane: the stages' accelerations, here of the independent speeds,
-are the unknowns of a simplified Newton iteration
+As in :mod:`kaneflex.multibody.collocation`, the accelerations of the stages, here of the independent speeds, are the
+unknowns of a simplified Newton iteration
 
     (M + h mu C + h^2 mu^2 K) x = M r        (Hairer & Wanner 1996, IV.8, for second-order equations)
 
-with r what the equations of motion give beyond them, M reduced by the partial velocities in the middle of the step and
-K, C those of shapes, springs and loads' laws: all that is stiff. The step follows the defect of the polynomial at its
-start, as a displacement. Where speeds are no rates of coordinates, as of a ball, and of what depends on others, the
-coordinates follow from their rates at the stages by the same quadrature.
+with the residual r of the equations of motion, M reduced by the partial velocities in the middle of the step, and K, C
+of shapes, springs and loads' laws: all stiff terms. The step size follows the defect of the polynomial at its start, as
+a displacement. Quaternions of balls and dependent coordinates follow from their rates at the stages by the same
+quadrature.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from kaneflex.multibody.spatial_tables import BALL, COORDINATE, KIND, SPEED
 from kaneflex.multibody.tables import OPTIONS, apart, larger, smaller
 
 _NEAR = 1e-3
-"""Errors allowed that may be left of a step's equations."""
+"""Largest residual of a step's equations, in errors allowed."""
 _FAR = 100.0
-"""Lengths of a step over which its polynomial says nothing any more."""
+"""Longest extrapolation of a step's polynomial, in lengths of the step."""
 _LEAST = 1e-12
 """Least step, as a share of the run."""
 _ITERATIONS = 10
-"""Of a step, before a shorter one is tried."""
+"""Iterations of a step, before a shorter one is tried."""
 
 
 @njit(**OPTIONS)
 def _first_guess(m, choice, s, h):
-    """Stages as the last step's polynomial goes on, or as the motion stands where that says nothing."""
+    """First guess of the stages by extrapolation of the last step, or as at its end if that is too far."""
     apart()
     c, length = s.table.nodes, s.control[LENGTH]
     goes_on = length > 0.0 and _FAR * length > h
@@ -60,7 +60,7 @@ def _first_guess(m, choice, s, h):
 
 @njit(**OPTIONS)
 def _stand(choice, k, s, h, c, a_1, a_2):
-    """Put coordinates and independent speeds where the stages have them after a share c of the step."""
+    """Set coordinates and independent speeds by the stages at a share c of the step."""
     apart()
     A, D = s.A, s.D
     for n in range(len(s.q)):
@@ -78,7 +78,7 @@ def _stand(choice, k, s, h, c, a_1, a_2):
 
 @njit(**OPTIONS)
 def _projected(m, choice, k, law, s, t):
-    """What came of the instant t where ``_stand`` put everything."""
+    """Project the state of ``_stand`` at t; returns an outcome code."""
     apart()
     s.control[EVALUATIONS] += 1.0
     outcome = project(m, choice, k, law, t)
@@ -90,7 +90,7 @@ def _projected(m, choice, k, law, s, t):
 
 @njit(**OPTIONS)
 def _stage(m, choice, k, law, s, h, i):
-    """Find what stage i misses; what came of its instant."""
+    """Residual of stage i; returns an outcome code."""
     apart()
     table, f = s.table, len(choice.independent)
     _stand(choice, k, s, h, table.nodes[i], table.a_1[i], table.a_2[i])
@@ -104,7 +104,7 @@ def _stage(m, choice, k, law, s, h, i):
 
 @njit(**OPTIONS)
 def _factors(s, h):
-    """False where they are singular."""
+    """Factorise the matrices of the stages; False: singular."""
     apart()
     f, one, two = len(s.M), h * s.table.real[0], h * s.table.pair[0]
     for e in range(f):
@@ -116,7 +116,7 @@ def _factors(s, h):
 
 @njit(**OPTIONS)
 def _improve(choice, s, h):
-    """One iteration of the stages; the largest change, as a displacement in errors allowed."""
+    """Iteration of the stages; returns the largest change, as a displacement in errors allowed."""
     apart()
     f, into, out, r, at = len(s.M), s.table.into, s.table.out, s.r, len(s.M) ** 2
     for e in range(f):
@@ -139,7 +139,7 @@ def _improve(choice, s, h):
 
 @njit(**OPTIONS)
 def _turned(m, s, i, h):
-    """How far the rates of a ball in stage i have changed, as a displacement in errors allowed."""
+    """Change of a ball's rates in stage i, as a displacement in errors allowed."""
     apart()
     change = 0.0
     for n in range(len(m.nodes)):
@@ -152,7 +152,7 @@ def _turned(m, s, i, h):
 
 @njit(**OPTIONS)
 def _iterate(m, choice, k, law, s, h):
-    """Solve for the stages; what came of that."""
+    """Solve the stage equations; returns an outcome code."""
     apart()
     before = 0.0
     for iteration in range(_ITERATIONS):
@@ -185,7 +185,7 @@ def _iterate(m, choice, k, law, s, h):
 
 @njit(**OPTIONS)
 def _error(choice, s, h):
-    """The step's error in errors allowed, of all displacements: S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d."""
+    """Error of the step in errors allowed, of all displacements: S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d."""
     apart()
     f, c, one, at, B = len(s.M), s.table.nodes, h * s.table.real[0], len(s.M) ** 2, choice.basis
     w_0, w_1, w_2 = basis(c, 0.0, 0), basis(c, 0.0, 1), basis(c, 0.0, 2)
@@ -208,7 +208,7 @@ def _error(choice, s, h):
 
 @njit(**OPTIONS)
 def _keep(choice, s, h, end, row):
-    """What is kept of a step, where it begins still."""
+    """Store a step in its row, before it is taken."""
     apart()
     n, u, a_1 = len(s.q), len(s.u), s.table.a_1
     for e in range(len(choice.independent)):  # of what the last iteration made of the stages
@@ -232,7 +232,7 @@ def _keep(choice, s, h, end, row):
 
 @njit(**OPTIONS)
 def _finish(m, choice, k, law, s, h, end):
-    """Take the step, whose last stage is its end; what came of that instant."""
+    """Take the step, whose last stage is its end; returns the outcome there."""
     apart()
     b_1 = s.table.b_1
     _stand(choice, k, s, h, 1.0, b_1, s.table.b_2)
@@ -271,8 +271,8 @@ def largest_share(choice):
 
 @njit(**OPTIONS)
 def collocate(m, choice, k, law, s, times, out):
-    """Take steps, each of which is kept in a row of ``out``, until that is full or the last of ``times`` [s] is
-    reached, all of which end a step. How many; ``control`` has what came of the last one."""
+    """Take steps, each stored in a row of ``out``, until it is full or the last of ``times`` [s], which all end a
+    step; returns their number. ``control`` has the outcome of the last one."""
     apart()
     control, taken, failed = s.control, 0, TOO_SMALL
     control[OUTCOME] = DONE

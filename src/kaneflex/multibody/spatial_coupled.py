@@ -1,4 +1,4 @@
-"""Preset coupled in space: bodies that deform and move each other, with the rigid mechanism beside them."""
+"""Preset coupled in space: deforming bodies, with the rigid mechanism beside them."""
 
 from __future__ import annotations
 
@@ -25,19 +25,18 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 
 _STEPS = 60
-"""Newton steps to a balanced deformation, in each load step."""
+"""Newton steps to a static equilibrium, in each load step."""
 _BALANCED = 1e-10
-"""Last of them, as a share of the mechanism's size, up to which it counts as balanced."""
+"""Last of them, as a share of the mechanism's size, for convergence."""
 _BENT = 0.02
-"""Largest modal coordinate, as a share of its link's length, up to which no one is warned of shapes that can take a
-turn's place."""
+"""Largest modal coordinate, as a share of its link's length, without a warning of shapes that resemble a rotation."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoupledKinematics(SpatialKinematics):
-    """The motion of bodies that deform: that of their axes and their shapes; ``rigid``: that of the rigid mechanism,
-    whose free joints stand where they stand in this one; ``freedoms``: independent speeds; ``verdict``: what came of a
-    search for a motion that repeats."""
+    """Motion of deforming bodies: their axes and shapes; ``rigid``: motion of the rigid mechanism with the same
+    positions of free joints; ``freedoms``: independent speeds; ``verdict``: result of a search for a periodic
+    motion."""
 
     rigid: SpatialKinematics
     freedoms: int
@@ -52,7 +51,7 @@ class CoupledKinematics(SpatialKinematics):
         return replace(self, curve=curve, rigid=rigid)
 
     def undeformed(self, t: float) -> State:
-        """The state at t [s] with its shapes at rest and zero: where drives prescribe it, else where the motion is."""
+        """State at t [s] with zero shapes at rest: by the drives if they prescribe it, else from the motion."""
         system = self.module.system
         if not self.module.FREE:
             return Followed(system, start_of(system))(t)
@@ -78,15 +77,15 @@ def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> 
 
 
 def beside(coupled: SpatialKinematics, first: State, rigid: SpatialSystem, start: State) -> CoupledKinematics:
-    """A coupled motion from its first state with that of the rigid mechanism from its start beside it."""
+    """Coupled motion from its first state, with that of the rigid mechanism beside it from its own start."""
     motion = SpatialKinematics(SpatialModule(rigid), rigid.parameters, _Beside(coupled, rigid, start))
     return CoupledKinematics(coupled.module, coupled.parameters, coupled.curve, motion, len(first.choice.independent))
 
 
 class _Beside(Curve):
-    """Of the rigid mechanism whose drives and free joints stand where those of a coupled one do.
+    """Curve of the rigid mechanism with the drives and free joints of a coupled one.
 
-    Where its loops don't close there is no number.
+    NaN if its loops don't close.
     """
 
     def __init__(self, coupled: SpatialKinematics, system: SpatialSystem, start: State) -> None:
@@ -126,7 +125,7 @@ class _Beside(Curve):
 
 
 def _turn_on(q: np.ndarray, u: np.ndarray, theta: np.ndarray, rate: np.ndarray) -> None:
-    """Turn quaternions (n, 4) and angular velocities in their axes (n, 3) on to sections that stand at theta there."""
+    """Rotate quaternions (n, 4) and angular velocities in their axes (n, 3) on to sections at theta there."""
     from scipy.spatial.transform import Rotation
 
     R, T, _ = sections(theta, rate)
@@ -136,8 +135,8 @@ def _turn_on(q: np.ndarray, u: np.ndarray, theta: np.ndarray, rate: np.ndarray) 
 
 
 def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
-    """A warning for each body whose axes a joint lets turn that don't follow its mean turn, where it bends far: they
-    turn about none of its own alone, and a law or a spring knows the joint's angle."""
+    """Warnings about bodies with large bending at a joint whose rotation their shapes can represent as well, though a
+    law or a spring uses the joint's angle."""
     system, seen, found = motion.module.system, motion.at(times), list[str]()
     mechanism, layout = system.mechanism, system.layout
     for name, (_, child) in layout.tree.items():
@@ -149,8 +148,8 @@ def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
         bent = max(abs(seen[f"{body}.shape_{k}"]).max() for k in range(layout.shapes[body].count))
         if bent > _BENT * (system.scene.bodies[body].length or np.inf):
             found.append(
-                f"{body} bends by {bent:.2g} m and hangs on {name}, whose turn its shapes can take the place of: "
-                "compare with fewer solve.modes, or cut it into several bodies, welded to each other"
+                f"{body} bends by {bent:.2g} m, and its shapes can represent the rotation of {name} as well: "
+                "compare with fewer solve.modes, or divide it into several welded bodies"
             )
     return found
 
@@ -158,12 +157,10 @@ def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
 def balanced(
     system: SpatialSystem, start: State, rates: tuple[np.ndarray, np.ndarray] | None = None
 ) -> State:
-    """The state near one on the constraints whose shapes neither move nor accelerate: deformed by what acts there.
+    """State near a given one on the constraints with shapes in static equilibrium.
 
     Newton's method on the shapes' accelerations, which vanish with the forces. ``rates``: the independent shapes'
-    speeds and accelerations (n,) instead of none.
-
-    Raises ArithmeticError if no balanced deformation is found.
+    speeds and accelerations (n,) instead of zero. Raises ArithmeticError without convergence.
     """
     which, moving, columns = start.choice.independent, start.u.copy(), independent_shapes(system, start)
     moving[which[columns]], wanted = (0.0, 0.0) if rates is None else rates
@@ -173,7 +170,7 @@ def balanced(
         return system.project(start.t, q, moving, start.choice)
 
     def corrected(state: State, less: np.ndarray) -> State | None:
-        """The balanced state where so much is added to the sizes of the loads; None where _STEPS don't lead there."""
+        """Balanced state with additions to the sizes of the loads; None without convergence in _STEPS."""
         try:
             state = standing(state.q, less)
             for _ in range(_STEPS):
@@ -200,5 +197,5 @@ def balanced(
 
 
 def independent_shapes(system: SpatialSystem, state: State) -> np.ndarray:
-    """Which of the independent speeds of a state are those of shapes."""
+    """Places of the shapes' speeds among the independent speeds of a state."""
     return np.flatnonzero(np.isin(state.choice.independent, system.modal_speeds))

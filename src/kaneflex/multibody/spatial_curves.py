@@ -1,4 +1,4 @@
-"""Where a mechanism in space is at any instants: what its motion is read from."""
+"""Curves of a mechanism in space: its states by time."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.support.errors import SceneError
 
 _STUCK = 1e-9
-"""Share of the time to the next instant within which many steps end where a drive runs away, as at a law's pole."""
+"""Share of the time to the next instant within which many steps indicate a diverging drive, as at a law's pole."""
 
 
 class Curve(ABC):
-    """States of a mechanism by the time [s]; the system's ``work`` then stands and moves like the last one."""
+    """States of a mechanism by the time [s]; ``work`` of the system then has the last one."""
 
     system: SpatialSystem
 
@@ -32,7 +32,7 @@ class Curve(ABC):
 
 
 class Standing(Curve):
-    """Of a mechanism that stays where it starts."""
+    """Curve of a mechanism at rest at its start."""
 
     def __init__(self, system: SpatialSystem, start: State) -> None:
         self.system, self.start = system, start
@@ -43,9 +43,9 @@ class Standing(Curve):
 
 
 class Followed(Curve):
-    """Of one whose drives say where it is: loops are followed from place to place.
+    """Curve of a mechanism whose drives determine its position: loops are followed step by step.
 
-    Raises SceneError where they do not close; it names the time.
+    Raises SceneError if they do not close; it names the time.
     """
 
     def __init__(self, system: SpatialSystem, start: State) -> None:
@@ -84,11 +84,11 @@ class Followed(Curve):
         return out
 
     def _runs_away(self, t: float) -> SceneError:
-        """Which drive no steps follow any further than t [s]."""
+        """Error for the drive that diverges at t [s]."""
         name = self.system.driven[int(abs(self.system.courses(t)[:, 1]).argmax())]
         return SceneError(
-            f"drives.{name}", self.system.scene.drives[name].law, f"it moves without bound at t = {t:.6g} s",
-            "Give a law that is smooth over the run, or another duration",
+            f"drives.{name}", self.system.scene.drives[name].law, f"its motion is unbounded at t = {t:.6g} s",
+            "Give a law that is bounded and smooth over the run, or another duration",
         )  # fmt: skip
 
     def _before(self, t: float) -> State:

@@ -1,4 +1,4 @@
-"""Cycles of a mechanism in space: where they end, and how that follows from where they begin."""
+"""Cycles of a mechanism in space: final states as functions of initial ones."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from kaneflex.support.errors import SceneError
 
 
 class SpatialCycles(Cycles[State, Run]):
-    """Of a system over the duration of ``options``, each by the choice of speeds of the first ``start``.
+    """Cycles of a system over the duration of ``options``, with the choice of speeds of the first ``start``.
 
-    ``closer``: how much of the change after a cycle may be left, as a share of REPEATS; of a cycle beside one that is
-    known, of which it is not asked whether its disturbances grow.
+    ``closer``: allowed change over a cycle, as a share of REPEATS; other than 1 for neighbours of a known cycle, whose
+    stability is not determined.
     """
 
     def __init__(self, system: SpatialSystem, options: Options, start: State, closer: float = 1.0) -> None:
@@ -40,8 +40,8 @@ class SpatialCycles(Cycles[State, Run]):
         return cycle.stopped is None
 
     def repeats(self, cycle: Run) -> bool:
-        """Deformations as a share of their largest, all else as one of how far it goes; nothing to less than steps
-        resolve."""
+        """Changes of deformations relative to their largest, of all else relative to its range; changes below the
+        resolution of steps are ignored."""
         system, which = self.system, self.choice.independent
         missed, q = abs(self.missed(cycle)[: len(which)]), cycle.at_ends()
         shapes = np.isin(which, system.modal_speeds)
@@ -52,7 +52,7 @@ class SpatialCycles(Cycles[State, Run]):
         return bool(missed[shapes].max(initial=0.0) <= largest and others <= max(self.left * rigid, 0.1 * least))
 
     def missed(self, cycle: Run) -> np.ndarray:
-        """In y and y' of :mod:`kaneflex.multibody.spatial_linear` about the start."""
+        """Change in y and y' of :mod:`kaneflex.multibody.spatial_linear` about the start."""
         which, (_, W) = self.choice.independent, self._moving(cycle.start)
         y = self._apart(cycle.start.q, cycle.end.q)[which]
         return np.concatenate([y, (cycle.end.u - cycle.start.u)[which] - W @ y])
@@ -82,7 +82,7 @@ class SpatialCycles(Cycles[State, Run]):
         return spinning(self.system, self.system.project(start.t, start.q, start.u, self.choice))
 
     def _apart(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """The step of all speeds from coordinates to others, whole turns apart, (speeds,)."""
+        """Difference of coordinates as a step of all speeds, without whole turns, (speeds,)."""
         from scipy.spatial.transform import Rotation
 
         found = np.zeros(self.system.speeds)

@@ -1,9 +1,9 @@
-"""Damping of the shapes of links in space, which acts on motion against axes that don't depend on the tree of bodies.
+"""Damping of the shapes of links in space, measured against axes that don't depend on the tree of bodies.
 
-A body's floating axes in the equations go along with its section at one joint, which the mechanism's tree chooses.
-What Rayleigh's share by mass, a modal ratio and the viscous damping of the deformation act on is measured as in the
-plane, in each plane of bending: against the tangent where one joint alone holds the link's turn on what the drives
-prescribe, else against the chord of its first and its last joint, else against its mean turn about its only joint.
+A body's floating axes follow its section at one joint, which the mechanism's tree chooses. The motion damped by
+Rayleigh's mass term, a modal ratio or viscous damping is measured as in the plane, in each plane of bending: against
+the tangent if only one joint holds the link's rotation relative to prescribed motions, else against the chord of its
+first and last joints, else against its mean rotation about its only joint.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from kaneflex.multibody.inertia_integrals import modal_damping
 from kaneflex.scene import Scene
 
 _FREE = 0.5 + 1e-9
-"""A joint lets a body turn about an axis of its own of which more than this, squared, is in the turns it allows."""
+"""Share, squared, of an axis in the free rotations of a joint, above which the body turns freely about it."""
 _PLANES = ((1, 5, "z", 1.0), (2, 4, "y", -1.0))
 """Rows of displacement and rotation of a node in either plane of bending, the rotation's axis, and its sign where the
 link turns about it."""
@@ -37,7 +37,7 @@ def shape_damping(scene: Scene, link: SpatialLink, basis: np.ndarray) -> np.ndar
 
 
 def against_axes(scene: Scene, link: SpatialLink, basis: np.ndarray, M: Matrix) -> np.ndarray:
-    """The shapes against the axes that damping is measured in: less rigid motions, (6 n_nodes, count)."""
+    """Shapes relative to the axes of the damping, without rigid motions, (6 n_nodes, count)."""
     clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
     joined, size, left = sorted(clamped), M.shape[0], basis.copy()
     alone = {axis: places[0] for axis in "xyz" if len(places := [x for x in joined if axis in clamped[x]]) == 1}
@@ -48,7 +48,7 @@ def against_axes(scene: Scene, link: SpatialLink, basis: np.ndarray, M: Matrix) 
         return found
 
     def take(rigid: np.ndarray, measured: list[np.ndarray]) -> None:
-        """Off the shapes what rigid motions they have, so that nothing is left of what is measured."""
+        """Remove from the shapes the rigid motions for which ``measured`` vanishes."""
         rows = np.array(measured)
         left[:] -= rigid @ np.linalg.solve(rows @ rigid, rows @ left)
 
@@ -77,8 +77,8 @@ def _node(link: SpatialLink, x: float) -> int:
 
 
 def clamps(mechanism: SpatialMechanism, scene: Scene, body: str) -> dict[float, str]:
-    """Distance from a body's start [m] of each point that joints hold -> those of the body's axes x, y, z about which
-    one holds its turn on what the drives prescribe."""
+    """Distance from a body's start [m] of each point held by joints -> axes x, y, z of the body about which the joint
+    holds its rotation relative to prescribed motions."""
     driven = {name for name, drive in scene.drives.items() if drive.kind != "free"}
     placed, found = _placed(mechanism, scene, driven), dict[float, str]()
     for name, joint in mechanism.joints.items():
@@ -91,7 +91,7 @@ def clamps(mechanism: SpatialMechanism, scene: Scene, body: str) -> dict[float, 
 
 
 def _held(mechanism: SpatialMechanism, joint: SpatialJoint, body: str, driven: bool) -> str:
-    """Axes of one of its bodies about which a joint does not let it turn."""
+    """Axes of one of its bodies about which a joint holds it."""
     turns = [axis for name, axis in joint.moves if name.startswith("angle") and not driven]
     if joint.kind == "spherical":
         return ""
@@ -103,7 +103,7 @@ def _held(mechanism: SpatialMechanism, joint: SpatialJoint, body: str, driven: b
 
 
 def _placed(mechanism: SpatialMechanism, scene: Scene, driven: set[str]) -> set[str]:
-    """The ground, rigid bodies that move freely, and those that hang on these by drives and welds alone."""
+    """The ground, rigid free bodies, and bodies connected to these by drives and welds alone."""
     placed, count = {GROUND, *(name for name in mechanism.floating if not scene.bodies[name].deforms)}, 0
     while count < len(placed):
         count = len(placed)

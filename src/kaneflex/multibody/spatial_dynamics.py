@@ -1,9 +1,8 @@
-"""Compiled dynamics of a mechanism in space: loops closed, dependent speeds eliminated, reactions recovered.
+"""Compiled dynamics of a mechanism in space: loop closure, elimination of dependent speeds, reactions.
 
-A *choice* says which rows of the cuts count, which speeds depend on the others by them, which are prescribed and which
-are left: as many as the motion has freedoms (Kane & Levinson 1985, sec. 2.13: nonholonomic partial velocities, as loops
-are eliminated here at the level of speeds). All coordinates are integrated; where they stand is closed on the loops at
-every step.
+A *choice* names independent rows of the cuts, and divides the speeds into dependent, prescribed and independent ones,
+as many of these as degrees of freedom (Kane & Levinson 1985, sec. 2.13: nonholonomic partial velocities, as loops are
+eliminated here at the level of speeds). All coordinates are integrated; the loops are closed at every step.
 """
 
 from __future__ import annotations
@@ -42,12 +41,12 @@ _MOST = 30
 _CLOSED = 1e-13
 """Last Newton step, in rad or sizes of the mechanism, up to which a loop counts as closed."""
 _LARGEST = 0.3
-"""Largest Newton step: beyond it the first derivatives say little."""
+"""Largest Newton step: the linearisation is poor beyond it."""
 
 
 class Choice(NamedTuple):
-    """Which rows of the cuts count, and which speeds are dependent, prescribed and independent, each by numbers; the
-    measures of speeds and of rows (1 rad, or the mechanism's size); room for factors, a step, the basis and pivots."""
+    """Numbers of the independent rows of the cuts and of dependent, prescribed and independent speeds; the measures of
+    speeds and of rows (1 rad, or the mechanism's size); room for factors, a step, the basis and pivots."""
 
     rows: np.ndarray
     dependent: np.ndarray
@@ -112,7 +111,7 @@ def coordinate_rates(m, q, u, out):
 
 @njit(**OPTIONS)
 def _fill(k, choice, A):
-    """Factors of J by the dependent speeds, of the rows that count, where A begins; False where it is singular."""
+    """Factorise J of the independent rows by the dependent speeds in A; False: singular."""
     apart()
     count = len(choice.dependent)
     for i in range(count):
@@ -123,9 +122,9 @@ def _fill(k, choice, A):
 
 @njit(**OPTIONS)
 def close(m, q, k, choice):
-    """Close the loops by the dependent coordinates (Newton), the others as they are; whether that came to an end.
+    """Close the loops by the dependent coordinates (Newton's method); True if it converges.
 
-    The factors of J are at hand afterwards.
+    The factors of J remain available.
     """
     apart()
     count, A, step = len(choice.dependent), choice.room, choice.step
@@ -159,7 +158,7 @@ def close(m, q, k, choice):
 @once
 @njit(**OPTIONS)
 def tie(k, choice, u, column, less):
-    """Fill dependent entries of u so that J u + c vanishes in the rows that count, c a column of the rows (-1: none).
+    """Fill dependent entries of u to satisfy J u + c = 0 in the independent rows, c a column of the rows (-1: none).
 
     ``less``: prescribed entries count in c already.
     """
@@ -180,7 +179,7 @@ def tie(k, choice, u, column, less):
 
 @njit(**OPTIONS)
 def basis(k, choice):
-    """B of u = B u_independent + what is prescribed, (independent, speeds): row j is u for a unit of the j-th."""
+    """Basis B of u = B u_independent + prescribed terms, (independent, speeds): row j is u for a unit of the j-th."""
     apart()
     B, A, count = choice.basis, choice.room, len(choice.dependent)
     first = count * count
@@ -198,7 +197,7 @@ def basis(k, choice):
 @once
 @njit(**OPTIONS)
 def weigh(b, full, out):
-    """out = b full, a vector and a matrix of all speeds."""
+    """Product out = b full of a vector and a matrix of all speeds."""
     together()
     for t in range(len(out)):
         out[t] = 0.0
@@ -211,10 +210,10 @@ def weigh(b, full, out):
 
 @njit(**OPTIONS)
 def accelerations(m, k, choice, u, du, sizes):
-    """du alone, where the loops are closed (``close``) and the speeds tied (``tie``), from the prescribed rates in it.
+    """Accelerations du at closed loops (``close``) and consistent speeds (``tie``), from the prescribed rates in it.
 
-    Kane's equations of the independent speeds: B (M B^T x + h) = 0, h with what is prescribed and quadratic. False
-    where a motion has no inertia, or less: shapes of the first order can take more of it than there is.
+    Kane's equations of the independent speeds: B (M B^T x + h) = 0, h with prescribed and quadratic terms. False if the
+    mass matrix is singular or not positive definite: shapes of the first order can remove more inertia than there is.
     """
     apart()
     move(m, u, k)
@@ -259,11 +258,11 @@ def accelerations(m, k, choice, u, du, sizes):
 
 @njit(**OPTIONS)
 def exerted(m, k, choice, sizes, multipliers, wrenches, drives):
-    """What joints exert where ``accelerations`` was.
+    """Forces of joints after ``accelerations``.
 
-    multipliers (n_rows,): of the cuts' rows, zero of those that follow from others; wrenches (n_nodes, 6): force and
-    moment about its origin that a node's joint exerts on it; drives (n_speeds,): what is exerted along every speed
-    beyond loads, springs and cuts: by drives, along prescribed ones.
+    multipliers (n_rows,): of the cuts' rows, zero for redundant ones; wrenches (n_nodes, 6): force and moment about its
+    origin that a node's joint exerts on it; drives (n_speeds,): generalised forces along every speed beyond loads,
+    springs and cuts: of drives, along prescribed ones.
     """
     apart()
     demand(m, k, sizes, False)
@@ -290,7 +289,7 @@ def exerted(m, k, choice, sizes, multipliers, wrenches, drives):
 
 @njit(**OPTIONS)
 def pass_on(m, k, multipliers, wrenches):
-    """Wrenches of the tree's joints from what the bodies ask for at F, the cuts' multipliers acting beside."""
+    """Wrenches of the tree's joints from the bodies' residuals at F and the cuts' multipliers."""
     apart()
     for c in range(len(m.cuts)):
         for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):

@@ -1,4 +1,4 @@
-"""The elastic stage of a mechanism in space: its parts, how they hang together, and the scalars that they move by."""
+"""The elastic stage of a mechanism in space: its parts, their connections, and their motion scalars."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.spatial_contract import AXES, SPATIAL_LINK_SCALARS
 
 _SAMPLES = 33
-"""Instants of a run at which is seen what of L varies, and whether the dependent coordinates serve."""
+"""Instants of a run that determine the varying entries of L and check the dependent coordinates."""
 _NONE = 1e-7
-"""Share of the largest below which a force that multipliers of no work exert counts as none."""
+"""Share of the largest force below which one by self-equilibrated multipliers counts as zero."""
 _LEFT_OUT = (
-    "more constraints hold the motion than it needs: rigid bodies leave open how some of the forces on {bodies} are "
-    "shared, and what these do at their arms to the stiffness of small rotations is left out"
+    "constraints are redundant: some of the forces on rigid {bodies} are statically indeterminate, and their effect on "
+    "the stiffness of small rotations is neglected"
 )
 _IRREGULAR = 0.381966
-"""Where between two even instants these lie: nothing is likely to be in line there."""
+"""Place of irregular instants between two even ones, unlikely to be special positions."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialInterfaces:
-    """Where elastic links meet other bodies: (link, node) -> the joint that comes first there."""
+    """Nodes where elastic links meet other bodies: (link, node) -> the first joint there."""
 
     displaced: Mapping[tuple[str, int], str]
 
@@ -55,10 +55,10 @@ class SpatialInterfaces:
 
 @dataclass(frozen=True, eq=False)
 class Deforming:
-    """What the elastic stage reads of a rigid motion beside its frames; scalars ``BODY.link.NAME``.
+    """Scalars ``BODY.link.NAME`` of a rigid motion for the elastic stage, beside frames.
 
-    Of an elastic link those of SPATIAL_LINK_SCALARS, jumps of its axial force, and what pushes its nodes; of a rigid
-    body the same accelerations, ARMS, and what pushes it. ``map`` are the parts' coordinates.
+    Of an elastic link SPATIAL_LINK_SCALARS, jumps of its axial force, and loads on its nodes; of a rigid body the same
+    accelerations, ARMS, and its loads. ``map`` has the parts' coordinates.
     """
 
     scene: Scene
@@ -144,11 +144,11 @@ class Deforming:
 
 @dataclass(frozen=True, eq=False)
 class DeformingKinematics(SpatialKinematics):
-    """The rigid motion of a mechanism in space with what its elastic stage reads of it."""
+    """Rigid motion of a mechanism in space with the scalars of its elastic stage."""
 
     deforming: Deforming
     arms: frozenset[str]
-    """ARMS that no equation determines: they are left out."""
+    """Statically indeterminate ARMS, which are omitted."""
 
     def table(self, times: np.ndarray) -> np.ndarray:
         rigid = self.bare.at(times)
@@ -161,7 +161,7 @@ class DeformingKinematics(SpatialKinematics):
 def elastic_stage(
     scene: Scene, options: Options, motion: SpatialKinematics, frozen: Mapping[str, np.ndarray]
 ) -> Stage:
-    """Mesh the links, find the coordinates; ``frozen``: bases to reduce to.
+    """Mesh the links and find the coordinates; ``frozen``: bases to reduce to.
 
     Raises
     ------
@@ -171,8 +171,8 @@ def elastic_stage(
     mechanism = spatial_mechanism_of(scene)
     for name, spring in mechanism.springs.items():
         if spring.is_bushing:
-            reason = "beside elastic bodies only preset coupled knows bushings so far"
-            raise SceneError(f"springs.{name}.bushing", None, reason, "Take preset coupled, or rigid")
+            reason = "with elastic bodies only preset coupled supports bushings"
+            raise SceneError(f"springs.{name}.bushing", None, reason, "Use preset coupled, or rigid")
     motion = SpatialKinematics(replace(motion.module, more=()), motion.parameters, motion.curve)
     links = {name: link_of_scene(scene, name, options.elements or body.beam.elements)
              for name, body in scene.bodies.items() if body.beam is not None}  # fmt: skip
@@ -227,7 +227,7 @@ def pushed_nodes(mechanism: SpatialMechanism, link: Link) -> list[int]:
 
 
 def with_loads(part: Part, nodes: list[int]) -> Part:
-    """A link's part with what pushes its nodes in F."""
+    """Part of a link with the loads on its nodes in F."""
     total = part.matrices["F"]
     for node in nodes:
         for k, axis in enumerate(AXES):
@@ -238,7 +238,7 @@ def with_loads(part: Part, nodes: list[int]) -> Part:
 
 
 def _with_pushes(part: Part) -> Part:
-    """A rigid body's part with what pushes and turns it in F."""
+    """Part of a rigid body with its forces and torques in F."""
     total = part.matrices["F"]
     for k, name in enumerate((*(f"push_{axis}" for axis in AXES), *(f"turn_{axis}" for axis in AXES))):
         total = total + Affine.term((f"{part.name}.link.{name}",), np.eye(6)[:, k : k + 1])
@@ -246,7 +246,7 @@ def _with_pushes(part: Part) -> Part:
 
 
 def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.ndarray) -> frozenset[str]:
-    """Names of what rigid bodies leave open of what stiffens others: what forces change that move nothing."""
+    """Names of statically indeterminate scalars, which self-equilibrated multipliers change."""
     system, names, found = motion.module.system, [name for name, *_ in deforming.scalars], set[str]()
     joints = {name: [motion.column[f"{name}.{part}"] for part in COMPONENTS] for name in deforming.mechanism.joints}
     for t in times:
@@ -256,7 +256,7 @@ def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.nda
         ]
         if not open_ones:
             continue
-        here = motion.at(np.full(2 * len(open_ones), t))  # an instant for each, and for what is opposite to it
+        here = motion.at(np.full(2 * len(open_ones), t))  # an instant for each, and for its opposite
         for k, wrenches in enumerate(open_ones):
             for name, columns in joints.items():
                 here.values[2 * k, columns], here.values[2 * k + 1, columns] = wrenches[name], -wrenches[name]
@@ -269,19 +269,20 @@ def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.nda
 
 
 def _check_pulls(lost: Collection[str], options: Options) -> None:
-    """What stiffens a body must be known where its stiffness is asked for."""
+    """Check that forces of geometric stiffness are statically determinate."""
     concerned = sorted({name.partition(".")[0] for name in lost})
     if concerned and options.geometric:
         raise SceneError(
-            f"bodies.{concerned[0]}", None, "more constraints hold the motion than it needs: rigid bodies don't say "
-            "how forces are shared that stiffen this one",
-            "Take preset linear, leave out solve.terms.geometric, or release what is held twice, as by a spherical "
-            "joint for a revolute one",
+            f"bodies.{concerned[0]}", None, "constraints are redundant: the forces in the geometric stiffness of "
+            "this body are statically indeterminate",
+            "Use preset linear, leave out solve.terms.geometric, or remove redundant constraints, for example by a "
+            "spherical joint in place of a revolute one",
         )  # fmt: skip
 
 
 def spring_part(name: str, spring: SpatialSpring) -> Part:
-    """A spring between two points as a part whose coordinates are how far its ends part, ``spatial_map.APART``.
+    """Spring between two points as a part whose coordinates are the relative displacements of its ends,
+    ``spatial_map.APART``.
 
     As in the plane, with e along it: the force on its second point changes by -(k e e^T + T/L (1 - e e^T)) d
     - c e (e^T d)'. One without free length and damper pulls with k d, whatever the direction.
@@ -301,7 +302,7 @@ def spring_part(name: str, spring: SpatialSpring) -> Part:
 
 
 def _at_joints(mechanism: SpatialMechanism, found: SpatialMap) -> tuple[list[Placed], list[Placed]]:
-    """Torques and torsional springs at joints, on the rotation of the second body against the first about the axis."""
+    """Torques and torsional springs at joints, on the relative rotation of the second body about the axis."""
     torques, springs = [], []
     for name, load in mechanism.loads.items():
         if load.joint is not None:
@@ -321,7 +322,8 @@ def _matrices(name: str, **own: Affine) -> dict[str, Affine]:
 
 
 def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
-    """Names of the forces and moments of joints and drives that no equation determines at some instants of a motion.
+    """Names of the forces and moments of joints and drives that are statically indeterminate at some instants of a
+    motion.
 
     As :func:`kaneflex.multibody.spatial_reactions.open_reactions`, of a mechanism whose links deform.
     """

@@ -1,4 +1,4 @@
-"""Compiled forces in space: what the bodies' motion asks for, less what loads and springs exert.
+"""Compiled forces in space: inertia forces of the bodies less those of loads and springs.
 
 Kane's equations of each free body (``kaneflex.generated.spatial``) along the partial velocities: M u' + h of the tree
 (Kane & Levinson 1985, ch. 4 and 6).
@@ -20,11 +20,11 @@ from kaneflex.multibody.tables import OPTIONS, address, apart, together
 from kaneflex.support.inner import once
 
 _OWN, _PAIR = len(laws.BODY), len(shape_laws.PAIR)
-"""Numbers of a rigid body, behind which those of its shapes are, and of a pair of these."""
+"""Numbers of a rigid body, which precede those of its shapes, and of a pair of shapes."""
 
 
 def stiffness_and_damping(m: Tables, node: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Of the shapes that a row of ``nodes`` owns, (count, count)."""
+    """Stiffness and damping matrices of the shapes of a row of ``nodes``, (count, count)."""
     count, first = node[COUNT], node[BODY] + _OWN + 12 * node[COUNT]
     pairs = m.p[first : first + _PAIR * count * count].reshape(count, count, _PAIR)
     return pairs[:, :, -2], pairs[:, :, -1]
@@ -33,7 +33,7 @@ def stiffness_and_damping(m: Tables, node: Sequence[int]) -> tuple[np.ndarray, n
 @once
 @njit(**OPTIONS)
 def demand(m, k, sizes, with_mass):
-    """F, what every body asks for beyond loads and springs, h = F along the speeds, and M where wanted."""
+    """Fill F, the bodies' inertia forces less loads and springs, h = F along the speeds, and M on request."""
     apart()
     x, count = k.x, len(k.h)
     for s in range(count):
@@ -70,8 +70,8 @@ def demand(m, k, sizes, with_mass):
 
 @njit(**OPTIONS)
 def _fill_inertia(m, k, n):
-    """Mass matrix of a node's body in its axes at k.I, (6, 6), of shapes what couples them to it and their own; their
-    number."""
+    """Mass matrix of a node's body in its axes at k.I: (6, 6), coupling to its shapes, and the shapes' own; returns
+    their number."""
     apart()
     shapes = m.nodes[n, COUNT] if m.nodes[n, KIND] == SHAPES else 0
     laws.inertia(m.p, m.nodes[n, BODY], k.I, 0)
@@ -83,7 +83,7 @@ def _fill_inertia(m, k, n):
 
 @njit(**OPTIONS)
 def pile(B, Y, M):
-    """M += B^T Y: of all speeds, and so worth vectorising."""
+    """Add B^T Y to M, for all speeds; long enough to be vectorised."""
     together()
     for s in range(M.shape[0]):
         for i in range(B.shape[0]):
@@ -94,7 +94,7 @@ def pile(B, Y, M):
 
 @njit(**OPTIONS)
 def _add_mass(m, k, n):
-    """M += B^T I B, B the partial velocities of a body in its axes and the rates of its shapes."""
+    """Add B^T I B to M, B the partial velocities of a body in its axes and the rates of its shapes."""
     apart()
     B, R, I, first = k.B, k.R[n], k.I, m.nodes[n, SPEED]
     shapes = _fill_inertia(m, k, n)
@@ -120,7 +120,7 @@ def _add_mass(m, k, n):
 
 @njit(**OPTIONS)
 def deforming(m, k):
-    """What shapes add to energies and lose by damping, where ``accelerate`` was."""
+    """Contributions of shapes to energies and dissipated power, after ``accelerate``."""
     apart()
     x, I = k.x, k.I
     for i in range(4):
@@ -160,7 +160,7 @@ def deforming(m, k):
 @once
 @njit(**OPTIONS)
 def push(m, k, section, wrench, at, share):
-    """Take a share of a force and a moment that act at a section off what its body asks for."""
+    """Subtract a share of a force and a moment at a section from its body's inertia forces."""
     apart()
     on, x = m.on[section], k.x
     if on >= 0:
@@ -174,7 +174,7 @@ def push(m, k, section, wrench, at, share):
 
 @njit(**OPTIONS)
 def _act(m, k, sizes):
-    """Take what loads and springs exert off what the bodies ask for."""
+    """Subtract loads and springs from the bodies' inertia forces."""
     apart()
     x = k.x
     for i in range(84, 90):

@@ -1,11 +1,11 @@
 """Forward dynamics in space: Kane's independent speeds with all coordinates.
 
-Where bodies deform, their fastest shapes are of no interest and set the step of an explicit method: there it goes by
-:mod:`kaneflex.multibody.spatial_collocation`, else by scipy.
+The fastest shapes of deforming bodies are of no interest but would limit the step of an explicit method: with them
+:mod:`kaneflex.multibody.spatial_collocation` integrates, else scipy.
 
-The right-hand side closes the loops before it asks for accelerations, so that dependent coordinates among the states
-are no more than where Newton's method starts, and nothing drifts. Where the dependent speeds grow fast beside the
-independent ones, as near a dead centre, the next step begins with another choice of these.
+The right-hand side closes the loops before the accelerations are evaluated, so that dependent coordinates in the state
+are only first guesses for Newton's method, and nothing drifts. If dependent speeds become large relative to independent
+ones, as near a dead centre, the next step begins with another choice.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ from kaneflex.support.errors import SceneError
 
 Share = Callable[[float], None]
 _GROWTH = 10.0
-"""Largest dependent speed per independent one, in their measures, beyond which others are tried."""
+"""Largest dependent speed per independent one, in their measures, before another choice is tried."""
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
-BENT_FAR = "Give fewer solve.modes, cut bodies that bend this far into several, welded to each other"
-"""Advice where the mass matrix, complete to the second order in the shapes, loses its inverse."""
+BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
+"""Advice if the mass matrix, complete to the second order in the shapes, is not positive definite."""
 _PIECE = 256
-"""Steps between which Python is back, and can be interrupted."""
+"""Steps per call of compiled code, after which a run can be interrupted."""
 
 
 def integrate(
     system: SpatialSystem, start: State, module: SpatialModule, options: Options, share: Share = lambda done: None
 ) -> tuple[SpatialKinematics, Energy]:
-    """The motion from a start over the duration of ``options``, by its method and tolerance, and its energy.
+    """Motion and energy from a start over the duration of ``options``, by its method and tolerance.
 
-    ``share`` is called with how much of it is done.
+    ``share`` is called with the completed share.
 
     Raises
     ------
     SceneError
-        If the motion can't go on, or takes too many evaluations; it names the time.
+        If the motion can't continue, or takes too many evaluations; it names the time.
     """
     run = Run(system, options, start, share)
     run.go()
@@ -59,7 +59,7 @@ def integrate(
 
 
 class Run(Curve):
-    """Steps of one integration from a start, and the curves between them."""
+    """Steps of an integration from a start, and the curves between them."""
 
     def __init__(
         self, system: SpatialSystem, options: Options, start: State, share: Share = lambda done: None
@@ -78,18 +78,18 @@ class Run(Curve):
         self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
 
     def moving(self, module: SpatialModule) -> tuple[SpatialKinematics, Energy]:
-        """The motion, and its energy."""
+        """Motion and its energy."""
         motion = SpatialKinematics(module, self.system.parameters, self)
         return motion, self.energy(motion)
 
     def go(self) -> None:
-        """Integrate to the end of the run. Raises SceneError where the motion can't go on."""
+        """Integrate to the end of the run. Raises SceneError if the motion can't continue."""
         state = self.start
         while state.t < self.options.duration:
             state = self._collocated(state) if len(self.system.modal_speeds) else self._by_scipy(state)
 
     def _collocated(self, state: State) -> State:
-        """The state where another choice of speeds is better than this one's, or at the end."""
+        """State at the end, or where another choice of speeds is better."""
         system, options, choice = self.system, self.options, state.choice
         scale = options.tolerance * system.measure
         steps = steps_of(system.tables, choice, system.coordinates, scale, len(state.sizes))
@@ -129,7 +129,7 @@ class Run(Curve):
         return system.project(options.duration, steps.q, steps.u, choice)
 
     def _by_scipy(self, state: State) -> State:
-        """The same, of rigid bodies."""
+        """As :meth:`_collocated`, for rigid bodies."""
         import scipy.integrate
 
         options, system, tolerance = self.options, self.system, self.passing.tolerance
@@ -150,7 +150,8 @@ class Run(Curve):
         return state
 
     def _steps(self, solver, sizes: np.ndarray, state: State) -> State:
-        """Step with one choice of speeds until another one or another method is better, or the end; the state there."""
+        """Steps with one choice of speeds until another choice or method is better, or the end; returns the state
+        there."""
         found = state
         while solver.status == "running":
             before, self.reason = solver.t, ""
@@ -180,7 +181,7 @@ class Run(Curve):
         return found
 
     def _better(self, found: State) -> State:
-        """The same by another choice of independent speeds, where the dependent ones have grown fast beside these."""
+        """State with another choice of independent speeds, if the dependent ones have become relatively large."""
         system, choice = self.system, found.choice
         if not len(choice.dependent) or not len(choice.independent):
             return found
@@ -214,7 +215,7 @@ class Run(Curve):
         return rates
 
     def _projected(self, t: float, y: np.ndarray, like: State) -> State:
-        """The state that an integrator's numbers stand for."""
+        """State of an integrator's vector."""
         u = np.zeros(self.system.speeds)
         u[like.choice.independent] = y[self.system.coordinates : -2]
         return self.system.project(t, y[: self.system.coordinates], u, like.choice)
@@ -237,7 +238,7 @@ class Run(Curve):
 
     @property
     def end(self) -> State:
-        """The state at its end."""
+        """Final state."""
         return self(self.ends[-1])
 
     def at_ends(self) -> np.ndarray:
@@ -269,7 +270,7 @@ class Run(Curve):
         return np.minimum(np.searchsorted(self.ends, times), len(self.ends) - 1)
 
     def energy(self, motion: SpatialKinematics) -> Energy:
-        """At the ends of the steps."""
+        """Energy at the ends of the steps."""
         times = np.array([0.0, *self.knots])
         found = motion.at(times)
         works = np.array(self.works).T
@@ -278,26 +279,26 @@ class Run(Curve):
     def _stopped(self, t: float, message: str = "", by_bushing: bool = False) -> SceneError:
         far = overturned(self.system.mechanism, self.system.work.bushings) if by_bushing else None
         if far:
-            reason = f"the motion can't go on after t = {t:.6g} s: {far[1]}"
-            return SceneError(f"springs.{far[0]}.bushing", None, reason, "Turn it less, or write a torque as a law")
+            reason = f"the motion can't continue after t = {t:.6g} s: {far[1]}"
+            return SceneError(f"springs.{far[0]}.bushing", None, reason, "Turn it less, or use a torque with a law")
         free = next((name for name, drive in self.system.scene.drives.items() if drive.kind == "free"), None)
         floating = self.system.mechanism.floating
         key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
         cure = "Shorten the duration, or change loads or start so that no loop locks"
         if singular := self.passing.at(t):
             message = singular
-            cure = f'Take solve.forward = {{method = "DOP853", tolerance = {EXACT:g}}}, or start so that none is passed'
-        reason = f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}"
+            cure = f'Use solve.forward = {{method = "DOP853", tolerance = {EXACT:g}}}, or start so that none is passed'
+        reason = f"the motion can't continue after t = {t:.6g} s: {message.rstrip('.')}"
         if not message:
             reason, cure = self.pace.message(t), SLOW
         if len(self.system.modal_speeds):
-            cure = f"{BENT_FAR}, or take preset stiffened"
+            cure = f"{BENT_FAR}, or use preset stiffened"
         return SceneError(key, None, reason, cure)
 
 
 class _Piece:
-    """Steps of the compiled integration: coordinates and independent speeds between their ends, by the polynomials of
-    their stages, and works at the ends; as scipy has a step."""
+    """Steps of the compiled integration as scipy's dense output: coordinates and independent speeds by the polynomials
+    of the stages, and works at the ends of steps."""
 
     def __init__(self, rows: np.ndarray, choice: Choice, coordinates: int) -> None:
         n, speeds = coordinates, rows.shape[1] // 4 - 1 - coordinates
@@ -306,7 +307,7 @@ class _Piece:
         self.start, *self.stages = rows[:, 4:].reshape(len(rows), 4, n + speeds).transpose(1, 0, 2)[:, :, known]
 
     def __call__(self, t: float | np.ndarray) -> np.ndarray:
-        """As columns at ``t`` [s]."""
+        """Columns at ``t`` [s]."""
         times = np.atleast_1d(np.asarray(t, float))
         k = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, None)
         shares = integrals(RADAU, (times - self.begins[k]) / self.lengths[k])

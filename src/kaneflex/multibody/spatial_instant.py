@@ -1,4 +1,4 @@
-"""Compiled: where a mechanism in space is at one instant, what acts there, and the accelerations that follow."""
+"""Compiled evaluation of a mechanism in space at one instant: positions, forces, and accelerations."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, address, apa
 from kaneflex.support.inner import once
 
 CLOSED = 1e-7
-"""How far off rows may be that follow from others, in rad or sizes of the mechanism."""
+"""Largest violation of redundant rows, in rad or sizes of the mechanism."""
 
 DONE, OPEN, APART, MASSLESS, INFINITE, GROWN, OVERTURNED, TOO_SMALL = range(8)
-"""What came of an instant or of steps: the rest, but GROWN, are why it goes no further."""
+"""Outcome codes of an instant or of steps; all but DONE and GROWN are failures."""
 REASONS = {
-    OPEN: "a loop does not close, or leaves open how it goes on",
-    APART: "the loops close where they stand at the start, and not there",
-    MASSLESS: "something without inertia could move anyhow",
+    OPEN: "a loop does not close, or the position is singular",
+    APART: "the loops close at the start, but not there: redundant constraints are violated",
+    MASSLESS: "the mass matrix is singular: a freedom carries no inertia",
     INFINITE: "the accelerations are not finite",
-    OVERTURNED: "a bushing is turned too far",
-    TOO_SMALL: "the step vanishes",
+    OVERTURNED: "a bushing is rotated too far",
+    TOO_SMALL: "the step size tends to zero",
 }
-"""What is said of each."""
+"""Messages of the failures."""
 
 
 def check(outcome: int, *at: float) -> None:
-    """Raise ArithmeticError for what came of an instant, unless it is done."""
+    """Raise ArithmeticError for an outcome other than DONE."""
     if outcome != DONE:
         raise ArithmeticError(REASONS[outcome], *at)
 
 
 class Laws(NamedTuple):
-    """What a structure's own kernels need, and what goes on.
+    """Arguments of a structure's own kernels, and the progress of rows.
 
     Attributes
     ----------
@@ -48,15 +48,15 @@ class Laws(NamedTuple):
     driven : ndarray (n_driven,)
         Coordinates of the prescribed drives.
     told : ndarray (n_told, 2)
-        Of every joint that magnitudes know its place in ``x``, and its node.
+        Place in ``x`` and node of every joint whose coordinate occurs in magnitudes.
     x, course : ndarray
-        What magnitudes read, and what courses store.
+        Input of magnitudes, and output of courses.
     now : ndarray (2,)
-        Where rows go on: the instant [s], and what came of it.
+        Last instant of rows [s], and its outcome.
     added : ndarray (n_loads + n_driven,)
-        To the sizes of the loads and to the accelerations of the prescribed drives.
+        Additions to the sizes of the loads and to the accelerations of the prescribed drives.
     steps : kaneflex.multibody.spatial_steps.Steps
-        The integration that goes on, if one does.
+        Current integration, if any.
     """
 
     kernels: np.ndarray
@@ -80,8 +80,8 @@ def courses(law, t):
 @once
 @njit(**OPTIONS)
 def project(m, choice, k, law, t):
-    """Prescribed drives where they are at t, loops closed, dependent speeds tied: then loads know what they ask of
-    joints, and the rates of all speeds follow. What came of it."""
+    """Prescribed drives at t, closed loops, dependent speeds, then loads and the rates of all speeds; returns the
+    outcome."""
     apart()
     courses(law, t)
     for i in range(len(law.driven)):
@@ -113,7 +113,7 @@ def project(m, choice, k, law, t):
 @once
 @njit(**OPTIONS)
 def complete(m, k):
-    """Accelerations of all that moves and the energies of what deforms, where ``project`` came to an end."""
+    """Accelerations of all nodes and the energies of deforming bodies, after ``project``."""
     apart()
     accelerate(m, k.u, k.du, k)
     deforming(m, k)

@@ -1,8 +1,8 @@
 """Compiled kinematics of a tree of bodies in space, and of the cuts that close its loops.
 
-Kane's method with the tree's joint rates, and a ball's relative angular velocity in its own axes, for generalised
-speeds (Kane & Levinson 1985, ch. 2): places, partial velocities, velocities and accelerations of all bodies, and the
-rows of the cuts. All vectors are global unless said otherwise; a body's origin stands for the body.
+Kane's method with generalised speeds: the tree's joint rates, and a ball's relative angular velocity in its own axes
+(Kane & Levinson 1985, ch. 2). Positions, partial velocities, velocities and accelerations of all bodies, and the rows
+of the cuts. Vectors are global unless said otherwise and refer to a body's origin.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from kaneflex.support.inner import once
 
 @njit(**OPTIONS)
 def _turn(kind, axis, q, k, R):
-    """The axes R of a node after its turn, by a quaternion: that of an angle about an axis, or a ball's at q[k]."""
+    """Axes R of a node after its rotation: by an angle about an axis, or by a ball's quaternion at q[k]."""
     apart()
     if kind == TURN:
         half = 0.5 * q[k]
@@ -64,8 +64,8 @@ def _turn(kind, axis, q, k, R):
 
 @njit(**OPTIONS)
 def _beyond(m, n, of, what):
-    """theta or theta' of the section at a node that turns axes which follow their body's mean turn: its shapes are the
-    next node, whose coordinates (of q) or speeds (of u) begin at COORDINATE or SPEED. Of other nodes zero."""
+    """Angle theta or rate theta' of the section at a node whose axes follow their body's mean rotation: its shapes are
+    the next node, whose coordinates (of q) or speeds (of u) begin at COORDINATE or SPEED. Zero for other nodes."""
     apart()
     found = 0.0
     for i in range(m.nodes[n, COUNT]):
@@ -75,20 +75,20 @@ def _beyond(m, n, of, what):
 
 @njit(**OPTIONS)
 def stands(m, n, q):
-    """Coordinate of a joint by its node, as the section there stands, which theta turns by 2 atan(theta / 2)."""
+    """Coordinate of a joint by its node, including the section's rotation 2 atan(theta / 2)."""
     return q[m.nodes[n, COORDINATE]] + 2.0 * math.atan(0.5 * _beyond(m, n, q, COORDINATE))
 
 
 @njit(**OPTIONS)
 def goes(m, n, q, u):
-    """How fast that grows."""
+    """Rate of that coordinate."""
     theta = _beyond(m, n, q, COORDINATE)
     return u[m.nodes[n, SPEED]] + _beyond(m, n, u, SPEED) / (1.0 + 0.25 * theta**2)
 
 
 @njit(**OPTIONS)
 def place(m, q, k):
-    """Axes and origins of all nodes, and where sections and axes are."""
+    """Axes and origins of all nodes, then sections and axes."""
     apart()
     x = k.x
     for n in range(len(m.nodes)):
@@ -155,7 +155,7 @@ def _shaped(m, n, q, i, x, at):
 
 @njit(**OPTIONS)
 def _deform(m, n, k, q):
-    """Move and turn a station from where it stands undeformed: by N q + 1/2 G q q, and by theta = psi q."""
+    """Displace and rotate a station by N q + 1/2 G q q, and by theta = psi q."""
     apart()
     x, first, base = k.x, m.nodes[n, COORDINATE], k.R[m.nodes[n, PARENT]]
     count, o = m.nodes[n, COUNT], m.nodes[n, AT]
@@ -201,7 +201,7 @@ def _deformed_partials(m, n, k):
 
 @njit(**OPTIONS)
 def _deformed_accelerations(m, n, u, du, k):
-    """Add what a station moves by against its body to a and e: 2 omega x d' + d'', omega x omega' and so on."""
+    """Add a station's motion relative to its body to a and e: 2 omega x d' + d'', omega x omega' and so on."""
     apart()
     x, parent, base = k.x, m.nodes[n, PARENT], k.R[m.nodes[n, PARENT]]
     q, s = m.nodes[n, COORDINATE], m.nodes[n, SPEED]
@@ -238,7 +238,7 @@ def _deformed_accelerations(m, n, u, du, k):
 
 @njit(**OPTIONS)
 def partials(m, k):
-    """Partial velocities of all nodes (Kane & Levinson 1985, sec. 2.14) and J of the cuts, where ``place`` was."""
+    """Partial velocities of all nodes (Kane & Levinson 1985, sec. 2.14) and J of the cuts, after ``place``."""
     apart()
     x = k.x
     for n in range(len(m.nodes)):
@@ -276,7 +276,7 @@ def partials(m, k):
 @once
 @njit(**OPTIONS)
 def along(m, k, section, wrench, at, out):
-    """Add what a force and a moment at a section are along every speed."""
+    """Add the generalised forces of a force and a moment at a section along every speed."""
     apart()
     on, x = m.on[section], k.x
     if on < 0:
@@ -307,7 +307,7 @@ def rows(m, k):
 
 @njit(**OPTIONS)
 def move(m, u, k):
-    """Velocities of all nodes and sections, where ``partials`` was."""
+    """Velocities of all nodes and sections, after ``partials``."""
     apart()
     for n in range(len(m.nodes)):
         for i in range(3):
@@ -328,7 +328,7 @@ def move(m, u, k):
 
 @njit(**OPTIONS)
 def accelerate(m, u, du, k):
-    """Accelerations of all nodes and sections, where ``move`` was; the cuts' rows with their second rates."""
+    """Accelerations of all nodes and sections, and the cuts' rows with their second rates, after ``move``."""
     apart()
     x = k.x
     for n in range(len(m.nodes)):

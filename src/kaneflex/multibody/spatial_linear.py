@@ -1,16 +1,15 @@
-"""The equations of a mechanism in space linearised about a motion, in coordinates of its independent speeds.
+"""Equations of a mechanism in space linearised about a motion, in coordinates of its independent speeds.
 
-y is how far these are from the motion's. Of a ball it is the rotation vector from there in axes that go along with the
-motion, so that a body that spins steadily has matrices which don't change. With theta = N y of all balls, a motion
-beside that of speeds u_0 has
+y are the deviations from the motion. For a ball, y is the rotation vector in axes that move with the motion, so that a
+steadily spinning body has constant matrices. With theta = N y of all balls, a neighbouring motion has the speeds
 
     u = u_0 + y' + W y,   W y = omega_0 x theta,
 
-and what the system says of its accelerations, u' = f(y, y', p) with the inputs p, makes of it
+and the accelerations of the system, u' = f(y, y', p) with the inputs p, give
 
     M y'' + C y' + K y = B p,   C = M (W - f_y'),   K = M (W' - f_y),   B = M f_p.
 
-These derivatives are central differences, as :mod:`kaneflex.multibody.linearisation` takes them in the plane.
+These derivatives are central differences, as those of :mod:`kaneflex.multibody.linearisation` in the plane.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.multibody.spatial_tables import BALL, KIND, SPEED, Tables
 
 _APART = 1e-15
-"""Between instants so close that nothing but their order depends on it, as a share of their time, or of 1 s."""
+"""Spacing of fictitious instants, which only order the neighbours, as a share of their time, or of 1 s."""
 
 
 @dataclass(frozen=True, eq=False)
 class Neighbours(Curve):
-    """States beside one of a motion, four for every coordinate y, rate y' and input, as if one after the other.
+    """Neighbouring states of a motion, four for every coordinate y, rate y' and input, at fictitious successive times.
 
     Attributes
     ----------
@@ -42,7 +41,7 @@ class Neighbours(Curve):
     found : ndarray (4 n, ...)
         Their rows.
     steps : ndarray (n,)
-        What one of :data:`OFFSETS` is of each.
+        Step of each for one of :data:`OFFSETS`.
     """
 
     system: SpatialSystem
@@ -52,7 +51,7 @@ class Neighbours(Curve):
 
     @property
     def times(self) -> np.ndarray:
-        """What they are called by [s]."""
+        """Fictitious times of the neighbours [s]."""
         return self.base.t + _APART * max(1.0, abs(self.base.t)) * np.arange(len(self.found))
 
     def __call__(self, t: float) -> State:
@@ -64,7 +63,7 @@ class Neighbours(Curve):
 
     @property
     def weights(self) -> np.ndarray:
-        """Of the neighbours (4 n,), every four of which make up a derivative."""
+        """Weights of the neighbours (4 n,); every four of them give a derivative."""
         return (WEIGHTS / self.steps[:, None]).ravel()
 
     def slopes(self, values: np.ndarray) -> np.ndarray:
@@ -73,9 +72,9 @@ class Neighbours(Curve):
 
 
 def neighbours(system: SpatialSystem, base: State, columns: Sequence[int] | np.ndarray | None = None) -> Neighbours:
-    """The neighbours of a state on the constraints by all of y, y' and the inputs, or by some of these.
+    """Neighbours of a state on the constraints by all of y, y' and the inputs, or by some of these.
 
-    Raises ArithmeticError where loops don't close about it.
+    Raises ArithmeticError if loops don't close near it.
     """
     base = system.project(base.t, base.q, base.u, base.choice)
     which, inputs = base.choice.independent, len(system.inputs)
@@ -104,13 +103,13 @@ def neighbours(system: SpatialSystem, base: State, columns: Sequence[int] | np.n
 
 
 def _steps(system: SpatialSystem, base: State) -> np.ndarray:
-    """In y and y': accelerations are of the second degree in the latter."""
+    """Steps in y and y': accelerations are of second degree in the latter."""
     own, rate = system.measure[base.choice.independent], max(1.0, (abs(base.u) / system.measure).max(initial=0.0))
     return np.concatenate([STEP * own, 1e-2 * rate * own])
 
 
 def _pushes(system: SpatialSystem, base: State) -> np.ndarray:
-    """In sizes of loads and prescribed accelerations, which are in the equations as they are."""
+    """Steps in sizes of loads and prescribed accelerations, which enter linearly."""
     largest = max(1.0, (abs(base.du) / system.measure).max(initial=0.0))
     weight = abs(system.work.h).max(initial=1.0)
     return np.concatenate([
@@ -119,7 +118,7 @@ def _pushes(system: SpatialSystem, base: State) -> np.ndarray:
 
 
 def _turning(system: SpatialSystem, u: np.ndarray) -> np.ndarray:
-    """omega x of every ball, (speeds, speeds)."""
+    """Matrix of omega x of every ball, (speeds, speeds)."""
     found = np.zeros((system.speeds, system.speeds))
     for s in system.tables.nodes[system.tables.nodes[:, KIND] == BALL, SPEED].tolist():
         found[s : s + 3, s : s + 3] = skew(u[s : s + 3])
@@ -127,20 +126,20 @@ def _turning(system: SpatialSystem, u: np.ndarray) -> np.ndarray:
 
 
 def spinning(system: SpatialSystem, base: State) -> tuple[np.ndarray, np.ndarray]:
-    """N (n, speeds), the speeds of a unit of each y', and W (n, n), where ``work`` stands on the constraints."""
+    """Partial velocities N (n, speeds) of y', and W (n, n), at the position of ``work`` on the constraints."""
     N = system.basis(base.choice).copy()
     return N, (_turning(system, base.u) @ N.T)[base.choice.independent]
 
 
 def names_of(system: SpatialSystem, base: State) -> tuple[str, ...]:
-    """Of y: JOINT.angle or JOINT.position, JOINT.turn_x of a joint that ends in a ball, BODY.shape_k; of a free body
-    BODY.x and turn_x."""
+    """Names of y: JOINT.angle or JOINT.position, JOINT.turn_x of a joint that ends in a ball, BODY.shape_k; BODY.x and
+    turn_x of a free body."""
     speeds = (system.layout.speeds[k] for k in base.choice.independent)
     return tuple(name.replace(".omega_", ".turn_").replace(".shapes.", ".shape_") for name in speeds)
 
 
 def linear(beside: Neighbours) -> Linear[State]:
-    """The linear equations about a state by all of its neighbours."""
+    """Linear equations about a state from all of its neighbours."""
     system, base, which = beside.system, beside.base, beside.base.choice.independent
     n, found = len(which), system.instants(beside.found)
     system.project(base.t, base.q, base.u, base.choice)
@@ -153,14 +152,14 @@ def linear(beside: Neighbours) -> Linear[State]:
 
 
 def growth(beside: Neighbours, N: np.ndarray) -> np.ndarray:
-    """N' along the motion, (speeds, n): of y alone the speeds grow by (N y)' and omega x theta."""
+    """Derivative N' along the motion, (speeds, n): by y alone the speeds change by (N y)' and omega x theta."""
     speeds = beside.system.instants(beside.found).u
     return beside.slopes(speeds)[:, : len(N)] - _turning(beside.system, beside.base.u) @ N.T
 
 
 def at_rest(system: SpatialSystem, t: float, q: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Names of y with M and K where the mechanism stands undeformed, K of the strain of shapes and springs, whatever
-    these carry."""
+    """Names of y with M and K at an undeformed position, K from the strain of shapes and springs, without the effect
+    of their forces."""
     from scipy.linalg import block_diag
 
     choice, still = choose(system, q, prefer=True), np.zeros(system.speeds)
@@ -183,8 +182,8 @@ def at_rest(system: SpatialSystem, t: float, q: np.ndarray) -> tuple[tuple[str, 
 def _parts(
     tables: Tables, sections: np.ndarray, axes: np.ndarray, moved: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """How far every spring's ends part in small motions ``moved`` (n, sections, 15), (n, parts), and how stiff it is
-    against each of that."""
+    """Relative displacements of every spring's ends in small motions ``moved`` (n, sections, 15), (n, parts), and the
+    stiffness of each."""
     from scipy.spatial.transform import Rotation
 
     place, v, w = sections[:, :3], moved[:, :, 3:6], moved[:, :, 9:12]
@@ -204,7 +203,7 @@ def _parts(
 
 
 def _turned(phi: np.ndarray) -> np.ndarray:
-    """H of the rates H omega of a rotation vector, see :func:`kaneflex.multibody.spatial_bushings.cushion`."""
+    """Matrix H of the rates H omega of a rotation vector, see :func:`kaneflex.multibody.spatial_bushings.cushion`."""
     theta, cross = np.linalg.norm(phi), skew(phi)
     curved = (1.0 - 0.5 * theta / np.tan(0.5 * theta)) / theta**2 if theta > 1e-4 else 1.0 / 12.0
     return np.eye(3) - 0.5 * cross + curved * cross @ cross

@@ -1,13 +1,14 @@
-"""Modal data of bodies in space: their shapes in the axes that a mechanism gives them, and those of beams as such data.
+"""Modal data of bodies in space: their shapes in the axes of a mechanism, and those of beams as such data.
 
-A file has its shapes in axes of its own. A mechanism wants axes that go along with the place at which the body hangs in
-the tree of bodies, or with the body in the mean: these move by t_j q_j and turn by w_j q_j in those, so that
+A file has its shapes in axes of its own. A mechanism needs axes that follow the body at its joint in the tree, or in
+the mean: these move by t_j q_j and turn by w_j q_j in the file's axes, so that
 
     N_j' = N_j - t_j - w_j x r
+
     G_jk' = G_jk - w_j x N_k' - w_k x N_j' - (w_j x (w_k x r) + w_k x (w_j x r)) / 2 - t_jk
 
-tell of the same motions to the second order; t_jk leaves G' nothing at that place, or in the mean. The strain energy
-is that of the modal coordinates, whatever the axes.
+describe the same motions to the second order; t_jk makes G' vanish at that place, or in the mean. The strain energy
+depends on the modal coordinates alone.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class HeldShapes:
 
     @cached_property
     def twisting(self) -> np.ndarray:
-        """Whether each shape moves none of the points and turns some."""
+        """True for each shape that displaces none of the points and rotates some."""
         N, psi = self.data.arrays["N"], self.data.arrays["psi"]
         return np.asarray(~N.any(axis=(0, 1)) & psi.any(axis=(0, 1)))
 
@@ -60,7 +61,7 @@ class HeldShapes:
         return self.moments.numbers(self.stiffness, self.data.arrays["damping"], self.data.arrays["cubic"])
 
     def carrier(self, at: Place) -> Place:
-        """The data's own place of a point."""
+        """Nearest point of the data."""
         return tuple(self.data.places[self._point(at)].tolist())
 
     def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
@@ -74,8 +75,8 @@ class HeldShapes:
 
 
 def held_shapes(data: ModalData, held: Place | None, freed: str = "") -> HeldShapes:
-    """Shapes of modal data that move and turn nothing at a place, but about those of its axes in ``freed``, like "z" or
-    "xyz", leave no momentum there; without a place they leave no momentum at all (Buckens 1972)."""
+    """Shapes of modal data with zero displacement and rotation at a place, except about axes in ``freed``, like "z" or
+    "xyz", about which they have no angular momentum; without a place they have no momentum at all (Buckens 1972)."""
     a = data.arrays
     m, S, E, count = float(a["mass"]), a["mass_r"], a["mass_r_r"], len(a["stiffness"])
     # Translations along and turns about x, y, z as further shapes A + B r.
@@ -107,7 +108,7 @@ def held_shapes(data: ModalData, held: Place | None, freed: str = "") -> HeldSha
     twice = _symmetric(np.einsum("bdj,dek->bejk", W, W)) / 2
 
     def second(G: np.ndarray, N: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """G' but for t_jk, of G, N' and r at a point or summed; leading axes are theirs."""
+        """Second-order term G' without t_jk, from G, N' and r at a point or summed; leading axes are kept."""
         turned = _symmetric(np.einsum("bdj,...dk->...bjk", W, N))
         return G - turned - np.einsum("bejk,...e->...bjk", twice, r)
 

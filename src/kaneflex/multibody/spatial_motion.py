@@ -1,4 +1,4 @@
-"""The motion of a rigid mechanism in space at any instants: prescribed, or integrated from its start."""
+"""Rigid motion of a mechanism in space at any instants: prescribed, or integrated from its start."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ _BODY = (
 _JOINT = tuple((name, "N" if name.startswith("force") else "N m", f"{name[:-2]} on {{body}}, global")
                for name in COMPONENTS)  # fmt: skip
 _STEPS = 500
-"""Steps of a run, at least, in which turns are counted: also what stands still at both ends may have turned between."""
+"""Least number of steps of a run in which turns are counted: a joint at rest at both ends may have turned between."""
 _AT_ONCE = 1024
-"""Instants of which what is found lies in memory before it is tabulated."""
+"""Instants evaluated at once, to limit memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialModule:
-    """What a model reads of a module: names of what is tabulated of a mechanism in space.
+    """Counterpart of a generated module for a mechanism in space: names of its tabulated scalars.
 
     Attributes
     ----------
     system : SpatialSystem
     open_reactions : frozenset of str
-        Those that no equation determines; they are no numbers.
+        Statically indeterminate reactions, which are NaN.
     more : tuple
-        Name, unit and meaning of what else is tabulated, for elastic bodies.
+        Name, unit and meaning of further scalars for elastic bodies.
     """
 
     system: SpatialSystem
@@ -59,20 +59,20 @@ class SpatialModule:
     LINKS: tuple = ()
 
     def __getattr__(self, name: str) -> object:
-        """All else is the generated module's."""
+        """Other attributes are those of the generated module."""
         if name.startswith("_") and name not in ("__name__", "__file__"):
             raise AttributeError(name)
         return getattr(self.system.module, name)
 
     @cached_property
     def FREE(self) -> tuple[str, ...]:
-        """What is left to the forces."""
+        """Free joints and free bodies."""
         drives = self.system.scene.drives
         return (*(name for name, drive in drives.items() if drive.kind == "free"), *self.system.mechanism.floating)
 
     @cached_property
     def SCALARS(self) -> tuple[tuple[str, str, str], ...]:
-        """Name, unit and meaning of what is tabulated."""
+        """Name, unit and meaning of the tabulated scalars."""
         mechanism, scene = self.system.mechanism, self.system.scene
         found = []
         for name in self.coordinates:
@@ -96,10 +96,10 @@ class SpatialModule:
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
-        """Joints whose coordinate is tabulated: those of the tree that have one, what is driven or free, what is read.
+        """Joints with tabulated coordinates: those of the tree with one coordinate, driven, free and observed ones.
 
-        Of several freedoms it is the first, of a cylindrical joint its turn; of a ball the angle of its rotation, from
-        0 to pi.
+        With several freedoms it is the first, of a cylindrical joint its rotation; of a ball the angle of its rotation,
+        from 0 to pi.
         """
         mechanism, tree = self.system.mechanism, self.system.layout.tree
         known = {*self.system.scene.drives, *mechanism.read}
@@ -111,15 +111,15 @@ class SpatialModule:
 
     @cached_property
     def closing(self) -> tuple[str, ...]:
-        """Those that close loops, and those whose body's axes follow its mean turn: what they stand at follows from
-        their bodies."""
+        """Joints that close loops, and those of bodies whose axes follow their mean rotation: coordinates that follow
+        from the bodies."""
         layout = self.system.layout
         return tuple(name for name in self.coordinates if name in layout.cuts or name in layout.freed)
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialKinematics(RigidKinematics):
-    """The rigid motion of a mechanism in space: ``curve`` knows where it is."""
+    """Rigid motion of a mechanism in space; ``curve`` gives its states."""
 
     module: SpatialModule  # type: ignore[assignment]
     parameters: np.ndarray
@@ -140,7 +140,7 @@ class SpatialKinematics(RigidKinematics):
         return out
 
     def _scalars(self, times: np.ndarray) -> np.ndarray:
-        """Those at ``times`` [s] that are in their order; coordinates of joints that close loops are left out."""
+        """Scalars at ascending ``times`` [s], without coordinates of joints that close loops."""
         system, module, count = self.module.system, self.module, len(times)
         found, mechanism = system.instants(self.curve.rows(times)), system.mechanism
         nodes = [system.layout.node_of[name] for name in mechanism.bodies]
@@ -165,7 +165,7 @@ class SpatialKinematics(RigidKinematics):
         ])  # fmt: skip
 
     def _closing(self, name: str, motion: SpatialMotion) -> np.ndarray:
-        """Coordinate of a joint that closes a loop, turns counted from the start on."""
+        """Coordinate of a joint that closes a loop, with turns counted from the start."""
         coordinate, rate = self._stands(name, motion)
         if name in self._counts:
             order = np.argsort(motion.times, kind="stable")
@@ -174,7 +174,7 @@ class SpatialKinematics(RigidKinematics):
 
     @cached_property
     def _counts(self) -> dict[str, Count]:
-        """Of joints that close loops, those that turn."""
+        """Turn counters of revolute joints that close loops."""
         module = self.module
         joints, longest = module.system.mechanism.joints, module.system.scene.horizon / _STEPS
 
@@ -191,7 +191,7 @@ class SpatialKinematics(RigidKinematics):
                 if joints[name].kind not in ("prismatic", "spherical")}  # fmt: skip
 
     def _stands(self, name: str, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinate of a joint as its bodies stand, an angle from -pi to pi, and its rate; of a ball no rate."""
+        """Coordinate of a joint from its bodies' positions, an angle from -pi to pi, and its rate; a ball has none."""
         from scipy.spatial.transform import Rotation
 
         mechanism = self.module.system.mechanism
@@ -233,8 +233,8 @@ class SpatialKinematics(RigidKinematics):
         return -((r + (R @ centres[:, :, None])[..., 0]) @ self.module.system.tables.gravity) @ masses
 
     def acting(self, times: np.ndarray, seen: RigidMotion) -> SpatialMotion:
-        """Sizes of the loads alone, by laws at ``times`` [s] of joints that stand on curves through what was seen: to
-        find where the mechanism is at that many instants would take longer than the run."""
+        """Sizes of the loads alone at ``times`` [s], with joint coordinates interpolated from known instants, as
+        evaluating the mechanism at that many would take longer than the run."""
         from scipy.interpolate import CubicSpline
 
         system, out = self.module.system, np.full((len(times), len(self.column)), np.nan)
@@ -247,19 +247,19 @@ class SpatialKinematics(RigidKinematics):
 
     @property
     def bare(self) -> SpatialKinematics:
-        """The same without the scalars that elastic bodies read of it."""
+        """Motion without the scalars for elastic bodies."""
         module = replace(self.module, more=(), open_reactions=frozenset())
         return SpatialKinematics(module, self.parameters, self.curve)
 
     def at(self, times: np.ndarray | float) -> SpatialMotion:
-        """The rigid motion at ``times`` [s], scalar by name."""
+        """Rigid motion at ``times`` [s], with scalars by name."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
         return SpatialMotion(self, times, self.table(times))
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialMotion(RigidMotion):
-    """Scalars of a rigid motion in space at some times; of bodies that deform, of their axes and shapes."""
+    """Scalars of a rigid motion in space at some times; of deforming bodies those of their axes and shapes."""
 
     @property
     def system(self) -> SpatialSystem:
@@ -274,7 +274,7 @@ class SpatialMotion(RigidMotion):
 
 
 def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
-    """How firmly the loops of a mechanism in space are held at some instants [s]."""
+    """Conditioning of the loops of a mechanism in space at some instants [s]."""
     system = motion.module.system
     if not system.layout.cuts:
         return []

@@ -1,9 +1,9 @@
 """Steps of scipy's methods over singular positions of loops in space.
 
-There the loops' constraints lose rank, and branches of the motion cross. The motion that goes on with its velocities is
-smooth, but at a distance d from there rounding makes errors of 1/d^3 in accelerations, which spoil a step with a stage
-as near. When the next such instant comes is foreseen: the least singular value of the constraints falls in proportion
-to d. Steps are then chosen so that it lies between two stages, as far from both as there is room.
+At a singular position the loops' constraints lose rank, and branches of the motion cross. The motion that keeps its
+velocities is smooth, but at a distance d rounding causes errors of 1/d^3 in accelerations, which spoil a step with a
+stage at a small distance. The next such instant is predicted from the least singular value of the constraints, which is
+proportional to d. Steps are then chosen so that it lies between two stages, as far from both as possible.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_system import SpatialSystem
 
 EXACT = 1e-10
-"""Least relative tolerance of a step over a singular position: with less, rounding repeats it in ever shorter steps
+"""Least relative tolerance of a step over a singular position: below it, rounding leads to ever shorter steps
 (measured with four-bars of equal cranks)."""
 _LOOKS = 33
-"""Places in the next two steps at which the least singular value is looked for."""
+"""Places in the next two steps at which the least singular value is evaluated."""
 _SLOPE = 1e-3
-"""Share of a step over which it is seen how fast that value falls."""
+"""Share of a step for the rate of that value by differences."""
 _AHEAD = 3.0
-"""Steps within which it would vanish, if it fell as it does now, from which on it is looked for."""
+"""Predicted number of steps until it vanishes, below which it is searched for."""
 _SHORTER, _SHORT = 0.7, 0.8
-"""Shares of the step that the error allows: one that is hardly ever repeated as a shorter one, and the longest such."""
+"""Shares of the step allowed by the error: one that is rarely repeated, and the longest such."""
 
 
 class Passing:
-    """What is foreseen of the singular positions on a run's way.
+    """Prediction of the singular positions of a run.
 
     Attributes
     ----------
     step : float or None
-        The next step [s], where it is one towards or over a singular position.
+        Next step [s] towards or over a singular position, if any.
     tolerance : float
         Of that step.
     """
@@ -49,10 +49,10 @@ class Passing:
         self._passed: list[float] = []
 
     def foresee(self, solver: Any, choice: Choice, curve: Callable[[float], np.ndarray]) -> None:
-        """Choose the next step after one of a solver, along whose ``curve`` the motion goes on."""
+        """Choose the next step of a solver, with the motion extrapolated along ``curve``."""
         self._usual = self._usual if self.step else float(solver.step_size)
         self._longest = max(self._longest, float(solver.step_size))
-        loose = self.tolerance > self._asked  # a solver keeps its tolerance: another one goes on
+        loose = self.tolerance > self._asked  # a solver keeps its tolerance: another one continues
         self.step, self.tolerance = self._usual if loose else None, self._asked
         if not len(choice.rows) or not len(choice.independent):
             return
@@ -86,14 +86,14 @@ class Passing:
         return float(times[k] + (times[1] - times[0]) * least[k] / (least[k] + least[k + 1]))
 
     def _least(self, choice: Choice, curve: Callable[[float], np.ndarray], times: np.ndarray) -> np.ndarray:
-        """Least singular value of the rows that count at some times [s]."""
+        """Least singular value of the independent rows at some times [s]."""
         places = [curve(t)[: self.system.coordinates] for t in times.tolist()]
         if not np.isfinite(places).all():
             return np.full(len(times), np.nan)
         return least_singular_values(self.system, places, len(choice.rows))
 
     def at(self, t: float) -> str:
-        """The singular position that is passed about t [s], in words; empty where there is none."""
+        """Message about a singular position near t [s]; empty if there is none."""
         near = [when for when in self._passed if abs(when - t) < self._longest]
         return f"{self._loops} pass a singular position at t = {near[-1]:.6g} s" if near else ""
 
@@ -103,13 +103,13 @@ class Passing:
 
     @property
     def warnings(self) -> list[str]:
-        """How far a run can be trusted that has passed such positions, where that is not as asked for."""
+        """Warnings about the accuracy of a run over such positions, if below the requested one."""
         if not self._passed or (self._asked >= EXACT and self._method != "LSODA"):
             return []
         said = f"{self._loops} pass singular positions, the first at t = {self._passed[0]:.6g} s: rounding "
         if self._method == "LSODA":
-            return [f"{said}can spoil steps of solve.forward.method = LSODA there; take DOP853, which steps over them"]
-        return [f"{said}leaves the motion as exact as with solve.forward.tolerance = {EXACT:g}, not {self._asked:g}"]
+            return [f"{said}can spoil steps of solve.forward.method = LSODA there; use DOP853, which steps over them"]
+        return [f"{said}limits the accuracy to that of solve.forward.tolerance = {EXACT:g}, not {self._asked:g}"]
 
 
 def _gap(solver: Any) -> float | None:

@@ -1,4 +1,4 @@
-"""What joints exert in space, and what of it no equation determines: more rows hold a motion than it needs."""
+"""Joint forces in space, and which of them are statically indeterminate because of redundant constraints."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from kaneflex.multibody.spatial_work import Instants
 from kaneflex.support.kept import Kept
 
 COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")
-"""Of what a joint exerts, global."""
+"""Components of a joint's force and moment, global."""
 _NONE = 1e-7
-"""Share of the largest below which a force that multipliers of no work exert counts as none."""
+"""Share of the largest force below which one by self-equilibrated multipliers counts as zero."""
 
 
 class _TreeJoints(NamedTuple):
-    """Of every joint of the tree its last node, 1 or -1 (seen from its second body), and its second point: on which
-    node (-1: the ground), and where in that node's axes, (n, 3)."""
+    """Joints of the tree: their last nodes, 1 or -1 (if traversed from the second body), and second points: node (-1:
+    the ground), and place in that node's axes, (n, 3)."""
 
     nodes: np.ndarray
     signs: np.ndarray
@@ -65,10 +65,10 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[str]:
-    """Names of the forces and moments of joints and drives that no equation determines at some of the states.
+    """Names of the forces and moments of joints and drives that are statically indeterminate in some of the states.
 
-    A force or a moment is open with all its components: which of them an instant's combination of multipliers leaves
-    out is how the mechanism stands there.
+    A force or a moment is indeterminate with all its components: those that a combination of multipliers leaves out
+    depend on the position.
     """
     found: set[str] = set()
     for state in states:
@@ -78,8 +78,7 @@ def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[
 
 
 def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
-    """Multipliers of the rows that move nothing, where more of them hold the mechanism than it needs; ``work`` then
-    stands there."""
+    """Self-equilibrated multipliers of redundant rows; ``work`` then has the state."""
     from scipy.linalg import null_space
 
     J = system.jacobian(state.q)
@@ -88,7 +87,7 @@ def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
 
 
 def _exerted_by(system: SpatialSystem, multipliers: np.ndarray) -> set[str]:
-    """Names of what multipliers exert, where ``work`` stands."""
+    """Names of the forces and moments of multipliers, at the position of ``work``."""
     alone = system.passed_on(multipliers)
     least = _NONE * max(abs(alone.wrenches).max(), abs(multipliers).max())
     found: set[str] = set()

@@ -1,7 +1,6 @@
-"""Compiled motion of a mechanism in space: where it stands at an instant, and rows of that at many.
+"""Compiled motion of a mechanism in space: states at one instant, and rows of them at many.
 
-What is found of an instant lies in :class:`kaneflex.multibody.spatial_work.Work`; the first of its numbers make a
-row.
+Results of an instant are in :class:`kaneflex.multibody.spatial_work.Work`; its first numbers are a row.
 """
 
 from __future__ import annotations
@@ -39,11 +38,11 @@ from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
 _FAR = 0.05
-"""Largest step of a prescribed drive [rad or sizes of the mechanism] from place to place where loops are followed."""
+"""Largest step of a prescribed drive [rad or sizes of the mechanism] in following loops."""
 _GROWTH = 30.0
-"""How many times faster than the drives the other speeds may be before dependent speeds are chosen anew."""
+"""Largest ratio of the other speeds to those of the drives before dependent speeds are chosen again."""
 _AT_ONCE = 256
-"""Places on the way, after which Python is to remember where the mechanism is."""
+"""Steps per call of compiled code, after which the position is recorded."""
 
 
 _made_of_parts = made_of(
@@ -56,7 +55,7 @@ _made_of_parts = made_of(
 
 @njit(**OPTIONS)
 def _far(law, choice, k, t):
-    """How many steps it is at least from where the drives stand to where they are at t."""
+    """Least number of steps from the drives' current position to that at t."""
     apart()
     courses(law, t)
     farthest = 0.0
@@ -68,7 +67,7 @@ def _far(law, choice, k, t):
 
 @njit(**OPTIONS)
 def _grown(choice, u):
-    """Whether dependent speeds have grown fast beside the prescribed ones."""
+    """True if dependent speeds are large relative to the prescribed ones."""
     apart()
     largest = driven = 0.0
     for s in range(len(u)):
@@ -81,7 +80,7 @@ def _grown(choice, u):
 
 @njit(**OPTIONS)
 def store(m, choice, k, row):
-    """What moves how fast, what joints exert, and then all of the instant."""
+    """Complete an instant by velocities, accelerations and joint forces, and store it as a row."""
     apart()
     complete(m, k)
     exerted(m, k, choice, k.sizes, k.multipliers, k.wrenches, k.along)
@@ -91,10 +90,10 @@ def store(m, choice, k, row):
 
 @njit(**OPTIONS)
 def followed(m, choice, k, law, times, out):
-    """Rows at times in their order, from where the mechanism stands, loops followed from place to place.
+    """Rows at ascending times from the current position, with loops followed step by step.
 
-    How many there are; ``law.now`` has where it stands then, and what came of that instant: where it is GROWN the
-    instant is as good as any, and the next ones ask for another choice of speeds.
+    Returns their number; ``law.now`` has the last instant and its outcome: GROWN is valid, but the next ones need
+    another choice of speeds.
     """
     apart()
     t, taken = law.now[0], 0
@@ -119,8 +118,7 @@ def followed(m, choice, k, law, times, out):
 
 @njit(**OPTIONS)
 def near(m, choice, k, law, times, given, out):
-    """Rows at times near coordinates and speeds that are given: how many there are; ``law.now`` as of
-    :func:`followed`."""
+    """Rows at times near given coordinates and speeds; returns their number; ``law.now`` as of :func:`followed`."""
     apart()
     for i in range(len(times)):
         for j in range(len(k.q)):
@@ -135,7 +133,7 @@ def near(m, choice, k, law, times, given, out):
 
 
 PLACE, CLOSE, PROJECT, EXERT, PASS_ON, BASIS, RATES, ADVANCE, DEMAND, FOLLOW, NEAR, COLLOCATE = range(12)
-"""What :func:`compute` does."""
+"""Tasks of :func:`compute`."""
 
 
 @njit(**OPTIONS)
@@ -175,14 +173,14 @@ def _computed(what, m, choice, k, law, times, given, out):
 @njit(cache=True, **OUTER)
 @_made_of_parts
 def compute(what, m, choice, k, law, times, given, out):
-    """What Python calls of these: one function, so that it is compiled once; what came of it, or how many rows."""
+    """Entry for Python: one function, so that it is compiled once; returns the outcome or the number of rows."""
     return _computed(what, m, choice, k, law, times, given, out)
 
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
 def compute_coupled(what, m, choice, k, law, times, given, out):
-    """The same, and COLLOCATE: what scenes without bodies that deform needn't wait for."""
+    """As :func:`compute`, with COLLOCATE, whose compilation other scenes avoid."""
     if what == COLLOCATE:
         return collocate(m, choice, k, law, law.steps, times, out)
     return _computed(what, m, choice, k, law, times, given, out)

@@ -1,4 +1,4 @@
-"""Where the sections of bodies in space that deform stand, turn and move, read from a motion's scalars."""
+"""Positions, rotations and motions of sections of deforming bodies in space, from a motion's scalars."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def modal_scalars(body: str, count: int) -> Iterator[tuple[str, str]]:
 
 
 def modal_series(system: SpatialSystem, found: Instants) -> list[np.ndarray]:
-    """The same of all bodies that deform, (n_times, count) each."""
+    """Modal coordinates, rates and accelerations of all deforming bodies, (n_times, count) each."""
     series, first = list[np.ndarray](), 0
     for shapes in system.layout.shapes.values():
         own = slice(first, first + shapes.count)
@@ -43,7 +43,7 @@ def modal_series(system: SpatialSystem, found: Instants) -> list[np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Deformed:
-    """How a point of a body moves against the body's axes, in these, (3, n_times) each.
+    """Motion of a point relative to its body's axes, in these, (3, n_times) each.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Deformed:
 
 
 def deformed(motion: SpatialMotion, side: Side) -> Deformed:
-    """Of a point of a body that deforms; beside its carrier it goes along with the section there."""
+    """Motion of a point of a deforming body; a point beside its carrier moves rigidly with the section there."""
     shapes = motion.system.layout.shapes[side.body]
     place = shapes.carrier(side.at)
     (rows, G), beside = shapes.at(place), np.subtract(side.at, place)
@@ -95,14 +95,14 @@ def sections(theta: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarra
 @njit(cache=True, error_model="numpy")
 @made_of(shape_laws.__file__)
 def _turn(angles, found):
-    """What `spatial_shapes.section` says of every row of angles and their rates, (n_times, 6): to `found`, (., 21)."""
+    """Evaluate `spatial_shapes.section` for rows of angles and their rates, (n_times, 6), into `found`, (., 21)."""
     for k in range(len(angles)):
         shape_laws.section(angles[k], 0, found[k], 0)
 
 
 @dataclass(frozen=True, eq=False)
 class SectionFrame(SpatialFrame):
-    """Axes of a section of a body that deforms, which begin at one of its points."""
+    """Axes of a section of a deforming body, with their origin at one of its points."""
 
     at: np.ndarray
     deformed: Deformed
@@ -136,7 +136,7 @@ class SectionFrame(SpatialFrame):
 
 
 def section_frame(motion: SpatialMotion, side: Side) -> tuple[SpatialFrame, Side]:
-    """The axes that a point turns with, and the point in these."""
+    """Axes of the section at a point, and the point in these."""
     if side.body not in motion.system.layout.shapes:
         return motion.frame(side.body), side
     at = np.asarray(side.at, float)
@@ -144,6 +144,6 @@ def section_frame(motion: SpatialMotion, side: Side) -> tuple[SpatialFrame, Side
 
 
 def joined_frames(motion: SpatialMotion, joint: SpatialJoint) -> tuple[SpatialJoint, SpatialFrame, SpatialFrame]:
-    """A joint with its sides in the axes that they turn with, and these."""
+    """Joint with its sides in the axes of their sections, and these axes."""
     (first, at_first), (second, at_second) = (section_frame(motion, side) for side in joint.sides)
     return replace(joint, sides=(at_first, at_second)), first, second

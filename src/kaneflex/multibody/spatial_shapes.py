@@ -1,8 +1,7 @@
-"""Shapes of elastic links in space, and the sums over their slices that the equations of a deforming body take.
+"""Shapes of elastic links in space, and the sums over their slices in the equations of a deforming body.
 
-A link's finite elements fall into four kinds of motion that know nothing of each other: stretch, bending in either
-plane, twist. Shapes are found of each kind by itself: static ones of the points where something acts, and modes with
-these points held (Craig & Bampton 1968).
+A link's finite elements have four uncoupled kinds of motion: stretch, bending in either plane, twist. Shapes are found
+for each kind: static ones of the points with joints or loads, and modes with these points held (Craig & Bampton 1968).
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ from kaneflex.scene import Scene
 from kaneflex.support.spatial_contract import SPATIAL_NODE
 
 _KINDS = {("u",): 1, ("v", "theta_z"): 2, ("w", "theta_y"): 2, ("theta_x",): 1}
-"""A node's coordinates of each kind, with how many of a free link's shapes deform nothing."""
+"""A node's coordinates of each kind, with the number of rigid-body motions of a free link."""
 _NEAR = 0.99
-"""Component of a joint's axis along one of the body's from which on next to nothing turns the section about that."""
+"""Component of a joint's axis along one of the body's above which hardly any torque acts about that."""
 _EQUAL = 1e-6  # relative distance of squared frequencies that are one's
-_MORE = 4  # modes found beyond those asked for, among which are those equal to the last one
+_MORE = 4  # modes found beyond those requested, for those equal to the last one
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for two cubics times a mass that grows linearly
 
 
@@ -64,16 +63,16 @@ class SpatialShapes:
 
     @property
     def twisting(self) -> np.ndarray:
-        """Whether each shape is one of twist, (count,): its coordinate is an angle [rad]."""
+        """True for shapes of twist, (count,): their coordinates are angles [rad]."""
         return np.asarray(~self.basis.reshape(-1, 6, self.count)[:, :3].any(axis=(0, 1)))
 
     def carrier(self, at: Place) -> Place:
-        """The place on the axis whose section carries a point."""
+        """Place on the axis whose section carries a point."""
         return float(at[0]), 0.0, 0.0
 
     def spread(self, rises: bool) -> tuple[Place, tuple[np.ndarray, np.ndarray]]:
-        """The mean of places, and of what :meth:`at` gives there, by a weight that falls linearly to zero at the end,
-        or rises from there at the start."""
+        """Mean place, and mean of :meth:`at`, with a weight that falls linearly to zero at the end, or rises from zero
+        at the start."""
         x, _, _, rows, H, lengths = self._slices
         weight = lengths * (x if rises else self.link.nodes[-1] - x)
         weight /= weight.sum()
@@ -82,7 +81,7 @@ class SpatialShapes:
 
     @cached_property
     def turn(self) -> np.ndarray:
-        """How far each shape turns the axes of the planar model about the body's x, y, z, (3, count) [rad/m]."""
+        """Rotation of the axes of the planar model about the body's x, y, z by each shape, (3, count) [rad/m]."""
         M = self.link.part.matrices["M"].value({})
         return (self.basis - against_axes(self.scene, self.link, self.basis, M))[3:6]
 
@@ -92,7 +91,7 @@ class SpatialShapes:
         return self._rows(x), _along(self._start - self._shortening(x))
 
     def numbers(self) -> np.ndarray:
-        """Those of :mod:`kaneflex.generated.spatial_shapes`: SINGLE of every shape, PAIR of every two."""
+        """Parameters of :mod:`kaneflex.generated.spatial_shapes`: SINGLE of every shape, PAIR of every two."""
         return self.moments.numbers(self.stiffness, self.damping, self.cubic)
 
     @cached_property
@@ -129,7 +128,7 @@ class SpatialShapes:
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """Of the modal coordinates [N/m], diagonal."""
+        """Stiffness of the modal coordinates [N/m], diagonal."""
         K = self.link.part.matrices["K_s"].value({})
         return np.diag(np.diag(self.basis.T @ K @ self.basis))
 
@@ -141,7 +140,7 @@ class SpatialShapes:
 
     @cached_property
     def damping(self) -> np.ndarray:
-        """Of the modal coordinates [N s/m]."""
+        """Damping of the modal coordinates [N s/m]."""
         return shape_damping(self.scene, self.link, self.basis)
 
     @cached_property
@@ -198,7 +197,7 @@ class SpatialShapes:
         return self._before[e] + self._over(e, local)
 
     def _over(self, e: int, local: float) -> np.ndarray:
-        """The same over the first part of an element."""
+        """Shortening over the first part of an element."""
         found, length, of = np.zeros((self.count, self.count)), self.link.length_of(e), self.link.parameters
         own = self.basis[6 * e : 6 * e + 12]
         for share, weight in zip((1.0 + _GAUSS[0]) / 2, _GAUSS[1] / 2, strict=True):
@@ -209,7 +208,7 @@ class SpatialShapes:
 
     @cached_property
     def _before(self) -> list[np.ndarray]:
-        """The same from the start to every node."""
+        """Shortening from the start to every node."""
         found = [np.zeros((self.count, self.count))]
         for e in range(len(self.link.nodes) - 1):
             found.append(found[-1] + self._over(e, self.link.length_of(e)))
@@ -217,7 +216,7 @@ class SpatialShapes:
 
     @cached_property
     def _start(self) -> np.ndarray:
-        """The same where the shortening begins: at the point that holds the axes, else in the mean of the mass."""
+        """Reference of the shortening: at the point that holds the axes, else its mean over the mass."""
         if self.held is not None:
             return self._shortening(self.held)
         _, dm, _, _, H, _ = self._slices
@@ -234,12 +233,12 @@ def _product(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: Place | None, freed: str = "") -> SpatialShapes:
-    """Static shapes of the points where joints and loads act, and ``modes`` modes of bending in either plane, fewer of
+    """Static shapes of the points with joints and loads, and ``modes`` modes of bending in either plane, fewer of
     stretch and twist, with these points held.
 
-    ``held``: the place where the link's axes go along with its section. About those of them in ``freed``, like "z" or
-    "xyz", they follow its mean turn: without momentum its shapes can't take the place of that turn (Buckens 1972),
-    which would leave it next to no inertia of its own.
+    ``held``: the place whose section the link's axes follow. About those of them in ``freed``, like "z" or "xyz", they
+    follow its mean rotation instead: shapes without angular momentum can't represent that rotation (Buckens 1972),
+    which would leave it almost no inertia of its own.
     """
     x = None if held is None else held[0]
     first = None if x is None else link.node_at(x)
@@ -247,7 +246,7 @@ def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: Place | No
     turned, kept = ({node for node in map(link.node_at, places) if node not in (first, None)}
                     for places in (joints, [*joints, *pushed]))  # fmt: skip
     if held is None and not turned:
-        turned, kept = {0}, kept | {0}  # what is left of its motions deforms nothing
+        turned, kept = {0}, kept | {0}  # the remaining motions don't deform it
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
     turning, twisted = ({SPATIAL_NODE.index(f"theta_{axis}") for axis in axes}
                         for axes in (freed, _twisted(scene, link.name, x)))  # fmt: skip
@@ -277,8 +276,8 @@ def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
 
 
 def _twisted(scene: Scene, body: str, x: float | None) -> str:
-    """Which of the body's axes something can turn the section at x [m] about: joints there but about an axis that the
-    body carries; a torque or a spring at a joint there, or more joints than one, any."""
+    """Axes of the body about which a torque can act on the section at x [m]: joints there act about all but their axes
+    that are fixed in the body; a torque or a spring at a joint there, or several joints, about any."""
     mechanism, found = spatial_mechanism_of(scene), set[str]()
     here = {name: (joint, joint.sides.index(side)) for name, joint in mechanism.joints.items()
             for side in joint.sides if side.body == body and side.at[0] == x}  # fmt: skip
@@ -294,7 +293,7 @@ def _twisted(scene: Scene, body: str, x: float | None) -> str:
 
 
 def _static(K: Matrix, rows: np.ndarray, static: list[int]) -> np.ndarray:
-    """Of each of the static rows the shape that is one there, zero in the other ones, and balanced in what is left."""
+    """Shapes with one of the static rows equal to one, the others to zero, and equilibrium in the remaining rows."""
     inner, held = np.setdiff1d(rows, static), np.array(static, int)
     shapes = np.zeros((K.shape[0], len(static)))
     shapes[static, np.arange(len(static))] = 1.0
@@ -320,7 +319,7 @@ def _of_kind(K: Matrix, M: Matrix, rows: np.ndarray, static: list[int], modes: i
 
 
 def _by_frequency(K: Matrix, M: Matrix, basis: np.ndarray) -> np.ndarray:
-    """What shapes span by orthogonal ones, of ascending frequency; the largest displacement of each is one."""
+    """Orthogonal shapes that span the same space, of ascending frequency; the largest displacement of each is one."""
     if not basis.shape[1]:
         return basis
     basis = basis @ eigh(basis.T @ K @ basis, basis.T @ M @ basis)[1]
@@ -330,10 +329,10 @@ def _by_frequency(K: Matrix, M: Matrix, basis: np.ndarray) -> np.ndarray:
 
 
 def _whole(squares: np.ndarray, count: int) -> int:
-    """The first ``count`` of ascending squared frequencies, and those equal to the last one of them.
+    """Number of modes: the first ``count`` of ascending squared frequencies, and those equal to the last of them.
 
-    Of equal ones, as of two spans as long as each other, any mixture is a mode: only all of them are the same motions
-    whichever end of the link is called its start.
+    Any mixture of modes with equal frequencies, as of two spans of equal length, is a mode: only all of them together
+    are independent of which end of the link is called its start.
     """
     last = min(count, len(squares)) - 1
     return int(np.searchsorted(squares, squares[last] + _EQUAL * abs(squares[last]), side="right"))

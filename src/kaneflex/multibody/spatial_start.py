@@ -1,4 +1,4 @@
-"""Where a mechanism in space starts, and whether its scene says so."""
+"""Initial state of a mechanism in space, and checks that its scene determines it."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from kaneflex.support.errors import SceneError
 
 _RANK = 1e-9
 _HEAVY = 1e-13
-"""Inertia of a freedom, as a share of the greatest, below which it has none."""
+"""Inertia of a freedom, as a share of the largest, below which it counts as zero."""
 
 
 def start_of(system: SpatialSystem) -> State:
-    """Where a mechanism starts: drives where they are said to stand, loops closed, speeds as given.
+    """Initial state: drives at their initial positions, loops closed, speeds as given.
 
     Raises
     ------
     SceneError
-        If a loop can't close, drives fight the loops, or something moves that no one named, or that has no inertia.
+        If a loop can't close, drives contradict the loops, a freedom is not named, or has no inertia.
     """
     q = system.at_zero.copy()
     q[system.driven_coordinates] = system.courses(0.0)[:, 0]
@@ -45,7 +45,7 @@ def start_of(system: SpatialSystem) -> State:
     except ArithmeticError as reason:
         _check_inertia(system, choice)
         raise SceneError(
-            "drives", None, f"at the start {reason}", "Start elsewhere, or check the laws of loads"
+            "drives", None, f"at the start {reason}", "Start at another position, or check the laws of loads"
         ) from None
     _check_inertia(system, choice)
     _check_speeds(system, state)
@@ -53,22 +53,22 @@ def start_of(system: SpatialSystem) -> State:
 
 
 def _key(system: SpatialSystem, owner: str) -> str:
-    """Where a scene says how something starts that is free."""
+    """Entry of the scene for the initial state of a free joint or body."""
     return f"bodies.{owner}.free" if owner in system.mechanism.floating else f"drives.{owner}"
 
 
 def _check_drives(system: SpatialSystem, choice: Choice) -> None:
-    """Prescribed drives must be left free by the loops."""
+    """Check that prescribed drives are independent of the loops."""
     J = system.work.J * system.measure / system.row_measure[:, None]
     if system.driven and np.linalg.matrix_rank(J, _RANK * abs(J).max(initial=1.0)) > len(choice.rows):
         raise SceneError(
-            f"drives.{system.driven[-1]}", None, "the loops and the other drives say already how this joint moves",
-            "Leave one drive out, or let it be free = true",
+            f"drives.{system.driven[-1]}", None, "the loops and the other drives already determine its motion",
+            "Leave one drive out, or set free = true",
         )  # fmt: skip
 
 
 def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
-    """All rows must hold, those that follow from others, too."""
+    """Check that redundant rows hold, too."""
     system.place(q)
     off = system.gaps()
     if off.max(initial=0.0) > 1e-7:
@@ -76,13 +76,13 @@ def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
         joint = next(name for name, rows in held.items() if rows.start <= off.argmax() < rows.stop)
         raise SceneError(
             f"joints.{joint}", None, "the loop that it closes can't close where the drives start: "
-            f"{off.max():.1e} of the mechanism's size, or rad, stay open",
-            "Check lengths and axes, and give the bodies rotations near to how they stand",
+            f"{off.max():.1e} of the mechanism's size, or rad, remain",
+            "Check lengths and axes, and give the bodies rotations near the initial position",
         )  # fmt: skip
 
 
 def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
-    """Free joints must stand where the scene says."""
+    """Check that free joints start at their given coordinates."""
     for name, drive in system.scene.drives.items():
         field = next((field for field in ("angle", "position") if field in drive.model_fields_set), None)
         if drive.kind != "free" or field is None:
@@ -91,13 +91,13 @@ def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
         stands = angle_about(system.pin(name), q[k : k + 4]) if name in system.layout.kept else float(q[k])
         if abs(stands - drive.start) > 1e-9 * max(1.0, abs(drive.start)):
             raise SceneError(
-                f"drives.{name}.{field}", drive.start, f"there the loops don't close; nearby they do at {stands:.9g}",
-                "Start where they close, or leave it out",
+                f"drives.{name}.{field}", drive.start, f"the loops don't close there, but nearby at {stands:.9g}",
+                "Start there, or leave it out",
             )  # fmt: skip
 
 
 def _check_springs(system: SpatialSystem) -> None:
-    """Springs that need a direction must have one, where ``work`` stands."""
+    """Check that springs with a direction have one, at the position of ``work``."""
     between = {name: spring for name, spring in system.scene.springs.items() if spring.between}
     for (name, spring), (first, second) in zip(between.items(), system.tables.springs, strict=True):
         apart = np.linalg.norm(system.work.sections[second, :3] - system.work.sections[first, :3])
@@ -106,7 +106,7 @@ def _check_springs(system: SpatialSystem) -> None:
 
 
 def _check_named(system: SpatialSystem, choice: Choice) -> None:
-    """Every freedom must be driven, or named as free."""
+    """Check that every freedom is driven or free."""
     from scipy.linalg import null_space
 
     named = np.array(named_speeds(system), int)
@@ -125,13 +125,13 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
         joints = list(dict.fromkeys(name.rpartition(".")[0] for name in moving))
         count = f"{left.shape[1]} freedom{'s' * (left.shape[1] > 1)}"
         raise SceneError(
-            "drives", None, f"{count} of the mechanism that nothing drives: of {', '.join(joints)}",
-            f"Drive a joint, or leave it to the forces, like drives.{joints[0]} = {{free = true}}",
+            "drives", None, f"{count} of the mechanism without a drive: of {', '.join(joints)}",
+            f"Drive a joint, or let it move freely, like drives.{joints[0]} = {{free = true}}",
         )  # fmt: skip
 
 
 def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
-    """Every freedom must move something that has inertia, where ``work`` stands."""
+    """Check that every freedom moves some inertia, at the position of ``work``."""
     if not len(choice.independent):
         return
     B, M = system.basis(choice), system.mass(np.zeros(len(system.mechanism.loads)))
@@ -142,13 +142,13 @@ def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
     moving = abs((motions[:, 0] @ (unit * B)) / system.measure)
     name = system.layout.speeds[int(moving.argmax())]
     raise SceneError(
-        _key(system, name.rpartition(".")[0]), None, f"nothing that has inertia resists {name}",
-        "Give the bodies that it moves mass and inertia = [J_x, J_y, J_z] [kg m^2], or prescribe it",
+        _key(system, name.rpartition(".")[0]), None, f"the mass matrix is singular: {name} carries no inertia",
+        "Give its bodies mass and inertia = [J_x, J_y, J_z] [kg m^2], or prescribe it",
     )  # fmt: skip
 
 
 def _check_speeds(system: SpatialSystem, state: State) -> None:
-    """Speeds that the scene gives must fit each other."""
+    """Check that given initial speeds are consistent."""
     for k, wanted in given_speeds(system).items():
         if abs(state.u[k] - wanted) > 1e-9 * (abs(state.u).max() + abs(wanted)):
             owner = system.layout.speeds[k].rpartition(".")[0]
@@ -156,6 +156,6 @@ def _check_speeds(system: SpatialSystem, state: State) -> None:
             field = START_SPEEDS.get(joint.kind, "initial_speed") if joint else "velocity"
             raise SceneError(
                 f"{_key(system, owner)}.{field}", float(wanted),
-                f"with the other speeds it is {state.u[k]:.9g}: the loops tie them to each other",
+                f"with the other speeds the loops make it {state.u[k]:.9g}",
                 "Give initial speeds to as many joints as the mechanism has freedoms",
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What an integration of bodies in space that deform fills, and what is kept of its steps."""
+"""Working arrays of an integration of deforming bodies in space, and its stored steps."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from kaneflex.multibody.spatial_forces import stiffness_and_damping
 from kaneflex.multibody.spatial_tables import COORDINATE, COUNT, KIND, SHAPES, SLIDE, SPEED, TURN, Tables
 
 WANTED, LENGTH, LONGEST, GROWTH, ROW, OUTCOME, EVALUATIONS = range(7)
-"""Numbers of ``control``: the next step, the last one or 0, the longest one [s]; the largest dependent speed per
-independent one beyond which others are asked for; the next of the times that end a step; what came of the piece;
-instants so far."""
+"""Entries of ``control``: next step, last one or 0, longest one [s]; largest dependent speed per independent one
+before another choice is requested; next of the times that end a step; outcome of the piece; number of evaluations."""
 
 
 class Steps(NamedTuple):
@@ -25,7 +24,7 @@ class Steps(NamedTuple):
     table : Table
     control : ndarray (7,)
     t : ndarray (1,)
-        Where it stands [s].
+        Current time [s].
     q, u, du : ndarray (n,), (s,), (s,)
     works : ndarray (2,)
         Dissipated by dampers, supplied by loads and prescribed drives [J].
@@ -40,14 +39,14 @@ class Steps(NamedTuple):
     old : ndarray (n,)
         Rates of a stage before.
     r, defect : ndarray (3, f), (f,)
-        What the stages' equations miss, and the polynomial at its start.
+        Residuals of the stages' equations, and defect of the polynomial at its start.
     M, stiff, damped : ndarray (f, f)
         Reduced.
     real, pair : ndarray (f f + f,)
         Factors and right-hand sides.
     pivots : ndarray (2 f,)
     sizes : ndarray (n_loads,)
-        Sizes of the loads beside where it stands.
+        Sizes of the loads at neighbouring states.
     """
 
     table: Table
@@ -77,7 +76,7 @@ class Steps(NamedTuple):
 
 
 def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray, loads: int) -> Steps:
-    """Room for an integration with these errors allowed and so many loads."""
+    """Arrays for an integration with these errors allowed and number of loads."""
     s, f = len(scale), len(choice.independent)
     coordinate, (K, C) = np.full(s, -1), np.zeros((2, s, s))
     for row in m.nodes.tolist():
@@ -97,6 +96,6 @@ def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray, loa
 
 
 def step_size(coordinates: int, speeds: int) -> int:
-    """Numbers that are kept of a step: when it begins and ends, the coordinates and speeds that it begins with, works
-    at its end, and the stages' rates of coordinates and accelerations."""
+    """Length of a stored step: begin and end, initial coordinates and speeds, final works, and the stages' rates of
+    coordinates and accelerations."""
     return 4 + 4 * (coordinates + speeds)

@@ -1,4 +1,4 @@
-"""Compiled: what is stiff in bodies in space that deform, along the independent speeds, and what it dissipates."""
+"""Compiled stiffness and damping of deforming bodies in space along the independent speeds, and powers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NUDGE = 1e-8
 
 @njit(**OPTIONS)
 def _against(m, k, first, second, out):
-    """Force and moment at k.x[84] on the second section, and against them on the first, along every speed."""
+    """Generalised forces of a force and moment at k.x[84] on the second section, and opposite ones on the first."""
     for n in range(len(out)):
         out[n] = 0.0
     along(m, k, first, k.x, 84, out)
@@ -55,7 +55,7 @@ def _unit(x, axis, at):
 
 @njit(**OPTIONS)
 def _reduced(choice, full, out, room):
-    """B full B^T."""
+    """Reduced matrix B full B^T."""
     apart()
     f, B = len(choice.independent), choice.basis
     for e in range(f):
@@ -71,7 +71,7 @@ def _reduced(choice, full, out, room):
 def _pulled(m, choice, k, s, share, node, by_speed):
     """Add the derivative of a load by the coordinate or the speed of a joint to the reduced matrices.
 
-    ``share`` of a force and a moment along every speed is at choice.step.
+    ``share``, the load's generalised force along every speed, is at choice.step.
     """
     apart()
     f, B, out = len(choice.independent), choice.basis, s.damped if by_speed else s.stiff
@@ -87,8 +87,8 @@ def _pulled(m, choice, k, s, share, node, by_speed):
 
 @njit(**OPTIONS)
 def _add_slopes(m, choice, k, law, s, t, h):
-    """Add derivatives of the loads' sizes by what their laws know of joints, as difference quotients, to the reduced
-    matrices of a step of h: else a light body against a law that damps it would bind the step."""
+    """Add derivatives of the loads' sizes by coordinates and speeds of joints, as difference quotients, to the reduced
+    matrices of a step of h: otherwise a light body on a nonlinear damper would limit the step."""
     apart()
     x, sizes = k.x, address(s.sizes)
     for i in range(2 * len(law.told)):
@@ -118,7 +118,7 @@ def _add_slopes(m, choice, k, law, s, t, h):
 
 @njit(**OPTIONS)
 def reduce(m, choice, k, law, s, t, h):
-    """M, K and C of the independent speeds where the mechanism was projected at t, for a step of h."""
+    """Matrices M, K and C of the independent speeds after projection at t, for a step of h."""
     apart()
     x = k.x
     _reduced(choice, k.M, s.M, choice.step)
@@ -145,10 +145,10 @@ def reduce(m, choice, k, law, s, t, h):
 
 @njit(**OPTIONS)
 def powers(m, choice, k, C, out):
-    """Dissipated by dampers, supplied by loads and prescribed drives [W], where the mechanism was projected.
+    """Power dissipated by dampers, and supplied by loads and prescribed drives [W], after projection.
 
-    What bodies ask for along all speeds, as these go, is what prescribed drives give: joints do no work, and along
-    independent speeds nothing is asked for. M x stands for the accelerations that were unknown when h was found.
+    The bodies' generalised inertia forces times the speeds give the power of prescribed drives: joints do no work, and
+    forces along independent speeds vanish. M x accounts for the accelerations that were unknown in h.
     """
     apart()
     f, B = len(choice.independent), choice.basis

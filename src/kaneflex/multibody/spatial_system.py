@@ -1,4 +1,4 @@
-"""A scene in space bound to its numbers: what is computed of it, which speeds are independent, how it accelerates."""
+"""Equations of a mechanism in space with its numbers: positions, independent speeds, accelerations."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where a mechanism is at an instant: coordinates, speeds, their rates, sizes of loads, the choice of speeds."""
+    """State of a mechanism at an instant: coordinates, speeds, their rates, sizes of loads, the choice of speeds."""
 
     t: float
     q: np.ndarray
@@ -87,7 +87,7 @@ class SpatialSystem:
     tables : Tables
     layout : Layout
     coupled : bool
-        Whether it deforms, or stands beside one that does and shares what is compiled for that.
+        True if it deforms, or belongs to a deforming one and shares its compiled functions.
     """
 
     scene: Scene
@@ -99,27 +99,26 @@ class SpatialSystem:
     coupled: bool
 
     def compile(self) -> None:
-        """Compile all that computes, so that it is seen and timed apart from computing."""
+        """Compile all functions, timed separately."""
         with compiling():
             self.place(self.at_zero)
 
     def place(self, q: np.ndarray) -> None:
-        """Places, axes and partial velocities in ``work``."""
+        """Positions, axes and partial velocities in ``work``."""
         self.work.q[:] = q
         self._compute(PLACE)
 
     def close(self, q: np.ndarray, choice: Choice) -> bool:
-        """Close the loops by the dependent coordinates, in place; whether they close."""
+        """Close the loops by the dependent coordinates, in place; True if they close."""
         self.work.q[:] = q
         closes = self._compute(CLOSE, choice) == DONE
         q[:] = self.work.q
         return closes
 
     def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
-        """The state at t [s] near q with the independent ones of the speeds u; ``work`` stands and moves like that.
+        """State at t [s] near q with the independent ones of the speeds u; ``work`` has it, too.
 
-        Prescribed drives are put where they are, loops closed, dependent speeds tied: then loads know what they ask of
-        joints, and all rates follow.
+        Sets prescribed drives, closes loops, and determines dependent speeds, then loads and all rates.
 
         Raises
         ------
@@ -131,14 +130,14 @@ class SpatialSystem:
         return self.state(t, choice)
 
     def state(self, t: float, choice: Choice) -> State:
-        """Where ``work`` stands after :meth:`project` at t [s]."""
+        """State of ``work`` after :meth:`project` at t [s]."""
         k = self.work
         return State(t, k.q.copy(), k.u.copy(), k.du.copy(), k.sizes.copy(), choice)
 
     def follow(self, begin: float, choice: Choice, times: np.ndarray, out: np.ndarray) -> tuple[int, float, int]:
-        """Rows of :class:`Instants` at ``times`` [s], in their order, from where ``work`` stands at ``begin`` [s], by
-        :func:`kaneflex.multibody.spatial_rows.followed`: how many there are, when ``work`` stands then, and what came
-        of that."""
+        """Rows of :class:`Instants` at ascending ``times`` [s] from the position of ``work`` at ``begin`` [s], by
+        :func:`kaneflex.multibody.spatial_rows.followed`; returns their number, the time of ``work`` then, and its
+        outcome."""
         self._laws.now[:] = begin, DONE
         count = self._compute(FOLLOW, choice, times, out=out)
         t, outcome = self._laws.now.tolist()
@@ -162,34 +161,34 @@ class SpatialSystem:
         return compute_coupled(COLLOCATE, self.tables, choice, self.work, laws, times, _NO_ROWS, out)
 
     def row(self, state: State) -> np.ndarray:
-        """What is kept of an instant where ``work`` is as :meth:`project` left it, (n,)."""
+        """Row of an instant, ``work`` being as left by :meth:`project`, (n,)."""
         self._compute(EXERT, state.choice)
         return self.work.kept.copy()
 
     def instants(self, rows: np.ndarray) -> Instants:
-        """What rows have, by names."""
+        """Rows by names."""
         return Instants.of(rows, self.work)
 
     def gaps(self) -> np.ndarray:
-        """How far off every row is where ``work`` stands, in rad or sizes of the mechanism."""
+        """Absolute violation of every row at the position of ``work``, in rad or sizes of the mechanism."""
         return abs(self.work.rows[:, 0]) / self.row_measure
 
     def passed_on(self, multipliers: np.ndarray) -> Instants:
-        """What multipliers of the rows alone exert by joints, where ``work`` stands."""
-        self.work.F[:] = 0.0  # no body asks for anything
+        """Joint forces of multipliers of the rows alone, at the position of ``work``."""
+        self.work.F[:] = 0.0  # no inertia forces
         self.work.multipliers[:] = multipliers
         self._compute(PASS_ON)
         return self.instants(self.work.kept[None])
 
     def mass(self, sizes: np.ndarray) -> np.ndarray:
-        """Mass matrix of all speeds where ``work`` stands, (speeds, speeds); loads are of these sizes."""
+        """Mass matrix of all speeds at the position of ``work``, (speeds, speeds), with loads of these sizes."""
         self.work.sizes[:] = sizes
         self._compute(DEMAND)
         return self.work.M
 
     def rates(self, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
-        """q', and what dampers dissipate and what loads and prescribed drives supply [W], where ``work`` is as
-        :meth:`project` left it."""
+        """Rates q', and powers [W] dissipated by dampers and supplied by loads and prescribed drives, ``work`` being
+        as left by :meth:`project`."""
         out = np.zeros((2, max(self.coordinates, 2)))
         self._compute(RATES, choice, out=out)
         return out[0, : self.coordinates], out[1, :2]
@@ -202,7 +201,7 @@ class SpatialSystem:
 
     @property
     def inputs(self) -> np.ndarray:
-        """What is added to the sizes of the loads and then to the accelerations of the prescribed drives."""
+        """Additions to the sizes of the loads and then to the accelerations of the prescribed drives."""
         return self._laws.added
 
     def basis(self, choice: Choice) -> np.ndarray:
@@ -216,7 +215,7 @@ class SpatialSystem:
 
     @cached_property
     def _laws(self) -> Laws:
-        """The module's kernels, with what they read; addresses are of this process alone."""
+        """Kernels of the module with their arguments; addresses are valid in this process only."""
         reads = 3 * len(self.known_joints)  # coordinates and speeds, then accelerations
         loads = len(self.mechanism.loads)
         kernels = [kernel_address(getattr(self.module, name), of) for name, of in STRUCTURE_KERNELS.items()]
@@ -233,7 +232,7 @@ class SpatialSystem:
         return self.choice_of(*(np.zeros(0, int) for _ in range(3)))
 
     def choice_of(self, rows: np.ndarray, dependent: np.ndarray, independent: np.ndarray) -> Choice:
-        """Of so many rows and speeds, with room for them."""
+        """Choice of the given rows and speeds, with its working arrays."""
         d, f = len(dependent), len(independent)
         rows, dependent, independent = (np.ascontiguousarray(part, np.int64) for part in (rows, dependent, independent))
         room = np.zeros(d * d + d + f * f + f), np.zeros(self.speeds), np.zeros((f, self.speeds))
@@ -252,12 +251,12 @@ class SpatialSystem:
 
     @cached_property
     def modal_speeds(self) -> np.ndarray:
-        """Those of the bodies' shapes."""
+        """Numbers of the shapes' speeds."""
         return self._shapes(SPEED)
 
     @cached_property
     def modal_coordinates(self) -> np.ndarray:
-        """Those of the bodies' shapes."""
+        """Places of the shapes' coordinates."""
         return self._shapes(COORDINATE)
 
     def _shapes(self, what: int) -> np.ndarray:
@@ -270,7 +269,7 @@ class SpatialSystem:
 
     @cached_property
     def work(self) -> Work:
-        """Room in which this system computes."""
+        """Working arrays of this system."""
         return work_of(self.tables, self.coordinates, self.speeds, self.row_count, len(self.mechanism.loads))
 
     @cached_property
@@ -280,7 +279,7 @@ class SpatialSystem:
 
     @cached_property
     def known_joints(self) -> tuple[str, ...]:
-        """Joints whose coordinates and speeds laws may know."""
+        """Joints whose coordinates and speeds may occur in laws."""
         return (*self.scene.drives, *self.scene.observed)
 
     def node(self, joint: str) -> int:
@@ -295,7 +294,7 @@ class SpatialSystem:
         return self.tables.numbers[self.node(joint), AXIS:SHIFT]
 
     def columns(self, names: Sequence[str], what: int) -> np.ndarray:
-        """Where the first coordinates (COORDINATE) or speeds (SPEED) of joints are."""
+        """Places of the first coordinates (COORDINATE) or speeds (SPEED) of joints."""
         return np.array([self.tables.nodes[self.node(name), what] for name in names], int)
 
     def speeds_of(self, owner: str) -> list[int]:
@@ -304,7 +303,7 @@ class SpatialSystem:
 
     @cached_property
     def measure(self) -> np.ndarray:
-        """What counts as one in each speed: 1 rad, of shapes of twist, too, or the mechanism's size."""
+        """Unit of each speed: 1 rad, also for shapes of twist, or the mechanism's size."""
         found = np.ones(self.speeds)
         for kind, speed in self.tables.nodes[:, [KIND, SPEED]].tolist():
             if SPEEDS[kind] == 1 and kind != TURN:
@@ -331,7 +330,7 @@ class SpatialSystem:
         return self.magnitudes_at(np.array([t]), coordinates[None], speeds[None])[0]
 
     def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-        """The same at many instants, (n_times, loads)."""
+        """Sizes of all loads at many instants, (n_times, loads)."""
         x, out = (np.zeros((len(times), n)) for n in (len(self._laws.x), len(self.mechanism.loads)))
         where = self._laws.told[:, 0]
         x[:, where], x[:, where + 1] = coordinates, speeds
@@ -348,7 +347,7 @@ class SpatialSystem:
 
     @cached_property
     def told_joints(self) -> tuple[str, ...]:
-        """Those of the known joints that have one coordinate."""
+        """Known joints with one coordinate."""
         return tuple(name for name in self.known_joints if self.mechanism.joints[name].freedoms == 1)
 
     @cached_property
@@ -366,7 +365,7 @@ class SpatialSystem:
 
     @cached_property
     def at_zero(self) -> np.ndarray:
-        """Coordinates where all joints stand at zero and free bodies where the scene says."""
+        """Coordinates with all joints at zero and free bodies at their given positions."""
         q = np.zeros(self.coordinates)
         nodes = self.tables.nodes
         q[nodes[nodes[:, KIND] == BALL, COORDINATE]] = 1.0
@@ -382,7 +381,7 @@ class SpatialSystem:
         return q
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """J of the rows by the speeds, both in their measures, where the mechanism stands."""
+        """Jacobian J of the rows by the speeds, both in their measures, at a position."""
         self.place(q)
         return self.work.J * self.measure / self.row_measure[:, None]
 
@@ -390,8 +389,8 @@ class SpatialSystem:
 def build_spatial_system(
     scene: Scene, module: ModuleType, flexible: Flexible = RIGID, coupled: bool = False, balls: Collection[str] = ()
 ) -> SpatialSystem:
-    """Bind a scene to its module; ``flexible``: shapes of the bodies that deform; ``balls``: joints of the tree that
-    turn as balls do whatever hangs on them."""
+    """Bind a scene to its module; ``flexible``: shapes of the deforming bodies; ``balls``: joints of the tree that are
+    modelled as balls in any case."""
     mechanism = spatial_mechanism_of(scene)
     tables, layout = build_tables(mechanism, flexible, balls)
     return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout, coupled)

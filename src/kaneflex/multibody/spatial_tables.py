@@ -1,12 +1,12 @@
-"""A mechanism in space as the tables that compiled loops walk.
+"""Tables of a mechanism in space for compiled loops.
 
-Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball
-does, or stays: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a body that moves
-freely hangs on three that slide and a ball. The last node of a chain carries the body. On a body that deforms follow a
-node that owns its modal coordinates and a *station* for each of its places where something acts: it stands and turns as
-the body does there. So that its axes can follow its mean turn, a joint that lets it turn, but about one of these alone,
-ends in a ball, and elementary constraints *keep* how the section there stands. Joints that the tree leaves over are
-*cuts*, which close its loops by such constraints.
+Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball, or
+is fixed: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a free body has three that
+slide and a ball. The last node of a chain carries the body. A deforming body has a further node for its modal
+coordinates and a *station* for each place with a joint, spring or load, which moves with the section there. If a
+deforming body's axes follow its mean rotation, its joint ends in a ball, and elementary constraints *keep* the joint's
+axes at the section, except for a rotation about one body axis alone. Joints outside the tree are *cuts*, which close
+its loops by such constraints.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ WHAT, FIRST, SECOND, AXIS_1, AXIS_2, ROW = range(6)
 """Columns of ``cuts``: which constraint, sections, axes, and its first row."""
 SPEEDS = (0, 1, 1, 3, 0, 0)
 COORDINATES = (0, 1, 1, 4, 0, 0)
-"""Of a node by its kind, shapes apart: a ball has a unit quaternion for coordinates."""
+"""Speeds and coordinates of a node by its kind, without shapes: a ball has a unit quaternion."""
 
 
 class Tables(NamedTuple):
-    """What compiled functions take.
+    """Arrays of compiled functions.
 
     Attributes
     ----------
@@ -85,20 +85,20 @@ class Tables(NamedTuple):
 
 
 Place = tuple[float, ...]
-"""Of a point, in its body's axes [m]."""
+"""Coordinates of a point in its body's axes [m]."""
 
 
 class Deformable(Protocol):
-    """Shapes of a body, which move nothing at the place that a joint of the tree holds, and turn nothing there but
-    about axes that follow the body's mean turn."""
+    """Shapes of a body with zero displacement at the place held by a joint of the tree, and zero rotation there except
+    about axes that follow the body's mean rotation."""
 
     @property
     def count(self) -> int:
-        """How many."""
+        """Number of shapes."""
 
     @property
     def twisting(self) -> np.ndarray:
-        """Whether each shape is one of twist, whose coordinate is an angle."""
+        """True for each shape of twist, whose coordinate is an angle."""
 
     @property
     def omega(self) -> np.ndarray:
@@ -106,35 +106,35 @@ class Deformable(Protocol):
 
     @property
     def stiffness(self) -> np.ndarray:
-        """Of the modal coordinates [N/m], (count, count)."""
+        """Stiffness of the modal coordinates [N/m], (count, count)."""
 
     def numbers(self) -> np.ndarray:
-        """Those of ``kaneflex.generated.spatial_shapes``."""
+        """Parameters of ``kaneflex.generated.spatial_shapes``."""
 
     def carrier(self, at: Place) -> Place:
-        """The place whose shapes carry a point: of a link that of its axis, where its section is."""
+        """Place whose shapes carry a point: of a link the point on its axis in the same section."""
 
     def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
         """N and psi, (6, count), and G (3, count, count) at a carrier."""
 
 
 class Axis(Deformable, Protocol):
-    """Shapes of a link, which are known all along its axis."""
+    """Shapes of a link, which are defined all along its axis."""
 
     def spread(self, rises: bool) -> tuple[Place, tuple[np.ndarray, np.ndarray]]:
-        """The mean of all places by what falls linearly to zero at the end, or rises from there at the start, and that
-        of what :meth:`at` gives."""
+        """Mean place, and mean of :meth:`at`, with a weight that falls linearly to zero at the end, or rises from zero
+        at the start."""
 
 
 Flexible = Mapping[str, Callable[[Place | None, str], Deformable]]
-"""Body that deforms -> its shapes, by the place that holds its axes, None: in the mean of its mass; and by those of
-them, like "z" or "xyz", about which they turn in the mean although they are held."""
+"""Deforming body -> its shapes, by the place that holds its axes (None: the mean of its mass), and by the held axes,
+like "z" or "xyz", that follow its mean rotation."""
 RIGID: Flexible = {}
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Names for what the tables count.
+    """Names of the tables' entries.
 
     Attributes
     ----------
@@ -168,12 +168,12 @@ class Layout:
     speeds: tuple[str, ...]
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
-        """The node (-1: the ground) that carries a point of a body, and where in that node's axes."""
+        """Node (-1: the ground) that carries a point of a body, and its place in that node's axes."""
         return carried(self, side)
 
 
 class Carrying(Protocol):
-    """What knows which nodes carry points: a layout, or one in the making."""
+    """Layout of nodes, complete or in construction."""
 
     @property
     def node_of(self) -> Mapping[str, int]: ...
@@ -184,7 +184,7 @@ class Carrying(Protocol):
 
 
 def carried(layout: Carrying, side: Side) -> tuple[int, np.ndarray]:
-    """A side's node, and its place in that node's axes: of a body that deforms from the carrier, where one stands."""
+    """Node of a side, and its place in that node's axes; on a deforming body relative to the carrier."""
     at = np.asarray(side.at, float)
     if side.body in layout.shapes:
         place = layout.shapes[side.body].carrier(side.at)

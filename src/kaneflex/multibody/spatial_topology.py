@@ -1,4 +1,4 @@
-"""How a mechanism in space becomes tables: bodies hang in a tree, and the joints that are left over close its loops."""
+"""Tables of a mechanism in space from its spanning tree of bodies and the joints that close its loops."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ from kaneflex.multibody.spatial_tables import (
 from kaneflex.support.errors import SceneError
 
 _ALIGNED = 1e-9
-"""Components of an axis up to which it has none."""
+"""Components of an axis that count as zero."""
 
 
 class _Maker:
-    """Rows of the tables as they are found."""
+    """Rows of the tables in construction."""
 
     def __init__(self, mechanism: SpatialMechanism, flexible: Flexible, balls: Collection[str]) -> None:
         self.mechanism, self.flexible, self.balls = mechanism, flexible, set(balls)
@@ -64,7 +64,7 @@ class _Maker:
         self.coordinates = 0
 
     def node(self, kind: int, parent: int, names: Sequence[str], rotation=None, place=None, axis=None) -> int:
-        """Add a node; its speeds are called by their names."""
+        """Add a node; ``names`` are those of its speeds."""
         row = np.zeros(18)
         row[ROTATION:PLACE] = np.eye(3).ravel() if rotation is None else np.ravel(rotation)
         row[PLACE:AXIS] = 0.0 if place is None else place
@@ -76,7 +76,7 @@ class _Maker:
         return len(self.nodes) - 1
 
     def body(self, name: str, node: int, at: Sequence[float], freed: str = "") -> None:
-        """The body that the last node of a chain carries, joined at a point in its axes."""
+        """Add the body of the last node of a chain, joined at a point in its axes."""
         self.numbers[node][SHIFT:] = at
         if name in self.flexible:
             node = self.deforming(name, node, None if name in self.mechanism.floating else tuple(map(float, at)), freed)
@@ -87,7 +87,7 @@ class _Maker:
             self.nodes[node][BODY] = self.stored(np.concatenate([[body.mass], body.centre, body.inertia, shapes]))
 
     def deforming(self, name: str, frame: int, held: Place | None, freed: str) -> int:
-        """The node of a body's modal coordinates, in its axes."""
+        """Add the node of a body's modal coordinates, in its axes."""
         shapes = self.shapes[name] = self.flexible[name](held, freed)
         node = self.node(SHAPES, frame, [f"{name}.shapes.{k}" for k in range(shapes.count)])
         self.nodes[node][COUNT] = shapes.count
@@ -95,12 +95,12 @@ class _Maker:
         return node
 
     def stored(self, numbers: np.ndarray) -> int:
-        """Where numbers begin in p."""
+        """Append numbers to p; returns their place."""
         self.p.append(numbers)
         return sum(map(len, self.p)) - len(numbers)
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
-        """The node that carries a point of a body, and where in its axes; of a body that deforms, a station."""
+        """Node that carries a point of a body, and its place in that node's axes; on a deforming body a station."""
         if side.body in self.shapes:
             shapes = self.shapes[side.body]
             place = shapes.carrier(side.at)
@@ -109,7 +109,7 @@ class _Maker:
         return carried(self, side)
 
     def station(self, body: str, place: Place, numbers: Sequence[np.ndarray]) -> int:
-        """Node of a place of a body that deforms."""
+        """Add the node of a place of a deforming body."""
         frame = self.node_of[body]
         node = self.node(STATION, frame, (), place=place)
         self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
@@ -118,21 +118,21 @@ class _Maker:
         return node
 
     def section(self, side: Side) -> int:
-        """Number of the section at a point of a body."""
+        """Add the section at a point of a body; returns its number."""
         self.sections.append(self.on(side))
         return len(self.sections) - 1
 
     def mean(self, body: str, rises: bool) -> int:
-        """Number of the section in the mean of a body's places, by a load along it that falls or rises.
+        """Add the mean section of a body, weighted by a load along it that falls or rises; returns its number.
 
-        The mean is affine in the places, and so the load's power that of its sum there.
+        Shapes are affine in the mean, so the load's power equals that of its resultant there.
         """
         link = cast(Axis, self.shapes[body])  # of others no scene spreads a load along
         self.sections.append((self.station(body, *link.spread(rises)), np.zeros(3)))
         return len(self.sections) - 1
 
     def axis(self, side: Side, vector: np.ndarray) -> int:
-        """Number of an axis in a body's axes, which turns with the section at a point."""
+        """Add an axis in a body's axes that turns with the section at a point; returns its number."""
         self.axes.append((self.on(side)[0], np.asarray(vector, float)))
         return len(self.axes) - 1
 
@@ -140,13 +140,13 @@ class _Maker:
 def build_tables(
     mechanism: SpatialMechanism, flexible: Flexible = RIGID, balls: Collection[str] = ()
 ) -> tuple[Tables, Layout]:
-    """The tables of a mechanism, nothing in motion and no loop closed yet; ``flexible``: of its bodies that deform;
-    ``balls``: joints of the tree that turn as balls do whatever hangs on them.
+    """Tables of a mechanism at rest with open loops; ``flexible``: shapes of its deforming bodies; ``balls``: joints
+    of the tree that are modelled as balls in any case.
 
     Raises
     ------
     SceneError
-        If a body hangs on nothing, its place at first is said twice, or too many coordinates of a loop are asked for.
+        If a body is not connected, its initial position is given twice, or too many coordinates of a loop are used.
     """
     maker, tree, cuts = _Maker(mechanism, flexible, balls), {}, []
     closing, kept = dict[str, slice](), dict[str, slice]()
@@ -162,8 +162,8 @@ def build_tables(
             continue
         if not hangs and name in mechanism.asked:
             raise SceneError(
-                f"joints.{name}", None, "it closes a loop whose other joints' coordinates are asked for, too",
-                "Ask for one coordinate less in this loop: drives, laws and springs of joints",
+                f"joints.{name}", None, "it closes a loop whose other joints' coordinates are used, too",
+                "Use one coordinate less in this loop: in drives, laws and springs of joints",
             )  # fmt: skip
         found = _cut(maker, joint, rows, hangs)
         cuts += found
@@ -174,11 +174,10 @@ def build_tables(
 
 
 def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
-    """What hangs on what, from the ground outwards: joints with the side that is the outer one, and bodies that move
-    freely, with -1.
+    """Spanning tree from the ground outwards: joints with the number of the outer side, and free bodies, with -1.
 
-    Joints whose coordinate a drive, a law or a spring knows come first, then those that sensors read, then those of few
-    freedoms: a cut then has few rows.
+    Joints whose coordinate a drive, a law or a spring uses come first, then those of sensors, then those of few
+    freedoms, as cuts then have few rows.
     """
     group = {name: name for name in (GROUND, *mechanism.bodies)}
     chosen = []
@@ -206,27 +205,27 @@ def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
 
 
 def _check_hanging(mechanism: SpatialMechanism, group: Mapping[str, str]) -> None:
-    """Every body hangs on the ground, or on one body that moves freely."""
+    """Check that every body is connected to the ground, or to one free body."""
     parts: dict[str, list[str]] = {}
     for body in mechanism.bodies:
         parts.setdefault(group[body], []).append(body)
     for root, bodies in parts.items():
         free = [body for body in bodies if body in mechanism.floating]
         if root == group[GROUND] and free:
-            reason = "joints connect it to the ground, which say where it is"
+            reason = "joints to the ground already determine its position"
             raise SceneError(f"bodies.{free[0]}.free", None, reason, "Leave it out, or give initial speeds at drives")
         if root != group[GROUND] and len(free) != 1:
             if free:
-                reason = f"joints connect it to {free[0]}, whose place is given, too"
+                reason = f"joints connect it to {free[0]}, whose position is given, too"
                 raise SceneError(f"bodies.{free[1]}.free", None, reason, "Leave one of them out")
             cure = "Join it to the ground, or let it move freely, like free = {at = [0, 0, 0]}"
-            raise SceneError(f"bodies.{bodies[0]}", None, "nothing holds it, nor says where it is", cure)
+            raise SceneError(f"bodies.{bodies[0]}", None, "it has neither a joint nor a position", cure)
 
 
 def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
     """Nodes of a joint of the tree.
 
-    Seen from its second body a joint's freedoms come in the other order and with the other sign.
+    Traversed from the second body, a joint's freedoms come in reverse order and with opposite sign.
     """
     bodies = maker.mechanism.bodies
     inner, outer = joint.sides[1 - child], joint.sides[child]
@@ -239,7 +238,7 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
         moves = [(kind, name, -axis) for kind, name, axis in reversed(moves)]
     turns = any(kind == TURN for kind, *_ in moves)
     if deforms and turns and not _turned_about(moves) and joint.name not in mechanism.known:
-        maker.balls.add(joint.name)  # one that a law or a spring knows keeps its coordinate
+        maker.balls.add(joint.name)  # joints in laws and springs keep their coordinates
     if joint.name in maker.balls:
         pin = next((axis for _, name, axis in moves if name == "angle"), np.zeros(3))
         moves = [*(move for move in moves if move[0] == SLIDE), (BALL, "rotation", pin)]
@@ -263,7 +262,10 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
 
 
 def _turned_about(moves: Sequence[tuple[int, str, np.ndarray]]) -> str:
-    """Those of its body's axes about which a joint's last node turns them: about one alone, or as a ball.
+    """Axes of its body about which a joint's last node rotates it: one alone, or all of a ball.
+
+    Shapes rotate a section by bending first and twist then: about an axis that is not one of the body's, or that
+    changes with the joint, fixed shapes can't.
 
     Shapes turn a section by bending first and twist then: about an axis that is none of the body's own, or changes
     with the joint, no fixed shapes do.
@@ -284,7 +286,7 @@ def _speed_names(owner: str, kind: int, name: str) -> list[str]:
 
 
 def _float(maker: _Maker, name: str) -> None:
-    """A body on three nodes that slide along global axes, and a ball."""
+    """Nodes of a free body: three that slide along global axes, and a ball."""
     parent = -1
     for axis, row in zip("xyz", np.eye(3), strict=True):
         parent = maker.node(SLIDE, parent, [f"{name}.{axis}"], axis=row)
@@ -294,13 +296,13 @@ def _float(maker: _Maker, name: str) -> None:
 
 
 def _cut(maker: _Maker, joint: SpatialJoint, row: int, hangs: bool) -> list[tuple[int, ...]]:
-    """Elementary constraints of a joint that closes a loop, the first of whose rows is ``row``; of one on which a body
-    ``hangs`` as on a ball, those of turns."""
+    """Elementary constraints of a joint that closes a loop, beginning with row ``row``; if a body ``hangs`` on it as
+    on a ball, those of rotations."""
     first, second = (maker.section(side) for side in joint.sides)
     bodies, found = [side.body for side in joint.sides], list[tuple[int, ...]]()
 
     def axes(vectors: Sequence[np.ndarray], of: int) -> list[int]:
-        """Of vectors in the first body's axes at zero, fixed in either body."""
+        """Axes from vectors in the first body's axes at zero, fixed in either body."""
         turned = maker.mechanism.stands(bodies[of]).T @ maker.mechanism.stands(bodies[0])
         return [maker.axis(joint.sides[of], turned @ vector) for vector in vectors]
 

@@ -1,4 +1,4 @@
-"""Turns of an angle that places alone say up to whole ones."""
+"""Angles with whole turns from angles modulo 2 pi."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from collections.abc import Callable
 import numpy as np
 
 _FAR = 1.0
-"""Largest way of an angle [rad], at the rate at either end, over which its turns are sure."""
+"""Largest change of an angle [rad], by the rate at either end, for a reliable count of turns."""
 
 
 def ball_about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """The quaternion (4,) of a turn by an angle [rad] about a unit vector."""
+    """Quaternion (4,) of a rotation by an angle [rad] about a unit vector."""
     return np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * axis)])
 
 
 def angle_about(axis: np.ndarray, ball: np.ndarray) -> float:
-    """The angle [rad] of a quaternion's turn about a unit vector, from -pi to pi."""
+    """Angle [rad] of a quaternion's rotation about a unit vector, from -pi to pi."""
     return 2.0 * math.remainder(math.atan2(axis @ ball[1:], ball[0]), math.pi)
 
 
 class Count:
-    """Counts on from where an angle stands at t = 0, in steps in which it can't go round.
+    """Count of an angle's turns from t = 0, in steps too short for a whole turn.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Count:
         self.times, self.angles, self.rates = [0.0], [float(angle)], [float(rate)]
 
     def over(self, times: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """The angles [rad] at times [s] in their order with their whole turns; ``angles``: less these."""
+        """Angles [rad] at ascending times [s] with whole turns; ``angles``: without these."""
         between, known = self._between(times, rates), [times, angles, rates]
         if len(between):
             known = [np.concatenate(each) for each in zip(known, (between, *self.at(between)), strict=True)]
@@ -49,8 +49,8 @@ class Count:
         return found[: len(times)]
 
     def _between(self, times: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Instants between those ahead whose steps are too long by the rates at their ends, to be looked at together:
-        one after the other they would take longer than the run."""
+        """Instants within steps that are too long by the rates at their ends, evaluated together, as one by one would
+        take longer than the run."""
         ahead = times > self.times[-1]
         ends = np.concatenate([self.times[-1:], times[ahead]])
         steps, fast = np.diff(ends), abs(np.concatenate([self.rates[-1:], rates[ahead]]))
@@ -61,7 +61,7 @@ class Count:
         )])  # fmt: skip
 
     def _counted(self, t: float, angle: float, rate: float) -> float:
-        """Angle continued from the last instant, with steps between if that is too far."""
+        """Angle continued from the last instant, with intermediate steps if it is too far."""
         while True:
             last = bisect.bisect_right(self.times, t) - 1
             step = t - self.times[last]

@@ -1,4 +1,4 @@
-"""What the compiled functions of a mechanism in space fill, and what is kept of every instant."""
+"""Working arrays of the compiled functions of a mechanism in space, and the stored part of every instant."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ SECTION = 15
 
 
 class Work(NamedTuple):
-    """What the compiled functions fill, n bodies' nodes, s speeds.
+    """Arrays filled by the compiled functions, n bodies' nodes, s speeds.
 
     Attributes
     ----------
     kept : ndarray
-        One after the other, all that an instant keeps: the following ones, up to ``deforming``.
+        Stored part of an instant: the following arrays, up to ``deforming``.
     q, u, du : ndarray
         Coordinates, speeds, and rates of these.
     sizes : ndarray (n_loads,)
@@ -32,7 +32,7 @@ class Work(NamedTuple):
     multipliers : ndarray (n_rows,)
         Of the cuts' rows.
     along : ndarray (s,)
-        What is exerted along every speed beyond loads, springs and cuts.
+        Generalised forces along every speed beyond loads, springs and cuts.
     rows : ndarray (n_rows, 15)
         Of the cuts, see ``kaneflex.generated.spatial``.
     springs, twists : ndarray (n_springs, 7), (n_twists, 4)
@@ -40,9 +40,9 @@ class Work(NamedTuple):
     bushings : ndarray (n_bushings, 9)
         Force and moment, energy, dissipated power, angle, see :mod:`kaneflex.multibody.spatial_bushings`.
     deforming : ndarray (4,)
-        What shapes add to the kinetic energy, the strain energy, that of the weight [J], and to dissipated power [W].
+        Kinetic energy, strain energy, that of the weight [J], and dissipated power [W] of shapes.
     P : ndarray (n, 3)
-        Where the joint's point is.
+        Position of the joint's point.
     Jv, Jw : ndarray (n, s, 3)
         Partial velocities of the origin, partial angular velocities.
     sections : ndarray (n_sections, 15)
@@ -51,13 +51,13 @@ class Work(NamedTuple):
         Rates of the rows by the speeds.
     M, h : ndarray (s, s), (s,)
     F : ndarray (n, 6)
-        Force and moment about its origin that a node's body asks for beyond what acts on it.
+        Inertia force and moment about its origin of a node's body, less applied ones.
     B, Y : ndarray (6, s)
         Partial velocities of one body in its own axes, and the momentum of each.
     x : ndarray (108,)
         Vectors and matrices at hand.
     I : ndarray ((6 + most shapes)^2,)
-        Mass matrix of one body, that of its axes, what couples shapes to it and their own.
+        Mass matrix of one body: of its axes, their coupling to shapes, and of the shapes.
     turned : ndarray (27,)
         theta, theta' of a station, then R, T row by row and T' theta' of ``kaneflex.generated.spatial_shapes.section``.
     """
@@ -98,7 +98,7 @@ class Work(NamedTuple):
 
 
 class Instants(NamedTuple):
-    """What is kept of instants, as :class:`Work` has it of one, each with the instants for its first axis."""
+    """Stored arrays of :class:`Work` for many instants, which are the first axis."""
 
     q: np.ndarray
     u: np.ndarray
@@ -131,7 +131,7 @@ class Instants(NamedTuple):
 
 
 def work_of(tables: Tables, coordinates: int, speeds: int, rows: int, loads: int) -> Work:
-    """Room for a mechanism."""
+    """Working arrays of a mechanism."""
     n, sections, axes = len(tables.nodes), len(tables.on), len(tables.axis_on)
     kept = ((coordinates,), (speeds,), (speeds,), (loads,), (n, 3, 3), *((n, 3),) * 5, (n, 6), (rows,), (speeds,),
             (rows, SECTION), (len(tables.springs), 7), (len(tables.twists), 4),

@@ -1,4 +1,4 @@
-"""The elastic stage before it is assembled: parts, and how they hang together."""
+"""The elastic stage before it is assembled: parts and their connections."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from kaneflex.support.errors import SceneError
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Of a mechanism in the plane or in space.
+    """Elastic stage of a mechanism in the plane or in space.
 
     Attributes
     ----------
     motion : RigidKinematics
-        The rigid stage, with all scalars that the parts know.
+        Rigid motion, with all scalars of the parts.
     links, parts, bases, interfaces, frame
         As :class:`kaneflex.multibody.model.Model` has them.
     placed, sprung : list of (Part, L)
@@ -42,11 +42,11 @@ class Stage:
 
 
 def count_of_modes(options: Options, link: str, limit: int) -> int:
-    """Fixed-interface modes to keep of a link that has so many; raises SceneError where more are asked for."""
+    """Number of fixed-interface modes to keep of a link with ``limit`` ones; SceneError if more are requested."""
     count = limit if options.modes == "all" else int(options.modes)
     if count > limit:
         raise SceneError(
             "solve.modes", options.modes, f"{link} has {limit} fixed-interface modes",
-            "Ask for fewer modes, or give the link more elements",
+            "Use fewer modes, or more elements",
         )  # fmt: skip
     return count

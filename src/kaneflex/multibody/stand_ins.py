@@ -1,4 +1,4 @@
-"""Functions that are compiled only where a mechanism has contacts or holds, and what stands in for them elsewhere."""
+"""Functions compiled for mechanisms with contacts or holds only, and their stand-ins elsewhere."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from kaneflex.multibody.tables import CONTACT_MECHANISM, HOLD_MECHANISM
 
 
 def of_contacts(otherwise):
-    """A decorator, above numba's: the function is compiled where a mechanism has contacts, and is this number else.
+    """Decorator, above numba's: the function is compiled for mechanisms with contacts, and returns this number
+    elsewhere.
 
-    So whoever has none, as most have, needn't wait for a third more to be compiled.
+    Most mechanisms have no contacts and save a third of the compilation.
     """
     return _where(otherwise, (CONTACT_MECHANISM, HOLD_MECHANISM))
 
 
 def of_holds(otherwise):
-    """The same where a mechanism has holds."""
+    """As :func:`of_contacts`, for mechanisms with holds."""
     return _where(otherwise, (HOLD_MECHANISM,))
 
 

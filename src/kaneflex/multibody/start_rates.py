@@ -1,8 +1,7 @@
-"""Rates that a planar mechanism starts with, where a scene gives some of them: what joints and drives leave to these.
+"""Initial rates of a planar mechanism, from some given rates, its joints and its drives.
 
-Rates of shapes are as they are given, else zero. Those that are given of bodies come next, the others follow by the
-joints; what these leave open moves as in the rigid mechanism, joints with an initial speed first, then bodies from the
-ground outwards.
+Rates of shapes are as given, else zero. Given rates of bodies come next, the others follow by the joints; remaining
+freedoms move as in the rigid mechanism, joints with an initial speed first, then bodies from the ground outwards.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
 _RANK = 1e-9
-"""Share of the largest singular value of the joints' rows below which one follows from the others."""
+"""Share of the largest singular value of the joints' rows below which a row is redundant."""
 _OPEN = 1e-6
-"""Share of a unit rate that must be left to it, for it to be free."""
+"""Share of a unit rate that must remain for it to be free."""
 _MISSED = 1e-3
-"""Share of the largest rate, measured in the mechanism's size or rad, by which joints may change one that is given."""
+"""Largest change of a given rate by joints, as a share of the largest rate, measured in the mechanism's size or rad."""
 _NOTHING = 1e-12
-"""A rate [sizes of the mechanism or rad a second] that is told as zero."""
-_CURE = "Give rates of as many bodies as the mechanism has freedoms, that fit each other, or leave one out"
+"""Rate [sizes of the mechanism or rad a second] that is written as zero."""
+_CURE = "Give consistent rates of as many bodies as the mechanism has freedoms, or leave one out"
 
 
 def closed(system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
@@ -37,7 +36,7 @@ def closed(system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> np.ndarray | 
 
 
 def check_kept(scene: Scene, system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> None:
-    """Free joints must start as fast as the scene says: where loops lock, they may not let them."""
+    """Check that free joints start with their given speeds, which locked loops may prevent."""
     speeds = _initial_speeds(scene)
     if not speeds or scene.contacts or closed(system, q, v) is None:  # sides that touch may change them at once
         return
@@ -47,13 +46,13 @@ def check_kept(scene: Scene, system: CoupledSystem, q: np.ndarray, v: np.ndarray
         if not abs(rate - speed) <= _MISSED * abs(speed):
             raise SceneError(
                 f"drives.{name}.initial_speed", speed,
-                f"where the run starts its loops let it move at {rate:.6g} only: one of them locks it, or stands at a "
-                "singular position", "Start beside this position, or give the speed of another joint",
+                f"at the start its loops allow a speed of {rate:.6g} only: one of them locks it, or is in a "
+                "singular position", "Start near this position, or give the speed of another joint",
             )  # fmt: skip
 
 
 def _initial_speeds(scene: Scene) -> dict[str, float]:
-    """Speeds that the scene gives of free joints."""
+    """Initial speeds of free joints given by the scene."""
     return {name: drive.initial_speed for name, drive in scene.drives.items()
             if drive.kind == "free" and "initial_speed" in drive.model_fields_set}  # fmt: skip
 
@@ -61,12 +60,12 @@ def _initial_speeds(scene: Scene) -> dict[str, float]:
 def fitted(
     scene: Scene, system: CoupledSystem, q: np.ndarray, v: np.ndarray, given: Mapping[str, float | str]
 ) -> np.ndarray:
-    """v (size,), which has the ``given`` rates, else those of the rigid mechanism, moved onto the joints at q.
+    """Rates v (size,) with the ``given`` ones, else those of the rigid mechanism, projected onto the joints at q.
 
     Raises
     ------
     SceneError
-        For a given rate that joints, drives and the given ones before it make another one.
+        If joints, drives and preceding given rates contradict a given rate.
     """
     names = [name for name, _ in system.coordinates]
     measure, frames = system.measure(system.mechanism.size or 1.0), np.zeros(system.size, bool)
@@ -96,7 +95,8 @@ def fitted(
 def _rows(
     system: CoupledSystem, q: np.ndarray, measure: np.ndarray, free: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What joints and prescribed drives ask of measured rates, then coordinates of ``free`` drives; and how much."""
+    """Rows of joints and prescribed drives by measured rates, then those of ``free`` drives; and their right-hand
+    sides."""
     rows = jacobian(system, q, free) * measure
     driven = system.engine.layout.driven
     speeds = dict(zip(driven, system.engine.courses(np.zeros(1))[0, 1::3], strict=True))
@@ -111,7 +111,7 @@ def _rows(
 
 @dataclass(frozen=True)
 class _Words:
-    """Rates that are ``given``, as the scene says them, and of every coordinate what counts as one, and its unit."""
+    """Rates that are ``given``, as in the scene, and the unit of every coordinate."""
 
     given: Mapping[str, float | str]
     units: Mapping[str, tuple[float, str]]
@@ -127,7 +127,7 @@ class _Words:
 def _fit_shapes(
     rows: np.ndarray, wanted: np.ndarray, rate: np.ndarray, frames: np.ndarray, words: _Words
 ) -> None:
-    """Move shapes' rates where the frames alone can't follow them: those that are not given, before those that are."""
+    """Change shapes' rates where the frames alone can't satisfy the joints: first those not given, then given ones."""
     sums, sizes, _ = np.linalg.svd(rows[:, frames])
     rank = int((sizes > _RANK * sizes.max(initial=0.0)).sum())
     left = sums[:, rank:].T
@@ -143,13 +143,13 @@ def _fit_shapes(
         if own and abs(off).max() > _MISSED * max(abs(rate[shapes])):
             most = int(abs(off).argmax())
             name, found = names[columns[most]], rate[columns[most]] + off[most]
-            cure = "Give rates of shapes that leave the joints as they move, as solution.state() has them"
+            cure = "Give rates of shapes consistent with the joints, for example those of solution.state()"
             raise words.refused(name, f"joints and drives make it {words.said(name, found)}", cure)
         rate[columns] += off
 
 
 def _give(free: _Free, k: int, value: float, name: str, words: _Words) -> None:
-    """Have the rate number k of the bodies' frames as it is given."""
+    """Set the rate number k of the bodies' frames."""
     row = np.eye(1, len(free.rate), k)[0]
     if free.ask(row, value, name):
         return
@@ -163,7 +163,7 @@ def _give(free: _Free, k: int, value: float, name: str, words: _Words) -> None:
 
 @dataclass
 class _Free:
-    """Rates of the frames, and what of them is still free: ``basis`` (n, ...) spans rows that are asked for already."""
+    """Rates of the frames, with an orthonormal ``basis`` (n, ...) of the rows that determine them so far."""
 
     rate: np.ndarray
     basis: np.ndarray
@@ -172,14 +172,14 @@ class _Free:
 
     @classmethod
     def of(cls, rows: np.ndarray, wanted: np.ndarray) -> _Free:
-        """The least rates that the joints' rows ask for."""
+        """Least rates that satisfy the joints' rows."""
         rate = np.linalg.lstsq(rows, wanted, rcond=_RANK)[0]
         _, sizes, shapes = np.linalg.svd(rows, full_matrices=False)
         basis = shapes[sizes > _RANK * sizes.max(initial=0.0)].T
         return cls(rate, basis, basis.shape[1])
 
     def ask(self, row: np.ndarray, value: float, name: str = "") -> bool:
-        """Have a sum of the rates as asked for; False where what was asked for before determines it."""
+        """Require a sum of the rates; False if preceding requirements determine it."""
         own = row - self.basis @ (self.basis.T @ row)
         own -= self.basis @ (self.basis.T @ own)
         size = float(np.linalg.norm(own))
@@ -192,7 +192,7 @@ class _Free:
         return True
 
     def partners(self, row: np.ndarray) -> list[tuple[str, float]]:
-        """Of the rates that were asked for by name those, with how much they are, on which a sum of rates depends."""
+        """Named rates, with their values, on which a sum of rates depends."""
         if not self.asked:
             return []
         joints = self.basis[:, : self.joints]

@@ -1,6 +1,6 @@
 """A gap along a step of the compiled integration: between its nodes, on the polynomial of the step's own stages.
 
-Cubics between the nodes say where it may come to zero; whether it does is looked at there.
+Cubics between the nodes predict zeros, which are checked on the polynomial.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ NEVER = 2.0
 
 @njit(**OPTIONS)
 def gap_of(m, c):
-    """A contact's gap [m], beyond rounding where it has left a rigid side without a speed."""
+    """Gap of a contact [m], beyond rounding if it has separated from a rigid side without speed."""
     k = at(m, c)
     return m.w[k + GAP] + m.w[k + SHIFT] if rigid(m, c) and m.w[k + BEGUN_AT] == 0.0 else m.w[k + GAP]
 
 
 @njit(**OPTIONS)
 def meet_all(m, t):
-    """Fill in all contacts where everything is, and what switches laws."""
+    """Evaluate all contacts and switches of laws at the current position."""
     last = m.plan[ACTS] - 1
     if m.acts[last, WHAT] == SWITCH:
         load_sizes(m, t)
@@ -39,13 +39,13 @@ def meet_all(m, t):
 
 @njit(**OPTIONS)
 def shares(table, i, last):
-    """Shares of a step at which its nodes i and i + 1 are, the ``last`` of which is its end."""
+    """Shares of a step at its nodes i and i + 1, the ``last`` of which is its end."""
     return table.nodes[i - 1] if i > 0 else 0.0, table.nodes[i] if i + 1 < last else 1.0
 
 
 @njit(**OPTIONS)
 def between(m, table, t, h, here, x):
-    """Put everything where the step's polynomial has it after a share x of the step; False: a loop doesn't close."""
+    """Evaluate the step's polynomial after a share x of the step; False: a loop doesn't close."""
     apart()
     plan, w, c, n = m.plan, m.w, table.nodes, m.plan[COORDINATES]
     a_1, of = table.a_1, plan[STAGE_A]
@@ -73,7 +73,7 @@ def between(m, table, t, h, here, x):
 
 @njit(**OPTIONS)
 def dips(m, table, t, h, here, c, i, last):
-    """Where between nodes i and i + 1 of a step an open contact's gap falls through zero and comes back; else never."""
+    """Share of a step between its nodes i and i + 1 at which an open contact's gap dips below zero; else NEVER."""
     apart()
     w, k = m.w, at(m, c)
     x_a, x_b = shares(table, i, last)
@@ -109,7 +109,7 @@ def dips(m, table, t, h, here, c, i, last):
 
 @njit(**OPTIONS)
 def falls(p_0, m_0, p_1, m_1):
-    """Where the cubic falls through zero, which it has at 1; where it never was above it, where it falls."""
+    """Zero of the cubic where it falls; if it was never positive, the place where it falls."""
     low, high = 0.0, 1.0
     if p_0 <= 0.0:
         low = _lowest(-p_0, -m_0, -p_1, -m_1)
@@ -128,7 +128,7 @@ def falls(p_0, m_0, p_1, m_1):
 
 @njit(**OPTIONS)
 def _lowest(p_0, m_0, p_1, m_1):
-    """Where the cubic has its minimum, -1 where it has none inside."""
+    """Minimum of the cubic, -1 without one inside."""
     a, b = 3.0 * (2.0 * (p_0 - p_1) + m_0 + m_1), 3.0 * (p_1 - p_0) - 2.0 * m_0 - m_1
     root = b * b - a * m_0
     if not root > 0.0:

@@ -1,10 +1,11 @@
-"""Whether holds slip or are stuck, in the compiled integration: decided at an instant, kept over a step.
+"""Decision between slip and stick of holds in the compiled integration, at an instant and over a step.
 
-While a hold slips, its speed is looked at as an open contact's gap is: where it comes to zero the step ends. While it
-is stuck, what is looked at is how much more than it exerts it could: where nothing is left of that, the step ends, too.
-There :func:`decide` finds, for all holds that have no speed, a choice that agrees with itself: who is stuck exerts no
-more than it can, who slips is accelerated the way it slips. Where there is none, as in Painleve's paradox (1895, C. R.
-Acad. Sci. 121, 112), that is the run's outcome. """
+The speed of a slipping hold is monitored like an open contact's gap: its zero ends the step. For a stuck hold, the
+reserve of its friction force is monitored; its zero ends the step, too. At such an instant :func:`decide` finds a
+consistent choice of modes for all holds without speed: a stuck one exerts at most its friction limit, a slipping one
+accelerates in its direction of slip. Without a consistent choice, as in Painleve's paradox (1895, C. R. Acad. Sci. 121,
+112), the run ends with that outcome.
+"""
 
 from __future__ import annotations
 
@@ -26,32 +27,32 @@ from kaneflex.multibody.tables import (
 
 _EPS = 2.3e-16
 _CLOSE = 1e-11
-"""Share of the largest force that holds, by which it counts as reached."""
+"""Share of the largest holding force within which it counts as reached."""
 _WRONG = 1e-9
-"""Share of the accelerations about, by which one against the slip is no rounding."""
+"""Share of neighbouring accelerations above which one against the slip is not rounding."""
 _SHORT, _ALIKE = 1e-6, 1e-9
-"""Shares of what holds by which what is to let go may be short of it, as a step found it, and others' shares differ."""
+"""Tolerances, as shares of the holding force, of a hold's load where it is to slip, and of equal loads."""
 LET_GO = -2.0
-"""DUE of what has been stuck and is to let go, where that is decided; of all others without speed -1."""
+"""Value of DUE for a stuck hold that is to slip; -1 for all others without speed."""
 _STILL = 1e-11
-"""Speed of nothing, in sizes of the mechanism, or rad, a second: what a hold shows whom others keep still."""
+"""Speed that counts as zero, in sizes of the mechanism, or rad, a second."""
 _CANDIDATES = 6
-"""Holds without speed of which every choice is tried."""
+"""Largest number of holds without speed of which all combinations are tried."""
 _SETTLED = 40
-"""Turns in which reactions and the friction that they bring with them settle."""
+"""Iterations for reactions and their friction to converge."""
 
 
 @of_holds(None)
 @njit(**OPTIONS)
 def begin(m):
-    """Where a step begins, and contacts have been met."""
+    """Initialise the monitoring at the start of a step, after contacts."""
     exert(m)
 
 
 @of_holds(None)
 @njit(**OPTIONS)
 def note(m, t, i):
-    """Keep of all holds what is looked at, as that of the step's node i: how far from zero, its rate, what is zero."""
+    """Store of all holds the monitored quantity, its rate and its tolerance at node i of the step."""
     apart()
     w = m.w
     for n in range(-count(m), 0):
@@ -72,7 +73,7 @@ def note(m, t, i):
 @of_holds(None)
 @njit(**OPTIONS)
 def end(m, table, last):
-    """At the end of a step that isn't a stage, what stuck holds exert is as the stages go on."""
+    """Extrapolate the forces of stuck holds from the stages to the end of a step that isn't a stage."""
     apart()
     w, c = m.w, table.nodes
     if table.ends[0] != 0.0:
@@ -90,7 +91,7 @@ def end(m, table, last):
 @of_holds(False)
 @njit(**OPTIONS)
 def due(m, n, last):
-    """Whether a hold changes at the step's end, but for rounding."""
+    """True if a hold changes at the step's end, within rounding."""
     w = m.w
     j = number_at(m, n) + NODES + 4 * last
     return abs(w[j]) <= w[j + 2] and (w[number_at(m, n) + MODE] == STUCK or w[j + 1] < 0.0)
@@ -98,7 +99,7 @@ def due(m, n, last):
 
 @njit(**OPTIONS)
 def no_speed(m, n, t):
-    """Speed of a hold that is as good as none."""
+    """Speed of a hold that counts as zero."""
     w, k = m.w, number_at(m, n)
     least = 1.0 if m.acts[m.plan[DRIVES] + n, WHAT] == TURN else w[m.plan[TOUCH] + EXTENT]
     return _STILL * least + 8.0 * _EPS * (w[k + SPEED_SIZE] + abs(t * w[k + SLIP_RATE])) + 1e-300
@@ -106,7 +107,7 @@ def no_speed(m, n, t):
 
 @njit(**OPTIONS)
 def no_force(m, n):
-    """Force, or moment, of a hold that is as good as none: a rounding of what it takes to move all bodies."""
+    """Force, or moment, of a hold that counts as zero: rounding error of the force to move all bodies."""
     apart()
     plan, w, total = m.plan, m.w, 0.0
     for b in range(plan[BODIES]):
@@ -119,7 +120,7 @@ def no_force(m, n):
 
 @njit(**OPTIONS)
 def no_rate(m, n):
-    """Acceleration of a hold that is as good as none."""
+    """Acceleration of a hold that counts as zero."""
     plan, w, size = m.plan, m.w, 0.0
     for side in range(2):
         at = plan[SECTION] + SEC * m.acts[plan[DRIVES] + n, AT + side] + 6
@@ -132,7 +133,7 @@ def no_rate(m, n):
 @of_holds(True)
 @njit(**OPTIONS)
 def keep(m, t, h, A):
-    """Put what is stuck back to where it stuck, and to no speed, after a step of h; False: singular."""
+    """Return stuck holds to their positions and to zero speed, after a step of h; False: singular."""
     apart()
     w, extent, off, faster = m.w, m.w[m.plan[TOUCH] + EXTENT], False, False
     hold_now(m)
@@ -148,9 +149,9 @@ def keep(m, t, h, A):
 
 @njit(**OPTIONS)
 def put_back(m, t, A, level):
-    """Move everything, or of level 1 change its speeds, by as little as puts an end to what is off of stuck holds.
+    """Change positions, or with level 1 speeds, by the least correction that removes the drift of stuck holds.
 
-    Little is meant by the masses, as of an impulse.
+    The correction is the least in the norm of the mass matrix, as by an impulse.
     """
     apart()
     plan, w, of = m.plan, m.w, m.plan[RATE] if level else m.plan[Y]
@@ -176,7 +177,8 @@ def put_back(m, t, A, level):
 @of_holds(0)
 @njit(**OPTIONS)
 def decide(m, t, A):
-    """Find which holds slip and which are stuck where everything is; 0, or 1 at a singular state, 2 where none agrees.
+    """Find which holds slip and which are stuck at the current state; 0, or 1 at a singular state, 2 without a
+    consistent choice.
 
     Accelerations and reactions are those of that choice.
     """
@@ -221,7 +223,7 @@ def decide(m, t, A):
 
 @njit(**OPTIONS)
 def lets_go(m, n):
-    """Whether a hold is one of a contact that is open, which holds nothing; its bristles stand again."""
+    """True if a hold belongs to an open contact, which exerts no force; its bristles relax."""
     plan, w, k, j = m.plan, m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     of = plan[CONTACT] + CONTACT_SIZE * (int(w[j + OF_AT]) - plan[CONTACTS])
     if m.acts[plan[DRIVES] + n, WHAT] != ALONG or w[of + BEGUN_AT] != 0.0:
@@ -234,7 +236,7 @@ def lets_go(m, n):
 
 @njit(**OPTIONS)
 def _stand(m, n, t):
-    """A first choice for a hold; whether it has no speed, so that there are others: DUE is below zero then."""
+    """First choice for a hold; True if it has no speed and other choices are possible: DUE is below zero then."""
     w, k, j = m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     shifts, before, v = w[k + DUE] > 0.0, w[k + MODE], w[k + SLIP]
     if w[k + DUE] < 0.0:
@@ -261,10 +263,10 @@ def _stand(m, n, t):
 
 @njit(**OPTIONS)
 def _share(m, t, A):
-    """Have all that is stuck share its load anew, and what is still to let go slip, with what shares its load alike.
+    """Distribute loads again among stuck holds, and let those slip that are due, with equally loaded ones.
 
-    What holds a body with others, as one of its feet, needn't let go where it can't bear more: they may. Returns what
-    :func:`_settle` does.
+    Among several holds of one body, as its feet, one at its limit needn't slip if others can bear more. Returns as
+    :func:`_settle`.
     """
     apart()
     w, level = m.w, 0.0
@@ -288,8 +290,8 @@ def _share(m, t, A):
 
 @njit(**OPTIONS)
 def _way(m, n):
-    """Which way what is stuck slips as it lets go: against what it exerts, or where that is nothing yet, what it did at
-    the first node of the step in which it couldn't."""
+    """Direction of slip of a stuck hold: opposite to its force, or if that is zero, to its force at the first node of
+    the step that exceeds the limit."""
     w, k = m.w, number_at(m, n)
     force = w[k + HOLDING] if abs(w[k + HOLDING]) > no_force(m, n) else w[k + NODES + 5]
     return -1.0 if force > 0.0 else 1.0
@@ -297,8 +299,8 @@ def _way(m, n):
 
 @njit(**OPTIONS)
 def _settle(m, t, A):
-    """Accelerations and reactions of a choice: as often as what reactions bring with them changes; 0, or 1 at a
-    singular state, 2 where that comes to no end: friction of these reactions asks for others."""
+    """Iterate accelerations and reactions of a choice with friction by reactions; 0, or 1 at a singular state, 2
+    without convergence."""
     apart()
     w = m.w
     for turn in range(_SETTLED):
@@ -319,7 +321,7 @@ def _settle(m, t, A):
 
 @njit(**OPTIONS)
 def _wrong(m):
-    """The hold that agrees least with its mode among those without speed; 0 where all do."""
+    """Hold with the largest inconsistency of its mode among those without speed; 0 if all are consistent."""
     apart()
     w, worst, found = m.w, 0.0, 0
     for n in range(-count(m), 0):
@@ -329,7 +331,7 @@ def _wrong(m):
         if w[k + MODE] == STUCK:
             off = (abs(w[k + HOLDING]) - w[k + LIMIT]) / (_CLOSE * w[k + LIMIT] + no_force(m, n))
         else:
-            unsure = _SHORT / _WRONG if w[k + DUE] <= LET_GO else 1.0  # as what it was to bear
+            unsure = _SHORT / _WRONG if w[k + DUE] <= LET_GO else 1.0  # as its load
             off = -w[k + MODE] * w[k + SLIP_RATE] / (unsure * no_rate(m, n))
         if off > larger(worst, 1.0):
             worst, found = off, n
@@ -338,7 +340,7 @@ def _wrong(m):
 
 @njit(**OPTIONS)
 def _take(m):
-    """Nothing is left to decide."""
+    """End the decision."""
     for n in range(-count(m), 0):
         m.w[number_at(m, n) + DUE] = 0.0
     return 0

@@ -1,6 +1,6 @@
-"""What switches laws of loads where it passes zero, in the compiled integration: on which side of zero it is.
+"""Switches of loads' laws at zeros of their arguments, in the compiled integration.
 
-It stands among the contacts, as what is looked for along a step is the same: where something comes to zero.
+Switches are among the contacts, as both look for zeros along a step.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 
 _AT_REST = 1e-8
-"""Share of the rates on either side of zero up to which a switch that stays there isn't moved."""
+"""Share of the rates on either side of zero below which a switch at rest stays there."""
 
 
 @njit(**OPTIONS)
 def pass_zero(m, t, A):
-    """Have laws change whose switches are due; a long time [s], 0 where one would hold at zero, -1: singular.
+    """Switch the laws that are due; returns a long time [s], 0 if a law would hold its argument at zero, -1: singular.
 
-    On the other side of zero it goes on from there. Where both sides lead back, it stays at zero if nothing moves it
-    there by itself: what holds against a load is friction, and no law of it.
+    The integration continues on the other side of zero. If both sides lead back, it stays at zero if no other rate
+    moves it: holding against a load is friction, not a law.
     """
     apart()
     plan, w = m.plan, m.w
@@ -67,9 +67,9 @@ def pass_zero(m, t, A):
 
 @njit(**OPTIONS)
 def take_place(m, t, A):
-    """Have laws on the side of zero on which their switches are, or come to be; False at a singular state.
+    """Set laws by the sides of their switches; False at a singular state.
 
-    An argument may hang on others' sides, so that what was changed is looked at again.
+    Arguments may depend on other switches, so the result is checked again.
     """
     apart()
     plan, w = m.plan, m.w

@@ -1,4 +1,4 @@
-"""A scene bound to its coupled module: the engine's tables, numbers, and how the state is laid out."""
+"""A scene bound to its coupled module: tables of the engine, parameters, and the layout of the state."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ BODY = 3
 
 @dataclass(frozen=True, eq=False)
 class CoupledSystem:
-    """The coupled equations of a scene with its numbers.
+    """Coupled equations of a scene with its numbers.
 
-    The engine moves a tree of bodies by joint coordinates and shapes; here a state is that of the bodies, each by its
-    frame and its shapes: q, v (size,) in the order of ``coordinates``.
+    The engine uses joint coordinates of a tree of bodies and shapes; a state here has the frames and shapes of the
+    bodies: q, v (size,) in the order of ``coordinates``.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class CoupledSystem:
     links, shapes : mapping of str
         Finite elements and modal coordinates of every elastic link.
     undetermined : tuple of str
-        Names among ``constraints`` of reactions that no equation determines; they are not numbers.
+        Names among ``constraints`` of statically indeterminate reactions, which are NaN.
     """
 
     module: ModuleType
@@ -71,7 +71,7 @@ class CoupledSystem:
 
     @cached_property
     def reactions(self) -> tuple[tuple[str, str, str], ...]:
-        """Name, unit and meaning of what joints exert, then of forces and torques of prescribed drives."""
+        """Name, unit and meaning of joint forces, then of forces and torques of prescribed drives."""
         joints = self.mechanism.joints
         found = [row for joint in joints.values() for row in reactions(joint)]
         driven = [name for name, drive in self.mechanism.drives.items() if not drive.free]
@@ -84,7 +84,7 @@ class CoupledSystem:
 
     @cached_property
     def start(self) -> dict[str, int]:
-        """Body -> where its coordinates begin in q."""
+        """Body -> first place of its coordinates in q."""
         found, offset = {}, 0
         for name, (axial, transverse, *_) in self.module.BODIES.items():
             found[name] = offset
@@ -92,24 +92,24 @@ class CoupledSystem:
         return found
 
     def modal(self, body: str) -> slice:
-        """Where a body's modal coordinates are in q."""
+        """Places of a body's modal coordinates in q."""
         first, (axial, transverse, *_) = self.start[body] + BODY, self.module.BODIES[body]
         return slice(first, first + axial + transverse)
 
     @cached_property
     def order(self) -> np.ndarray:
-        """Where each coordinate of the bodies in the order of the tree is in q."""
+        """Place in q of each coordinate of the bodies in the order of the tree."""
         ranges = [range(self.start[body], self.modal(body).stop) for body in self.engine.layout.bodies]
         return np.array([k for part in ranges for k in part], int)
 
     @cached_property
     def _place(self) -> np.ndarray:
-        """Where each coordinate of q is among those of the bodies in the order of the tree."""
+        """Place of each coordinate of q among those of the bodies in the order of the tree."""
         return np.argsort(self.order)
 
     @cached_property
     def exerted(self) -> np.ndarray:
-        """Which of the engine's reactions each of ``reactions`` is."""
+        """Number of each of ``reactions`` among those of the engine."""
         layout = self.engine.layout
         place: dict[str, int] = {}
         for k, (name, _) in enumerate(layout.inboard):
@@ -128,23 +128,23 @@ class CoupledSystem:
 
     @cached_property
     def _unknown(self) -> list[int]:
-        """Which of ``reactions`` are no numbers."""
+        """Places of statically indeterminate ``reactions``."""
         return [k for k, name in enumerate(self.constraints) if name in self.undetermined]
 
     def compile(self) -> None:
-        """Compile all kernels, so that it is seen and timed apart from computing."""
+        """Compile all kernels, timed separately."""
         self.engine.compile()
 
     def measure(self, length: float) -> np.ndarray:
-        """What counts as one in each coordinate: ``length`` [m], or 1 rad."""
+        """Unit of each coordinate: ``length`` [m], or 1 rad."""
         return np.where([unit == "rad" for _, unit in self.coordinates], 1.0, length)
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Give the engine the coordinates and rates of the bodies."""
+        """Set the engine's coordinates and rates from those of the bodies."""
         self.engine.fold(q[self.order], v[self.order])
 
     def unfold(self, rows: np.ndarray) -> Unfolded:
-        """Motion of the bodies at rows of the engine, whose loops are closed."""
+        """Motion of the bodies from rows of the engine with closed loops."""
         found = self.engine.unfold(rows)
         q, v, a = (part.take(self._place, axis=1) for part in found[:3])
         held, touching = 5 * len(self.engine.holds), 5 * len(self.engine.contacts)
@@ -159,11 +159,11 @@ class CoupledSystem:
     def held(
         self, times: np.ndarray, q: np.ndarray, v: np.ndarray, still: np.ndarray, begun: np.ndarray | None = None
     ) -> Unfolded:
-        """States (n_times, size) on the constraints, with accelerations and reactions as if some shapes were held.
+        """States (n_times, size) on the constraints, with accelerations and reactions for shapes held at rest.
 
-        Shapes ``still`` (places in q) are not accelerated, as far as the joints leave it to them: they resist by a mass
-        beside which all others are nothing. ``begun`` (n_times, standing) has how contacts and holds stand, as in a
-        run's trajectory; without it contacts are open, and nothing rubs.
+        Shapes ``still`` (places in q) are not accelerated, as far as the joints allow: they get a mass much larger than
+        all others. ``begun`` (n_times, standing) has the modes of contacts and holds, as in a run's trajectory; without
+        it contacts are open, and friction is zero.
         """
         columns = [self.shape_columns[k] for k in still.tolist()]
         begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
@@ -186,13 +186,13 @@ class CoupledSystem:
     def load_sizes(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Sizes of all loads [N, N m or N/m], (n_times, loads).
 
-        ``states`` (n_times, 3 joints) has coordinate, speed and acceleration of every joint that laws know: the
+        ``states`` (n_times, 3 joints) has coordinate, speed and acceleration of every joint in laws: the
         drives', then the others'.
         """
         loads, sides = len(self.mechanism.loads), len(getattr(self.module, "SWITCHES", ()))
         none = np.zeros((len(times), sides))
         x = np.column_stack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3], none])
-        for _ in range(sides + 1):  # what switches a law may hang on the sides of others
+        for _ in range(sides + 1):  # switches may depend on others
             out = self.engine.magnitudes(times, x, loads + 2 * sides)
             x[:, x.shape[1] - sides :] = np.sign(out[:, loads::2])
         return out[:, :loads]
@@ -207,7 +207,7 @@ class CoupledSystem:
         return found
 
     def gaps(self, t: float, q: np.ndarray) -> dict[str, float]:
-        """How far every joint's rows [m or rad], and every prescribed drive [m or rad], are off at t [s]: by name."""
+        """Violation of every joint's rows [m or rad], and of every prescribed drive [m or rad], at t [s]: by name."""
         self.fold(q, np.zeros(self.size))
         engine = self.engine
         found: dict[str, float] = {}
@@ -227,10 +227,10 @@ class CoupledSystem:
 @dataclass(frozen=True, eq=False)
 class Unfolded:
     """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
-    powers (dissipation, loads, drives); of every contact, and then of what switches laws, its gap [m], force [N],
-    stored energy [J], loss [W] and BEGUN_AT [m/s]; of every friction its force [N or N m], speed, what presses it on,
-    mode, how far its bristles are bent [m or rad]. Dissipated power is all of it, the powers' is that without contacts
-    and friction."""
+    powers (dissipation, loads, drives); of every contact, and then of every switch of a law, its gap [m], force
+    [N], stored energy [J], loss [W] and BEGUN_AT [m/s]; of every friction its force [N or N m], speed, normal
+    force, mode, deflection of its bristles [m or rad]. Dissipated power includes contacts and friction, the
+    dissipation of the powers does not."""
 
     q: np.ndarray
     v: np.ndarray
@@ -274,7 +274,7 @@ def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: 
 
 
 def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> CoupledSystem:
-    """The system of a scene that differs in numbers alone; ``frozen`` where its shapes keep the space they span."""
+    """System of a scene with other numbers; ``frozen`` keeps the space spanned by its shapes."""
     links, shapes = _links(scene, system.module, system.links), {}
     for name, link in links.items():
         found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, link_modes(scene, name))
@@ -283,9 +283,9 @@ def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> Coupl
 
 
 def refined_system(system: CoupledSystem, scene: Scene) -> CoupledSystem:
-    """The system of a scene that differs in its links' elements and numbers of shapes alone.
+    """System of a scene with other numbers of elements and shapes of its links.
 
-    By the same module, which is told of these numbers: nothing is derived.
+    It uses the same module with these numbers: no equations are derived.
     """
     counts = {name: (*numbers, 0, 0, 0)[:3] for name, numbers in shape_counts(scene).items()}
     module = cast(ModuleType, SimpleNamespace(**vars(system.module) | {"BODIES": system.module.BODIES | counts}))
@@ -293,18 +293,18 @@ def refined_system(system: CoupledSystem, scene: Scene) -> CoupledSystem:
 
 
 def check_modes(scene: Scene, name: str) -> None:
-    """A link's elements must have the modes that the scene asks for, before equations with as many are derived."""
+    """Check that a link's elements have the requested modes, before deriving equations."""
     modes, limit = link_modes(scene, name), most_modes(scene, name)
     check_family(scene, name, len(mesh(scene, name, scene.bodies[name].beam.elements)) - 1)
     if modes > limit:
         raise SceneError(
             "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
-            "Ask for fewer modes, or give the link more elements",
+            "Use fewer modes, or more elements",
         )  # fmt: skip
 
 
 def with_stretch(scene: Scene) -> Scene:
-    """The scene with every beam free to stretch: its finite elements have all coordinates, whatever shapes are kept."""
+    """Scene with axially flexible beams: their finite elements have all coordinates, whatever shapes are kept."""
     bodies = {
         name: body.model_copy(update={"beam": body.beam.model_copy(update={"axially_rigid": False})})
         if body.elastic

@@ -1,9 +1,9 @@
-"""Where compiled recursions find what they walk: the columns and places of a mechanism's tables.
+"""Tables of a mechanism for compiled recursions: columns and places.
 
-A function of compiled code takes seven words an array, and a tuple of thirty arrays would cost more to hand over than
-most of these functions compute. So all numbers, of the mechanism and of the motion, lie in one array, whose places the
-plan names; and what is whole numbers, in three tables. Compiled code is handed one word, the address of their
-addresses: no index is looked at twice, and whole numbers, which it never writes, need not be read again after a store.
+Compiled code passes an array as seven words, and a tuple of thirty arrays would cost more than most of these functions
+compute. So all floating-point numbers, of the mechanism and of the motion, are in one array, whose places the plan
+contains; integers are in three tables. Compiled code receives one word, the address of their addresses: indices need no
+check for negative values, and constant integers need not be read again after a store.
 """
 
 from __future__ import annotations
@@ -24,34 +24,33 @@ from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, i
 from kaneflex.support.inner import Inner
 
 _AS_WRITTEN = {"nsz", "arcp", "contract", "afn"}
-"""What the compiler may do to a sum without changing the order of its terms."""
+"""Compiler flags for sums that keep the order of terms."""
 OUTER = {"error_model": "numpy", "fastmath": _AS_WRITTEN | {"reassoc"}}
 ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True, "pipeline_class": Inner}
-"""What those are made with that Python calls, by their addresses: see :mod:`kaneflex.multibody.library`."""
+"""Numba options of functions that Python calls by their addresses: see :mod:`kaneflex.multibody.library`."""
 OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
-"""What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
+"""Numba options of functions called by compiled code: they allocate nothing, so nothing is reference-counted."""
 IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
-"""The same, with sums in the order of their text: of numbers that were just written one by one, which several at once
-would wait for."""
+"""Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
 SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 44, 8
-"""Numbers of a section (x, y, theta and two rates), a frame (x, y, phi, cos, sin, then two rates of x, y, phi), a cut's
-row (residual, two rates, Jacobian by the two twists), a spring (see :mod:`kaneflex.generated.joints`), a contact (see
-:mod:`kaneflex.multibody.contacts`), and a factorised joint: what it moves along at its section (3), the articulated
-inertia times that (3), 1 over what resists its coordinate, and whether there is one."""
+"""Sizes of entries. A section: x, y, theta and two rates. A frame: x, y, phi, cos, sin, then two rates of x, y, phi. A
+cut's row: residual, two rates, Jacobian by the two twists. A spring: see :mod:`kaneflex.generated.joints`. A
+contact: see :mod:`kaneflex.multibody.contacts`. A factorised joint: direction of its motion at its section (3), the
+articulated inertia times it (3), the inverse of the coordinate's inertia, and 1 if it has one."""
 
 (
     KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS,
     DAMPED,
 ) = range(16)  # fmt: skip
-"""Columns of ``bodies``, in the order of the tree: how far behind those of the first kind of bodies, the first pair of
-shape counts, its kernels are; where its block of numbers begins; its joint's first coordinate, their count, the joint's
-kind; its first modal coordinate and their count; the section that it hangs on and its own there; the course that
-prescribes its joint, or -1; its first section and the one after its last; where its rows begin in forces over all
-bodies' speeds, and its square in matrices; its joint's numbers: sign, angle, and direction in the parent section's
-axes; where its shapes' damping matrix begins."""
+"""Columns of ``bodies``, in the order of the tree: offset of its kernels from those of the first pair of shape counts;
+place of its block of numbers; its joint's first coordinate, their count, the joint's kind; its first modal
+coordinate and their count; the parent's section at its joint and its own there; the course that prescribes its
+joint, or -1; its first section and the one after its last; its first row in forces over all bodies' speeds, and the
+place of its square matrix; its joint's numbers: sign, angle, and direction in the parent section's axes; place of
+its shapes' damping matrix."""
 OWNER, POINT, JACOBIAN = range(3)
-"""Columns of ``sections``: the body, or -1; where its block of numbers begins; where its W begins."""
+"""Columns of ``sections``: the body, or -1; place of its block of numbers; place of its W."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
 LAW = COURSE_AT
 """Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections; a cut's course or -1,
@@ -68,54 +67,54 @@ FORCE_ALONG, FOLLOWER, TORQUE = range(3)
 STRAIGHT, TORSIONAL = range(2)
 """Kinds of springs."""
 FLANK, SWITCH = 2, -1
-"""Kinds of contacts: of flanks, by its number in :data:`kaneflex.generated.contact.KINDS`, and of what stands among
-them and touches nothing: an argument of loads' laws, which change where it passes zero. Its sections are the ground's,
-its number among its like is in ROW_AT."""
+"""Kinds of contacts: flanks, by their number in :data:`kaneflex.generated.contact.KINDS`; switches, which touch
+nothing but are treated alike: arguments of loads' laws, which change at their zeros. The sections of a switch are
+the ground's, its number among the switches is in ROW_AT."""
 ABOVE, BELOW, STAYS = 0.0, -1.0, -2.0
-"""BEGUN_AT of a switch: the side of zero on which the laws are, or whether it stays at zero."""
+"""BEGUN_AT of a switch: the laws' side of zero, or that it stays at zero."""
 (
     GAP, GAP_RATE, NORMAL_X, NORMAL_Y, PLACE_X, PLACE_Y, SLIDING, NORMAL_TURN, PUSH_NOW, ELASTIC, LOSING,
     BEGUN_AT, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, DUE,
     BEGAN_X, BEGAN_Y, NODES,
 ) = range(25)  # fmt: skip
-"""Numbers of a contact: what :func:`kaneflex.generated.contact.gap` stores; its force, stored energy and loss; whether
-it is closed, and the approach speed of its law (see :mod:`kaneflex.multibody.contacts`); the error allowed in its gap;
-k and c of the factors; the mass that resists along its normal; of the impact that goes on its instant, approach speed,
-impulse, peak force and what was lost before; how it changes at the end of this step; where the impact began; then a
+"""Numbers of a contact: the output of :func:`kaneflex.generated.contact.gap`; its force, stored energy and loss; its
+closed state with the approach speed of its law (see :mod:`kaneflex.multibody.contacts`); the error allowed in its
+gap; k and c of the factors; the effective mass along its normal; of the current impact its time, approach speed,
+impulse, peak force and previous loss; its change at the end of this step; the place where the impact began; then a
 step's nodes."""
 (
     PLACE, SLIP, SLIP_RATE, NORMAL, LIMIT, HOLDING, SPEED_SIZE, BEFORE, FIRMEST,
     MODE, STUCK_AT, SLOPE, BY_SPEED, DECAY, BY_PRESS, JAMS,
 ) = *range(9), *range(BEGUN_AT, BEGUN_AT + 7)  # fmt: skip
-"""Numbers of a hold (:mod:`kaneflex.multibody.holds`): where it is along its row, its speed and acceleration there;
-what presses it on, the largest force that holds it, the one that it exerts; how large the speeds are whose difference
-its own is; the force that it exerted before; the largest g of bristles since its sides touch; whether it slips or
-sticks; where it stuck, or how far its bristles are bent; what damps it; of the rate of bristles its derivatives by
-speed, by how they are bent (against it) and by what presses; when it first pressed its sides into each other. As of
-contacts, DUE and NODES follow; of bristles a node has speed, g, how they are bent, force."""
+"""Numbers of a hold (:mod:`kaneflex.multibody.holds`): position along its row, speed and acceleration there; normal
+force, largest holding force, current force; size of the speeds whose difference is its own; previous force; largest
+g of bristles since its sides touch; mode; position where it stuck, or deflection of its bristles; damping;
+derivatives of the bristles' rate by speed, by deflection (negative) and by normal force; time when it first jammed.
+As of contacts, DUE and NODES follow; of bristles a node has speed, g, deflection, force."""
 BORE = FIRMEST
-"""Of a hold that sticks, which has no bristles: the force that it exerted where it is to let go."""
+"""Numbers of a stuck hold, which has no bristles: the force at which it is to slip."""
 (
     PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
     SHARED,
 ) = range(15)  # fmt: skip
-"""Numbers that contacts share: the error allowed in a gap as a share of how deep it becomes, the size of the mechanism
-[m], the step [s] before they closed; a change that is looked for: steps before and after it, the one to try, its
-contact and kind; when the last one was, and how many at one instant; one more than the number of the switch that its
-load's law would hold at zero; whether others rest than before; how often a change was looked for; the step
-[s] after which the next rigid sides meet, as things go; then every contact's gradient."""
+"""Numbers that contacts share: the error allowed in a gap as a share of its depth, the size of the mechanism [m], the
+step [s] before they closed; a change in search: steps before and after it, the next trial, its contact and kind;
+time of the last one, and their number at one instant; one more than the number of a switch that its load's law
+would hold at zero; 1 if other contacts rest than before; number of searches for a change; the predicted step [s] to
+the next contact of rigid sides; then every contact's gradient."""
 ROOM, LARGEST = STIFF, ALLOWED
-"""Of a switch: how far from zero it may be where it stays there, and the largest distance that it had."""
+"""Numbers of a switch: tolerance of zero, and its largest distance from zero."""
 SHUT, SHIFT = STIFF, VISCOUS
-"""Of a contact by Newton's law: whether dependent coordinates keep it closed; what is added to its gap where it left
-another side without a speed. ALLOWED is the force [N] of it that is as good as none."""
+"""Numbers of a contact by Newton's law: 1 if dependent coordinates keep it closed; shift of its gap after a separation
+without speed. ALLOWED is the force [N] that counts as zero."""
 WHEN, REACH, LEAST, PASSED, CHANGE_POINT = range(5)
-"""Of change points: when the next one comes, or the last one came; the time [s] in which the motion leads from there to
-where the loops are regular again, 0 where that is unknown; the least pivot of the cuts' derivatives where the last step
-ended, 0 where it was too close; when the last one was passed. Then room for what is interpolated there."""
+"""Numbers of change points: time of the next or last one; time [s] from there until the loops are regular again, 0 if
+unknown; least pivot of the cuts' derivatives at the end of the last step, 0 if that was too close; time when the
+last one was passed. Then interpolation data."""
 IMPACT_SIZE, MOST_IMPACTS = 10, 256
-"""Numbers of an impact that is over: contact, its begin and end, approach speed, separation speed, impulse, peak force,
-energy lost, x and y where it began; after how many Python is to take them. Their count is before them."""
+"""Numbers of a completed impact: contact, its begin and end, approach speed, separation speed, impulse, peak force,
+energy lost, x and y of its begin; number of impacts after which Python must collect them. Their count precedes
+them."""
 
 (
     BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
@@ -129,30 +128,30 @@ energy lost, x and y where it began; after how many Python is to take them. Thei
     SLOPE_FORCES, PIVOTS, PAIR_PIVOTS, WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PLAN,
 ) = range(91)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
-contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all where some are by Newton's law),
-works, kept rows; whether shapes are among the dependent coordinates; how many bodies, the first ones, no dependent
-coordinate moves. Where in ``acts`` cuts, holds, drives, loads, springs and contacts begin and end; how many contacts
-and holds, and how many loads and springs, the factors to come know, which compiled code counts; whether the step is
-beside a change point. Where in ``w`` lie: the motion (coordinates, rates, accelerations), sections, points in their
-bodies' axes, frames, forces over all speeds, cut rows, courses, drives' coordinates and rates, loads' sizes, springs,
-sums, reactions of the cuts, forces at inboard sections, what every coordinate asks for, powers; gravity, what holds and
-damps every coordinate, what counts as one in it, the errors allowed in it, its rate and its acceleration; what is added
-to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows, its dependent square, their right-
-hand side, W of the sections now. Where in ``plan`` itself: that square's pivots, and of every kept row its number, its
-cut, its dependent coordinate. In ``w`` again: contacts, the holds' numbers before them, what all contacts share,
-numbers of change points, impacts that are over, room for what rigid sides exert at one instant; in ``plan`` contacts
-and holds that the factors know (holds by numbers below zero), or contacts that touch; in ``w`` mass matrices and W at
-the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of courses,
-accelerations of holds, accelerations and reactions of the last step, and what its stages ask for; gradients of joints'
-coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of loads elsewhere
-(:mod:`kaneflex.multibody.slopes`). In factors: squares of all bodies, joints, coordinates by unit reactions of the kept
-rows and in the last row the answer, what the reactions do to the cuts, forces, reactions, accelerations that holds are
-to have, what a unit of each load and spring with slopes brings about, their matrix, their forces; in ``plan``, the
-pivots of either factors, those loads and springs, the pivots of their matrices."""
+contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
+works, kept rows; 1 if shapes are among the dependent coordinates; number of bodies, the first ones, that no
+dependent coordinate moves. First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, and the
+end; numbers of contacts and holds, and of loads and springs, in the next factors, counted by compiled code; 1 if
+the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations), sections, points
+in their bodies' axes, frames, forces over all speeds, cut rows, courses, drives' coordinates and rates, loads'
+sizes, springs, sums, reactions of the cuts, forces at inboard sections, residuals of coordinates, powers. Gravity,
+stiffness, damping and unit of every coordinate, the errors allowed in it, its rate and its acceleration; additions
+to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows, its dependent square, their
+right-hand side, W of the sections now. Places in ``plan`` itself: that square's pivots, and of every kept row its
+number, its cut, its dependent coordinate. In ``w`` again: contacts, preceded by the holds' numbers, shared numbers
+of contacts, numbers of change points, completed impacts, arrays for rigid contacts at one instant. In ``plan``:
+contacts and holds in the factors (holds by numbers below zero), or touching contacts. In ``w``: mass matrices and W
+at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of
+courses, accelerations of holds, accelerations and reactions of the last step, and residuals of its stages;
+gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of
+loads elsewhere (:mod:`kaneflex.multibody.slopes`). In factors: squares of all bodies, joints, coordinates by unit
+reactions of the kept rows and in the last row the answer, the reactions' effect on the cuts, forces, reactions,
+required accelerations of holds, responses to a unit of each load and spring with slopes, their matrix, their
+forces. In ``plan``: the pivots of either factors, those loads and springs, the pivots of their matrices."""
 
 
 class Tables(NamedTuple):
-    """Of one mechanism: plan (int64), bodies, sections, acts (int64, by row and column), w (float64)."""
+    """Tables of one mechanism: plan (int64), bodies, sections, acts (int64, by row and column), w (float64)."""
 
     plan: np.ndarray
     bodies: np.ndarray
@@ -195,7 +194,7 @@ def _fixed_item(context, builder, sig, args):
 
 
 def _fixed_number(builder, place):
-    """What lies there, and is never written by compiled code."""
+    """Load of a number that compiled code never writes."""
     found = builder.load(place)
     found.set_metadata("invariant.load", builder.module.add_metadata([]))
     return found
@@ -203,9 +202,9 @@ def _fixed_number(builder, place):
 
 @intrinsic
 def apart(typing):
-    """Keep the calling function one piece of machine code, not copied into every caller, with its loops as they stand.
+    """Keep the calling function one piece of machine code, not inlined, with its loops as written.
 
-    Unrolled and vectorised they would take most of the compiler's time, and gain nothing with a few shapes a body.
+    Unrolling and vectorising would take most of the compiler's time without gain for a few shapes per body.
     """
 
     def mark(context, builder, sig, args):
@@ -218,7 +217,7 @@ def apart(typing):
 
 @intrinsic
 def together(typing):
-    """As :func:`apart`, of a function whose loops are long enough to be vectorised."""
+    """As :func:`apart`, for functions with loops long enough to be vectorised."""
 
     def mark(context, builder, sig, args):
         builder.function.attributes.add("noinline")
@@ -229,7 +228,7 @@ def together(typing):
 
 @intrinsic
 def shifted(typing, address, k):
-    """The address of the k-th number from there."""
+    """Address of the k-th number from there."""
 
     def read(context, builder, sig, args):
         return builder.gep(args[0], [args[1]])
@@ -239,7 +238,7 @@ def shifted(typing, address, k):
 
 @intrinsic
 def address(typing, array):
-    """Where the numbers of an array begin: read from there, no index is tested for counting from the end."""
+    """Address of an array's first number: reading from it needs no check for negative indices."""
 
     def read(context, builder, sig, args):
         return context.make_array(array)(context, builder, args[0]).data
@@ -249,7 +248,7 @@ def address(typing, array):
 
 N = CPointer(float64)
 _BITS = 64
-"""Of an address."""
+"""Bits of an address."""
 
 COURSES, MAGNITUDES, DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY = range(8)
 """Places of kernels: of a structure's own, then of a body's, which follow there for every kind of body."""
@@ -265,7 +264,8 @@ BODY_KERNELS = {
     "inertia": FunctionType(void(N, int64, N, int64, float64, float64, N, int64)),
     "energy": FunctionType(UniTuple(float64, 2)(N, int64, N, N, int64, *(float64,) * 5, N)),
 }
-"""What ``kernels(axial, transverse)`` of :mod:`kaneflex.generated.body` makes of a body with so many shapes."""
+"""Signatures of the kernels ``kernels(axial, transverse)`` of :mod:`kaneflex.generated.body` for bodies with so many
+shapes."""
 _KERNELS = *STRUCTURE_KERNELS.values(), *BODY_KERNELS.values()
 
 
@@ -285,7 +285,7 @@ def kernel(typing, kernels, which):
 
 
 class Handed(types.Type):
-    """What compiled code is handed as one word, the address of a table of addresses: attributes of these types."""
+    """Type of a word passed to compiled code, the address of a table of addresses: attributes of these types."""
 
     def __init__(self, name: str, **parts: types.Type) -> None:
         self.parts = parts
@@ -320,9 +320,9 @@ _PARTS = {
 MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
     Handed(name, **_PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
 )
-"""All that compiled code knows of a mechanism. ``pivots``: the plan once more, to be written; ``kernels``: addresses of
-those of the structure and of its kinds of bodies, see :func:`kernel`; ``p``: the parameters of the structure's module;
-``real``, ``pair``: room for factors."""
+"""All numbers of a mechanism for compiled code. ``pivots``: the plan once more, writable; ``kernels``: addresses of
+those of the structure and of its kinds of bodies, see :func:`kernel`; ``p``: the parameters of the structure's
+module; ``real``, ``pair``: arrays for factors."""
 
 
 class Handle:
@@ -348,13 +348,13 @@ def magnitude(x):
 
 @njit(**OPTIONS)
 def larger(a, b):
-    """The larger of two numbers, and not a number where one of them is none. (numba's own takes seconds to compile.)"""
+    """Larger of two numbers, NaN if one of them is. (numba's own takes seconds to compile.)"""
     return a if a >= b or a != a else b
 
 
 @njit(**OPTIONS)
 def smaller(a, b):
-    """The smaller of two numbers in the same way."""
+    """Smaller of two numbers in the same way."""
     return a if a <= b or a != a else b
 
 

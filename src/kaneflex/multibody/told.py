@@ -1,4 +1,4 @@
-"""Drives and loads that are told row by row in place of a structure's laws, as compiled as these are.
+"""Tabulated drives and loads, with the signatures of a generated module's kernels.
 
 The times are numbers of rows, 0, 1, 2 and so on.
 """
@@ -10,7 +10,7 @@ from numba import njit
 
 
 def parameters(courses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """p of the kernels: how many columns both have, then row after row.
+    """Parameters p of the kernels: numbers of columns, then row after row.
 
     ``courses`` (n, 3 drives): coordinate, speed and acceleration of every drive; ``sizes`` (n, loads).
     """

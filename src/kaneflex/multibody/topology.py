@@ -1,4 +1,4 @@
-"""A mechanism as the tables that compiled recursions walk: a tree of bodies, its sections, the cuts of its loops."""
+"""Tables of a planar mechanism for compiled recursions: a tree of bodies, its sections, the cuts of its loops."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from kaneflex.support.contract import BODY_BLOCK, block_shapes
 
 @dataclass(frozen=True)
 class Layout:
-    """Names for what the tables count.
+    """Names of the tables' entries.
 
     Attributes
     ----------
@@ -52,18 +52,18 @@ def build_tables(
     mechanism: NumericMechanism, counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]],
     blocks: Blocks, measure: float, switches: int = 0,
 ) -> tuple[at.Tables, Layout, tuple[int, int]]:  # fmt: skip
-    """The tables of a mechanism, nothing in motion and no loop closed yet.
+    """Tables of a mechanism at rest with open loops.
 
     Parameters
     ----------
     counts : mapping
         Body -> its numbers of axial and of transverse shapes.
     kinds : sequence
-        The pairs of counts that there are, in the order of their kernels.
+        Occurring pairs of counts, in the order of their kernels.
     measure : float
-        What counts as one in lengths [m].
+        Unit of lengths [m].
     switches : int
-        Where loads' laws change as something passes zero.
+        Number of switches of loads' laws.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def build_tables(
 def _lengths(
     plan: np.ndarray, mechanism: NumericMechanism, sections: int, square: int, jacobian: int, switches: int
 ) -> dict[int, int]:
-    """How many numbers of the motion lie at each place of ``plan``, whose counts are known."""
+    """Numbers of the motion at each place of ``plan``, whose counts are known."""
     bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
     touching, loads = len(mechanism.contacts) + switches, len(mechanism.loads)
     pulls = loads + len(mechanism.springs)
@@ -143,14 +143,14 @@ def _lengths(
 
 
 def _in_turn(plan: np.ndarray, first: int, counts: Mapping[int, int]) -> int:
-    """Give so many places to each, one after the other from the first; the place after them."""
+    """Assign consecutive places from the first; returns the place after them."""
     for what, count in counts.items():
         plan[what], first = first, first + count
     return first
 
 
 class _Bodies(NamedTuple):
-    """Rows of bodies and sections, coordinates with what holds and damps them, numbers of speeds, squares and W's."""
+    """Rows of bodies and sections, coordinates with stiffness and damping, numbers of speeds, matrices and W's."""
 
     bodies: np.ndarray
     sections: np.ndarray
@@ -203,7 +203,7 @@ def _build_bodies(
 
 
 def _from(base: str, joints: Sequence[Joint], openness: Callable[[Joint], int]) -> list[tuple[str, Joint, int]]:
-    """What the joints of a body or of the ground lead to, the least open first."""
+    """Bodies at the other ends of the joints of a body or of the ground, ordered by the joints' freedoms."""
     near = sorted((joint for joint in joints if base in joint.bodies), key=openness)
     sides = [1 if joint.first.body == base else 0 for joint in near]
     return [(joint.sides[child].body, joint, child) for joint, child in zip(near, sides, strict=True)]
@@ -221,9 +221,9 @@ def _named(
 
 
 def _lay_out(plan: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequence[tuple[float, float]]) -> None:
-    """What never changes: sections of the ground, and points of bodies without shapes in their axes.
+    """Fill constants: sections of the ground, and points of bodies without shapes in their axes.
 
-    Frames begin with the cosine of the angle that they begin with, 0.
+    Frames begin with the cosine of their initial angle, 0.
     """
     w[plan[at.FRAME] + 3 : plan[at.FORCE] : at.FRAME_SIZE] = 1.0
     for k, place in enumerate(ground):
@@ -234,7 +234,7 @@ def _lay_out(plan: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequ
 
 
 def _shape_holding(block: np.ndarray, axial: int, transverse: int) -> list[tuple[float, float]]:
-    """Stiffness and damping of a body's every shape by itself."""
+    """Diagonal stiffness and damping of a body's shapes."""
     found, filled = {}, 0
     for name, shape in block_shapes(BODY_BLOCK, axial, transverse).items():
         found[name] = block[filled : filled + math.prod(shape)].reshape(shape)
@@ -249,12 +249,12 @@ def _holding(mechanism: Mechanism, joint: Joint) -> tuple[float, float]:
 
 
 def _order(mechanism: NumericMechanism) -> list[Branch]:
-    """Every body with its branch of the tree.
+    """Bodies in the order of the tree, each with its branch.
 
-    From the ground outwards, over the joints that leave least open first: prescribed ones and welds, pins, guides. What
-    no joint connects with the ground hangs on it by a free joint, at the body of it that the scene places. A body
-    without mass that is free at its joint carries the next one, where it can: no leaf of a tree may be without. Joints
-    with friction become cuts: what their reactions are is then an unknown of the equations, by which friction is.
+    From the ground outwards, over the joints with the fewest freedoms first: prescribed ones and welds, pins, guides. A
+    group without a joint to the ground is attached by a free joint at its body with a given position. A massless body
+    at a free joint carries the next one if possible, as no leaf of a tree may be massless. Joints with friction become
+    cuts: their reactions, on which friction depends, are then unknowns.
     """
     joints = [joint for name, joint in mechanism.joints.items() if name not in mechanism.frictions]
     lumped = {mass.point.body for mass in mechanism.masses.values()}
@@ -292,7 +292,7 @@ def _order(mechanism: NumericMechanism) -> list[Branch]:
 
 
 def _points(mechanism: Mechanism) -> Iterator[BodyPoint]:
-    """Points at which joints, springs, contacts and loads act; a load spread over a body has a section of its own."""
+    """Points of joints, springs, contacts and loads; a load distributed over a body has a section of its own."""
     for joint in mechanism.joints.values():
         yield from joint.sides
     for spring in mechanism.springs.values():
@@ -323,7 +323,7 @@ def _ground(mechanism: Mechanism, name: str) -> tuple[float, float]:
 def _tree_joint(joint: Joint, child: int) -> tuple[float, ...]:
     """Sign of the coordinate, angle and direction of the child's section in the parent's.
 
-    Where the child is the joint's first body all is seen from its second: the direction turns back by the angle.
+    If the child is the joint's first body, all are relative to the second: the direction turns back by the angle.
     """
     sign = 1.0 if child == 1 else -1.0
     angle = sign * float(joint.angle) if joint.kind != "revolute" else 0.0

@@ -1,4 +1,4 @@
-"""The motion of a coupled system at instants, with what came of the run that made it."""
+"""Motion of a coupled system at instants, with the outcome of its run."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class CoupledTrajectory:
         Joint reactions and forces or torques of prescribed drives, as the system's ``constraints`` names them.
     energy : Energy
     loss, power : ndarray (n_times,)
-        Rates of what is dissipated and of what is supplied [W].
+        Dissipated and supplied power [W].
     steps, rejected : int
-        Steps that were taken, and those that were tried in vain.
+        Accepted and rejected steps.
     ends : ndarray (steps,)
         Instants [s] at which the steps of a whole run under the control of their error ended.
     contacts : ContactRecord or None
@@ -36,12 +36,12 @@ class CoupledTrajectory:
     frictions : FrictionRecord or None
         The same of frictions.
     standing : ndarray (n_times, standing) or None
-        How contacts and frictions stand, see ``Engine.standing``.
+        Modes of contacts and frictions, see ``Engine.standing``.
     changes : CoupledTrajectory or None
         The states before and after each change of a contact or a friction, one after the other, as far as they are
         kept: speeds and accelerations may jump there.
     floquet : ndarray or None
-        Floquet multipliers of a cycle, by decreasing modulus, where they were asked for.
+        Floquet multipliers of a cycle, by decreasing modulus, if requested.
     """
 
     times: np.ndarray
@@ -68,7 +68,7 @@ class CoupledTrajectory:
 def by_themselves(
     times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray
 ) -> CoupledTrajectory:
-    """States (n_times, size) that no run has made: of their energies, contacts and frictions nothing is said."""
+    """States (n_times, size) without a run: energies, contacts and frictions are unknown."""
     zero = np.zeros(len(times))
     energy = Energy(zero, zero, zero, zero, zero)
     ended = (0, 0, Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)

@@ -1,8 +1,8 @@
-"""Compiled kinematics and dynamics of a tree of bodies: from coordinates to what the motion asks for.
+"""Compiled kinematics and dynamics of a tree of bodies: from coordinates to residuals of the equations of motion.
 
-Outwards: a joint places its body's inboard section against the section that the body hangs on, the body's shapes lead
-from there to its frame and on to its other sections. The nine numbers of a section are all that bodies have to know of
-each other, so that the work grows with their number and no faster (Kane's equations of order n, Rosenthal 1990).
+The outward pass places each body's inboard section relative to the section of its parent; the body's shapes lead from
+there to its frame and its other sections. Bodies exchange only the nine numbers of a section, so the work is
+proportional to their number (Kane's equations of order n, Rosenthal 1990).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from kaneflex.multibody.tables import (
 
 @njit(**OPTIONS)
 def courses(m):
-    """How many drives prescribe a course."""
+    """Number of drives with a prescribed course."""
     plan = m.plan
     acting = plan[SPRINGS] - plan[LOADS] + plan[DRIVES] - plan[HOLDS] + plan[ACTS] - plan[CONTACTS]
     return plan[WORKS] - 1 - acting
@@ -33,7 +33,7 @@ def courses(m):
 
 @njit(**OPTIONS)
 def prescribe(m, t):
-    """The coordinates that drives prescribe, with their rates."""
+    """Set the coordinates that drives prescribe, with their rates."""
     apart()
     plan, w = m.plan, m.w
     kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
@@ -48,7 +48,7 @@ def prescribe(m, t):
 
 @njit(**OPTIONS)
 def deform(m):
-    """Where the bodies' points are in their frames."""
+    """Positions of the bodies' points in their frames."""
     apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
@@ -63,7 +63,7 @@ def deform(m):
 @once
 @njit(**OPTIONS)
 def place(m, first):
-    """Positions of all sections and frames of the bodies from the ``first`` one on; of the others they are known."""
+    """Positions of all sections and frames of the bodies from the ``first`` one on; the others are known."""
     apart()
     plan, w = m.plan, m.w
     sec = plan[SECTION]
@@ -205,8 +205,7 @@ def cut_rows(m):
 
 @njit(**OPTIONS)
 def resist(m, t):
-    """What the motion asks for beyond loads, springs, the cuts' reactions and the holds': zero where the equations
-    hold.
+    """Residual of the equations of motion without the reactions of cuts and holds' rows: zero for solutions.
 
     M a - f over the speeds of all frames and shapes, at FORCE; the tables have the motion, the cut rows and the
     reactions.
@@ -237,10 +236,10 @@ def resist(m, t):
 
 @njit(**OPTIONS)
 def demand(m, t):
-    """What every coordinate of the tree asks for, at DEMAND: :func:`resist` along the partial velocities as they are.
+    """Residual of :func:`resist` along every coordinate of the tree, at DEMAND.
 
-    Inwards, what an inboard joint exerts (at JOINTS: force and moment at the body's section) is taken off its body,
-    whose shapes keep what they ask for themselves, and falls to the body that it hangs on.
+    The inward pass takes the force of an inboard joint (at JOINTS: force and moment at the body's section) off its
+    body, leaves the residuals of its shapes, and adds the force to the parent.
     """
     apart()
     resist(m, t)

@@ -1,4 +1,4 @@
-"""Compiled ways between the tree's coordinates and those of the bodies, with energies and what joints exert."""
+"""Compiled transformations between the coordinates of the tree and of the bodies, with energies and joint forces."""
 
 from __future__ import annotations
 
@@ -65,13 +65,14 @@ def fold(m, q, v):
 
 @njit(**ENTRY)
 def unfold(m, rows, count, q, v, a, exerted, sums, rates):
-    """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and its cost.
+    """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), with forces,
+    energies and powers.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
     the reactions of cuts and holds, on the joint's second body; of every contact gap, force, stored energy, loss,
-    BEGUN_AT; of every hold force, speed, what presses it on, mode, bristles. sums:
-    kinetic energy, strain energy, dissipated power, potential energy of the weight. rates: powers of dissipation,
-    loads, drives, holds, contacts. The rows close the loops.
+    BEGUN_AT; of every hold force, speed, normal force, mode, bristles. sums: kinetic energy, strain energy, dissipated
+    power, potential energy of the weight. rates: powers of dissipation, loads, drives, holds, contacts. The rows close
+    the loops.
     """
     plan, w = m.plan, m.w
     k = 0
@@ -110,30 +111,31 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
 
 @njit(**ENTRY)
 def move_on(m, t):
-    """Close the loops in place, speed and acceleration; False where they don't close."""
+    """Close the loops in place, speed and acceleration; False if they don't close."""
     return follow(m, t)
 
 
 @njit(**ENTRY)
 def courses_at(m, times, count, out, width):
-    """What drives prescribe at many times, in as many rows."""
+    """Prescribed courses of drives at many times, in as many rows."""
     for k in range(count):
         kernel(m.kernels, COURSES)(times[k], m.p, out, width * k)
 
 
 @njit(**ENTRY)
 def magnitudes_at(m, times, count, x, columns, out, width):
-    """Sizes of the loads, and what switches them, at many times; x has as many rows of the joints' states."""
+    """Sizes of the loads, and arguments of their switches, at many times; x has as many rows of the joints' states."""
     for k in range(count):
         kernel(m.kernels, MAGNITUDES)(times[k], x, columns * k, m.p, out, width * k)
 
 
 @njit(**ENTRY)
 def follow_rows(m, count, into, side, rows):
-    """Follow the loops at the times 0, 1, 2, ..., each from the one before; how many close on one side of dead centres.
+    """Follow the loops at the times 0, 1, 2, ..., each from the one before; returns the number that close on one side
+    of dead centres.
 
-    into: of every time which of ``rows`` it fills, or -1. side: the sign of the loops' determinant, 0 where it isn't
-    known yet. All coordinates without a course depend on those that have one.
+    into: row of ``rows`` that every time fills, or -1. side: the sign of the loops' determinant, 0 if unknown. All
+    coordinates without a course depend on those with one.
     """
     for k in range(count):
         if not follow(m, float(k)):
@@ -149,11 +151,11 @@ def follow_rows(m, count, into, side, rows):
 
 @njit(**ENTRY)
 def states(m, times, count, q, v, first, held, rows):
-    """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
+    """Rows of states of the bodies, from the ``first`` one on, with closed loops, accelerations and reactions.
 
-    held: whether STIFFNESS is a mass that coordinates have besides. The rows come with BEGUN_AT of the contacts, which
-    holds where their sides overlap, and how holds stand. Returns the row that is singular, or of which others rest than
-    the dependent coordinates keep closed, or their number.
+    held: STIFFNESS is an additional mass of coordinates if true. The rows come with BEGUN_AT of the contacts, which
+    holds for overlapping sides, and the modes of holds. Returns the row that is singular, or whose resting contacts
+    differ from those of the dependent coordinates, or their number.
     """
     size, touching = m.plan[SPEEDS], m.plan[ACTS] - m.plan[CONTACTS]
     for row in range(first, count):
@@ -174,9 +176,9 @@ def states(m, times, count, q, v, first, held, rows):
 
 @njit(**OPTIONS)
 def _exerted(m, b):
-    """What a body's inboard joint exerts on the joint's second body, by the joint's rows, then along its coordinate.
+    """Force of a body's inboard joint on the joint's second body, by the joint's rows, then along its coordinate.
 
-    ``NUMBERS`` has a sign of -1 where the body is the first one: then its normal force has the guide's arm besides.
+    ``NUMBERS`` has a sign of -1 if the body is the first one: then its normal force has the guide's arm besides.
     """
     plan, w = m.plan, m.w
     k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
@@ -194,8 +196,8 @@ def _exerted(m, b):
 
 @njit(**ENTRY)
 def openings(m, t, out):
-    """Residuals of all rows of the cuts and of contacts that rest where the coordinates put them; at GRADIENT their
-    derivatives by all of y."""
+    """Residuals of all rows of the cuts and of resting contacts at the given coordinates; their derivatives by all of
+    y are at GRADIENT."""
     plan, w = m.plan, m.w
     prescribe(m, t)
     deform(m)
@@ -227,4 +229,4 @@ ENTRIES = {
     states: int64(MECHANISM, N, int64, N, N, int64, boolean, N),
     openings: void(MECHANISM, float64, N),
 }
-"""What Python calls, and with which arguments."""
+"""Signatures of the functions that Python calls."""

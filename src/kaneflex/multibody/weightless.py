@@ -1,4 +1,4 @@
-"""Bodies that nothing gives an inertia, against which a recursion over the tree can't solve for their motion."""
+"""Reject mechanisms whose articulated inertia vanishes along a joint's freedom."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from kaneflex.multibody.system import CoupledSystem
 from kaneflex.support.errors import SceneError
 
 _NOTHING = 1e-14
-"""Share of what all bodies' masses resist where they are as far away as the mechanism is large; less is nothing."""
+"""Share of the inertia of all bodies at a distance of the mechanism's size that counts as zero."""
 
 
 def check_weighty(system: CoupledSystem, placement: Placement) -> None:
-    """What the joint that a body of the tree hangs on lets it do must be resisted by masses, its cuts left out.
+    """Check that the articulated inertia along the freedoms of the tree's joints is positive, without cuts.
 
-    Bodies count as rigid here: articulated inertias (Featherstone 1983), each of a twist as its body's start sees it.
+    Bodies count as rigid here: articulated inertias (Featherstone 1983), each by the twist of its body's start.
 
     Raises
     ------
@@ -49,20 +49,20 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
 
 
 def _inertia(moments: np.ndarray, phi: float) -> np.ndarray:
-    """Of a twist v_x, v_y of a body's start and omega, by its mass, first moments and second about its start."""
+    """Inertia of a twist (v_x, v_y of a body's start, omega) by its mass, first moments and second about its start."""
     turn = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
     mass, (x, y), second = moments[0], turn @ moments[1:3], moments[3]
     return np.array([[mass, 0.0, -y], [0.0, mass, x], [-y, x, second]])
 
 
 def _seen(inertia: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """The same of a twist as another point sees it, from which the first one is ``away``."""
+    """Inertia by the twist of another point, from which the first one is ``away``."""
     moved = np.array([[1.0, 0.0, -away[1]], [0.0, 1.0, away[0]], [0.0, 0.0, 1.0]])
     return moved.T @ inertia @ moved
 
 
 def _axis(joint: Joint, child: int, placement: Placement, here: np.ndarray) -> np.ndarray:
-    """Twist of a body's start that a pin or a guide leaves to it."""
+    """Twist of a body's start along the freedom of a pin or a guide."""
     if joint.kind == "revolute":
         side = joint.sides[child]
         x, y = placement.pose(side.body).place(side.at)
@@ -77,7 +77,7 @@ def _missing(system: CoupledSystem, body: str, inertia: np.ndarray, joint: Joint
     where = f"at {joint.name}" if joint is not None else "freely"
     return SceneError(
         f"bodies.{body}.{what}", 0,
-        f"{body} {does} {where}, and neither it nor what hangs on it has a"
-        f"{' mass' if massless else ' moment of inertia'} that resists that, as preset coupled needs it",
+        f"{body} {does} {where}: the mass matrix of preset coupled is singular, as neither it nor the bodies that it "
+        f"carries have a {'mass' if massless else 'moment of inertia'} along that freedom",
         "Give it one, however small, or a length and a mass" if not massless else "Give it one, however small",
     )  # fmt: skip

@@ -1,6 +1,7 @@
-"""What closed contacts and holds are to a step of the compiled integration: rows of its factors, and errors.
+"""Contact and friction rows of a step's Newton matrix, and their share of the error estimate.
 
-A contact yields by the slopes of its law half way through the step; its gap may be wrong by a share of how deep it is.
+A contact has the stiffness and damping of its law in the middle of the step; its gap may be wrong by a share of its
+depth.
 """
 
 from __future__ import annotations
@@ -21,15 +22,16 @@ from kaneflex.multibody.tables import (
 from kaneflex.multibody.tree import deform, move
 
 _NO_JAM = 1e-9
-"""Of what a contact yields, a share that is rounding."""
-
+"""Share of a contact's compliance that counts as rounding."""
 
 
 @njit(**OPTIONS)
 def along(m, c):
-    """A contact's row by the twists of its sections, and where its gap's gradient by all but prescribed coordinates is.
+    """Row of a contact by the twists of its sections; returns the place of its gap's gradient by all but prescribed
+    coordinates.
 
-    It has been met where everything is now; of a hold, by its number below zero, the row is known already.
+    The contact has been evaluated at the current position; of a hold, by its number below zero, the row is known
+    already.
     """
     apart()
     plan, w = m.plan, m.w
@@ -49,8 +51,8 @@ def along(m, c):
 @of_contacts(None)
 @njit(**OPTIONS)
 def let_yield(m, h, here):
-    """Have the factors of a step know contacts that push, by their slopes half way, and holds; positions are those
-    there."""
+    """Collect closed contacts, by their slopes in the middle of the step, and holds for the factors; positions are
+    those there."""
     apart()
     plan, w, n, count = m.plan, m.w, m.plan[COORDINATES], 0
     for c in range(plan[ACTS] - plan[CONTACTS]):
@@ -84,10 +86,10 @@ def let_yield(m, h, here):
 @of_holds(None)
 @njit(**OPTIONS)
 def notice_jams(m, t, step, A):
-    """Keep since when friction at a contact presses its sides into each other, by the factors of a step that is taken.
+    """Record the first time at which friction jams a contact, by the factors of a step that is taken.
 
-    A force that is to part them, with the friction that it brings, brings them closer then: between rigid sides there
-    is no such force, or there are several (Painleve's paradox); these give way instead.
+    A separating force with its friction then brings the sides closer: rigid sides would have no consistent force, or
+    several (Painleve's paradox); these are compliant.
     """
     apart()
     plan, w, x = m.plan, m.w, m.plan[REACTION]
@@ -110,7 +112,7 @@ def notice_jams(m, t, step, A):
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def change_of_gaps(m, h, real, pair, one, two, A, B):
-    """Largest change of a gap by an iteration's answers for one stage, in errors allowed."""
+    """Largest change of a gap by an iteration of one stage, in errors allowed."""
     apart()
     plan, w, largest = m.plan, m.w, 0.0
     step, steps = h * real, h * pair
@@ -128,7 +130,7 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
 @of_contacts(None)
 @njit(**OPTIONS)
 def resist_defect(m, step, A, answer):
-    """Take what contacts make of a defect, at ACCEL, off the forces at the answer: see ``collocation._error``."""
+    """Subtract the effect of contacts on a defect, at ACCEL, from the forces: see ``collocation._error``."""
     apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     for r in range(m.pivots[YIELDING]):
@@ -143,8 +145,8 @@ def resist_defect(m, step, A, answer):
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def error_of_gaps(m, h, step, A, answer):
-    """Largest error of a gap by the defect at ACCEL and the answer to it, as an acceleration in errors allowed; and of
-    how far bristles are bent."""
+    """Largest error of a gap, and of the deflection of bristles, by the defect at ACCEL and the answer to it, as an
+    acceleration in errors allowed."""
     apart()
     plan, w, n, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
     for r in range(m.pivots[YIELDING]):

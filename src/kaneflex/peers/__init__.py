@@ -1,1 +1,1 @@
-"""Other programs that solve the same scenes by formulations of their own, to compare with."""
+"""Other programs with formulations of their own, to compare results of the same scenes."""

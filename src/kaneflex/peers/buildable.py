@@ -1,4 +1,4 @@
-"""What of a scene another program can build, and the numbers that it needs for it."""
+"""Check of a scene's features that another program supports, and their parameters."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from kaneflex.scene.start import Start
 from kaneflex.support.errors import Problem, SceneError
 
 _LEFT_OF_TRANSIENT = 1e-4
-"""What is left of the free vibration at the start when a cycle is taken for periodic."""
+"""Share of the initial free vibration that may remain in a periodic cycle."""
 _MOST_CYCLES = 60
 
 
 def check_buildable(scene: Scene) -> None:
-    """Raise SceneError that names everything in a scene that has no counterpart in the peer; in space all that is rigid
-    has one."""
+    """Raise SceneError with everything in a scene that the peer does not support; in space it supports all rigid
+    scenes."""
     planar = (_bodies, _joints, _drives, _forces, _damping, _solving)
     elastic = (_held_drives, _moving_guides, _spread, _damping, _solving)
     parts = planar if not scene.is_spatial else elastic if has_elastic(scene) else ()
@@ -29,7 +29,7 @@ def check_buildable(scene: Scene) -> None:
 
 
 def has_elastic(scene: Scene) -> bool:
-    """Whether any of a scene's bodies deforms."""
+    """True if any of a scene's bodies is elastic."""
     return any(body.elastic for body in scene.bodies.values())
 
 
@@ -123,8 +123,7 @@ def _damping(scene: Scene) -> Iterator[Problem]:
 
 
 def torque_by_speed(scene: Scene, name: str) -> tuple[float, float] | None:
-    """T_0 [N m] and c [N m s/rad] of a load T_0 + c omega, omega being its joint's speed; None of one that is another.
-    """
+    """Constants T_0 [N m] and c [N m s/rad] of a load T_0 + c omega with its joint's speed omega; None for others."""
     load, law = scene.loads[name], scene.law(name)
     if law is None:
         return None if load.value is None else (load.value, 0.0)
@@ -153,17 +152,17 @@ def _solving(scene: Scene) -> Iterator[Problem]:
 
 
 def stiffness_damping(scene: Scene) -> float:
-    """beta [s] of a damping proportional to the stiffness alone, with the ratio at the lower of Rayleigh's frequencies.
-    """
+    """Coefficient beta [s] of damping proportional to the stiffness alone, with the ratio at the lower of Rayleigh's
+    frequencies."""
     # ratio = pi f beta where stiffness alone damps a vibration of frequency f
     damping = scene.damping
     return 0.0 if damping is None else damping.rayleigh.ratio / (math.pi * min(damping.rayleigh.at))
 
 
 def cycles_to_steady_state(scene: Scene, options: Options) -> int:
-    """Cycles after which the last one is periodic, from the undeformed state; 1 for a run that is not to repeat.
+    """Number of cycles from the undeformed state until the last one is periodic; 1 for a run without repetition.
 
-    The slowest vibration falls with exp(-ratio omega t), omega at the lower of Rayleigh's two frequencies.
+    The slowest vibration decays with exp(-ratio omega t), omega at the lower of Rayleigh's two frequencies.
 
     Raises
     ------

@@ -69,7 +69,7 @@ def solve(
 
 
 def _planar_or_spatial(scene: Scene) -> tuple[Callable[..., Any], Callable[..., Recorder]]:
-    """What builds a scene, and what reads its sensors."""
+    """Functions that build a scene and read its sensors."""
     if scene.is_spatial:
         from kaneflex.peers import exudyn_spatial, spatial_readings
 
@@ -80,7 +80,7 @@ def _planar_or_spatial(scene: Scene) -> tuple[Callable[..., Any], Callable[..., 
 
 
 def check(scene: Scene) -> ModuleType:
-    """The package exudyn; raise SceneError where it is missing or the scene can't be built there."""
+    """Package exudyn; raises SceneError if it is missing or can't build the scene."""
     with told("--with", "exudyn"), installed("the package exudyn", "peer", "exudyn"):
         import exudyn
     check_buildable(scene)

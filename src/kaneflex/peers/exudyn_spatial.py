@@ -34,8 +34,8 @@ _HELD = {
     "spherical": (1, 1, 1, 0, 0, 0),
     "weld": (1, 1, 1, 1, 1, 1),
 }
-"""What a joint holds of translations and rotations along and about the axes of its frame, whose x is that of the joint;
-of a universal one y is its first and z its second axis."""
+"""Constrained translations and rotations of a joint along and about the axes of its frame, whose x is the joint's
+axis; a universal joint has its first axis along y and its second along z."""
 
 OF_BODIES = {
     "": "Position", "v_": "Velocity", "a_": "Acceleration", "axes_": "RotationMatrix", "omega_": "AngularVelocity",
@@ -53,7 +53,7 @@ class Chain:
     elements: list[int]
 
     def node_at(self, x: float) -> int:
-        """Which node stands at x [m]; one does at every named point."""
+        """Number of the node at x [m]; every named point has one."""
         return int(np.argmin(abs(self.places - x)))
 
 
@@ -84,21 +84,21 @@ class Built:
     links: dict[str, Chain]
 
     def carrier(self, body: str, at: Sequence[float]) -> str:
-        """What carries a point, as :class:`Bodies` call it: a rigid body, or an elastic link's node there."""
+        """Name of the body that carries a point in :class:`Bodies`: a rigid body, or an elastic link's node there."""
         return f"{body}@{self.links[body].node_at(at[0])}" if body in self.links else body
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """How it differs from the scene as it is written."""
+        """Differences from the scene."""
         rigid = "rigid bodies with Euler parameters, joints by multipliers at index 3, generalised-alpha"
         if not self.links:
             return (rigid,)
         count = max(len(chain.elements) for chain in self.links.values())
-        return rigid, f"{count} geometrically exact beam elements a link, which know shear and rotary inertia"
+        return rigid, f"{count} geometrically exact beam elements a link, with shear and rotary inertia"
 
 
 def build(exudyn: ModuleType, model: Model, resolution: Resolution) -> Built:
-    """All of a scene in space in a system of its own, at the places and speeds of the rigid mechanism at t = 0."""
+    """Build a scene in space in a new system, at the positions and speeds of the rigid mechanism at t = 0."""
     import exudyn.utilities  # whose functions become methods of a system
 
     built = Built(exudyn, exudyn.SystemContainer().AddSystem(), {}, {}, {}, {}, {}, {})
@@ -183,7 +183,7 @@ class _Builder:
                 ))  # fmt: skip
 
     def _section(self, name: str, x: float) -> Any:
-        """The section at x [m] as Exudyn's beams have it, which know shear and rotary inertia in any case."""
+        """Section at x [m] for Exudyn's beams, which always have shear and rotary inertia."""
         section, (E, rho, G, _) = self.scene.bodies[name].spatial_profile.at(x)
         assert E is not None and rho is not None and G is not None  # checked with the scene
         known = section._replace(k_y=section.k_y or 1.0, k_z=section.k_z or 1.0)
@@ -195,8 +195,8 @@ class _Builder:
         return found
 
     def _damp(self, length: float, nodes: tuple[int, int], stiffness: np.ndarray) -> None:
-        """Damping of an element's stretch, twist and bending, which Exudyn's beams have none of themselves: by the
-        speeds at which its two nodes part and turn against each other."""
+        """Add damping of an element's stretch, twist and bending, which Exudyn's beams lack, by the relative
+        velocities of its two nodes."""
         beta = stiffness_damping(self.scene) / length
         markers = [self.system.AddMarker(self.items.MarkerNodeRigid(nodeNumber=node)) for node in nodes]
         self.system.AddObject(self.items.ObjectConnectorSpringDamper(
@@ -219,8 +219,8 @@ class _Builder:
         )
 
     def _transform(self, side: Side, axes: np.ndarray, on: Side | None = None) -> np.ndarray:
-        """Axes and a place on a body as Exudyn has them: from its centre of mass, on a link from the node at ``on``, by
-        default at the place itself."""
+        """Axes and position on a body for Exudyn: relative to its centre of mass, on a link to the node at ``on``, by
+        default at the point itself."""
         begins = np.zeros(3)
         if side.body in self.built.links:
             chain = self.built.links[side.body]
@@ -230,7 +230,7 @@ class _Builder:
         return self.built.exudyn.HT(axes, np.array(side.at) - begins)
 
     def joint(self, joint: SpatialJoint) -> None:
-        """Frames of both sides stand as one at the start; a prescribed freedom is held where its drive has it."""
+        """Add a joint with coincident frames at the start; a prescribed freedom follows its drive's course."""
         axes = self._frame(joint)
         held, offset = list(_HELD[joint.kind]), {}
         drive = self.scene.drives.get(joint.name)
@@ -245,7 +245,7 @@ class _Builder:
         ))  # fmt: skip
 
     def _frame(self, joint: SpatialJoint) -> np.ndarray:
-        """Axes of a joint's frame as the joint stands at the start."""
+        """Axes of a joint frame at the start."""
         first = self._stands(joint.sides[0].body)
         if joint.kind == "universal":
             body = joint.sides[1].body
@@ -258,8 +258,8 @@ class _Builder:
         return np.column_stack([x, *across(x)])
 
     def _course(self, joint: SpatialJoint, moving: int, axes: np.ndarray) -> Callable[..., list[float]]:
-        """A drive as Exudyn asks for it: a turn since the start about the frame's x. A slide is no offset, which is no
-        arm of the guide's force there: the marker on the first body goes along its guide."""
+        """Course of a drive for Exudyn: a rotation about the frame's x since the start. A translation moves the marker
+        on the first body along its guide instead, as an offset gives the guide's force no lever arm."""
         system = self.model.motion.module.system
         drive, start = system.driven.index(joint.name), float(self.start[f"{joint.name}.angle"][0])
         first = joint.sides[0]
@@ -324,9 +324,9 @@ class _Builder:
 
 
 class Bodies:
-    """Motions of Exudyn's bodies by the names that a rigid motion has for them; ``times`` [s].
+    """Motions of Exudyn's bodies by the names of a rigid motion; ``times`` [s].
 
-    A node of an elastic link goes as a body of its own, whose start is where the link's would be were it straight.
+    A node of an elastic link counts as a body, whose start is that of the link if it were straight.
     """
 
     def __init__(self, times: np.ndarray):
@@ -336,7 +336,7 @@ class Bodies:
         return self.values[name]
 
     def put(self, body: str, found: Callable[[str], np.ndarray], at: float = 0.0) -> None:
-        """What Exudyn has of a body at x = ``at`` [m], by the names of Exudyn's variables, (3 or 9, n_times)."""
+        """Store Exudyn's results of a body at x = ``at`` [m], by the names of Exudyn's variables, (3 or 9, n_times)."""
         for head, variable in OF_BODIES.items():
             names = AXES if variable == "RotationMatrix" else "xyz"
             self.values |= {f"{body}.{head}{name}": row for name, row in zip(names, found(variable), strict=True)}
@@ -348,7 +348,7 @@ class Bodies:
 
 
 class _State(Bodies):
-    """Exudyn's bodies at the instant of its run that it computes."""
+    """States of Exudyn's bodies at the current instant of its run."""
 
     def __init__(self, built: Built, system: SpatialSystem):
         super().__init__(np.zeros(1))
@@ -356,13 +356,13 @@ class _State(Bodies):
         self.angles: dict[str, float] = {}
 
     def sizes(self, t: float) -> np.ndarray:
-        """Sizes of all loads [N or N m], by where the joints stand that their laws know."""
+        """Sizes of all loads [N or N m] at the current coordinates of joints."""
         known = [self._coordinate(name) for name in self.system.told_joints]
         coordinates, speeds = (np.array([pair[k] for pair in known]) for k in (0, 1))
         return self.system.magnitudes(t, coordinates, speeds)
 
     def _coordinate(self, name: str) -> tuple[float, float]:
-        """Coordinate of a joint, turns counted from call to call, and its rate."""
+        """Coordinate of a joint and its rate, with turns counted between calls."""
         joint = self.mechanism.joints[name]
         first, second = (self._frame(side) for side in joint.sides)
         if joint.kind == "prismatic":

@@ -47,13 +47,13 @@ class Built:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """How it differs from the scene as it is written."""
+        """Differences from the scene."""
         count = max(map(len, self.elements.values()), default=0)
         return (f"{count} ANCF cable elements a link, nonlinear, joints at index 3, generalised-alpha",)
 
 
 def build(exudyn: ModuleType, model: Model, resolution: Resolution) -> Built:
-    """All of a scene in a system of its own, at the places and speeds of the rigid mechanism at t = 0."""
+    """Build a scene in a new system, at the positions and speeds of the rigid mechanism at t = 0."""
     system = exudyn.SystemContainer().AddSystem()
     built = Built(exudyn, system, {}, {}, {}, {}, {})
     builder = _Builder(built, model)
@@ -137,7 +137,7 @@ class _Builder:
             self.system.AddLoad(load)
 
     def _point_mass(self, at: Address, mass: float) -> None:
-        """A mass point that hangs on an elastic link by a pin."""
+        """Add a mass point pinned to an elastic link."""
         place, velocity = self._state(at.body, *self.scene.point(at))
         node = self.system.AddNode(
             self.items.NodePoint2D(referenceCoordinates=[*place], initialVelocities=[*velocity])
@@ -148,7 +148,7 @@ class _Builder:
         self._weigh(body)
 
     def _marker(self, at: Address) -> int:
-        """A point with the turning of what it is fixed to."""
+        """Marker of a point that rotates with its body."""
         x, y = self.scene.point(at)
         if at.body == "ground":
             body = self.ground
@@ -183,7 +183,8 @@ class _Builder:
         return math.atan2(s, c)
 
     def drive(self, name: str) -> None:
-        """A turn from the ground, prescribed: of a rigid body, or of a hub without mass that holds a link's start."""
+        """Add a prescribed rotation relative to the ground: of a rigid body, or of a massless hub that clamps a link's
+        start."""
         if self.scene.drives[name].kind == "free":
             return
         first, second = self.scene.joints[name].addresses
@@ -215,7 +216,7 @@ class _Builder:
         return node
 
     def _turned(self, name: str, sign: float) -> Callable[..., float]:
-        """The drive's turn since t = 0 as Exudyn calls it; its law from the scene's own kernel."""
+        """Rotation of a drive since t = 0 as a function for Exudyn, from the scene's own kernel."""
         motion, start = self.model.motion, float(self.start[f"{name}.angle"][0])
         if self.scene.drives[name].kind == "constant speed":
             rate = sign * self.scene.drives[name].speed
@@ -238,7 +239,7 @@ class _Builder:
         self.system.AddLoad(item)
 
     def torque(self, name: str) -> None:
-        """What turns a joint, T_0 + c omega: a damper with a torque of its own, whose sign is that of a resistance."""
+        """Add a torque T_0 + c omega at a joint as a damper with an own torque, which both count as resistances."""
         found = torque_by_speed(self.scene, name)
         assert found is not None  # `check_buildable` has looked
         markers = [self._marker(side) for side in self.scene.joints[self.scene.loads[name].torque_at].addresses]

@@ -22,9 +22,10 @@ _RATES = ("Coordinates", "Coordinates_t", "Coordinates_tt")
 
 
 class Recorder:
-    """Puts Exudyn's sensors in before a run and evaluates the scene's sensors after it.
+    """Adds sensors to Exudyn before a run and evaluates the scene's sensors after it.
 
-    A subclass has a method ``_KIND`` for every kind of sensor that it reads: values (n_times,), or why there are none.
+    A subclass has a method ``_KIND`` for every kind of sensor that it reads: values (n_times,), or the reason why there
+    are none.
     """
 
     def __init__(self, model: Model, built: Built | SpatialBuilt):
@@ -65,7 +66,7 @@ class Recorder:
 
 
 class PlanarRecorder(Recorder):
-    """Of a scene in the plane."""
+    """Recorder of a planar scene."""
 
     def __init__(self, model: Model, built: Built):
         super().__init__(model, built)
@@ -170,7 +171,7 @@ class PlanarRecorder(Recorder):
         return self._component(sensor, gap)
 
     def _off_chord(self, sensor: Sensor) -> np.ndarray:
-        """How far a point of a link is along and across its chord from where it would be, were the link straight."""
+        """Displacement of a link's point along and across its chord, relative to its position on a straight link."""
         address = address_of(sensor)
         start, end = (self._point(Address(address.body, point)) for point in ("start", "end"))
         length = np.hypot(*(end - start))
@@ -180,7 +181,7 @@ class PlanarRecorder(Recorder):
         return away["xy".index(sensor.component)]
 
     def _gap(self, address: Address) -> np.ndarray:
-        """Place of a point less that in the rigid mechanism, global."""
+        """Position of a point relative to the rigid mechanism, global."""
         return self._point(address) - self.rigid.frame(address.body).place(self.scene.point(address))
 
     def _position(self, sensor: Sensor) -> np.ndarray | str:

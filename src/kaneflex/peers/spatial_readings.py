@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class SpatialRecorder(Recorder):
-    """Of a scene in space."""
+    """Recorder of a scene in space."""
 
     def __init__(self, model: Model, built: Built):
         super().__init__(model, built)
@@ -61,7 +61,7 @@ class SpatialRecorder(Recorder):
 
     @cached_property
     def moved(self) -> Bodies:
-        """What Exudyn's bodies did."""
+        """Motions of Exudyn's bodies."""
         moved = Bodies(self.times)
         for body in self.built.bodies:
             if body != GROUND:
@@ -114,8 +114,8 @@ class SpatialRecorder(Recorder):
         return displacement_of(self.scene, sensor, rigid, self._moved)
 
     def _moved(self, address: Address) -> np.ndarray:
-        """How far a point is from where the rigid mechanism has it, and the turn from there, in the rigid link's axes,
-        (6, n_times)."""
+        """Displacement and rotation of a point relative to the rigid mechanism, in the rigid link's axes, (6,
+        n_times)."""
         at, rigid = self.scene.point(address), SpatialFrame(self.rigid, address.body)
         frame = self._frame(address.body, at)
         turned = np.einsum("jit,jkt->tik", rigid.axes, frame.axes)
@@ -199,13 +199,13 @@ class SpatialRecorder(Recorder):
         return sign * self._component(sensor, exerted, sensor.body or second)
 
     def _force(self, name: str) -> np.ndarray:
-        """Exudyn's is in the axes of the joint's frame on the first body, and acts on that."""
+        """Force from Exudyn's, which is in the axes of the joint's frame on the first body, and acts on that."""
         return -np.einsum("ijt,jt->it", self._joint_axes(name)[0], self._stored(self.joints[name, "ForceLocal"]))
 
     def _moment(self, name: str) -> np.ndarray:
-        """Exudyn's are multipliers of products of the frame's axes on the two bodies that stay zero.
+        """Moment from Exudyn's multipliers of products of the frame's axes on the two bodies that stay zero.
 
-        Which products, and so which axes they turn about, differs with the rotations that are held.
+        The products, and so the axes of rotation, depend on the constrained rotations.
         """
         (_, y, _), (x_2, y_2, z_2) = (axes.transpose(1, 0, 2) for axes in self._joint_axes(name))
         about = self._stored(self.joints[name, "TorqueLocal"])

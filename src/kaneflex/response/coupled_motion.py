@@ -106,7 +106,7 @@ class CoupledMotion(Motion):
 
     @cached_property
     def load_sizes(self) -> dict[str, np.ndarray]:
-        """Magnitudes of loads whose laws use joints without drive, which the rigid motion does not know."""
+        """Magnitudes of loads whose laws use joints without drive, which the rigid motion lacks."""
         return self._load_sizes(self)
 
     def _load_sizes(self, of: CoupledMotion) -> dict[str, np.ndarray]:

@@ -25,7 +25,7 @@ from kaneflex.support.reading import check_file, read_text
 from kaneflex.support.terminal import log_warning
 
 STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER, LOCK_FILE = "study.json", "journal.jsonl", "series", ".lock"
-BEGIN_ANEW = "Restore it from a copy, choose another folder, or begin anew with --force"
+BEGIN_ANEW = "Restore it from a copy, choose another folder, or start again with --force"
 """Fix for a damaged file; kaneflex does not change it."""
 RESULT_FILES = {"netcdf": "sweep.nc", "zarr": "sweep.zarr"}
 
@@ -186,7 +186,7 @@ def _demand_same(file: Path, plan: Plan) -> None:
     if known != plan.digest:
         raise OutputError(
             str(file.parent), None, "it was begun with another study, scene or version of kaneflex",
-            "Choose another folder, or begin anew with --force",
+            "Choose another folder, or start again with --force",
         )  # fmt: skip
 
 
