@@ -35,6 +35,7 @@ from kaneflex.multibody.tables import CONTACT_MECHANISM
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
 from kaneflex.support import quick_compiling
+from kaneflex.support.inner import PART
 
 KINDS = (
     types.boolean, types.int64, types.uint8, types.literal(3), types.literal(-1), types.float32, types.float64,
@@ -155,6 +156,26 @@ def test_parts_of_the_spectral_solver_are_optimised_with_their_callers():
     assert counted(48) == 3
     for part in fourier._stages.overloads.values():
         assert part.library._compiled_object is None
+
+
+def test_parts_are_linked_once_by_what_encloses_them():
+    """A part that calls others holds its own code alone; int() is a function that numba compiles and links, too."""
+
+    @numba.njit(**PART)
+    def floored(x):
+        return int(x) + 1
+
+    @numba.njit(**PART)
+    def doubled(x):
+        return 2 * floored(x)
+
+    @numba.njit
+    def both(x):
+        return doubled(x) + floored(x + 0.5)
+
+    assert both(3.7) == 13
+    (part,) = doubled.overloads.values()
+    assert len(list(part.library.get_defined_functions())) == 1
 
 
 def test_sizes_of_types_are_asked_once(monkeypatch):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from numba.core import types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
@@ -23,8 +21,9 @@ class _Registered(LoweringPass):
         super().__init__()
 
     def run_pass(self, state) -> bool:
-        state.library._optimize_final_module = _with_the_caller
-        state.library._finalize_final_module = partial(setattr, state.library, "_finalized", True)
+        from kaneflex.support.numba_shortcuts import PartLibrary  # which a process that compiles nothing never needs
+
+        state.library.__class__ = PartLibrary
         name = list[object]().append  # numba wants a builtin of its own for every function, and never calls it
         state["cr"] = state["cr"]._replace(cfunc=name)
         state.targetctx.insert_user_function(name, state["cr"].fndesc, [state.library])
@@ -47,7 +46,7 @@ class Inner(CompilerBase):
         return [passes]
 
 
-PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": Inner}
+PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "no_rewrites": True, "pipeline_class": Inner}
 """Options of a function that only compiled functions call: it is optimised with them and not by itself."""
 
 
@@ -60,10 +59,6 @@ def once(dispatcher):
 
 _NOT_NEEDED = (InlineClosureLikes, InlineOverloads)
 """Passes for functions within functions, of which there are none."""
-
-
-def _with_the_caller() -> None:
-    """Optimised, and made machine code of, is what encloses this."""
 
 
 shipped_kernels.use()

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import gc
 from functools import cache
-from inspect import unwrap
 from typing import Any
 
 
@@ -32,10 +31,12 @@ def prepare() -> None:
     from numba import types
     from numba.core.dispatcher import Dispatcher
 
+    from kaneflex.support import numba_shortcuts  # only here: reading compiled functions needs none of it
+
     function: Any = types.Function
     function.get_call_type = _remembering(function.get_call_type)
     _compile_parts_within_callers(Dispatcher)
-    _answer_once()
+    numba_shortcuts.use()
 
 
 def _reading_only(load: Any) -> Any:
@@ -76,56 +77,6 @@ def _compile_parts_within_callers(dispatcher: Any) -> None:
     for name in ("get_call_template", "get_overload"):
         find = getattr(dispatcher, name)
         setattr(dispatcher, name, lambda kernel, *types, find=find: find(part(kernel), *types))
-
-
-def _answer_once() -> None:
-    """Store the answers that numba computes anew thousands of times, and list variables without testing every type."""
-    from llvmlite.binding import ffi
-    from numba.core import base, codegen, ir, utils
-
-    ffi.lib._lock._cblist.clear()  # events that measure how long LLVM is locked, two for each call of LLVM
-    context: Any = base.BaseContext
-    context.get_abi_sizeof = _by(lambda self, kind: (self.target_data, str(kind)), context.get_abi_sizeof)
-    generator: Any = codegen.CPUCodegen
-    generator._check_llvm_bugs = cache(generator._check_llvm_bugs)
-    ordered: Any = utils.order_by_target_specificity
-    utils.order_by_target_specificity = _by(lambda target, of, *_: (target, tuple(of)), ordered)
-    base._has_loc = _by(lambda function: getattr(unwrap(function), "__code__", function), base._has_loc)
-    statement: Any = ir.Inst
-    statement._rec_list_vars = _variables(ir.Var, ir.Inst)
-
-
-def _by(key: Any, find: Any) -> Any:
-    """``find`` with its results stored by a key of its arguments."""
-    found: dict[Any, Any] = {}
-
-    def asked(*args, **named):
-        if (name := key(*args)) not in found:
-            found[name] = find(*args, **named)
-        return found[name]
-
-    return asked
-
-
-def _variables(variable: type, statement: type) -> Any:
-    """``Inst._rec_list_vars`` of numba, its tests stored by type: variables in a statement, in numba's order."""
-    kinds = variable, statement, list, tuple, dict, object
-    known: dict[type, type] = {}
-
-    def add(found: list[Any], values: Any) -> list[Any]:
-        for each in values:
-            kind = known.get(type(each))
-            if kind is None:
-                kind = known[type(each)] = next(of for of in kinds if isinstance(each, of))
-            if kind is variable:
-                found.append(each)
-            elif kind is statement:
-                found += each.list_vars()
-            elif kind is not object:
-                add(found, each.values() if kind is dict else each)
-        return found
-
-    return lambda self, value: add([], (value,))
 
 
 def _remembering(find: Any) -> Any:

@@ -1,0 +1,77 @@
+"""Changes of numba for shorter compilation: answers are stored, and functions within others are linked once."""
+
+from __future__ import annotations
+
+from functools import cache
+from inspect import unwrap
+from typing import Any
+
+from llvmlite.binding import ffi
+from numba.core import base, codegen, ir, utils
+
+
+def use() -> None:
+    """Store the answers that numba computes anew thousands of times, and list variables without testing every type."""
+    ffi.lib._lock._cblist.clear()  # events that measure how long LLVM is locked, two for each call of LLVM
+    library: Any = codegen.JITCodeLibrary
+    library.add_linking_library = _link_parts
+    context: Any = base.BaseContext
+    context.get_abi_sizeof = _by(lambda self, kind: (self.target_data, str(kind)), context.get_abi_sizeof)
+    generator: Any = codegen.CPUCodegen
+    generator._check_llvm_bugs = cache(generator._check_llvm_bugs)
+    ordered: Any = utils.order_by_target_specificity
+    utils.order_by_target_specificity = _by(lambda target, of, *_: (target, tuple(of)), ordered)
+    base._has_loc = _by(lambda function: getattr(unwrap(function), "__code__", function), base._has_loc)
+    statement: Any = ir.Inst
+    statement._rec_list_vars = _variables(ir.Var, ir.Inst)
+
+
+def _by(key: Any, find: Any) -> Any:
+    """``find`` with its results stored by a key of its arguments."""
+    found: dict[Any, Any] = {}
+
+    def asked(*args, **named):
+        if (name := key(*args)) not in found:
+            found[name] = find(*args, **named)
+        return found[name]
+
+    return asked
+
+
+def _variables(variable: type, statement: type) -> Any:
+    """``Inst._rec_list_vars`` of numba, its tests stored by type: variables in a statement, in numba's order."""
+    kinds = variable, statement, list, tuple, dict, object
+    known: dict[type, type] = {}
+
+    def add(found: list[Any], values: Any) -> list[Any]:
+        for each in values:
+            kind = known.get(type(each))
+            if kind is None:
+                kind = known[type(each)] = next(of for of in kinds if isinstance(each, of))
+            if kind is variable:
+                found.append(each)
+            elif kind is statement:
+                found += each.list_vars()
+            elif kind is not object:
+                add(found, each.values() if kind is dict else each)
+        return found
+
+    return lambda self, value: add([], (value,))
+
+
+class PartLibrary(codegen.JITCodeLibrary):
+    """LLVM code of one function alone; the function that encloses it links, optimises and compiles it."""
+
+    def finalize(self) -> None:
+        self._finalized = True
+
+
+def _link_parts(library: Any, called: Any) -> None:
+    """Add to a library what it calls and, where that is a part, what the part calls.
+
+    LLVM skips what nothing calls yet, so callers come first. numba's own method links every part again in each caller.
+    """
+    called._ensure_finalized()
+    if called not in library._linking_libraries:
+        needed = dict.fromkeys([called, *(called._linking_libraries if isinstance(called, PartLibrary) else ())])
+        library._linking_libraries = [each for each in library._linking_libraries if each not in needed] + [*needed]
