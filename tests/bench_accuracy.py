@@ -28,7 +28,7 @@ from kaneflex.study.trade.linear_prices import LinearPrices
 
 PAGE = Path(__file__).parent.parent / "docs" / "accuracy.md"
 MODELS = {
-    "as it is": (),
+    "unchanged": (),
     "rigid": ("solve.preset=rigid",),
     "quasistatic": ("solve.preset=quasistatic",),
     "linear": ("solve.preset=linear",),
@@ -59,8 +59,8 @@ PRICES = ("scene", "model", "sensor", "change", "missed")
 PAGE_TEXT = """# Accuracy of results
 
 Every run estimates the error of its sensors ([how](scene/solve.md#error-estimates)). This page compares estimates
-with true errors. *Effectivity* is the estimate divided by the true error, each the largest over the run: 1 is exact,
-above 1 is safe.
+with true errors. *Effectivity* is the largest estimate of a run divided by its largest true error: 1 is exact, above
+1 is safe.
 
 ## One-way presets
 
@@ -72,15 +72,15 @@ quasi-static runs of scenes that start from rest.
 ## Preset coupled
 
 Runs under `coupled`, and one-way runs with `solve.errors = "all"`. The reference is `coupled` with four times the
-elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance; its own error is taken as a quarter of the
-change from half its elements and modes. Sensors below ten times that are left out.
+elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance; its error is estimated as a quarter of
+the change that half as many elements and modes cause. Sensors whose error is below ten times this value are left out.
 
 {coupled}
 ## Prices and runs
 
-[Prices](trade.md#prices) of groups of terms and of coarser meshes, in the sensor that changes most: the change between
-two runs of `stiffened`, and the error of the price as a share of it: at most 2 % of the change or of a thousandth of
-the peak. Changes below 1e-5 are left out.
+The table compares the [prices](trade.md#prices) of groups of terms and of coarser meshes with the change between two
+runs of `stiffened`, in the sensor that changes most. The error of a price is given as a share of this change. It is
+at most 2 % of the change, or of a thousandth of the peak if that is larger. Changes below 1e-5 are left out.
 
 {prices}
 Made by `python tests/bench_accuracy.py [coupled] [prices]`; do not edit.
@@ -141,7 +141,7 @@ def rows(name):
         return
     reason = solved(scene, ()).errors[1]
     if reason:
-        yield [f"`{name}`", "as it is", "-", "-", "-", "-", reason]
+        yield [f"`{name}`", "unchanged", "-", "-", "-", "-", reason]
         return
     truth = finest(scene)
     own, _ = truth.errors

@@ -58,8 +58,8 @@ HEAD = """# Choices compared with brute force
 
 For each scene and tolerance: the model that [`kaneflex run --tolerance`](trade.md#by-a-tolerance) chooses, its
 largest error against the finest converged reference, the cheapest model of `kaneflex trade` within the tolerance
-(twenty seconds a case), and the ratio of their run times (medians of interleaved runs). The time to choose includes
-deriving.
+(with a budget of twenty seconds for each case), and the ratio of their run times (medians of interleaved runs). The
+time to choose includes deriving.
 
 All 43 choices that could be made are within their tolerance; they take at most 1.57 times as long as the cheapest
 model. For the other 8 no reference converges, and nothing is chosen.

@@ -42,10 +42,10 @@ print(time.perf_counter() - started)
 """
 HEAD = """# Times to derive and to compile
 
-Chains of elastic links, each hinged to the one before (`tests/chains.py`): open ones with all joints driven, and
-closed ones from ground to ground. Operations are those of the kernel `motion` without and with shared subexpressions.
-Without sharing they multiply with each link; with sharing each link adds the same number. Each is compiled in a new
-process with an empty cache.
+Chains of elastic links, each hinged to the previous one (`tests/chains.py`): open chains with all joints driven, and
+closed chains from ground to ground. Operations are those of the kernel `motion` without and with shared
+subexpressions. Without sharing, each link multiplies their number; with sharing, each link adds the same number. Each
+chain is compiled in a new process with an empty cache.
 
 """
 COLUMNS = (

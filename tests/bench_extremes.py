@@ -28,8 +28,9 @@ Scenes at extreme speeds, stiffnesses and step sizes, compared with a closed for
 ## Results by method
 
 Columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are integrators of `stiffened`. A number is
-the error relative to the largest expected value; in brackets it exceeds the case's accuracy, and the run warns. A
-word is the outcome. A dash: not run, or, for `gauss`, displacements equal to those of `radau`.
+the error relative to the largest expected value. A number in brackets exceeds the accuracy required for the case, and
+the run warns. A word is the outcome of the run. A dash means that the case was not run or, for `gauss`, that
+displacements equal those of `radau`.
 
 ![Errors and outcomes of every case](pictures/extremes.png)
 
@@ -37,15 +38,17 @@ word is the outcome. A dash: not run, or, for `gauss`, displacements equal to th
 RULES = """
 ## Conclusions
 
-- **Slow motions** (steps of thousands of vibration periods) and **stiff with soft links**: use `radau` or
-  `generalised-alpha`, down to 1e-9 rpm. `gauss` and `newmark` find no periodic state; the message says so.
+- **Slow motions** (steps of thousands of vibration periods) and **stiff links next to soft ones**: use `radau` or
+  `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state; the message says so.
 - **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; `gauss` and
-  `newmark` warn where forces by the equations of motion and by the change of velocities differ.
+  `newmark` warn where forces computed from the equations of motion differ from those computed from the change of
+  velocities.
 - **`coupled` at low speed**: forces are right, but at 60 rpm vibrations within the tolerance are as large as the
   accelerations; a warning says so. Below about 0.01 rpm a cycle takes millions of steps.
-- **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not see it;
+- **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not show it;
   `coupled` works.
-- **Steps beyond the periods**: a warning names unstable steps; only `exact-modal` (preset `paper`) stays accurate.
+- **Steps longer than the vibration periods**: a warning reports unstable steps; only `exact-modal` (preset `paper`)
+  stays accurate.
 - **Elements**: rounding grows with about the fourth power of their number, to 1e-4 with 1024.
 - **Dead centres**: positions are accurate even if the rod is longer than the crank by only 1e-9; a loop that reaches
   its dead centre is rejected ("the loop can't close").
@@ -53,8 +56,8 @@ RULES = """
 CYCLES_HEAD = f"""
 ## A million cycles
 
-$\\ddot z + z = 0$ over {CYCLES:,} cycles of {STEPS} steps: change of amplitude, phase error a cycle, and the final
-phase error that the method's rational function does not explain.
+$\\ddot z + z = 0$ over {CYCLES:,} cycles of {STEPS} steps: change of amplitude, phase error in a cycle, and the part
+of the final phase error that the stability function of the method does not explain.
 
 | integrator | amplitude | phase in a cycle [rad] | unexplained [rad] |
 | --- | --- | --- | --- |
@@ -62,7 +65,7 @@ phase error that the method's rational function does not explain.
 SINGLE_HEAD = """
 ## Kernels in single precision
 
-Largest difference of the generated kernels in float32 from float64, over the largest entry:
+Largest difference between the generated kernels in float32 and in float64, relative to the largest entry:
 
 """
 FOOT = "\nMade by `make extremes`; do not edit.\n"

@@ -25,8 +25,9 @@ TITLE = "Impacts"
 ABOUT = """\
 *One impact*: processor time of a run divided by the number of its impacts, at the default tolerance of 1e-8, for a
 ball on a floor without loss and for a slider-crank at 3000 rpm with clearance at its wrist pin. *A mass on a stop*
-falls about ten times on a linear spring: Exudyn (ObjectContactCoordinate, generalised-alpha) by fixed steps, kaneflex
-by located instants. The error is rms over 60 instants against the closed form; the ratio is to kaneflex."""
+falls about ten times on a linear spring: Exudyn (ObjectContactCoordinate, generalised-alpha) uses fixed steps;
+kaneflex locates the instants of impact. The error is rms over 60 instants against the closed form; the ratio is to
+kaneflex."""
 ROUNDS = 5
 G = 9.81
 BALL = """

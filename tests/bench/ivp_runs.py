@@ -26,10 +26,10 @@ TITLE = "Whole runs against solve_ivp"
 ABOUT = """\
 One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, and its damped periodic motion also with 12
 and 192 coordinates. The equations are the same; errors are rms over the instants, relative to the largest
-displacement. Each program takes its fastest method and loosest tolerance within the error; scipy reaches a periodic
-motion through as many cycles as it needs. *In all* is a call of `integrate`, *steps alone* its compiled loop. A
-*lambdified* right-hand side is by SymPy's lambdify and NumPy, a *jitted* one by numba. The ratio is to kaneflex, in
-all."""
+displacement. Each program uses its fastest method and the loosest tolerance that keeps the error; scipy integrates
+cycles until the motion is periodic. *In all* is a call of `integrate`, *steps alone* its compiled loop. A
+*lambdified* right-hand side comes from SymPy's lambdify with NumPy, a *jitted* one from numba. Ratios are relative to
+kaneflex *in all*."""
 SETTINGS = ("solve.start=zero", "solve.modes=5")
 PERIODIC = {"6 coordinates": ("solve.modes=5",), "4 elements": (), "64 elements": ("rod.elements=64",)}
 METHODS = ("newmark", "generalised-alpha", "gauss")

@@ -21,15 +21,15 @@ from kaneflex.support.atomic_output import write_text
 
 HEAD = """# Benchmarks
 
-kaneflex compared with hand-written C and other programs. Times are medians with quartiles of interleaved runs; a ratio
-is the median of the rounds' ratios. Targets show the required value and, in brackets, a desired one. One thread,
-except for sweeps.
+kaneflex compared with hand-written C and other programs. Times are medians with quartiles of interleaved runs; a
+ratio is the median of the rounds' ratios. Targets show the required value and, in brackets, the desired value. All
+runs but the sweeps use one thread.
 
 ![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
 """
 FOOT = """
-Made by `make bench`, of some sections by `make bench SECTIONS="kernels latency"`; do not edit.
-`make setup EXTRAS=peer,bench` brings the other programs. The numbers are in [benchmarks.json](benchmarks.json).
+Made by `make bench`, for some sections by `make bench SECTIONS="kernels latency"`; do not edit. `make setup
+EXTRAS=peer,bench` installs the other programs. The numbers are in [benchmarks.json](benchmarks.json).
 """
 DATA = "benchmarks.json"
 COLUMNS = ("task", "with", "median", "quartiles", "ratio", "target", "notes")

@@ -23,10 +23,11 @@ from kaneflex.study.comparison import compare
 
 TITLE = "Scaling"
 ABOUT = """\
-Time of one step in the compiled loop, of the engine by number of elements, of its rod of 16 elements by number of
-modes, and of open chains by number of links (four elements each). scipy's `solve_banded` of a matrix of that size is
-one part of a step; ratios are to the Newmark step. Then the time of a cycle of the engine with 6 coordinates by number
-of steps, with its error against 46080 steps, and of 10,000 cycles of 720 steps under preset `paper`."""
+Time of one step in the compiled loop for the engine with various numbers of elements, for the engine with 16 elements
+and various numbers of modes, and for open chains with various numbers of links (four elements each). Rows of scipy's
+`solve_banded` time the solution with a matrix of the same size, which is one part of a step. Ratios are relative to
+the Newmark step. Further rows give the time of a cycle of the engine with 6 coordinates for various numbers of steps,
+with the error against 46080 steps, and the time of 10,000 cycles of 720 steps under preset `paper`."""
 METHODS = ("newmark", "gauss")
 ELEMENTS = (1, 4, 16, 64, 256, 1024)
 MODES = (2, 5, 11, 23)

@@ -100,7 +100,7 @@ class EnergyBalance(PlainTable):
     dissipated: float = Field(description="by damping, in contacts and by friction")
     supplied: float = Field(description="by loads and prescribed drives")
     gap: float = Field(description="largest absolute value of stored + dissipated - supplied")
-    drift: float = Field(description="gap relative to the largest energy turned over")
+    drift: float = Field(description="gap relative to the largest exchanged energy")
 
 
 class Summary(PlainTable):
@@ -116,7 +116,7 @@ class Summary(PlainTable):
     elements: dict[str, int] = Field(description="number of elements of each elastic link")
     outcome: str = Field(description="completed, unstable, singular, no_periodic_state or cascade")
     message: str = Field(description="the outcome in words, with time and reason")
-    solver: str = Field(description="solver of the equations, why, and its residual")
+    solver: str = Field(description="solver of the equations, the reason for its choice, and its residual")
     errors: str = Field(description="why error estimates are missing")
     warnings: list[str] = Field(description="warnings")
     duration_s: float = Field(description="stored time, s")
@@ -310,8 +310,8 @@ def documentation() -> str:
 
 _HEAD = """# summary.json
 
-`kaneflex run` writes `summary.json` next to `results.nc`. Numbers are in SI, except where a
-name has its unit. This is version {version} of the [JSON Schema](data/summary.schema.json).
+`kaneflex run` writes `summary.json` next to `results.nc`. Numbers are in SI unless the
+name of a field contains a unit. This is version {version} of the [JSON Schema](data/summary.schema.json).
 
 Made by `python -m kaneflex.report.summary`; do not edit.
 """
