@@ -97,7 +97,7 @@ def test_angles_near_a_dead_centre_are_noted():
     mu = math.acos(40 / 40.3)
     assert wrist.note.startswith(f"at {wrist.stand} wrist is {math.degrees(mu):.2g} deg from a dead centre")
     assert wrist.stand in ("main = 90 deg", "main = 270 deg")
-    assert f"up to {1 / math.sin(mu):.3g} times what they pass on" in wrist.note
+    assert f"up to {1 / math.sin(mu):.3g} times the transmitted force" in wrist.note
     (second,) = found("four-bar", "crank.length=30 mm", "ground.right=['100 mm', 0]",
                       "coupler.length=80 mm", "follower.length=50.3 mm")  # fmt: skip
     assert second.stand == "main = 180 deg" and "from a dead centre" in second.note
@@ -117,7 +117,7 @@ def test_loops_in_space_are_noted_near_a_dead_centre():
     assert not [*notes(load(read_scene("spatial-slider-crank-elastic")))]
     model = load(with_settings(read_scene("spatial-slider-crank-elastic"), ["rod.length=237 mm"]))
     (note,) = notes(model)
-    assert "what holds ball is 0.07 of its firmest" in note and "near a dead centre" in note
+    assert "the smallest singular value of ball is 0.07 of its largest value" in note and "near a dead centre" in note
     told = float(note.split("shaft = ")[1].split(" deg")[0])
     assert told == pytest.approx(math.degrees(math.atan2(-100, 120)) % 360, abs=1.0)
     assert description(model)["loops over the run"]["smallest singular value"].startswith("ball")

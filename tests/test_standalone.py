@@ -147,4 +147,4 @@ def test_command(tmp_path: Path) -> None:
     refused(cli("derive", "engine", "--standalone", "-o", file), "--force")
     refused(cli("derive", "engine", "--standalone", "--preset", "coupled", "-o", file, "--force"), "solve.preset")
     plain = cli("derive", "engine", "--set", "rod.elements=1", "-o", file, "--force")
-    assert "Note: the module holds no numbers of the scene, so that --set changes nothing in it\n" in plain.stderr
+    assert "Note: the module contains no numbers of the scene, so --set has no effect\n" in plain.stderr

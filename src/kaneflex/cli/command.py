@@ -42,11 +42,11 @@ def _say_more(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> N
 _LOUDNESS = (
     click.Option(
         ["-q", "--quiet"], is_flag=True, is_eager=True, expose_value=False, callback=_say_less,
-        help="Print only what is wrong: errors and warnings.",
+        help="Print only errors and warnings.",
     ),
     click.Option(
         ["-v", "--verbose"], is_flag=True, is_eager=True, expose_value=False, callback=_say_more,
-        help="Say on stderr what each stage was and how long it took.",
+        help="Print each stage and its time on stderr.",
     ),
 )  # fmt: skip
 

@@ -29,11 +29,11 @@ COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences
     help="Presets to run, like linear,stiffened,coupled. [default: these three; with --with the scene's own]",
 )  # fmt: skip
 @click.option("--with", "peer", metavar="PROGRAM", help="Build and run SCENE in another program, too: exudyn.")
-@click.option("--peer-elements", type=Count(min=1), help="Its elements of each link. [default: twice SCENE's]")
-@click.option("--peer-steps", type=Count(min=1), help="Its steps. [default: four times SCENE's]")
+@click.option("--peer-elements", type=Count(min=1), help="Elements of each link there. [default: twice SCENE's]")
+@click.option("--peer-steps", type=Count(min=1), help="Time steps there. [default: four times SCENE's]")
 @click.option(
     "--against", metavar="NAME",
-    help="The one that the others are measured against. [default: the other program, else the last]",
+    help="Reference of the differences: a preset or the program. [default: the program, else the last preset]",
 )  # fmt: skip
 @folder_options("comparison")
 @json_option
@@ -42,10 +42,10 @@ def compare(
     asked: SceneArguments, target: Target, presets: tuple[str, ...], peer: str | None, peer_elements: int | None,
     peer_steps: int | None, against: str | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Run SCENE by several models and print the differences of every sensor.
+    """Run SCENE with several models and print the differences of every sensor.
 
-    The folder holds differences.csv, comparison.json, curves.nc (every sensor of every model over time) and pictures of
-    the curves. A preset that does not support SCENE is left out, with the reason. Exudyn comes with
+    The folder contains differences.csv, comparison.json, curves.nc (every sensor of every model over time) and
+    pictures of the curves. A preset that does not support SCENE is left out, with the reason. Exudyn needs
     pip install "kaneflex[peer]".
 
     \b

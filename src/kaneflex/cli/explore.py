@@ -19,19 +19,19 @@ from kaneflex.support.terminal import echo
 @click.option(
     "--vary", "open_", multiple=True, metavar="PATH=LOW:HIGH",
     help="A slider for this entry of the scene, like main.speed=2000:6000rpm or rod.elements=1:8; "
-    "ends without a point or a unit mean whole numbers. Can be repeated.",
+    "limits without a decimal point or a unit give whole numbers. Can be repeated.",
 )  # fmt: skip
-@names_option("--sensors", help="Sensors to show. [default: the first four kinds]")
-@output_option("FILE.png", "Write the window as it opens, .png, .svg or .pdf, and open none.")
+@names_option("--sensors", help="Sensors to show. [default: one of each of the first four kinds]")
+@output_option("FILE.png", "Write a picture (.png, .svg or .pdf) instead of opening a window.")
 @force_option
 @gathered(asked=SceneArguments)
 def explore(
     asked: SceneArguments, open_: tuple[str, ...], sensors: tuple[str, ...], output: Path | None, force: bool
 ) -> None:
-    """Open a window with sliders for some numbers of SCENE; the curves of its sensors follow.
+    """Open a window with sliders for some numbers of SCENE; the curves of its sensors are updated.
 
     Each curve is the result of `kaneflex run` for the sliders' values; the pale curve is the unchanged scene. If a run
-    is not possible, the window says why. When the window closes, the sliders' values are printed as a command.
+    is not possible, the window shows the reason. When the window closes, the sliders' values are printed as a command.
 
     \b
       kaneflex explore engine --vary main.speed=2000:9000rpm

@@ -22,7 +22,7 @@ def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
     """Write the linear equations of SCENE as an FMU for model exchange and co-simulation.
 
     Outputs are the sensors, inputs the values of constant loads, parameters the speeds and angles of drives. The FMU
-    holds its C sources; a C compiler, or the one named in CC, makes the library for this machine.
+    contains its C sources; a C compiler (environment variable CC selects it) builds the library for this machine.
 
     \b
       kaneflex export engine --fmi 3 -o engine.fmu

@@ -89,11 +89,11 @@ which_pictures = together(
     no_plots,
 )  # fmt: skip
 moving_options = together(
-    click.option("--mp4", is_flag=True, help='Also write the animation as MP4; pip install "kaneflex[mp4]" brings it.'),
-    click.option("--frames", type=Count(min=2), metavar="N", help="Instants of a motion. [default: 60]"),
+    click.option("--mp4", is_flag=True, help='Also write the animation as MP4; needs pip install "kaneflex[mp4]".'),
+    click.option("--frames", type=Count(min=2), metavar="N", help="Number of frames of an animation. [default: 60]"),
     click.option(
         "--seconds", type=Real(min=0.1, max=3600.0), metavar="S",
-        help="Length of the animation. [default: 12 instants in a second]",
+        help="Duration of the animation. [default: 12 frames a second]",
     ),
 )  # fmt: skip
 

@@ -43,31 +43,31 @@ def _number(section: str, text: str) -> float:
 @click.argument("nodes", metavar="NODES")
 @click.option(
     "--point", "points", multiple=True, required=True, metavar="NAME=FILE",
-    help="Nodes of a point: start=bore.txt. Repeated, with start and end.",
+    help="File with the nodes of a point: start=bore.txt. Give start and end; can be repeated.",
 )  # fmt: skip
 @click.option(
     "--section", "sections", multiple=True, metavar="NAME=DISTANCE",
-    help="A point on the mean line where forces in the section are known, from the start in the unit of the files; "
-    "mid, half-way, always is one. Repeated.",
+    help="Point for sensors of section forces, with its distance from the start in the unit of the files. "
+    "The point mid always exists. Can be repeated.",
 )  # fmt: skip
 @click.option(
     "--stress", nargs=2, metavar="MATRIX NAMES",
-    help="Matrix Market file of stresses by displacements, xx, yy, zz, xy, yz, zx a place, and a text file of the "
-    "places' names.",
+    help="Stress recovery: Matrix Market file with six rows for each place (xx, yy, zz, xy, yz, zx), and text file "
+    "with the names of the places.",
 )  # fmt: skip
 @click.option("--modes", type=Count(1, 50), default=4, show_default=True,
-              help="Modes with the points held: of bending, with --space of any kind.")  # fmt: skip
+              help="Number of modes with the points held: of bending modes, with --space of all modes.")  # fmt: skip
 @click.option(
     "--coupling", type=click.Choice(["rigid", "averaged"]), default="rigid", show_default=True,
-    help="Whether a point's nodes move as one, or it as their mean.",
+    help="rigid: the nodes of a point move as a rigid body; averaged: the point follows their mean.",
 )  # fmt: skip
-@click.option("--units", type=click.Choice(list(UNITS)), default="m-kg", show_default=True, help="Of the files.")
+@click.option("--units", type=click.Choice(list(UNITS)), default="m-kg", show_default=True, help="Units of the files.")
 @click.option(
     "--normal", nargs=3, type=Real(), default=(0.0, 0.0, 1.0), show_default=True, metavar="X Y Z",
-    help="Of the plane of motion; with --space where the body's z axis points.",
+    help="Normal of the plane of motion; with --space, direction of the body's z axis.",
 )  # fmt: skip
-@click.option("--space", is_flag=True, help="Of a body that moves in space: no mirror plane is needed.")
-@click.option("--damping", type=Real(0.0, 1.0), default=0.0, help="Ratio of every shape's.")
+@click.option("--space", is_flag=True, help="Import for scenes in space; the body needs no mirror plane.")
+@click.option("--damping", type=Real(0.0, 1.0), default=0.0, help="Damping ratio of every shape.")
 @output_option("FILE.npz", required=True)
 @force_option
 @json_option
@@ -78,9 +78,10 @@ def import_link(
 
     MASS and STIFFNESS are files of the free body, two or three translations of each node: Matrix Market, Abaqus .mtx,
     CalculiX .mas and .sti, Nastran .op4 and .pch (pip install "kaneflex[nastran]"). NODES is a text file with the
-    number and the coordinates of each node, or an input of Abaqus or CalculiX (.inp). STIFFNESS and NODES may be one
-    file of modes, MBDyn's .fem or a universal one (.unv, .uff; pip install "kaneflex[uff]"), with --coupling averaged;
-    a .fem with lumped masses is MASS, too. Bodies take the written file as modal_data under preset coupled.
+    number and the coordinates of each node, or an input file of Abaqus or CalculiX (.inp). With --coupling averaged a
+    file of modes can replace both STIFFNESS and NODES: MBDyn's .fem or a universal file (.unv, .uff; pip install
+    "kaneflex[uff]"); a .fem with lumped masses can also be MASS. Use the written file as modal_data of a body under
+    preset coupled.
 
     \b
       kaneflex import rod.mas rod.sti rod.inp --point start=bore.txt --point end=pin.txt -o rod.npz

@@ -60,9 +60,9 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
 def check(asked: SceneArguments, as_json: bool) -> None:
     """Check every entry of SCENE and close its loops over the range of the drives; nothing is solved.
 
-    Printed are the range of each joint, the distance of the loops to dead centres, and the degrees of freedom by count
-    and by rank. Warnings are those of a run that need no solution, such as steps too long for the loads. Deflections,
-    energy, impacts and errors are known only after a run.
+    It prints the range of each joint, the distance of the loops from dead centres, and the degrees of freedom by count
+    and by rank. It prints those warnings of a run that need no solution, such as steps that are too long for the loads.
+    Deflections, energy, impacts and errors are known only after a run.
 
     \b
       kaneflex check press.toml --set main.speed="200 rpm"
@@ -86,7 +86,7 @@ def check(asked: SceneArguments, as_json: bool) -> None:
 @command()
 @scene_options()
 @at_option
-@click.option("--count", type=Count(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
+@click.option("--count", type=Count(min=1), help="Number of modes, lowest first. [default: all, 50 at most]")
 @json_option
 @path_option(
     "--export", metavar="FOLDER", help="Instead, write each link's modal data under preset coupled to FOLDER/LINK.npz."

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 @output_option("FILE.png", "Picture to write: .png, .svg or .pdf. [default: NAME.png]")
 @click.option(
     "--at", "places", multiple=True, metavar="DRIVE=ANGLE",
-    help="Place, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. [default: as the run starts]",
+    help="Coordinate of a drive, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. "
+    "[default: as at the start of the run]",
 )  # fmt: skip
 @click.option("--branches", is_flag=True, help="Draw all ways in which the loops close, and what chooses each.")
 @force_option
@@ -44,7 +45,7 @@ def show(
 ) -> None:
     """Draw SCENE with its bodies, joints, drives, loads and sensors, and count its degrees of freedom.
 
-    Nothing is derived or solved, so that a scene that cannot run yet can be drawn.
+    Nothing is derived or solved, so incomplete scenes can be drawn, too.
 
     \b
       kaneflex show press.toml --at main=30deg -o press.svg
@@ -145,7 +146,7 @@ def _in_space(scene: Scene, at: Mapping[str, float], blocks: Blocks) -> Callable
 @output_option("FILE.toml", "[default: NAME.toml]")
 @click.option("--force", is_flag=True, help="Replace existing files.")
 def new(name: str, like: str | None, output: Path | None, force: bool) -> None:
-    """Write a commented scene of your own to start from, with the tables that it reads beside it.
+    """Write a commented scene to start from, and the CSV tables that it reads.
 
     \b
       kaneflex new press
@@ -163,7 +164,7 @@ def new(name: str, like: str | None, output: Path | None, force: bool) -> None:
 @command(renamed={"--sensor": "--sensors"})
 @scene_options("preset", "settings")
 @at_option
-@names_option("--sensors", help="Outputs. [default: all]")
+@names_option("--sensors", help="Sensors as outputs. [default: all]")
 @output_option("FILE", "File to write: .npz for NumPy, .mat for MATLAB or .mo for Modelica.", required=True)
 @path_option("--bode", metavar="FILE.png", help="Draw magnitudes and phases over the frequency.")
 @force_option
@@ -175,8 +176,8 @@ def linearise(
 ) -> None:  # fmt: skip
     """Write the elastic equations of SCENE at one instant as a state space.
 
-    The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
-    outputs (sensors).
+    The file contains M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives)
+    and outputs (sensors).
 
     \b
       kaneflex linearise engine --at main=90deg -o engine.mat --bode bode.png
@@ -225,7 +226,7 @@ def _bode(system: StateSpace, kind: str) -> bytes:
 @force_option
 @gathered(asked=SceneArguments)
 def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
-    """Print the equations of SCENE as a LaTeX document: the programs of its module and the element's matrices.
+    """Print the equations of SCENE as a LaTeX document: the rigid motion and the matrices of an element.
 
     `kaneflex derive` writes the same equations as Python or C.
 
@@ -250,7 +251,7 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
 @output_option("FILE.py", "Module to write; the folder to make with --language c.", required=True)
 @click.option(
     "--language", type=click.Choice(["python", "c"]), default="python", show_default=True,
-    help="c: a folder of portable C11 without allocation, which makes the run without Python, too.",
+    help="c: a folder of portable C11 without allocation, which can also run the scene without Python.",
 )  # fmt: skip
 @click.option(
     "--standalone", is_flag=True,
@@ -260,17 +261,17 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
 @click.option(
     "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
 )
-@names_option("--sensors", help="With --tolerance: only these count.")
+@names_option("--sensors", help="With --tolerance: sensors that must meet it. [default: all]")
 @force_option
 @gathered(asked=SceneArguments)
 def derive(
     asked: SceneArguments, output: Path, language: str, standalone: bool, coupled: bool, tolerance: str | None,
     sensors: tuple[str, ...], force: bool,
 ) -> None:  # fmt: skip
-    """Derive the equations of SCENE and write them as a numba module of its own, or as C.
+    """Derive the equations of SCENE and write them as a numba module or as C code.
 
-    The module imports only math, numpy and numba; the same scene gives the same bytes everywhere. It holds no numbers
-    of the scene, so settings count only where they change its structure or preset.
+    The module imports only math, numpy and numba; the same scene gives the same bytes everywhere. It contains no
+    numbers of the scene, so settings have an effect only if they change its structure or preset.
 
     \b
       kaneflex derive engine -o engine.py
@@ -305,7 +306,7 @@ def derive(
     write_text(output, text)
     plain = not standalone and scene.solve.preset != "coupled"
     if asked.settings and plain and scene.structure_hash() == read(asked.name, []).structure_hash():
-        echo("Note: the module holds no numbers of the scene, so that --set changes nothing in it", err=True)
+        echo("Note: the module contains no numbers of the scene, so --set has no effect", err=True)
     echo(f"{text.count(chr(10))} lines written to {output}" if standalone else f"Written to {output}")
 
 

@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 )
 @names_option(
     "--sensitivities", "parameters", metavar="PATHS",
-    help="Differentiate every sensor by these numbers of the scene: rod.E,rod.I,main.speed.",
+    help="Derivatives of every sensor with respect to these numbers of the scene: rod.E,rod.I,main.speed.",
 )  # fmt: skip
 @click.option(
     "--basis", type=click.Choice(["frozen", "recomputed"]), default="frozen", show_default=True,
-    help="Whether modal bases keep their shapes in --sensitivities.",
+    help="With --sensitivities: keep the modal bases, or compute them for each change.",
 )  # fmt: skip
 @click.option(
     "--tolerance", metavar="SHARE",
-    help="Choose the cheapest model that keeps each sensor within a share of its peak, like 1%.",
+    help="Choose the cheapest model whose error in each sensor is within this share of its peak, like 1%.",
 )
-@names_option("--sensors", help="With --tolerance: only these count.")
+@names_option("--sensors", help="With --tolerance: sensors that must meet it. [default: all]")
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
 @folder_options("results", which_pictures)
-@click.option("--vtk", is_flag=True, help='Also write the motion for ParaView; pip install "kaneflex[vtk]" brings it.')
+@click.option("--vtk", is_flag=True, help='Also write the motion for ParaView; needs pip install "kaneflex[vtk]".')
 @moving_options
 @json_option
 @gathered(asked=SceneArguments, target=Target, choosing=Choosing)

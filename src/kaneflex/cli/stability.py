@@ -33,10 +33,10 @@ STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds
     help="Speeds of the first drive, like main.speed=0:12000rpm; plain numbers are SI.",
 )  # fmt: skip
 @click.option("--speed", hidden=True)  # as --vary without the drive's name, in versions before
-@click.option("--points", type=Count(min=2), help="With --vary: how many speeds. [default: 41]")
+@click.option("--points", type=Count(min=2), help="With --vary: number of speeds. [default: 41]")
 @click.option(
     "--orders", metavar="LIST", default="1,2,3,4,5,6", show_default=True,
-    help="Multiples of the drive's turns in Campbell's diagram, like 0.5,1,1.5.",
+    help="Orders of the drive in the Campbell diagram, like 0.5,1,1.5.",
 )  # fmt: skip
 @folder_options("stability")
 @json_option
@@ -45,10 +45,10 @@ def stability(
     asked: SceneArguments, target: Target, vary: str | None, speed: str | None, points: int | None, orders: str,
     as_json: bool,
 ) -> None:  # fmt: skip
-    """Judge the stability of SCENE's periodic motion, with one sentence for each finding.
+    """Compute the stability of SCENE's periodic motion and print one sentence for each finding.
 
     Findings are Floquet multipliers, frozen frequencies over the cycle, buckling, the largest stable step of each
-    integrator and conditioning; with --vary also unstable bands and the Campbell diagram. The folder holds
+    integrator and conditioning; with --vary also unstable bands and the Campbell diagram. The folder contains
     stability.json, cycle.csv, speeds.csv and a picture.
 
     \b

@@ -37,14 +37,14 @@ def _demand_xarray(ctx: click.Context, parameter: click.Parameter, given: bool) 
 @command()
 @click.argument("name", metavar="STUDY.toml")
 @output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
-@click.option("--workers", type=Count(min=1), help="Solve in so many processes of this machine.")
+@click.option("--workers", type=Count(min=1), help="Number of processes on this machine.")
 @click.option(
     "--scheduler", metavar="ADDRESS",
-    help='Solve on the workers of a Dask scheduler, like tcp://host:8786. Comes with pip install "kaneflex[cluster]".',
+    help='Solve on the workers of a Dask scheduler, like tcp://host:8786. Needs pip install "kaneflex[cluster]".',
 )  # fmt: skip
 @click.option(
     "--format", "form", type=click.Choice(["netcdf", "zarr"]), default="netcdf", show_default=True,
-    help='What to write; pip install "kaneflex[zarr]" brings the second.',
+    help='File format; zarr needs pip install "kaneflex[zarr]".',
 )  # fmt: skip
 @settings_option
 @preset_option
@@ -53,16 +53,16 @@ def _demand_xarray(ctx: click.Context, parameter: click.Parameter, given: bool) 
     help="Draw no pictures; they need xarray, and are left out without it.",
 )  # fmt: skip
 @click.option("--plots", is_flag=True, hidden=True, expose_value=False, callback=_demand_xarray)
-@click.option("--force", is_flag=True, help="Begin anew what an earlier sweep left in its folder.")
+@click.option("--force", is_flag=True, help="Start again and replace the results of an earlier sweep.")
 @gathered(asked=SceneArguments)
 @click.pass_context
 def sweep(
     ctx: click.Context, asked: SceneArguments, output: Path | None, workers: int | None, scheduler: str | None,
     form: str, plots: bool, force: bool,
 ) -> None:  # fmt: skip
-    """Run one scene at many points of its parameters, into one labelled dataset.
+    """Run one scene at many parameter values and write one labelled dataset.
 
-    STUDY.toml names the scene and what varies in it: lists, ranges and samples. The folder gets sweep.nc with the
+    STUDY.toml names the scene and the parameters: lists, ranges and samples. The folder contains sweep.nc with the
     smallest, largest, rms and mean value of every sensor at each point. After an interruption the same command
     continues. A failed point is recorded with its reason; if all points fail, the exit code is 3.
 

@@ -29,9 +29,9 @@ def _options(ending: str) -> Decorator:
     """What both commands take; ``ending`` is that of their folder."""
     return together(
         scene_options("preset", "settings"),
-        click.option("--tolerance", default="1%", metavar="SHARE", help="Error of each sensor.", show_default=True),
-        click.option("--budget", default="60s", metavar="TIME", help="For running and timing.", show_default=True),
-        names_option("--sensors", help="Sensors that count. [default: all]"),
+        click.option("--tolerance", default="1%", metavar="SHARE", help="Allowed error per sensor.", show_default=True),
+        click.option("--budget", default="60s", metavar="TIME", help="Time for running and timing.", show_default=True),
+        names_option("--sensors", help="Sensors to consider. [default: all]"),
         folder_options(ending),
         json_option,
         gathered(asked=SceneArguments, target=Target),
@@ -44,7 +44,7 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Recommend the cheapest model of SCENE within a tolerance, and rank the others by error and run time.
 
     Models differ in preset, elements, modes, steps, integrator and single terms. The reference is the scene's finest
-    model, whose own error is estimated first. The folder holds trade.csv, trade.json and a picture. Scenes with
+    model, whose own error is estimated first. The folder contains trade.csv, trade.json and a picture. Scenes with
     clearance or friction run under preset coupled only: for them the command prints the effect of each clearance and
     friction on every sensor, in price.csv, price.json and a picture.
 
@@ -66,9 +66,9 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Print the cost of each group of terms of SCENE, its effect on the sensors, and whether the tolerance needs it.
 
     Each group is left out of preset stiffened, one at a time: spin, gyroscopic, Euler and geometric terms, damping,
-    axial deformation, each load, dynamics, two-way coupling and others that the scene has. Where the motion is periodic
-    and linear, the effect follows from one linear solve; otherwise from a run. The folder holds terms.csv, terms.json
-    and a picture.
+    axial deformation, each load, dynamics, two-way coupling and others that the scene has. If the motion is periodic
+    and linear, the effect follows from one linear solve; otherwise from a run. The folder contains terms.csv,
+    terms.json and a picture.
 
     \b
       kaneflex terms engine --tolerance 0.1%

@@ -60,14 +60,14 @@ class Closing:
         least, at = float(self.values.min()), f"at {self.stand} " if self.stand else ""
         if self.is_angle and least < _NEAR:
             return (
-                f"{at}{self.name} is {math.degrees(least):.2g} deg from a dead centre: its joints bear up to "
-                f"{1.0 / max(math.sin(least), 1e-9):.3g} times what they pass on, and play decides how it goes on; 40 "
-                "deg and more are usual"
+                f"{at}{self.name} is {math.degrees(least):.2g} deg from a dead centre: joint forces are up to "
+                f"{1.0 / max(math.sin(least), 1e-9):.3g} times the transmitted force, and clearance decides the "
+                "further motion; 40 deg or more is usual"
             )
         if not self.is_angle and least < _WEAK * self.values.max():
             return (
-                f"{at}what holds {self.name} is {least / self.values.max():.2g} of its firmest: it is near a dead "
-                "centre or a change of branch, where forces grow without bound"
+                f"{at}the smallest singular value of {self.name} is {least / self.values.max():.2g} of its largest "
+                "value: the loop is near a dead centre or a change of branch, where forces grow without bound"
             )
         return ""
 
