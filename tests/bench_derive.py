@@ -72,9 +72,8 @@ includes compiling the engine that all scenes share.
 """
 COUPLED_COLUMNS = ("links", "modes", "coordinates", "derive [s]", "compile [s]", "a step [us]", "steps", "rejected")
 FOOT = """
-{date}, {cores} cores, Python {python}, SymPy {sympy}, numba {numba}; the smallest of {tries}, of
-the coupled equations a single try. Made by
-`make bench-derive`; do not edit.
+{date}, {cores} cores, Python {python}, SymPy {sympy}, numba {numba}; the smallest of {tries} tries; the coupled
+equations were timed once. Made by `make bench-derive`; do not edit.
 """
 
 

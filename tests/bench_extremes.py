@@ -39,12 +39,13 @@ RULES = """
 ## Conclusions
 
 - **Slow motions** (steps of thousands of vibration periods) and **stiff links next to soft ones**: use `radau` or
-  `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state; the message says so.
+  `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state, which a message
+  reports.
 - **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; `gauss` and
   `newmark` warn where forces computed from the equations of motion differ from those computed from the change of
   velocities.
 - **`coupled` at low speed**: forces are right, but at 60 rpm vibrations within the tolerance are as large as the
-  accelerations; a warning says so. Below about 0.01 rpm a cycle takes millions of steps.
+  accelerations, which a warning reports. Below about 0.01 rpm a cycle takes millions of steps.
 - **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not show it;
   `coupled` works.
 - **Steps longer than the vibration periods**: a warning reports unstable steps; only `exact-modal` (preset `paper`)

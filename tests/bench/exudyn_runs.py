@@ -25,8 +25,8 @@ TITLE = "Whole runs against Exudyn"
 ABOUT = """\
 Solution time for an rms error of 1e-3 of an elastic link's deflection, against each program's own converged answer;
 the ratio is to kaneflex. Under preset `stiffened` kaneflex is linear about the prescribed motion, so this ratio also
-compares models; `coupled` is nonlinear like Exudyn, but with a link's modes in a floating frame. Periodic motions are
-found by harmonics in kaneflex, and in Exudyn from the undeformed state until 1e-4 of the transient is left."""
+compares models; `coupled` is nonlinear like Exudyn, but with a link's modes in a floating frame. kaneflex finds
+periodic motions by harmonics; Exudyn integrates from the undeformed state until 1e-4 of the transient is left."""
 ERROR, ROUNDS = 1e-3, 7
 
 

@@ -28,7 +28,7 @@ from kaneflex.support.terminal import echo
 def explore(
     asked: SceneArguments, open_: tuple[str, ...], sensors: tuple[str, ...], output: Path | None, force: bool
 ) -> None:
-    """Open a window with sliders for some numbers of SCENE; the curves of its sensors are updated.
+    """Open a window with sliders for some numbers of SCENE and the resulting curves of its sensors.
 
     Each curve is the result of `kaneflex run` for the sliders' values; the pale curve is the unchanged scene. If a run
     is not possible, the window shows the reason. When the window closes, the sliders' values are printed as a command.

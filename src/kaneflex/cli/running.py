@@ -49,7 +49,7 @@ def run(
     """Solve SCENE and write report.html, results.nc and .csv, summary.json and pictures into a folder.
 
     The folder appears when it is complete; a run that fails leaves none. A run that stops early keeps the results up to
-    that instant, says when and why, and ends with exit code 3. The choice of --tolerance is kept in the user's cache.
+    that instant, prints when and why, and ends with exit code 3. The choice of --tolerance is kept in the user's cache.
 
     \b
       kaneflex run engine --preset coupled --set rod.elements=4 -o results

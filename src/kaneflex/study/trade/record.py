@@ -22,7 +22,7 @@ class Choice(PlainTable):
     """Cheapest model within a tolerance, with errors and reference."""
 
     tolerance: float = Field(description="error allowed of each sensor, as a share of its peak")
-    sensors: list[str] = Field(description="sensors that count")
+    sensors: list[str] = Field(description="sensors considered")
     model: str = Field(description="chosen model, as in `kaneflex trade`")
     settings: list[str] = Field(description="settings of the chosen model, as path=value")
     dropped: list[str] = Field(description="groups of terms left out beyond the preset")
