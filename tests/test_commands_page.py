@@ -39,7 +39,7 @@ def outputs(folder) -> dict[str, str]:
 
 def test_every_command_runs_and_writes_its_files(outputs):
     files = {path.name for path in Path().iterdir()}
-    pictures = {"press.png", "engine.svg", "explored.png", "engine-bode.png"}
+    pictures = {"press.png", "engine.svg", "ways.png", "explored.png", "engine-bode.png"}
     of_engine = {f"engine{end}" for end in (".npz", ".mat", ".tex", "-c", ".fmu")}
     assert files == pictures | of_engine | {"press.toml", "modal", "motor-c", "moved", "engine_model.py"}
     used = {"new", "show", "check", "explore", "linearise", "equations", "derive", "export", "modes", "run"}
