@@ -73,7 +73,7 @@ def _speeds() -> list[Case]:
     ]  # fmt: skip
     standing = Case(
         "speed", "0 rpm without a duration", "engine", ("main.speed=0",), ended, 0.0, accurate=(),
-        named=dict.fromkeys(("rigid", "quasistatic", "paper", "radau", "coupled"), "no drive that turns has a cycle"),
+        named=dict.fromkeys(("rigid", "quasistatic", "paper", "radau", "coupled"), "no rotating drive has a cycle"),
     )  # fmt: skip
     beyond = Case(
         "speed", "1e61 rad/s", "engine", ("main.speed=1e61",), ended, 0.0, accurate=(),

@@ -13,7 +13,7 @@ SCENE, MODEL = " takes a Scene, Model, Solution or path, not ", " takes a Model,
 SOLUTION = " takes a Solution, not "
 READ, LOADED, SIMULATED = "read_scene(...) makes a Scene", "load(scene) makes a Model", "simulate(model) makes one"
 TEXTS, PATH = " takes a list of texts as ", "give a text or a pathlib.Path"
-FUNCTION = "give one that takes what is told"
+FUNCTION = "give a function of one argument"
 # function, arguments (scene, model, solution stand for real ones), what the message says
 WRONG = [
     ("checked", ("engine",), " takes a generated module or a mechanism's kernels, not str: kaneflex.generated.engine"),

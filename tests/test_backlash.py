@@ -169,16 +169,16 @@ def test_units_are_those_of_angles_and_torques():
 
 @pytest.mark.parametrize(("contact", "settings", "message"), [
     ('{stiffness = "1e6 N/m^1.5", restitution = 1}', (), "joints.coupling.clearance.contact.stiffness = .*N m/rad"),
-    ('{materials = ["steel", "steel"], restitution = 1}', (), "Hertz's theory knows no torque of flanks"),
+    ('{materials = ["steel", "steel"], restitution = 1}', (), "Hertz's theory does not apply to flanks"),
     (EXACT, ("drives.coupling={law='t', free='none', initial_speed='none'}",),
-     "coupling has backlash, and its drive prescribes the angle in it"),
+     "coupling has backlash, and its drive prescribes the same angle"),
     (EXACT, ("drives.coupling.angle=2 deg",), "at the start it is 2 deg from the middle of its play"),
     (EXACT, ("drives.coupling.angle=-719.9 deg",), "is -719.9 deg from the middle"),
     (EXACT, ("drives.coupling.angle=361 deg",), "at the start it is 361 deg from the middle"),
     (EXACT, ("sensors.on={contact_force='coupling_1', contact_torque='none'}",),
-     "it is a flank, which turns. Write contact_torque"),
-    (EXACT, ("solve.preset=rigid",), "preset rigid has no equations of a joint with a clearance"),
-    (EXACT, ("joints.coupling.clearance.radius=1 mm",), "has no meaning for"),
+     "it is a flank, with a torque and an angle. Write contact_torque"),
+    (EXACT, ("solve.preset=rigid",), "preset rigid does not support a joint with a clearance"),
+    (EXACT, ("joints.coupling.clearance.radius=1 mm",), "does not apply to"),
 ])  # fmt: skip
 def test_what_backlash_can_t_be_is_refused(contact, settings, message):
     with pytest.raises(SceneError, match=message):

@@ -42,11 +42,11 @@ BAD = {
         "rad, rad/s, rpm, s, um."),
     "no unit": (
         LENGTH, 'length = "137"',
-        "bodies.rod.length = '137': no unit; a length is wanted. "
+        "bodies.rod.length = '137': no unit; a length is required. "
         "Write a length like '137 mm', or a plain number in m."),
     "not a number": (
         LENGTH, "length = true",
-        "bodies.rod.length = True: a length is wanted. Write a length like '137 mm', or a plain number in "
+        "bodies.rod.length = True: a length is required. Write a length like '137 mm', or a plain number in "
         "m."),
     "infinite": (
         LENGTH, "length = inf",
@@ -54,11 +54,11 @@ BAD = {
         "m."),
     "too large to be multiplied": (
         LENGTH, 'length = "1e61 m"',
-        "bodies.rod.length = '1e61 m': outside 1e-60 to 1e+60, where products of a few numbers leave double precision. "
+        "bodies.rod.length = '1e61 m': outside 1e-60 to 1e+60: products of such numbers exceed double precision. "
         "Write a length like '137 mm', or a plain number in m."),
     "too small to be multiplied": (
         LENGTH, "length = 1e-300",
-        "bodies.rod.length = 1e-300: outside 1e-60 to 1e+60, where products of a few numbers leave double precision. "
+        "bodies.rod.length = 1e-300: outside 1e-60 to 1e+60: products of such numbers exceed double precision. "
         "Write a length like '137 mm', or a plain number in m."),
     "zero length": (
         LENGTH, "length = 0",
@@ -115,20 +115,20 @@ BAD = {
         "bodies.rod.length: an elastic body without length. Give its length."),
     "centre of a beam": (
         LENGTH, LENGTH + ", centre = [0, 0]",
-        "bodies.rod.centre = [0, 0]: a uniform beam has its own. Leave centre out."),
+        "bodies.rod.centre = [0, 0]: a uniform beam gives it already. Leave centre out."),
     "own point again": (
         LENGTH, LENGTH + ", points = {mid = [1, 0]}",
-        "bodies.rod.points.mid = [1, 0]: every body has this point already. Choose another name."),
+        "bodies.rod.points.mid = [1, 0]: every body has this point. Choose another name."),
     "three components": (
         LENGTH, LENGTH + ", points = {top = [1, 0, 0]}",
         "joints.bore.direction = [1, 0]: two components, where bodies.rod.points.top has three. Give all vectors of a "
-        "scene as many: three in space."),
+        "scene three components in space, two in the plane."),
     "reserved name": (
         "[bodies]", "[bodies]\npi = {mass = 1}",
-        "bodies.pi: a reserved name: laws are written with it. Choose another name."),
+        "bodies.pi: a reserved name: laws use it. Choose another name."),
     "sensor over itself": (
         "[sensors]", '[sensors]\ntime = {position = "rod"}',
-        "sensors.time: a reserved name: the results are over it. Choose another name."),
+        "sensors.time: a reserved name: it is the results' coordinate. Choose another name."),
     "key of a table within": (
         LENGTH, LENGTH + ", elements = 3",
         "bodies.rod.elements = 3: unknown key. It belongs to bodies.rod.beam."),
@@ -158,7 +158,7 @@ BAD = {
         "bodies.lever.like = 'rodd': no body of that name. The nearest known one is 'rod'."),
     "like itself": (
         "[bodies]", '[bodies]\nlever = {like = "lever"}',
-        "bodies.lever.like = 'lever': bodies start from each other. Break the circle."),
+        "bodies.lever.like = 'lever': bodies refer to each other in a circle. Remove one reference."),
     "unknown point": (
         '"crank.end"', '"crank.ende"',
         "joints.pin.revolute = 'crank.ende': crank has no point 'ende'. The nearest known one is 'end'."),
@@ -200,37 +200,37 @@ BAD = {
         "Give it, like direction = [1, 0], in space [1, 0, 0]."),
     "zero direction": (
         "direction = [1, 0]", "direction = [0, 0]",
-        "joints.bore.direction = [0, 0]: a direction without length. Write two components, like [1, 0], or three in "
+        "joints.bore.direction = [0, 0]: a direction must not be zero. Write two components, like [1, 0], or three in "
         "space."),
     "joint with a body's name": (
         "wrist = ", "rod = ",
-        "joints.rod: a body has this name already. Choose another name."),
+        "joints.rod: a body has the same name. Choose another name."),
     "turns in Hz": (
         'speed = "6000 rpm"', 'speed = "100 Hz"',
         "drives.main.speed = '100 Hz': 'Hz' is not a unit of angular speed. "
         "Write an angular speed like '6000 rpm', or a plain number in rad/s."),
     "part of a turn": (
         'cycle = "720 deg"', 'cycle = "700 deg"',
-        "drives.main.cycle = '700 deg': the mechanism repeats after whole turns only. Give a multiple of "
+        "drives.main.cycle = '700 deg': the mechanism repeats only after whole turns. Give a multiple of "
         "360 deg."),
     "cycle against table": (
         'cycle = "720 deg"', 'cycle = "360 deg"',
-        "loads.gas.period = '720 deg': the cycle is no multiple of it, so a periodic start has no period. "
-        "Give a period that the cycle is a multiple of."),
+        "loads.gas.period = '720 deg': the cycle is not a multiple of it, so there is no common period. "
+        "Give a period that divides the cycle."),
     "no horizon": (
         ', cycle = "720 deg"', "",
-        "solve.duration: no drive that turns has a cycle, and there is no duration. "
+        "solve.duration: no rotating drive has a cycle, and solve.duration is missing. "
         "Give solve.duration, or a cycle to the drive.\n"
-        "solve.start = 'periodic': no drive that turns has a cycle. Give the drive a cycle."),
+        "solve.start = 'periodic': no rotating drive has a cycle. Give the drive a cycle."),
     "drive of no joint": (
         "[drives]", "[drives]\npins = {speed = 1}",
         "drives.pins: no joint of that name to drive. The nearest known one is 'pin'."),
     "force on the ground": (
         'force_on = "piston"', 'force_on = "ground"',
-        "loads.gas.force_on = 'ground.origin': the ground does not move. Name a body's point."),
+        "loads.gas.force_on = 'ground.origin': the ground does not move. Name a point of a body."),
     "no such column": (
         '"F_gas_N"', '"F_gas"',
-        "loads.gas.column = 'F_gas': gas.csv has no such column. The nearest known one is 'F_gas_N'."),
+        "loads.gas.column = 'F_gas': gas.csv does not have this column. The nearest known one is 'F_gas_N'."),
     "pressure for a force": (
         'unit = "N"', 'unit = "bar"',
         "loads.gas.unit = 'bar': 'bar' is not a unit of force. Write a force like '1.2 kN', or a plain "
@@ -240,7 +240,7 @@ BAD = {
         "loads.gas.against = 'mian': no joint of that name, nor its speed. The nearest known one is 'main'."),
     "against nothing": (
         'against = "main"\n', "",
-        "loads.gas: a table without what it is read against. Give against: 't', a joint's name, or "
+        "loads.gas: the table's abscissa is not given. Give against: 't', a joint's name, or "
         "NAME_speed for its speed."),
     "half a table": (
         'period = "720 deg"', 'period = "1440 deg"',
@@ -252,7 +252,7 @@ BAD = {
         "Write an angle like '720 deg', or a plain number in rad."),
     "no period": (
         'period = "720 deg"\n', "",
-        "loads.gas.period: a periodic start needs tables that repeat. Give the table's period."),
+        "loads.gas.period: a periodic start needs periodic tables. Give the table's period."),
     "missing table": (
         '"gas.csv"\n', '"gaz.csv"\n',
         "loads.gas.table = '{folder}/gaz.csv': no such file. Give the path of a CSV file, relative to the "
@@ -264,14 +264,14 @@ BAD = {
         "[loads.gas]", "[loads.push]\nforce_on = \"rod.mid\"\ndirection = [0, 1]\nlaw = "
         "\"open('x')\"\n[loads.gas]",
         "loads.push.law = \"open('x')\": a law cannot call 'open'. "
-        "It can call abs, acos, asin, atan, atan2, cos, exp, log, max, min, sign, sin, sqrt, step, tan, tanh."),
+        "Use abs, acos, asin, atan, atan2, cos, exp, log, max, min, sign, sin, sqrt, step, tan, tanh."),
     "two dampings": (
         "[damping]", "[damping]\nviscous = {mu = 1}",
         "damping: rayleigh and viscous exclude each other. Give exactly one of rayleigh, modal, viscous."),
     "falling frequencies": (
         'at = ["3039 Hz", "4549 Hz"]', "at = [2, 1]",
-        "damping.rayleigh.at = [2, 1]: the frequencies are not positive and rising. "
-        "Write like at = ['3039 Hz', '4549 Hz']."),
+        "damping.rayleigh.at = [2, 1]: the frequencies must be positive and increasing. "
+        "Write them like at = ['3039 Hz', '4549 Hz']."),
     "unknown sensor key": (
         "[sensors]", '[sensors]\nlift = {displacment = "rod.mid"}',
         "sensors.lift.displacment = 'rod.mid': unknown key. The nearest known one is 'displacement'."),
@@ -284,7 +284,7 @@ BAD = {
         "sensors.rod_mid_strain.strain = 'crank.mid': crank is rigid. Give the body a beam."),
     "strain without fibre": (
         ', fibre = "10 mm"', "",
-        "sensors.rod_mid_strain: a strain without the fibre it is measured at. Give fibre, its height above "
+        "sensors.rod_mid_strain: the strain's fibre is not given. Give fibre, its height above "
         "the axis."),
     "force of no joint": (
         'joint_force = "bore"', 'joint_force = "boer"',
@@ -298,32 +298,32 @@ BAD = {
         "sensors.crank_torque.drive_torque = 'pin': no drive of that name. Known: main."),
     "meaningless component": (
         'axial_force = "rod.end"', 'axial_force = "rod.end", component = "y"',
-        "sensors.rod_force_piston.component = 'y': has no meaning for axial_force. Leave it out."),
+        "sensors.rod_force_piston.component = 'y': does not apply to axial_force. Leave it out."),
     "name of a rigid companion": (
         "[sensors]", '[sensors]\ncrank_torque_rigid = {position = "rod"}',
-        "sensors.crank_torque_rigid: the rigid value of crank_torque has this name. Choose another name."),
+        "sensors.crank_torque_rigid: the rigid value of crank_torque is written under this name. Choose another name."),
     "spring without stiffness": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"]}\n[sensors]',
-        "springs.band: neither stiffness nor damping. Give at least one of them."),
+        "springs.band: stiffness and damping are missing. Give at least one of them."),
     "spring on one body": (
         "[sensors]", '[springs]\nband = {between = ["crank.start", "crank.end"], stiffness = 1}\n[sensors]',
         "springs.band.between = ['crank.start', 'crank.end']: both ends are on the same body. "
         "Name points of two bodies."),
     "spring across a pin": (
         "[sensors]", '[springs]\nband = {between = ["rod.start", "crank.end"], damping = 1}\n[sensors]',
-        "springs.band.between = ['rod.start', 'crank.end']: joint pin keeps its points together, where length and "
-        "damping have no direction. Move one of the points, give stiffness alone, or write torsional_at for a spring "
-        "that turns."),
+        "springs.band.between = ['rod.start', 'crank.end']: joint pin keeps its points together, so length and "
+        "damping have no direction. Move one of the points, give only stiffness, or write torsional_at for a "
+        "torsional spring."),
     "mass of nothing": (
         "[sensors]", '[masses]\nlump = {at = "rod.mid"}\n[sensors]',
         "masses.lump: neither mass nor inertia. Give at least one of them."),
     "I beside J": (
         'I = "7008 mm^4"', 'I = "7008 mm^4", J = "1 mm^4"',
-        "bodies.rod.beam.I = '7008 mm^4': a section in space has I_y, I_z and J, one in the plane I alone. "
+        "bodies.rod.beam.I = '7008 mm^4': a section in space has I_y, I_z and J, one in the plane only I. "
         "Leave I out in space, J in the plane."),
     "J alone": (
         'I = "7008 mm^4"', 'J = "1 mm^4"',
-        "bodies.rod.beam.I_y: missing: a section in space has I_y, I_z and J, one in the plane I alone. "
+        "bodies.rod.beam.I_y: missing: a section in space has I_y, I_z and J, one in the plane only I. "
         "Give all three in space, I in the plane."),
     "spring to nowhere": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.ende"], stiffness = 1}\n[sensors]',
@@ -337,7 +337,7 @@ BAD = {
         "Write a torsional stiffness like '12 N m/rad', or a plain number in N m/rad."),
     "free length of a torsional spring": (
         "[sensors]", '[springs]\nband = {torsional_at = "main", stiffness = 1, length = 1}\n[sensors]',
-        "springs.band.length = 1: has no meaning for torsional_at. Leave it out."),
+        "springs.band.length = 1: does not apply to torsional_at. Leave it out."),
     "torsional spring at no joint": (
         "[sensors]", '[springs]\nband = {torsional_at = "maim", stiffness = 1}\n[sensors]',
         "springs.band.torsional_at = 'maim': no joint of that name. The nearest known one is 'main'."),
@@ -346,11 +346,11 @@ BAD = {
         "springs.band.torsional_at = 'bore': a prismatic joint does not turn. Name a revolute joint."),
     "spring with a joint's name": (
         "[sensors]", '[springs]\nmain = {torsional_at = "main", stiffness = 1}\n[sensors]',
-        "springs.main: it stands in joints already. Choose another name."),
+        "springs.main: joints has an entry of this name. Choose another name."),
     "torque of a straight spring": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
         '\n[sensors]\nm = {spring_torque = "band"}',
-        "sensors.m.spring_torque = 'band': the other kind of spring. Measure its spring_force."),
+        "sensors.m.spring_torque = 'band': the spring is of the other kind. Measure its spring_force."),
     "force of no spring": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
         '\n[sensors]\nm = {spring_force = "bnd"}',
@@ -373,11 +373,11 @@ BAD = {
         "solve.forward.method = 'RK4': must be 'DOP853', 'RK45', 'Radau' or 'LSODA'. Write one of these."),
     "a tolerance of the forward dynamics beyond rounding": (
         "[solve]", "[solve]\nforward = {tolerance = 1e-15}",
-        "solve.forward.tolerance = 1e-15: not from 1e-13, where rounding begins, to 1. "
-        "Give a number between, like 1e-9."),
+        "solve.forward.tolerance = 1e-15: not between 1e-13 (rounding) and 1. "
+        "Give a number in this range, like 1e-9."),
     "a tolerance beyond rounding": (
         "[solve]", "[solve]\ntolerance = 1e-16",
-        "solve.tolerance = 1e-16: not from 1e-13, where rounding begins, to 1. Give a number between, like 1e-9."),
+        "solve.tolerance = 1e-16: not between 1e-13 (rounding) and 1. Give a number in this range, like 1e-9."),
     "unknown integrator": (
         "[solve]", '[solve]\nintegrator = "rk4"',
         "solve.integrator = 'rk4': must be 'spectral', 'radau', 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' "
@@ -407,12 +407,12 @@ BAD = {
         "like = 'engin': no shipped scene and no file of that name. The nearest known one is 'engine'."),
     "like itself as a scene": (
         "schema = 1", 'schema = 1\nlike = "bad.toml"',
-        "like = 'bad': scenes start from each other: bad.toml -> bad.toml. Break the circle."),
+        "like = 'bad': scenes refer to each other in a circle: bad.toml -> bad.toml. Remove one reference."),
     "drive of a scene with poses": (
         'piston = {mass = "0.214 kg"}', 'piston = {mass = "0.214 kg", pose = {at = [0, 0]}}',
-        "bodies.crank.pose: other bodies stand in given poses, this one does not. Give its pose.\n"
-        "bodies.rod.pose: other bodies stand in given poses, this one does not. Give its pose.\n"
-        "drives.main: bodies with poses don't move. Leave the drive out, or the poses."),
+        "bodies.crank.pose: other bodies have poses, this one has none. Give its pose.\n"
+        "bodies.rod.pose: other bodies have poses, this one has none. Give its pose.\n"
+        "drives.main: bodies with poses don't move. Leave out either the drive or the poses."),
     "chord of a body without length": (
         'tip_axial = {displacement = "rod.end", relative_to = "start"',
         'tip_axial = {displacement = "piston.start", relative_to = "chord"',
@@ -433,10 +433,10 @@ BAD = {
         "loads.motor.torque_at = 'bore': a prismatic joint does not turn. Name a revolute joint."),
     "torque with a direction": (
         "[loads.gas]", '[loads.motor]\ntorque_at = "main"\nvalue = 1\ndirection = [1, 0]\n[loads.gas]',
-        "loads.motor.direction = [1, 0]: a torque has none. Leave it out."),
+        "loads.motor.direction = [1, 0]: a torque has no direction. Leave it out."),
     "force without direction": (
         "[loads.gas]", '[loads.wind]\nforce_on = "piston"\nvalue = 1\n[loads.gas]',
-        "loads.wind.direction: a force without direction. Give it, like direction = [1, 0], in space [1, 0, 0]."),
+        "loads.wind.direction: the force has no direction. Give it, like direction = [1, 0], in space [1, 0, 0]."),
     "constant load with a period": (
         "[loads.gas]",
         '[loads.wind]\nforce_on = "piston"\ndirection = [1, 0]\nvalue = 1\nperiod = "1 deg"\n[loads.gas]',
@@ -446,14 +446,14 @@ BAD = {
         "loads.gas.period = '-720 deg': not positive. Give a positive period, like '720 deg'."),
     "speed with a period": (
         'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {speed = "6000 rpm", period = "0.02 s"}',
-        "drives.main.period = '0.02 s': a drive by speed repeats after an angle or never. Leave period out."),
+        "drives.main.period = '0.02 s': a drive by speed repeats after a cycle, not a period. Leave period out."),
     "spin-up with a cycle": (
         'main = {speed = "6000 rpm", cycle = "720 deg"}',
         'main = {speed = "6000 rpm", spin_up = "1 s", cycle = "720 deg"}',
         "drives.main.cycle = '720 deg': a drive that spins up does not repeat. Leave it out."),
     "law with an angle": (
         'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {law = "t", angle = "1 deg"}',
-        "drives.main.angle = '1 deg': a law says where the joint starts. Leave it out."),
+        "drives.main.angle = '1 deg': the law gives the joint's start already. Leave it out."),
     "speed with a column": (
         'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {speed = "6000 rpm", column = "angle"}',
         "drives.main.column = 'angle': belongs to a table; this drive has a speed. Leave it out."),
@@ -464,45 +464,45 @@ BAD = {
     "revolute joint with an angle": (
         'pin = {revolute = ["crank.end", "rod.start"]}',
         'pin = {revolute = ["crank.end", "rod.start"], relative_angle = "1 deg"}',
-        "joints.pin.relative_angle = '1 deg': a revolute joint has no angle of its own. Leave it out."),
+        "joints.pin.relative_angle = '1 deg': a revolute joint has no angle. Leave it out."),
     "spectral radius above one": (
         "[solve]", "[solve]\nrho_infinity = 1.1",
-        "solve.rho_infinity = 1.1: above one, the integrator would amplify. Give a number from 0 to 1."),
+        "solve.rho_infinity = 1.1: above one the integrator would be unstable. Give a number from 0 to 1."),
     "direction of three components": (
         "direction = [-1, 0]", "direction = [-1, 0, 0]",
         "joints.bore.direction = [1, 0]: two components, where loads.gas.direction has three. Give all vectors of a "
-        "scene as many: three in space."),
+        "scene three components in space, two in the plane."),
     "law as an angle": (
         'speed = "6000 rpm", cycle = "720 deg"', 'angle = "0.9 * sin(10*t)"',
-        "drives.main.angle = '0.9 * sin(10*t)': this is one number. Write what changes with t as law, in rad or m, "
-        "like law = '0.5*sin(t)'."),
+        "drives.main.angle = '0.9 * sin(10*t)': not a plain number. Write functions of t as law, in rad or m, like "
+        "law = '0.5*sin(t)'."),
     "gear": (
         'pin = {', 'mesh = {gear = ["main", "pin"], ratio = -2}\npin = {',
-        "joints.mesh.gear = ['main', 'pin']: unknown key: no key couples a joint with another one. {couple}\n"
-        "joints.mesh.ratio = -2: unknown key: no key couples a joint with another one. {couple}"),
+        "joints.mesh.gear = ['main', 'pin']: unknown key: there is no key that couples joints. {couple}\n"
+        "joints.mesh.ratio = -2: unknown key: there is no key that couples joints. {couple}"),
     "drive over another drive": (
         'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {table = "gas.csv", against = "bore"}',
-        "drives.main.against = 'bore': unknown key: a drive's table is over the time. {couple}"),
+        "drives.main.against = 'bore': unknown key: a drive's table is over time. {couple}"),
     "planar bushing": (
         "[damping]", "[springs.m]\nbushing = ['ground', 'rod']\nstiffness = [1, 1, 1]\n[damping]",
         "springs.m.stiffness = [1, 1, 1]: a bushing has six, and only scenes in space have bushings. Write three along "
-        "x, y, z and three about them, like '20 kN/m', '12 N m/rad'. In a planar scene write springs between points "
-        "that are apart, along x and along y."),
+        "x, y, z and three about them, like '20 kN/m', '12 N m/rad'. In a planar scene use two springs between "
+        "separate points, along x and along y."),
     "address of three words": (
         'force_on = "piston"', 'force_on = "rod.end.x"',
-        "loads.gas.force_on = 'rod.end.x': not an address. Write 'body', 'body.point' or 'ground'; any other point "
-        "goes to the body's points."),
+        "loads.gas.force_on = 'rod.end.x': not an address. Write 'body', 'body.point' or 'ground'; define other "
+        "points in the body's points."),
     "negative damping ratio": (
         'rayleigh = {ratio = 0.02, at = ["3039 Hz", "4549 Hz"]}', "modal = {ratio = [0.02, -0.01]}",
-        "damping.modal.ratio = [0.02, -0.01]: a damping ratio is zero or more. Write one ratio like 0.02, or "
+        "damping.modal.ratio = [0.02, -0.01]: a damping ratio must not be negative. Write one ratio like 0.02, or "
         "one for each mode."),
     "Rayleigh damping at one frequency": (
         'at = ["3039 Hz", "4549 Hz"]', 'at = ["3039 Hz"]',
-        "damping.rayleigh.at = ['3039 Hz']: Rayleigh damping is fixed at two frequencies. Write like at = "
-        "['3039 Hz', '4549 Hz']."),
+        "damping.rayleigh.at = ['3039 Hz']: Rayleigh damping is fixed at two frequencies. Write them like "
+        "at = ['3039 Hz', '4549 Hz']."),
     "words for a length": (
         'length = "137 mm"', 'length = "long"',
-        "bodies.rod.length = 'long': not a number with a unit; a length is wanted. Write a length like '137 "
+        "bodies.rod.length = 'long': not a number with a unit; a length is required. Write a length like '137 "
         "mm', or a plain number in m."),
     "drive of a weld": (
         'main = {revolute = ["ground", "crank.start"]}', 'main = {weld = ["ground", "crank.start"]}',
@@ -548,10 +548,10 @@ def test_bad_scene(case, tmp_path):
     (lambda lines: [], "gas.csv is empty", "Give a header line and rows of numbers"),
     (lambda lines: [*lines[:5], "4,nan,nan", *lines[6:]], "gas.csv, line 6: 'nan' is not a finite number",
      "Correct or remove that line"),
-    (lambda lines: [*lines[:5], lines[6], lines[5], *lines[7:]], "gas.csv, line 7: 4 does not rise above 5",
+    (lambda lines: [*lines[:5], lines[6], lines[5], *lines[7:]], "gas.csv, line 7: 4 is not above 5",
      "Sort the rows by their first column, each value once"),
     (lambda lines: [*lines[:-1], "720,3,3000"],
-     "the table does not close: first and last value differ by 0.073 of the largest",
+     "the table is not periodic: first and last value differ by 0.073 of the largest",
      "Correct the table, or raise closing from 0.01"),
 ])  # fmt: skip
 def test_bad_table(change, reason, cure, tmp_path):
@@ -580,7 +580,7 @@ sensors = {turn = {position = "seat", component = "%s"}}
     (tmp_path / "arm.toml").write_text(welded % "angle")
     assert read_scene(tmp_path / "arm.toml").sensors["turn"].unit == "rad"
     (tmp_path / "arm.toml").write_text(welded % "x")
-    with pytest.raises(SceneError, match=r"sensors\.turn\.component = 'x': not that joint's coordinate\. Give 'angle'"):
+    with pytest.raises(SceneError, match=r"sensors\.turn\.component = 'x': not a coordinate of this joint"):
         read_scene(tmp_path / "arm.toml")
 
 
@@ -594,9 +594,9 @@ def test_a_scene_that_is_not_there_is_looked_for_beside_it(tmp_path, monkeypatch
     (tmp_path / "compressor.toml").write_text('schema = 1\nlike = "engine"\n')
     monkeypatch.chdir(tmp_path)
     for name in ("compresor.toml", "compressor", "compresor"):
-        with pytest.raises(SceneError, match=r"There is a file 'compressor\.toml'"):
+        with pytest.raises(SceneError, match=r"A similar file is 'compressor\.toml'"):
             read_scene(name)
-    with pytest.raises(SceneError, match=r"There is a file '.*compressor\.toml'"):
+    with pytest.raises(SceneError, match=r"A similar file is '.*compressor\.toml'"):
         read_scene(tmp_path / "compresor.toml")
 
 
@@ -608,14 +608,14 @@ def test_unknown_scene(name):
 
 @pytest.mark.parametrize(("settings", "message"), [
     (["solve.duration=1 s"],
-     "solve.start = 'periodic': there is no cycle to repeat: solve.duration sets a horizon of its own. "
+     "solve.start = 'periodic': solve.duration replaces the cycle, so there is no period. "
      "Give a drive a cycle and no duration, or start from zero or quasistatic."),
     (["solve.reduction=craig-bampton", "solve.preset=paper"],
-     "solve.reduction = 'craig-bampton': preset paper superposes modes of the whole mechanism. "
+     "solve.reduction = 'craig-bampton': preset paper uses modes of the whole mechanism. "
      "Leave the reduction out."),
     (["solve.integrator=scipy"],
-     "solve.integrator = 'scipy': it finds no periodic state, and solve.start is periodic. "
-     "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator."),
+     "solve.integrator = 'scipy': this integrator finds no periodic state, and solve.start is periodic. "
+     "Start from zero or quasistatic, like --set solve.start=quasistatic, or use another integrator."),
     (["solve.integrator=exact-modal"],
      "solve.integrator = 'exact-modal': the equations of preset stiffened are coupled. "
      "Use radau, generalised-alpha or newmark."),
@@ -629,7 +629,7 @@ def test_options_that_exclude_each_other(settings, message):
 
 
 def test_settings_are_a_list():
-    with pytest.raises(SceneError, match=r"^settings = 'solve\.steps=9': one text, .* Write \['solve\.steps=9'\]\.$"):
+    with pytest.raises(SceneError, match=r"^settings = 'solve\.steps=9': a single text .*\['solve\.steps=9'\]\.$"):
         with_settings(read_scene("engine"), "solve.steps=9")
 
 
@@ -651,7 +651,7 @@ def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
     with pytest.raises(SceneError) as caught:
         read_scene(tmp_path / "bad.toml")
     assert str(caught.value) == (
-        "drives.main_speed: in a law this is the speed of another drive. Choose another name for the joint."
+        "drives.main_speed: laws use this name for the speed of another drive. Choose another name for the joint."
     )
 
 
@@ -664,9 +664,9 @@ def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
      "Move the point onto the axis, between start and end, or join a rigid body there."),
     ("engine", ["bodies.piston={length=0.05, beam={material='steel', I='7008 mm^4'}}"],
      "joints.bore = 'piston': an elastic body on a guide is not available yet. "
-     "Join it to a guided rigid body by a revolute joint or a weld, or take preset rigid."),
+     "Join it to a guided rigid body by a revolute joint or a weld, or use preset rigid."),
     ("engine-elastic-crank", ["springs={coil={torsional_at='main', stiffness=1}}", "solve.preset=paper"],
-     "springs.coil = 'main': preset paper lets elastic bodies turn at a drive. "
+     "springs.coil = 'main': in preset paper elastic bodies rotate freely at a drive. "
      "Use another preset, or leave the spring out."),
 ])  # fmt: skip
 def test_what_elastic_links_can_not_have(scene, settings, message):

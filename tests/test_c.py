@@ -288,7 +288,7 @@ def test_what_a_scene_is_called_can_be_a_name_in_c():
 
 
 def test_what_is_not_printed_in_c_is_refused():
-    with pytest.raises(SceneError, match=r"No linear preset .*: joints.rub.friction: .* no equations of friction"):
+    with pytest.raises(SceneError, match=r"No linear preset .*: joints.rub.friction: .* does not support friction"):
         c_model(read_scene("stick-slip"))
     for name, said in (
         ("bricard", "first is free"), ("robot-arm-elastic", "none of its drives has a cycle"),

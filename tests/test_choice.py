@@ -120,10 +120,10 @@ def test_what_the_indicator_speaks_against_is_tried_once_and_what_cannot_be_run_
     scene = with_settings(read_scene("pin-ended-cross"), ["solve.duration=0.5 s", "solve.steps=1000"])
     found = choose(scene)
     assert found.indicators["dynamics"] > 1 and found.reference_note.startswith("preset coupled can't be run")
-    assert f"\n  What is not known of it: {found.reference_note}" in chosen_lines(found)
+    assert f"\n  Not verified: {found.reference_note}" in chosen_lines(found)
     tried = [attempt.model for attempt in found.attempts if attempt.error is not None]
     assert [model for model in tried if model.startswith("quasistatic")] == ["quasistatic"]
-    assert any(a.model == "coupled" and "welds alone take their angles from poses" in a.reason for a in found.attempts)
+    assert any(a.model == "coupled" and "only welds take angles from poses" in a.reason for a in found.attempts)
     assert found.model.startswith("stiffened, 2 modes, 250 steps") and "damping" not in found.dropped
 
 
@@ -303,14 +303,14 @@ def test_write_back_keeps_line_ends_mode_and_links(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--tolerance", "1%", "--preset", "linear"), ("--preset = 'linear'", "what --tolerance chooses")),
+        (("--tolerance", "1%", "--preset", "linear"), ("--preset = 'linear'", "--tolerance chooses the model")),
         (("--tolerance", "1%", "--integrator", "gauss"), ("--integrator = 'gauss'",)),
         (("--tolerance", "1%", "--after", "x"), ("--after = 'x'",)),
         (("--tolerance", "200%"), ("between 0 and 100 %",)),
         (("--tolerance", "1%", "--sensors", "tip_axia"), ("nearest known one is 'tip_axial'",)),
         (("--tolerance", "1%", "--write-back"), ("a shipped scene is not changed", "kaneflex new")),
-        (("--sensors", "tip_axial"), ("--sensors: belongs to --tolerance",)),
-        (("--write-back",), ("--write-back: belongs to --tolerance",)),
+        (("--sensors", "tip_axial"), ("--sensors: requires --tolerance",)),
+        (("--write-back",), ("--write-back: requires --tolerance",)),
     ],
 )
 def test_what_is_refused_before_anything_runs(tmp_path, cache, arguments, words):
@@ -461,7 +461,7 @@ def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_pa
     assert "M q'' + (K_s + K_g) q = F" in head and "Without the terms spin, gyroscopic, euler, damping." in head
     assert "made by: kaneflex derive SCENE --tolerance SHARE -o FILE.py" in head
     refused(cli("derive", "engine", "--tolerance", "1%", "--preset", "coupled", "-o", tmp_path / "b.py"), "--preset")
-    refused(cli("derive", "engine", "--sensors", "tip_axial", "-o", tmp_path / "b.py"), "belongs to --tolerance")
+    refused(cli("derive", "engine", "--sensors", "tip_axial", "-o", tmp_path / "b.py"), "requires --tolerance")
 
 
 def test_the_choices_compared_with_brute_force_are_what_the_page_says_of_them():

@@ -72,7 +72,7 @@ def test_a_full_disk_under_the_cache_of_kernels_is_named(tmp_path):
         cwd=tmp_path, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert shown.returncode == 2 and "Traceback" not in shown.stderr
-    assert "Error: File too large. Free some space, or keep caches elsewhere: set NUMBA_CACHE_DIR" in shown.stderr
+    assert "Error: File too large. Free some space, or move the caches: set NUMBA_CACHE_DIR" in shown.stderr
 
 
 def test_a_plain_number_of_millimetres_is_named_before_anything_is_solved():

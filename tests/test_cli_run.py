@@ -138,7 +138,7 @@ def test_pictures_are_drawn_by_name_also_later_from_the_finished_folder(monkeypa
     refused(cli("plot", "."), "no scene.toml in it")
     scene = Path("r/scene.toml")
     scene.write_text(scene.read_text().replace('mass = "0.214 kg"', 'mass = "0.215 kg"'))
-    refused(cli("plot", "r", "loads"), "results.nc", "is not what scene.toml gives now")
+    refused(cli("plot", "r", "loads"), "results.nc", "differs from what scene.toml gives now")
 
 
 def test_results_are_printed_before_anything_is_drawn(monkeypatch):

@@ -63,7 +63,7 @@ def test_the_count_is_printed_as_the_page_shows_it(outputs):
     printed = outputs["kaneflex show press.toml --at main=30deg"].splitlines()
     first = printed.index(expected[0])
     assert printed[first : first + len(expected)] == expected
-    assert printed[first + len(expected)] == "where it is shown"  # the joints' places follow, as the page says
+    assert printed[first + len(expected)] == "as shown"  # the joints' places follow, as the page says
 
 
 def test_export_says_what_the_page_shows(outputs):

@@ -158,26 +158,26 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
     [
         (
             "[drives]", "[drives]\nwrist = {free = true}",
-            "drives.wrist: wrist has a clearance: nothing there can be driven. Leave the clearance out, or this.",
+            "drives.wrist: wrist has a clearance: it cannot be driven. Leave out the clearance or this.",
         ),
         (
             'force = {joint_force = "pin"', 'eccentricity = {joint_force = "pin"',
-            "sensors.eccentricity: the results of contacts have this name. Choose another name.",
+            "sensors.eccentricity: contacts write a result of this name. Choose another name.",
         ),
         (
             'joint_force = "pin"', 'joint_force = "wrist"',
             "sensors.force.joint_force = 'wrist': wrist has a clearance: it has no reaction, but contacts with a "
-            "contact_force. Leave the clearance out, or this.",
+            "contact_force. Leave out the clearance or this.",
         ),
         (
             'push = {force_on = "piston", direction = [1, 0]', 'push = {torque_at = "wrist"',
-            "loads.push.torque_at = 'wrist': wrist has a clearance: it moves as well as turns. Leave the "
-            "clearance out, or this.",
+            "loads.push.torque_at = 'wrist': wrist has a clearance: its sides also translate. Leave out "
+            "the clearance or this.",
         ),
         (
             'torsional_at = "pin"', 'torsional_at = "wrist"',
-            "springs.coil.torsional_at = 'wrist': wrist has a clearance: it has no angle of its own. Leave the "
-            "clearance out, or this.",
+            "springs.coil.torsional_at = 'wrist': wrist has a clearance: it has no angle. Leave out "
+            "the clearance or this.",
         ),
         (
             "[contacts.stop]", "[contacts.wrist]",
@@ -185,7 +185,7 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             "[contacts.stop]", "[contacts.rod]",
-            "contacts.rod: it stands in bodies already. Choose another name.",
+            "contacts.rod: bodies has an entry of this name. Choose another name.",
         ),
         (
             '"ground.floor"', '"ground.flor"',
@@ -202,16 +202,16 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             "normal = [0, 2]", "",
-            "contacts.stop: a line without the side on which the point may be. Give normal, like normal = [0, 1].",
+            "contacts.stop: the side of the line is not given. Give normal, like normal = [0, 1].",
         ),
         (
             STOP, STOP.replace('0.5', '0'),
-            "contacts.stop.contact.restitution = 0: law exact would need a force without bounds. Give a number "
+            "contacts.stop.contact.restitution = 0: law exact would need an infinite force. Give a number "
             "above zero, like 0.01.",
         ),
         (
             STOP, STOP.replace('0.5', '1.5'),
-            "contacts.stop.contact.restitution = 1.5: more would come back than went in. Give a number up to 1.",
+            "contacts.stop.contact.restitution = 1.5: the impact would gain energy. Give a number up to 1.",
         ),
         (
             STOP, STOP.replace('^1.5', ''),
@@ -220,12 +220,12 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             STOP, "contact = {stiffness = 1e9}",
-            "contacts.stop.contact: law exact needs a restitution. Give restitution, or take law hertz, which "
-            "loses nothing.",
+            "contacts.stop.contact: law exact needs a restitution. Give restitution, or use law hertz, which "
+            "is lossless.",
         ),
         (
             STOP, 'contact = {law = "kelvin-voigt", stiffness = 1e9, restitution = 0.5}',
-            "contacts.stop.contact.restitution = 0.5: law kelvin-voigt has none. Leave it out.",
+            "contacts.stop.contact.restitution = 0.5: law kelvin-voigt does not use it. Leave it out.",
         ),
         (
             STOP, 'contact = {materials = ["steel", "steal"], restitution = 0.5}',
@@ -234,18 +234,18 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             STOP, 'contact = {materials = ["steel", "steel"], restitution = 0.5}',
-            "contacts.stop.contact: Hertz's theory knows no contact of a point, without radius. Give its radius, "
+            "contacts.stop.contact: Hertz's theory needs a radius, a point has none. Give its radius, "
             "or contact.stiffness.",
         ),
         (
             WRIST, 'width = "20 mm", contact = {modulus = "115 GPa", restitution = 0.5}',
-            "joints.wrist.clearance.contact: the depth of cylinders is no power of their force: K d^n is fitted "
-            "to it about one. Give contact.load, a force that is typical, like load = '1 kN'.",
+            "joints.wrist.clearance.contact: cylinders follow no power law: K d^n is fitted at a load, which is "
+            "missing. Give contact.load, a typical force, like load = '1 kN'.",
         ),
         (
             WRIST, 'width = "20 mm", contact = {modulus = "115 GPa", load = 1e6, restitution = 0.5}',
-            "joints.wrist.clearance.contact.load = 1000000.0: at this force the cylinders touch over more of "
-            "their round than Hertz's theory is true for. Give one up to 7.19e+05 N, or contact.stiffness.",
+            "joints.wrist.clearance.contact.load = 1000000.0: at this force the contact of the cylinders is "
+            "too wide for Hertz's theory. Give a load up to 7.19e+05 N, or contact.stiffness.",
         ),
         (
             'radial = "0.5 mm"', 'gap = "0.5 mm", length = 1',
@@ -253,7 +253,7 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             '["rod.end", "piston"]', '["rod.end", "piston"]\nbranch = "-"',
-            "joints.wrist.branch = '-': a joint with a clearance holds nothing. Leave it out.",
+            "joints.wrist.branch = '-': a joint with a clearance does not couple rotations. Leave it out.",
         ),
     ],
 )  # fmt: skip
@@ -263,21 +263,22 @@ def test_what_is_wrong_is_named_with_its_cure(old, new, message):
 
 def test_a_block_is_refused_where_it_can_not_be():
     assert refused((BORE, BLOCK)) == [
-        "drives.bore: bore has a clearance: nothing there can be driven. Leave the clearance out, or this.",
+        "drives.bore: bore has a clearance: it cannot be driven. Leave out the clearance or this.",
     ]
     tight_wrist = WRIST_JOINT, WRIST_JOINT.split("clearance")[0]
     free_wrist = 'bore = {free = true, position = "459 mm"}', "wrist = {free = true}"
     assert refused((BORE, BLOCK), tight_wrist, free_wrist, (", inertia = 2.7e-6", "")) == [
-        "bodies.piston.inertia = 0: it turns in the clearance of bore, and has no moment of inertia. Give one."
+        "bodies.piston.inertia = 0: it can rotate in the clearance of bore but has no moment of inertia. "
+        "Give its inertia."
     ]
     materials = BLOCK.replace(WRIST, 'contact = {materials = ["steel", "steel"], restitution = 0.9}')
     assert refused((BORE, materials)) == [
-        "joints.bore.clearance.contact: Hertz's theory knows no contact of a corner without radius. "
+        "joints.bore.clearance.contact: Hertz's theory needs a radius, a corner has none. "
         "Give contact.stiffness."
     ]
     beam = 'piston = {length = 1, beam = {material = "steel", section = {rectangle = [0.01, 0.01]}}}'
-    assert "joints.bore.prismatic = 'piston.start': piston is elastic and would slide through its own deformation. " \
-        "Let the guide hold a rigid body." in refused(
+    assert "joints.bore.prismatic = 'piston.start': piston is elastic: a guide cannot hold a deforming body. " \
+        "Put a rigid body into the guide." in refused(
         (BORE, BLOCK), ('piston = {mass = "76 g", inertia = 2.7e-6}', beam)
     )  # fmt: skip
 
@@ -287,10 +288,10 @@ def test_one_way_presets_refuse_contacts_and_say_which_one_takes_them(preset):
     scene = written(('preset = "coupled"', f'preset = "{preset}"'))
     with pytest.raises(SceneError) as caught:
         resolve_options(scene)
-    assert str(caught.value) == f"contacts.stop: preset {preset} has no equations of a contact. Take preset coupled."
+    assert str(caught.value) == f"contacts.stop: preset {preset} does not support a contact. Take preset coupled."
     with pytest.raises(SceneError) as caught:
         resolve_options(with_settings(scene, ["contacts.stop=none"]))
-    expected = f"joints.wrist.clearance: preset {preset} has no equations of a joint with a clearance. "
+    expected = f"joints.wrist.clearance: preset {preset} does not support a joint with a clearance. "
     assert str(caught.value) == f"{expected}Take preset coupled."
 
 

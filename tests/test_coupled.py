@@ -201,11 +201,11 @@ def test_a_spring_and_its_damper_hold_the_cart():
     [
         (
             "engine", ["solve.terms.spin=false"],
-            "solve.terms.spin = False: the coupled equations are one whole. Take preset stiffened to leave terms out.",
+            "solve.terms.spin = False: preset coupled cannot leave terms out. Use preset stiffened.",
         ),
         (
             "engine", ["solve.integrator=newmark"],
-            "solve.integrator = 'newmark': integrates equations that are linear in the displacements. "
+            "solve.integrator = 'newmark': this integrator is for equations that are linear in the displacements. "
             "Use radau, gauss or scipy under preset coupled.",
         ),
         (
@@ -215,13 +215,13 @@ def test_a_spring_and_its_damper_hold_the_cart():
         ),
         (
             "free-frame", [],
-            "solve.preset = 'coupled': it places bodies by their joints, and welds alone take their angles from poses. "
-            "Take preset stiffened, or leave the poses out and hold every body by joints and drives.",
+            "solve.preset = 'coupled': preset coupled places bodies by joints; only welds take angles from poses. "
+            "Use preset stiffened, or leave the poses out and hold every body by joints and drives.",
         ),
         (
             "engine-paper", [],
-            "joints.pin.rotation = 'shared': a choice of models with small displacements: here a joint is what it is. "
-            "Leave rotation out, or take preset stiffened.",
+            "joints.pin.rotation = 'shared': only presets with small displacements have this choice. "
+            "Leave rotation out, or use preset stiffened.",
         ),
         (
             "elastic-pendulum", ["solve.start=quasistatic"],

@@ -125,13 +125,13 @@ def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused(tmp_pa
     safe, p = kaneflex.checked(found), bind_parameters(scene, found)
     safe.courses(0.0, p, np.zeros(3), 0)
     safe.courses(0.0, p, np.zeros(8), 5)
-    with pytest.raises(ValueError, match=r"courses: out has shape \(2,\), at least \(3,\) is wanted"):
+    with pytest.raises(ValueError, match=r"courses: out has shape \(2,\), at least \(3,\) is required"):
         safe.courses(0.0, p, np.zeros(2), 0)
-    with pytest.raises(ValueError, match=r"courses: out has shape \(7,\), at least \(8,\) is wanted"):
+    with pytest.raises(ValueError, match=r"courses: out has shape \(7,\), at least \(8,\) is required"):
         safe.courses(0.0, p, np.zeros(7), 5)
-    with pytest.raises(ValueError, match=r"magnitudes: x has shape \(1,\), at least \(2,\) is wanted"):
+    with pytest.raises(ValueError, match=r"magnitudes: x has shape \(1,\), at least \(2,\) is required"):
         safe.magnitudes(0.0, np.zeros(1), 0, p, np.zeros(1), 0)
-    with pytest.raises(ValueError, match=r"does not hold the table of loads.gas.table"):
+    with pytest.raises(ValueError, match=r"does not hold the whole table of loads.gas.table"):
         safe.magnitudes(0.0, np.zeros(2), 0, p[:-1], np.zeros(1), 0)
 
 

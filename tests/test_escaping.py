@@ -189,7 +189,7 @@ def test_commands_print_by_one_function_alone():
 
 
 def test_bytes_that_are_no_text_are_refused_in_texts_and_seen_in_names_of_files(tmp_path):
-    with pytest.raises(SceneError, match=r"^name = '\\udce4': not a text of whole characters\. Write it in UTF-8\.$"):
+    with pytest.raises(SceneError, match=r"^name = '\\udce4': not valid text\. Write it in UTF-8\.$"):
         scene_of({"like": "engine", "name": "\udce4"})
     file = tmp_path / "m\udce4.toml"
     file.write_text('like = "engine"\n')

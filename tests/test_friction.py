@@ -385,9 +385,9 @@ def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor():
 
 
 def test_the_one_way_presets_name_what_has_friction():
-    with pytest.raises(SceneError, match=r"joints\.slide\.friction: preset rigid has no equations.*coupled"):
+    with pytest.raises(SceneError, match=r"joints\.slide\.friction: preset rigid does not support friction.*coupled"):
         solved(BLOCK, "solve.preset=rigid")
-    with pytest.raises(SceneError, match=r"with joints\.slide\.friction it would step over what changes there"):
+    with pytest.raises(SceneError, match=r"with joints\.slide\.friction it would step over the events there"):
         solved(BLOCK, "solve.integrator=scipy")
     with pytest.raises(SceneError, match=r"with joints\.slide\.friction the equations are nonlinear"):
         linearise(load(scene_of(BLOCK)))
@@ -524,7 +524,7 @@ def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(friction
 
 @pytest.mark.parametrize("name", ["pin", "pin_torque", "friction_lost"])
 def test_no_sensor_has_the_name_of_a_result_of_friction(name):
-    with pytest.raises(SceneError, match=rf"sensors.{name}: the results of friction have this name"):
+    with pytest.raises(SceneError, match=rf"sensors.{name}: friction writes a result of this name"):
         solved(HINGE.replace("drag =", f"{name} ="))
 
 

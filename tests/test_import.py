@@ -254,12 +254,12 @@ def test_files_in_other_axes_tell_the_same_stresses(recovered):
         ({"rod-stress.mtx": "other.mtx"}, "a motion of the whole link along its axis leaves a stress at top"),
         ({"rod-stress.mtx": "rod-nodes.txt"}, "rod-nodes.txt is no Matrix Market file"),
         ({"waist=0.066": "waist=66"}, "section waist at 66 is not between the start and the end, at 0.137"),
-        ({"waist=0.066": "waist=half"}, "section waist = 'half' is no distance from the start"),
+        ({"waist=0.066": "waist=half"}, "section waist = 'half' is not a distance from the start"),
         ({"waist=0.066": "end=0.066"}, "section end is a point by its nodes, too"),
         ({"waist=0.066": "mid=0.066"}, "section mid at 0.066 is not half-way"),
         ({"waist=0.066": "2x=0.066"}, "'2x' is not a name"),
-        ({"waist=0.066": "waist"}, "--section 'waist' gives no value to a name"),
-        ({"waist=0.066": "waist="}, "--section 'waist=' gives no value to a name"),
+        ({"waist=0.066": "waist"}, "--section 'waist' is not of the form NAME=VALUE"),
+        ({"waist=0.066": "waist="}, "--section 'waist=' is not of the form NAME=VALUE"),
     ],
 )  # fmt: skip
 def test_what_is_refused_of_sections_and_stresses(odd_files, changed, message):
@@ -321,8 +321,8 @@ def test_the_page_has_a_scene_of_it(recovered):
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ('start = "periodic"', "modes = 2", "solve.modes = 2: links by modal data have the shapes of their file"),
-        ('preset = "coupled"\nstart = "periodic"', 'preset = "rigid"', "rigid bodies by modal data have none"),
+        ('start = "periodic"', "modes = 2", "solve.modes = 2: the file of modal data gives the shapes"),
+        ('preset = "coupled"\nstart = "periodic"', 'preset = "rigid"', "rigid bodies with modal data have none"),
         ('"rod.waist"', '"rod.end"', "has no section forces there: it has those at mid, waist. Name a section"),
     ],
 )

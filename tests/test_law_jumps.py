@@ -154,8 +154,8 @@ def test_a_smooth_step_rises_between_its_places(tmp_path):
 
 def test_jumps_without_an_error_control_are_refused(tmp_path):
     for settings, reason in (
-        (("solve.preset=rigid",), "jumps, which preset rigid would step over as it integrates hub"),
-        (("solve.integrator=scipy",), "jumps, which scipy's Radau would step over"),
+        (("solve.preset=rigid",), "jumps, and preset rigid would step over the jump as it integrates hub"),
+        (("solve.integrator=scipy",), "jumps, and scipy's Radau would step over the jump"),
     ):
         with pytest.raises(SceneError, match=reason):
             moved(tmp_path, "-0.5*sign(hub_speed)", *settings)
@@ -168,7 +168,7 @@ def test_an_angle_of_time_jumps_only_where_it_is_cut(tmp_path):
     settings = ("solve.preset=rigid", "solve.steps=100")
     assert moved(tmp_path, smooth, *settings).outcome is Outcome.COMPLETED
     for cut in ("0.1*atan2(sin(9*t), cos(9*t))", "0.1*atan2(sin(hub), 2 + cos(hub))"):
-        with pytest.raises(SceneError, match=r"atan2.* jumps, which preset rigid would step over"):
+        with pytest.raises(SceneError, match=r"atan2.* jumps, and preset rigid would step over"):
             moved(tmp_path, cut, *settings)
 
 
@@ -181,7 +181,7 @@ def test_a_law_that_turns_is_not_differentiated(tmp_path):
 
 def test_a_joint_with_no_drive_is_refused_where_only_drives_are_known():
     base = read_scene("four-bar-motor")
-    with pytest.raises(SceneError, match="laws and tables know the joints that have a drive: second has none"):
+    with pytest.raises(SceneError, match="laws and tables can use joints with a drive only: second has none"):
         load(with_settings(base, ["loads.motor.law=1 - second", "solve.preset=linear"]))
     with pytest.raises(SceneError, match="unknown name 'third'"):
         with_settings(base, ["loads.motor.law=1 - third"])

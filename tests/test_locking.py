@@ -27,13 +27,13 @@ def test_a_free_crank_that_does_not_close_where_it_starts(preset):
     with pytest.raises(SceneError) as error:
         model("four-bar-motor", f"solve.preset={preset}", "coupler.length=100 mm", "main.angle=10 deg")
     said = (
-        "the loop can't close: at main = 10 deg ground and follower do not meet. Change the lengths, or let main start "
-        "elsewhere."
+        "the loop cannot close: at main = 10 deg ground and follower do not meet. Change the lengths, or let main "
+        "start elsewhere."
     )
     if preset == "coupled":
         said = (
-            "the linkage can't close at main = 10 deg: coupler, follower. "
-            "Change the lengths, or where its drives stand."
+            "the loop cannot close at main = 10 deg: coupler, follower. "
+            "Change the lengths, or the positions of its drives."
         )
     assert str(error.value) == f"joints.rocker = '+': {said}"
 
@@ -41,7 +41,7 @@ def test_a_free_crank_that_does_not_close_where_it_starts(preset):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        (["rod.length=110 mm"], "joints.guide = '+': the linkage can't close at main = "),
+        (["rod.length=110 mm"], "joints.guide = '+': the loop cannot close at main = "),
         (["rod.length=150 mm"], "joints"),
     ],
 )
@@ -59,7 +59,7 @@ def test_a_linkage_that_swings_into_its_limit(method, branch):
     with pytest.raises(SceneError) as error:
         model(*RIGID, *settings, f"solve.forward.method={method}")
     text = str(error.value)
-    assert text.startswith("joints.rocker: the linkage swings into its limit: at t = 0.2")
+    assert text.startswith("joints.rocker: the linkage reaches a dead centre at t = 0.2")
     assert float(re.search(r"main = ([\d.]+) deg", text).group(1)) == pytest.approx(LIMIT, abs=0.05)
     assert "ground and follower do not meet" in text and "preset coupled" in text
     assert "rod" not in text and "guide" not in text
@@ -69,6 +69,6 @@ def test_a_link_without_mass_is_named():
     with pytest.raises(SceneError) as error:
         model("double-pendulum", "lower.mass=none")
     assert str(error.value) == (
-        "drives.elbow = 'free': nothing that it moves has mass or inertia, at pivot = 0 deg, elbow = 0 deg. "
+        "drives.elbow = 'free': singular mass matrix at pivot = 0 deg, elbow = 0 deg: the joint moves no inertia. "
         "Give the bodies that move with it a mass or an inertia, or prescribe it."
     )

@@ -145,11 +145,11 @@ def test_checked_kernels_name_what_does_not_fit():
     assert (called(safe_with(safe, own), "K") == called(own, "K")).all()
     assert safe.points == own.points and safe.parameters is own.parameters
     for kernel, arguments, message in (
-        ("M", (T, own.parameters, np.zeros((n, n + 1))), rf"M: out has shape \({n}, {n + 1}\), \({n}, {n}\) is wanted"),
-        ("F", (T, own.parameters, np.zeros((n, 1))), rf"F: out has shape \({n}, 1\), \({n},\) is wanted"),
+        ("M", (T, own.parameters, np.zeros((n, n + 1))), rf"M: out has shape \({n}, {n + 1}\), \({n}, {n}\) is"),
+        ("F", (T, own.parameters, np.zeros((n, 1))), rf"F: out has shape \({n}, 1\), \({n},\) is required"),
         ("K", (T, own.parameters, np.zeros((n, n)).T[::-1]), "K: out is not contiguous"),
         ("K", (T, own.parameters, np.zeros((n, n), np.float32)), "K: out is an array of float32"),
-        ("C", (T, other.parameters, np.zeros((n, n))), "C: p is of another mechanism"),
+        ("C", (T, other.parameters, np.zeros((n, n))), "C: p belongs to another mechanism"),
         ("K_g", (T, own.parameters.numbers, np.zeros((n, n))), "K_g: p is a ndarray, the parameters of the kernels"),
         ("positions", (T, own.parameters, np.zeros((2, 2))), r"positions: out has shape \(2, 2\), \(7, 2\)"),
         ("equations", (T, own.parameters, *[np.zeros((n, n))] * 3, np.zeros(3)), r"equations: F has shape \(3,\)"),

@@ -218,7 +218,7 @@ def unstable(data):
         (lambda data: data.update(psi=data["psi"][:, :2]), "psi has the shape (3, 2), not (3, 3)"),
         (lambda data: data.update(format=np.array(2)), "format = 2: this version reads format 1"),
         (asymmetric, "mass_w_w[0, 1] = 0.001 is not symmetric to"),
-        (not_finite, "psi holds what is no finite number. Give it in 1/m."),
+        (not_finite, "psi contains numbers that are not finite. Give it in 1/m."),
         (without_mass, "mass_w_w with the body's mass and first moments is not positive definite"),
         (unstable, "is not above zero"),
         (lambda data: data["damping"].__setitem__((0, -1), 1.0), "damping[0, 4] = 1 is not symmetric to 0"),
@@ -238,15 +238,15 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
     ("before", "after", "message"),
     [
         ('"data/rod.npz"', '"data/none.npz"', "cannot be read"),
-        ('"data/rod.npz"', '"data/rod.npz", mass = "1 kg"', "bodies.rod.mass = '1 kg': not beside modal_data"),
+        ('"data/rod.npz"', '"data/rod.npz", mass = "1 kg"', "rod.mass = '1 kg': cannot be combined with modal_data"),
         ('"data/rod.npz"', '"data/rod.npz", length = "1 m"', "modal_data is of a link of 0.3 m"),
         ('"150 mm"}', '"150 mm", beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}',
-         "rod has modal data: in this version a scene has either these or beams"),
+         "rod has modal data: this version cannot combine modal data with beams"),
         ('"data/rod.npz"', '"data/rod.npz", points = {mark = ["0.1 m", 0]}', None),
         ('{displacement = "rod.mid", component = "angle"}', '{strain = "rod.mid", fibre = 0}',
-         "modal data don't know the area and the moment of inertia of a section. Measure a stress, or the section's"),
-        ('["ground", "slider"]', '["ground", "rod"]', "rod has modal data and would slide through its own deformation"),
-        ("[solve]", "[damping]\nviscous = {mu = 0.1}\n[solve]", "damping in the file"),
+         "modal data do not contain area and second moment of a section. Measure a stress, or the section's"),
+        ('["ground", "slider"]', '["ground", "rod"]', "rod has modal data: a guide cannot hold a deforming body"),
+        ("[solve]", "[damping]\nviscous = {mu = 0.1}\n[solve]", "the file of modal data gives the damping"),
     ],
 )  # fmt: skip
 def test_what_a_scene_must_not_ask(exported, before, after, message):
@@ -255,7 +255,7 @@ def test_what_a_scene_must_not_ask(exported, before, after, message):
     if message is None:
         assert read_scene(path).bodies["rod"].points_all["mark"] == (0.1, 0.0)
         path.write_text(path.read_text().replace('"rod.mid", component = "angle"', '"rod.mark", component = "angle"'))
-        message = "sensors.mid_angle.displacement = 'rod.mark': rod.npz has no such point: its points"
+        message = "sensors.mid_angle.displacement = 'rod.mark': rod.npz does not have this point; its points"
     with pytest.raises(SceneError) as error:
         read_scene(path)
     assert message in str(error.value)
@@ -276,6 +276,6 @@ def test_presets_that_need_elements_refuse(fed_back):
     with pytest.raises(SceneError) as error:
         kaneflex.load(with_settings(read_scene(fed_back), ["solve.preset=stiffened"]))
     assert str(error.value) == (
-        "bodies.rod.modal_data = 'rod.npz': preset stiffened takes a link's elements, which modal data don't have. "
-        "Take preset coupled or rigid, or give the body a beam."
+        "bodies.rod.modal_data = 'rod.npz': preset stiffened needs a link's finite elements, not modal data. "
+        "Use preset coupled or rigid, or give the body a beam."
     )

@@ -184,7 +184,7 @@ def test_another_users_folder_is_left_alone(found, monkeypatch, no_temporary, ca
     monkeypatch.setattr(os, "getuid", lambda: path.stat().st_uid + 1, raising=False)  # some systems have none
     again, _ = found()
     (said,) = caplog.messages
-    assert re.fullmatch(r"Warning: .*another user's\), so they are derived anew.*set XDG_CACHE_HOME.*", said)
+    assert re.fullmatch(r"Warning: .*another user\), so every run derives them again.*set XDG_CACHE_HOME.*", said)
     assert not again.is_relative_to(path.parents[1]) and again.read_bytes() == before
 
 

@@ -110,7 +110,7 @@ def test_show_does_not_advise_the_preset_that_is_taken(tmp_path, monkeypatch):
         path.write_text(PEAUCELLIER.replace("PRESET", preset))
         shown = cli("show", str(path), "-o", str(tmp_path / f"{preset}.png"))
         assert ("Take preset coupled" in shown.stderr) == warns, shown.stderr
-    assert "least at main = -28.6479 deg" in shown.stdout  # which swings, and is never at 331 deg
+    assert "minimum at main = -28.6479 deg" in shown.stdout  # which swings, and is never at 331 deg
 
 
 def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_to_do():
@@ -150,7 +150,7 @@ def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given():
 def test_the_speed_of_a_joint_is_refused_by_the_name_that_was_written():
     text = BOOM.replace("WAY", 'near = {boom = "6 deg"}').replace('{position = "cylinder"', '{velocity = "cylinder"')
     said = (
-        "sensors.stroke.velocity = 'cylinder': it is a joint, of which this sensor reads nothing here. Read the "
+        "sensors.stroke.velocity = 'cylinder': this sensor cannot be measured at a joint here. Read the "
         "position of cylinder, or the velocity of a body's point."
     )
     with pytest.raises(SceneError, match=re.escape(said)):

@@ -65,7 +65,7 @@ def four_bar(way: str):
 
 def test_near_beside_branch_is_refused():
     """One of them was left out without a word."""
-    with pytest.raises(SceneError, match=r"joints\.foot\.near.*branch says already which way the loop closes"):
+    with pytest.raises(SceneError, match=r"joints\.foot\.near.*branch chooses the closure already"):
         four_bar('near = {rocker = "70 deg"}, branch = "+"')
 
 

@@ -220,13 +220,13 @@ def test_setting_none_removes_but_reduction_has_a_word_none():
     [
         ("rod.elemens=1", "rod.elemens = '1': 'rod' has no such entry. The nearest known one is 'elements'."),
         ("rodd.elements=1", "rodd.elements = '1': the scene has no 'rodd'. The nearest known one is 'rod'."),
-        ("main.rotation=free", "main.rotation = 'free': means several places. "
+        ("main.rotation=free", "main.rotation = 'free': this path is ambiguous. "
          "Write joints.main.rotation or drives.main.rotation."),
         ("solve.step=3", "solve.step = '3': no key 'step' there. The nearest known one is 'steps'."),
         ("drives.mai.speed=1", "drives.mai.speed = '1': the scene has no 'mai' among its drives. "
          "The nearest known one is 'main'."),
         ("crank.speed=0", "crank.speed = '0': 'crank' has no such entry. Write main.speed, of the drive."),
-        ("rod", "setting = 'rod': not of the form path=value. Write like rod.elements=1."),
+        ("rod", "setting = 'rod': not of the form path=value. Write it like rod.elements=1."),
         ("rod.elements=0", "bodies.rod.beam.elements = 0: too few. Write a whole number of one or more."),
     ],
 )  # fmt: skip

@@ -220,15 +220,15 @@ def test_section_forces_jump_where_something_acts(preset, in_space):
     strain = found["N_behind"] / (210e9 * 4e-4) - 0.01 * found["M_behind"] / (210e9 * 0.02**4 / 12)
     assert found["bent"] == pytest.approx(strain, rel=2e-2)
     said = [each for each in solution.model.warnings if "cut" in each]
-    told = 'is read just before lever.mid, where something acts: give it cut = "before", or "after"'
+    told = 'is measured just before lever.mid, where a force acts: give cut = "before" or "after"'
     assert said == [f"{name} {told}" for name in "NVM"]
 
 
 @pytest.mark.parametrize(
     ("sensor", "place", "words"),
     [
-        ('{shear_force = "lever.end", cut = "after"}', "sensors.odd.cut", "the end has one section alone"),
-        ('{displacement = "lever.mid", cut = "after"}', "sensors.odd.cut", "has no meaning for displacement"),
+        ('{shear_force = "lever.end", cut = "after"}', "sensors.odd.cut", "the end has only one section"),
+        ('{displacement = "lever.mid", cut = "after"}', "sensors.odd.cut", "does not apply to displacement"),
     ],
     ids=["end", "displacement"],
 )  # fmt: skip

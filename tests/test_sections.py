@@ -236,15 +236,15 @@ BAD = {
     ),
     "shape and I": (
         "section = {circle = 0.01}, I = 1e-9",
-        "bodies.arm.beam.I = 1e-09: the shape of the section has its own. Leave I out.",
+        "bodies.arm.beam.I = 1e-09: the section's shape gives it already. Leave I out.",
     ),
     "taper of nothing": (
         "A = 1e-4, I = 1e-9, taper = {circle = 0.01}",
-        "bodies.arm.beam.taper: no section to start from. Give section, too, with the same shape.",
+        "bodies.arm.beam.taper: section is missing. Give section, too, with the same shape.",
     ),
     "taper to another shape": (
         "section = {circle = 0.01}, taper = {rectangle = [0.01, 0.01]}",
-        "bodies.arm.beam.taper: a circle does not become a rectangle. Give both ends the same shape.",
+        "bodies.arm.beam.taper: the taper from circle to rectangle changes the shape. Give both ends the same shape.",
     ),
     "kappa above one": (
         "section = {circle = 0.01}, kappa = 1.2",
@@ -270,7 +270,7 @@ BAD = {
     ),
     "segments beside a section": (
         "section = {circle = 0.01}, segments = {a = {section = {circle = 0.01}}}",
-        "bodies.arm.beam.section: every segment has its own. Leave section out, or the segments.",
+        "bodies.arm.beam.section: every segment gives its own. Leave section out, or the segments.",
     ),
     "segment without section": (
         "segments = {a = {A = 1e-4}}",
@@ -278,16 +278,16 @@ BAD = {
     ),
     "segments in disorder": (
         "segments = {a = {to = 0.5, A = 1, I = 1}, b = {to = 0.4, A = 1, I = 1}, c = {A = 1, I = 1}}",
-        "bodies.arm.beam.segments.b.to = 0.4: a segment ends behind the one before it. "
+        "bodies.arm.beam.segments.b.to = 0.4: a segment must end beyond the previous one. "
         "Give the distance from the body's start.",
     ),
     "segment beyond the end": (
         "segments = {a = {to = 1.5, A = 1, I = 1}, b = {A = 1, I = 1}}",
-        "bodies.arm.beam.segments.a.to = 1.5: the segment reaches the body's end. Leave to out, and what follows.",
+        "bodies.arm.beam.segments.a.to = 1.5: the segment reaches the body's end. Leave out to and later segments.",
     ),
     "last segment with an end": (
         "segments = {a = {to = 0.5, A = 1, I = 1}}",
-        "bodies.arm.beam.segments.a.to = 0.5: the last segment ends with the body. Leave to out.",
+        "bodies.arm.beam.segments.a.to = 0.5: the last segment ends at the body's end. Leave to out.",
     ),
 }
 
@@ -312,7 +312,8 @@ def test_an_axially_rigid_beam_between_two_joints(tmp_path):
     with pytest.raises(SceneError) as caught:
         read_scene(str(file))
     assert str(caught.value) == (
-        "bodies.arm.beam.axially_rigid = True: joints at end, start would be tied to each other by its length. "
+        "bodies.arm.beam.axially_rigid = True: its length would couple the displacements of "
+        "the joints at end, start. "
         "Leave axially_rigid out, or join the beam at one point only."
     )
 

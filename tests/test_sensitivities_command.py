@@ -121,7 +121,7 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
         ("engine", "rod.EI", ("rod.EI", "nearest known one is 'I'")),
         ("engine", "solve.mode_angle", ("solve.mode_angle", "not a number of the mechanism")),
         ("engine", "rod.nu", ("rod.nu = 0.3", "no sensor depends on it")),
-        ("engine", "rod.E,bodies.rod.beam.E", ("given twice, before as rod.E",)),
+        ("engine", "rod.E,bodies.rod.beam.E", ("given twice, first as rod.E",)),
     ],
 )
 def test_refusals_name_key_value_and_cure(tmp_path, scene, name, words):

@@ -195,7 +195,7 @@ inertia = [0.004, 0.003, 0.002]"""
     ("more", "said"),
     [
         ('[masses]\nbob = {at = "arm.end", mass = "1 kg", inertia = 0.1}', r"bob.inertia = 0.1.*three principal"),
-        ('[masses]\narm = {at = "arm.end", mass = "1 kg"}', r"masses.arm: it stands in bodies already"),
+        ('[masses]\narm = {at = "arm.end", mass = "1 kg"}', r"masses.arm: bodies has an entry of this name"),
         ('[springs]\ns = {between = ["ground", "arm.aside"], stiffness = "1 N/m"}', r"points.aside.*springs.s acts"),
     ],
 )  # fmt: skip

@@ -442,7 +442,7 @@ def test_section_forces_at_an_end_are_what_the_joint_there_exerts(name, preset):
          r"bodies.arm.beam.J.*missing"),
         ("nu = 0.3, ", "", r"bodies.(arm|leg).beam.*needs a shear modulus"),
         ("elements = 3", "axially_rigid = true", r"axially_rigid.*only planar beams"),
-        ('component = "y"}\nshear', "component = \"x\"}\nshear", r"sensors.bending.component = 'x'.*its y or its z"),
+        ('component = "y"}\nshear', "component = \"x\"}\nshear", r"sensors.bending.component = 'x'.*its y or z"),
         ('preset = "quasistatic"', 'preset = "paper"', r"solve.preset = 'paper': only planar scenes"),
         ('"leg.end", direction', '"leg.tip", direction', r"loads.push.force_on"),
     ],

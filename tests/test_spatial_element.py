@@ -174,5 +174,5 @@ def test_checked_kernels_want_twelve_coordinates():
     safe = kaneflex.checked(found)
     safe.M(p, out)
     assert_equal(out, by_hand.mass(1.0, 2.0, 1.0))
-    with pytest.raises(ValueError, match=r"M: out has shape \(6, 6\), \(12, 12\) is wanted"):
+    with pytest.raises(ValueError, match=r"M: out has shape \(6, 6\), \(12, 12\) is required"):
         safe.M(p, np.zeros((6, 6)))

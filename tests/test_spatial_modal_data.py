@@ -215,11 +215,11 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ('displacement = "rod.mid"', 'displacement = "rod.mark"', "rod.npz has no such point: its points are start"),
-        ('{acceleration = "rod.mid", component = "z"}', '{strain = "rod.mid", fibre = [0, 0]}', "don't know the area"),
-        ("[sensors]", "[damping]\nviscous = {mu = 0.1}\n[sensors]", "damping in the file"),
-        (PUSH, 'spread_on = "rod", direction = [0, 0, 1], value = "2 N/m"', "say nothing of what is between its"),
-        ('preset = "coupled"', 'preset = "stiffened"', "which modal data don't have"),
+        ('displacement = "rod.mid"', 'displacement = "rod.mark"', "does not have this point; its points are start"),
+        ('{acceleration = "rod.mid", component = "z"}', '{strain = "rod.mid", fibre = [0, 0]}', "do not contain area"),
+        ("[sensors]", "[damping]\nviscous = {mu = 0.1}\n[sensors]", "the file of modal data gives the damping"),
+        (PUSH, 'spread_on = "rod", direction = [0, 0, 1], value = "2 N/m"', "contain only its points"),
+        ('preset = "coupled"', 'preset = "stiffened"', "finite elements, not modal data"),
     ],
 )
 def test_what_a_scene_must_not_ask(exported, before, after, message):

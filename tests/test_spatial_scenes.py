@@ -51,17 +51,17 @@ def scene_of(tmp_path, *changes):
     ("old", "new", "said"),
     [
         ('[0, 0, "-9.81 m/s^2"]', "[0, -9.81]", r"gravity.*two components, where joints.hinge.axis has three"),
-        (", axis = [0, 1, 0]", "", r"joints.hinge: in space a revolute joint turns about an axis"),
+        (", axis = [0, 1, 0]", "", r"joints.hinge: in space a revolute joint needs an axis"),
         ("inertia = [0.001, 0.08, 0.08]", "inertia = 0.08", r"bodies.bar.inertia = 0.08.*three principal moments"),
         ("[0.001, 0.08, 0.08]", "[0.5, 0.08, 0.08]", r"bodies.bar.inertia.*no body has the principal moments"),
         ("[0.001, 0.08, 0.08]", "[1, 2]", r"bodies.bar.inertia.*not the inertia of a body in space"),
         ("[drives]\nhinge = {free = true}\n", "", r"drives: 1 freedom of the mechanism without a drive: of hinge"),
         ('"rigid"', '"paper"', r"solve.preset = 'paper': only planar scenes have this preset so far"),
-        ('component = "angle"', 'component = "z"', r"sensors.angle.component = 'z'.*not that joint's coordinate"),
+        ('component = "angle"', 'component = "z"', r"sensors.angle.component = 'z'.*not a coordinate of this joint"),
         ("[sensors]", '[sensors]\nmotor = {drive_torque = "hinge"}',
-         r"sensors.motor.drive_torque = 'hinge': nothing drives it: drives.hinge is free. Measure joint_force"),
+         r"sensors.motor.drive_torque = 'hinge': a free joint has no drive force: drives.hinge is free"),
         ("{revolute", "{universal", r"joints.hinge.*has none"),
-        ("hinge", "in", r"joints.in: a word of Python's, which generated modules can't have. Choose another name"),
+        ("hinge", "in", r"joints.in: a keyword of Python, which generated modules can't use. Choose another name"),
         ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
          'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 1, 1]]',
          r"joints.hinge.axes.*not at right angles"),
@@ -69,9 +69,9 @@ def scene_of(tmp_path, *changes):
          r"loads.push.law.*the slope of abs\(hinge\) jumps"),
         ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
          'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 0, 1]]',
-         r"sensors.angle.position = 'hinge': a universal joint has no coordinate of its own to measure"),
+         r"sensors.angle.position = 'hinge': a universal joint has no single coordinate to measure"),
         ('{position = "hinge", component = "angle"}', '{velocity = "hinge", component = "angle_y"}',
-         r"sensors.angle.component = 'angle_y'.*not that joint's coordinate"),
+         r"sensors.angle.component = 'angle_y'.*not a coordinate of this joint"),
         ("[solve]", '[contacts]\nstop = {between = ["ground", "bar.end"], kind = "point-line"}\n[solve]', r"contacts"),
         ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = "5 mm"}',
          r"sensors.gauge.fibre = 0.005.*Give both, like"),
@@ -95,7 +95,7 @@ PLANAR = (
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("mass", "rotation = {axis = [0, 1], angle = 1}\nmass", r"bodies.bar.rotation.*turns by its joints alone"),
+        ("mass", "rotation = {axis = [0, 1], angle = 1}\nmass", r"bar.rotation.*joints give the angles"),
         ('"bar.start"]', '"bar.start"], axis = [0, 1]', r"joints.hinge.axis.*planar joints turn across the plane"),
         ("free = true", "free = true, angular_velocity = [1, 2]", r"drives.hinge.angular_velocity"),
         ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = ["5 mm", 0]}',
@@ -116,9 +116,9 @@ def test_what_only_a_scene_in_space_has_is_refused_in_the_plane(tmp_path, old, n
 
 @pytest.mark.parametrize("entry, said", [
     ("[bodies.bar]\nrotation = {axis = [0, 0, 1]}",
-     r"^bodies\.bar\.rotation\.angle: an axis without an angle turns nothing\. Give it, like angle = '90 deg'\.$"),
+     r"^bodies\.bar\.rotation\.angle: the axis has no angle\. Give it, like angle = '90 deg'\.$"),
     ('[loads]\npush = {force_on = "bar.end", value = 1}\n[bodies.bar]',
-     r"^loads\.push\.direction: a force without direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
+     r"^loads\.push\.direction: the force has no direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
     ('[joints.rail]\nprismatic = ["ground", "bar.end"]\n[bodies.bar]',
      r"^joints\.rail: a prismatic joint slides along a direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
 ])  # fmt: skip
@@ -153,7 +153,7 @@ def test_a_spring_pulls_points_that_meet_if_it_needs_no_direction(tmp_path):
     with pytest.raises(SceneError, match=r"springs.coil.between.*joint hinge keeps its points together"):
         scene_of(tmp_path, ("[sensors]", damped))
     seat = "[ground]\nseat = [0, 0, 0]\n" + damped.replace('"ground"', '"ground.seat"')
-    with pytest.raises(SceneError, match=r"springs.coil.between.*its points meet"):
+    with pytest.raises(SceneError, match=r"springs.coil.between.*its points coincide"):
         load(scene_of(tmp_path, ("[sensors]", seat)))
 
 
@@ -595,7 +595,7 @@ duration = "1 ms"
 def test_no_body_slides_along_an_elastic_one_that_bends(kind, way):
     """A block 0.3 m from the clamp stayed on the clamp's tangent, where the bar sags by millimetres."""
     text = RAIL.replace("KIND", kind).replace("WAY", way)
-    said = rf"joints\.slide\.{kind} = 'bar\.start': it is elastic, and its line to slide along would stay straight"
+    said = rf"joints\.slide\.{kind} = 'bar\.start': the body is elastic, but its sliding line would stay straight"
     with pytest.raises(SceneError, match=said):
         inline(text)
     assert inline(text.replace("coupled", "rigid")).joints["slide"].kind == kind

@@ -189,11 +189,11 @@ def test_reduced_links_carry_it_too():
         ('{spread_on = "arm", direction = [0, 1], value = 1}', "loads.q.spread_on = 'arm': no body of that name. "),
         (
             '{spread_on = "hub", direction = [0, 1], value = 1}',
-            "loads.q.spread_on = 'hub': hub has no length to spread a load along. Give the body a length.",
+            "loads.q.spread_on = 'hub': hub has no length for a distributed load. Give the body a length.",
         ),
         (
             '{spread_on = "bar", value = 1}',
-            "loads.q.direction: a force without direction. Give it, like direction = [1, 0], in space [1, 0, 0].",
+            "loads.q.direction: the force has no direction. Give it, like direction = [1, 0], in space [1, 0, 0].",
         ),
         (
             '{spread_on = "bar", direction = [0, 1], value = "1 N"}',
@@ -202,11 +202,11 @@ def test_reduced_links_carry_it_too():
         ),
         (
             '{spread_on = "bar", direction = [0, 1], value = 1, profile = [0, 0]}',
-            "loads.q.profile = [0, 0]: no load at either end. Give two numbers, at least one of them not zero.",
+            "loads.q.profile = [0, 0]: the load is zero at both ends. Give two numbers, at least one not zero.",
         ),
         (
             '{force_on = "bar", direction = [0, 1], value = 1, profile = [1, 0]}',
-            "loads.q.profile = [1, 0]: belongs to a load that is spread along a body. Leave it out.",
+            "loads.q.profile = [1, 0]: belongs to a distributed load. Leave it out.",
         ),
         (
             '{force_on = "bar", spread_on = "bar", direction = [0, 1], value = 1}',

@@ -117,7 +117,7 @@ def test_a_state_stands_in_a_file_beside_the_scene(tmp_path):
         ('{"displacements": {"tip": NaN}}', "displacements.tip: not a finite number"),
         ('{"displacements": {"tip": "3 kg"}}', "displacements.tip: 'kg' is not a unit of length"),
         ('{"rates": {}}', "rates: "),
-        ('{"file": "state.json"}', "names a file in its turn"),
+        ('{"file": "state.json"}', "the state's file names another file"),
         ("9" * 5000, "not JSON: "),
         ("[" * 100_000, "not JSON: "),
     ],

@@ -212,7 +212,7 @@ def test_what_is_read_is_what_was_written(folder):
         (lambda data: data.pop("stress_points"), "the file has no array stress_points. Give stress and stress_points"),
         (lambda data: data.update(stress_points=np.array(["a", "a"])), "stress_points = a, a has a name twice"),
         (lambda data: data.update(stress=data["stress"][:, :2]), "stress has the shape (2, 2, "),
-        (lambda data: data["stress"].__setitem__((0, 0, 0), np.nan), "stress holds what is no finite number"),
+        (lambda data: data["stress"].__setitem__((0, 0, 0), np.nan), "stress contains numbers that are not finite"),
         (lambda data: data.update(sections=np.array(["at"]), section_forces=0.0), "sections: there is no point at"),
         (lambda data: data.update(sections=np.array(["end"])), "the file has no array section_forces. Give"),
     ],
@@ -231,11 +231,11 @@ def test_what_a_file_must_be(folder, change, message):
     [
         ('{stress = "bar.end"}', "bar.npz has no such stress point: its stress points are above, below"),
         ('{stress = "bar.above", component = "zz"}', "component = 'zz': the file has xx, yy, xy"),
-        ('{stress = "bar.above", component = "x"}', "component = 'x': no component of a stress"),
-        ('{velocity = "bar.end", component = "xx"}', "component = 'xx': no component of a velocity"),
+        ('{stress = "bar.above", component = "x"}', "component = 'x': not a component of a stress"),
+        ('{velocity = "bar.end", component = "xx"}', "component = 'xx': not a component of a velocity"),
         ('{stress = "rod.above"}', "there is no such body"),
-        ('{axial_force = "bar.end"}', "bar.npz has no section forces there, nor anywhere. Name a section"),
-        ('{strain = "bar.end", fibre = "1 mm"}', "modal data don't know the area and the moment of inertia"),
+        ('{axial_force = "bar.end"}', "bar.npz has no section forces there or anywhere. Name a section"),
+        ('{strain = "bar.end", fibre = "1 mm"}', "modal data do not contain area and second moment"),
     ],
 )
 def test_what_a_sensor_must_be(folder, sensor, message):

@@ -93,7 +93,7 @@ def test_a_preset_without_deformation_has_no_shear(folder):
 
 
 def test_coupled_is_one_whole(folder):
-    with pytest.raises(SceneError, match="the coupled equations are one whole"):
+    with pytest.raises(SceneError, match="preset coupled cannot leave terms out"):
         derived_on_the_fly(SWINGING, folder, "solve.preset=coupled", *off("gravity"))
 
 

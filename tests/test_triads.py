@@ -244,18 +244,18 @@ def test_show_places_the_same_assembly():
         ),
         (
             ('near = {platform = "16 deg"}', 'near = {crank = "16 deg"}'),
-            "joints.right_knee.near.crank: the loop that right_knee closes moves rod, left_rocker, platform, "
-            "right_rocker. Name one of these.",
+            "joints.right_knee.near.crank: it is not in the loop of right_knee, which moves rod, left_rocker, "
+            "platform, right_rocker. Name one of these.",
         ),
         (
             ('length = "30 mm"', 'length = "60 mm"'),
-            "joints.left_knee: the loop that it closes locks near main = 102.11 deg: beyond that the linkage "
-            "can't close, or would change its branch. Change the lengths, or limit the drive's range.",
+            "joints.left_knee: the loop cannot close beyond main = 102.11 deg: the linkage locks "
+            "there, or would change its branch. Change the lengths, or limit the drive's range.",
         ),
         (
             ('length = "200 mm", mass', 'length = "600 mm", mass'),
-            "joints.right_knee = '+': the linkage can't close at main = 0 deg: rod, left_rocker, platform, "
-            "right_rocker. Change the lengths, or where its drives stand.",
+            "joints.right_knee = '+': the loop cannot close at main = 0 deg: rod, left_rocker, platform, "
+            "right_rocker. Change the lengths, or the positions of its drives.",
         ),
     ],
 )
@@ -269,7 +269,7 @@ def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
     (tmp_path / "near.toml").write_text(
         'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {branch = "none", near = {crank = "10 deg"}}\n'
     )
-    with pytest.raises(SceneError, match="the loop that rocker closes moves coupler, follower"):
+    with pytest.raises(SceneError, match="it is not in the loop of rocker, which moves coupler, follower"):
         place_bodies(read_scene(tmp_path / "near.toml"))
 
 

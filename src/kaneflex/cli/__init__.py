@@ -1,4 +1,4 @@
-"""The command line: words in, folders out; nothing is computed here."""
+"""Command line: reads arguments and writes folders; the computation is elsewhere."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""``--tolerance``: a model chosen by the error that it may have."""
+"""Option ``--tolerance``: choose a model by its permitted error."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from kaneflex.support.errors import SceneError
 if TYPE_CHECKING:
     from kaneflex.study.trade.record import Choice
 
-UNKNOWN = "What is not known of it"
+UNKNOWN = "Not verified"
 
 
 @dataclass(frozen=True)
 class Choosing:
-    """A model to be chosen: the error allowed, the sensors that count, and whether the scene's file takes it."""
+    """Request for a model: the permitted error, the sensors, and whether to write the model into the scene's file."""
 
     tolerance: str | None
     sensors: tuple[str, ...]
@@ -25,7 +25,7 @@ class Choosing:
 
 
 def tolerance_of(text: str) -> float:
-    """The share that "1%" or 0.01 means."""
+    """Share given as "1%" or 0.01."""
     from kaneflex.support.units import RATIO
 
     percent = text.strip().endswith("%")
@@ -33,33 +33,33 @@ def tolerance_of(text: str) -> float:
 
 
 def chosen_lines(choice: Choice) -> str:
-    """What --tolerance chose, its worst sensor, and what that was measured against."""
+    """Report of the chosen model, its worst sensor and the reference."""
     sensor = max(choice.errors, key=choice.errors.__getitem__)
     again = ", as found before" if choice.remembered else f", found in {choice.seconds:.1f} s"
     settings = " ".join(f"--set {setting}" for setting in choice.settings)
     note = f"\n  {UNKNOWN}: {choice.reference_note}" if choice.reference_note else ""
     judged = [each.priced for each in choice.attempts if each.error is not None]
-    by = ", by its price" if any(each.priced and each.model == choice.model for each in choice.attempts) else ""
+    by = " (priced)" if any(each.priced and each.model == choice.model for each in choice.attempts) else ""
     return (
         f"Chosen within {percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
-        f"  {sensor} is {percent(choice.errors[sensor])} off {choice.reference}{by}, "
-        f"which itself is known to {percent(max(choice.doubt.values()))}{note}\n"
-        f"  Of {len(judged)} models that were tried {sum(judged)} were priced, {len(judged) - sum(judged)} run"
+        f"  {sensor} differs by {percent(choice.errors[sensor])} from {choice.reference}{by}; "
+        f"error estimate of the reference: {percent(max(choice.doubt.values()))}{note}\n"
+        f"  Models tried: {len(judged)} ({sum(judged)} priced, {len(judged) - sum(judged)} run)"
     )
 
 
 def refuse_with_tolerance(tolerance: str | None, others: Mapping[str, object]) -> None:
-    """Raise SceneError for an option that says what --tolerance finds."""
+    """Raise SceneError for an option that contradicts --tolerance."""
     for option, value in others.items():
         if tolerance is not None and value is not None:
-            raise SceneError(option, str(value), "the model is what --tolerance chooses", "Leave one of the two out")
+            raise SceneError(option, str(value), "--tolerance chooses the model", "Leave out one of the two")
 
 
 def demand_tolerance(tolerance: str | None, others: Mapping[str, object]) -> None:
-    """Raise SceneError for an option that only --tolerance gives a meaning."""
+    """Raise SceneError for an option that requires --tolerance."""
     for option, value in others.items():
         if tolerance is None and value:
-            raise SceneError(option, None, "belongs to --tolerance", "Add --tolerance 1%, or leave it out")
+            raise SceneError(option, None, "requires --tolerance", "Add --tolerance 1%, or leave it out")
 
 
 def percent(share: float) -> str:

@@ -21,7 +21,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON i
 
 
 def _tell(ctx: click.Context, level: int) -> None:
-    """Log from that level on, as long as the command lasts."""
+    """Set the log level until the command ends."""
     ctx.call_on_close(partial(LOG.setLevel, LOG.level))
     LOG.setLevel(level)
 
@@ -52,7 +52,7 @@ _LOUDNESS = (
 
 
 class Command(click.Command):
-    """A command, which also takes its options as an earlier version spelled them, with a warning."""
+    """Command that accepts earlier spellings of its options with a warning."""
 
     renamed: Mapping[str, str] = {}
 
@@ -68,7 +68,7 @@ class Command(click.Command):
 
 
 def command(name: str | None = None, renamed: Mapping[str, str] | None = None) -> Callable[..., Command]:
-    """Decorator of a command; new names of its options by old ones."""
+    """Decorator of a command; ``renamed`` maps old names of options to new ones."""
 
     def decorate(function: Callable[..., None]) -> Command:
         made = click.command(name, cls=Command)(function)
@@ -80,7 +80,7 @@ def command(name: str | None = None, renamed: Mapping[str, str] | None = None) -
 
 
 def names_option(*names: str, help: str, metavar: str = "NAMES") -> Decorator:
-    """An option that takes names with commas between them, and can be repeated."""
+    """Repeatable option that takes comma-separated names."""
 
     def split(ctx: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(part.strip() for text in given for part in text.split(","))
@@ -94,7 +94,7 @@ def print_json(data: object) -> None:
 
 
 class Count(click.IntRange):
-    """A whole number within bounds, in plain digits: Python also reads 1_000 and digits of other scripts."""
+    """Integer within bounds, in ASCII digits only: int() also accepts 1_000 and digits of other scripts."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, str) and re.fullmatch(r"[+-]?[0-9]+", value.strip()) is None:
@@ -103,7 +103,7 @@ class Count(click.IntRange):
 
 
 class Real(click.FloatRange):
-    """A finite number, within bounds where they are given."""
+    """Finite number within optional bounds."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, str) and plain_number(value) is None:

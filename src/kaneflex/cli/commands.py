@@ -1,4 +1,4 @@
-"""The command line. A command and what it needs are imported when it runs, so that ``--help`` is quick."""
+"""Commands of the command line, each imported when it runs, so that ``--help`` is quick."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ GROUPS = {
         "import": ("importing.import_link", "Finite elements to modal data"),
     },
 }
-"""Commands with their module and function, and their lines in ``kaneflex --help``."""
+"""Groups of commands: module and function of each, and its line in ``kaneflex --help``."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -57,7 +57,7 @@ class _Refusal(click.ClickException):
 
 @contextmanager
 def _ended_like_interrupted() -> Iterator[None]:
-    """SIGTERM, as a batch system's or a shutdown's, cleans up as Ctrl-C does."""
+    """Clean up on SIGTERM (sent by batch systems and at shutdown) as on Ctrl-C."""
 
     def interrupt(number: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -73,13 +73,13 @@ def _ended_like_interrupted() -> Iterator[None]:
 
 
 class _Commands(click.Group):
-    """Turns what a user can cure, and Ctrl-C or the system's request to end, into a message and an exit code."""
+    """Group of commands that turns user errors, Ctrl-C and SIGTERM into a message and an exit code."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [name for group in GROUPS.values() for name in group]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """The command of a name; only its own module is imported."""
+        """Command of this name; imports its module only."""
         places = {each: place for group in GROUPS.values() for each, (place, _) in group.items()}
         if name not in places:
             return None
@@ -107,10 +107,10 @@ class _Commands(click.Group):
 
 
 def _disk_full(error: OSError) -> str:
-    """What to say of a full disk, as under numba's cache of compiled kernels, which names no file."""
+    """Message for a full disk; numba's cache of compiled kernels names no file."""
     file = f"{error.filename}: " if error.filename else ""
     caches = "set NUMBA_CACHE_DIR for compiled kernels, XDG_CACHE_HOME for derived equations"
-    return f"{file}{error.strerror}. Free some space, or keep caches elsewhere: {caches}."
+    return f"{file}{error.strerror}. Free some space, or move the caches: {caches}."
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

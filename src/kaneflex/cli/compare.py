@@ -1,4 +1,4 @@
-"""The command that puts several models of a scene side by side."""
+"""Command ``compare``: several models of a scene side by side."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences
 @scene_options("settings", "steps")
 @names_option(
     "--presets", "--preset",
-    help="Presets to run, like linear,stiffened,coupled. [default: these three; with --with the scene's own]",
+    help="Presets to run, like linear,stiffened,coupled. [default: these three; with --with: the scene's preset]",
 )  # fmt: skip
 @click.option("--with", "peer", metavar="PROGRAM", help="Build and run SCENE in another program, too: exudyn.")
 @click.option("--peer-elements", type=Count(min=1), help="Elements a link in it. [default: twice SCENE's]")

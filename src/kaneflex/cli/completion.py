@@ -1,4 +1,4 @@
-"""Completion of words in the shell: scenes, presets, integrators and the entries of a scene."""
+"""Shell completion of scenes, presets, integrators and the entries of a scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _items(words: Iterable[str], begun: str) -> list[CompletionItem]:
 
 
 def scenes(ctx: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Shipped scenes, and the shell's own completion of files."""
+    """Names of shipped scenes, and the shell's completion of files."""
     from kaneflex.scene import shipped_scenes
 
     return [*_items(shipped_scenes(), begun), CompletionItem(begun, type="file")]
@@ -37,7 +37,7 @@ def integrators(ctx: click.Context, parameter: click.Parameter, begun: str) -> l
 
 
 def entries(ctx: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Entries of the scene that the command line names before, each with its equals sign."""
+    """Entries of the scene named on the command line, each followed by an equals sign."""
     from kaneflex.scene import read_scene
     from kaneflex.scene.parts import Solve
 
@@ -51,7 +51,7 @@ def entries(ctx: click.Context, parameter: click.Parameter, begun: str) -> list[
 
 
 def _paths(raw: dict[str, Any]) -> Iterator[str]:
-    """Paths as settings take them: a body's and its beam's without the table's name."""
+    """Paths of settings; those of bodies and beams omit the table's name."""
     for table, parts in raw.items():
         if not isinstance(parts, dict) or table in ("solve", "assumptions"):
             continue

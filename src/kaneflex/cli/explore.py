@@ -1,4 +1,4 @@
-"""The command that opens a window with sliders for a scene's numbers."""
+"""Command ``explore``: a window with sliders for a scene's numbers."""
 
 from __future__ import annotations
 
@@ -48,4 +48,4 @@ def explore(
         return
     changes = [*asked.changes, *open_window(scene, open_, sensors)]
     words = ["kaneflex", "run", asked.name, *(word for change in changes for word in ("--set", change))]
-    echo(f"The sliders stood at: {shlex.join(words)}")
+    echo(f"Slider values as a command: {shlex.join(words)}")

@@ -1,4 +1,4 @@
-"""`kaneflex export`: a scene as a Functional Mock-up Unit."""
+"""Command ``export``: a scene as a Functional Mock-up Unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kaneflex.support.terminal import Waiting, echo
 
 @command()
 @scene_options("preset", "settings")
-@click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Version of the standard.")
+@click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Version of FMI.")
 @output_option("FILE.fmu", required=True)
 @force_option
 @gathered(asked=SceneArguments)

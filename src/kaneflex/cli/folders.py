@@ -1,4 +1,4 @@
-"""The folder or the picture that a command makes: its options, and its files, written whole or not at all."""
+"""Options and files of the folder or picture that a command makes; a failed command leaves none."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ force_option = click.option("--force", is_flag=True, help="Replace an existing f
 
 
 def path_option(*names: str, metavar: str, help: str, required: bool = False) -> Decorator:
-    """An option that names a file or a folder."""
+    """Option that names a file or a folder."""
     return click.option(*names, type=click.Path(path_type=Path), metavar=metavar, help=help, required=required)
 
 
 def output_option(metavar: str, help: str = "File to write.", required: bool = False) -> Decorator:
-    """The option that names what is written."""
+    """Option that names the output."""
     return path_option("-o", "--output", metavar=metavar, help=help, required=required)
 
 
 def together(*parts: Decorator) -> Decorator:
-    """Several options as one, in their order."""
+    """Combine several options, in their order."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         for part in reversed(parts):
@@ -49,9 +49,8 @@ def together(*parts: Decorator) -> Decorator:
 
 @dataclass(frozen=True)
 class Target:
-    """The folder to make, if one is named, whether to draw and which kinds, also for ParaView and as MP4, how many
-    frames a motion then has and how many seconds it lasts (None: as animations do), and whether to replace an earlier
-    folder."""
+    """Output of a command: the folder if named; pictures to draw, and whether also for ParaView and as MP4; frames
+    and length [s] of a motion (None: the animation's default); whether to replace an earlier folder."""
 
     output: Path | None
     plots: bool = True
@@ -63,12 +62,12 @@ class Target:
     kinds: str | None = None
 
     def named(self, scene: Scene, ending: str) -> Target:
-        """With a folder in any case: where the command line gives none, the scene's name with that ending."""
+        """Copy with a folder: by default the scene's name with that ending."""
         return replace(self, output=self.folder if self.output else Path(f"{file_stem(scene.name)}-{ending}"))
 
     @property
     def folder(self) -> Path:
-        """The folder to make."""
+        """Folder to make."""
         assert self.output is not None
         return self.output
 
@@ -84,7 +83,7 @@ _one_picture = together(no_plots, earlier_plots)
 which_pictures = together(
     click.option(
         "--plots", "kinds", metavar="KINDS",
-        help="Pictures to draw, as in `kaneflex plot --help`, with commas. [default: mechanism,sensors,loads]",
+        help="Pictures to draw, comma-separated, see `kaneflex plot --help`. [default: mechanism,sensors,loads]",
     ),
     no_plots,
 )  # fmt: skip
@@ -99,11 +98,11 @@ moving_options = together(
 
 
 def folder_options(ending: str, plots: Decorator = _one_picture) -> Decorator:
-    """The options that are a :class:`Target`; ``ending`` is that of the folder's name by default."""
+    """Options that give a :class:`Target`; ``ending`` is the default ending of the folder's name."""
     return together(
         output_option("DIR", f"Folder to make. [default: NAME-{ending}]"),
         plots,
-        click.option("--force", is_flag=True, help="Replace an earlier folder of this command."),
+        click.option("--force", is_flag=True, help="Replace an existing folder of this command."),
     )
 
 
@@ -117,13 +116,13 @@ def into(
     ----------
     target : Target
     mark : str
-        File by which an earlier folder of the same making is known.
+        File that identifies an earlier folder of the same kind.
     compute : callable
-        Called with what is told the name of each stage.
+        Called with the function to report the name of each stage to.
     write : callable
-        Called with what was computed and the folder to write it into.
+        Called with the result and the folder to write it into.
     picture : str
-        Of :func:`kaneflex.plots.draw`, which makes it of what was computed.
+        Kind of picture that :func:`kaneflex.plots.draw` makes of the result.
 
     Raises
     ------
@@ -145,27 +144,27 @@ def into(
 
 
 def check_picture(path: Path, force: bool, example: str) -> None:
-    """Raise OutputError for what is no name of a picture, or of a file that is there, unless ``force``."""
+    """Raise OutputError for a name that is not a picture's, and unless ``force`` for an existing file."""
     if path.suffix not in _PICTURES:
         raise OutputError(str(path), None, "not a kind of picture", f"End the name in {', '.join(_PICTURES)}")
     refuse_existing(path, force, example)
 
 
 def check_file(path: Path, what: str, suffix: str, force: bool, more: str = "") -> None:
-    """The same of a file's name by its ending: ``what`` it is not the name of, and what may be done besides."""
+    """Raise OutputError for another ending than ``suffix``; ``what`` is the kind of file, ``more`` further advice."""
     refuse_existing(path, force, f"engine{suffix}")
     if path.suffix != suffix:
         raise OutputError(str(path), None, f"not the name of {what}", f"End it in {suffix}{more}")
 
 
 def write_json(path: Path, data: object) -> None:
-    """Write plain data."""
+    """Write plain data as JSON."""
     text = json.dumps(data, indent=2, ensure_ascii=False) + "\n"
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_csv(path: Path, head: Sequence[str], rows: Sequence[Mapping[str, object]]) -> None:
-    """Write rows by the names of their columns."""
+    """Write rows as CSV; the first row gives the columns."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(head), lineterminator="\n")
         writer.writeheader()

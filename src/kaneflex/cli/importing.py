@@ -1,4 +1,4 @@
-"""`kaneflex import`: a body's finite elements from another program as modal data."""
+"""Command ``import``: a body's finite elements from another program as modal data."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from kaneflex.support.units import plain_number
 
 
 def _named(option: str, given: tuple[str, ...], example: str) -> dict[str, str]:
-    """What NAME=VALUE says, each name once."""
+    """Values by name of the texts NAME=VALUE; each name may occur once."""
     found: dict[str, str] = {}
     for text in given:
         name, equal, value = text.partition("=")
         if not equal or not value:
-            raise Fault(f"{option} {text!r} gives no value to a name", f"Write it like {option} {example}")
+            raise Fault(f"{option} {text!r} is not of the form NAME=VALUE", f"Write it like {option} {example}")
         if name in found:
-            raise Fault(f"{option} gives {name} twice", "Give each its own name")
+            raise Fault(f"{option} gives {name} twice", "Give each a different name")
         found[name] = value
     return found
 
@@ -33,7 +33,7 @@ def _number(section: str, text: str) -> float:
     number = plain_number(text)
     if number is None:
         cure = "Write a number, like --section waist=68.5, in the unit of length of the files"
-        raise Fault(f"section {section} = {text!r} is no distance from the start", cure)
+        raise Fault(f"section {section} = {text!r} is not a distance from the start", cure)
     return number
 
 

@@ -1,4 +1,4 @@
-"""Commands that look at scenes without solving them: ``list``, ``check`` and ``modes``."""
+"""Commands that inspect scenes without solving them: ``list``, ``check`` and ``modes``."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
 @gathered(asked=SceneArguments)
 @uncollected()
 def check(asked: SceneArguments, as_json: bool) -> None:
-    """Check every entry of SCENE and close its loops over the range of the drives; nothing is solved.
+    """Check every entry of SCENE and close its loops over the range of the drives, without solving it.
 
     It prints the range of each joint, the distance of the loops from dead centres, and the degrees of freedom by count
     and by rank. It prints those warnings of a run that need no solution, such as steps that are too long for the loads.
@@ -89,7 +89,7 @@ def check(asked: SceneArguments, as_json: bool) -> None:
 @click.option("--count", type=Count(min=1), help="Number of modes, lowest first. [default: all, 50 at most]")
 @json_option
 @path_option(
-    "--export", metavar="FOLDER", help="Instead, write each link's modal data under preset coupled to FOLDER/LINK.npz."
+    "--export", metavar="FOLDER", help="Write each link's modal data of preset coupled to FOLDER/LINK.npz instead."
 )
 @click.option("--force", is_flag=True, help="Replace existing files of --export.")
 @gathered(asked=SceneArguments)
@@ -129,7 +129,7 @@ def _export(scene: Scene, folder: Path, force: bool) -> None:
     from kaneflex.response.modal_data import export, links_data
 
     if not any(body.elastic for body in scene.bodies.values()):
-        raise SceneError("--export", str(folder), "no body has a beam: there are no shapes", "Give a body a beam")
+        raise SceneError("--export", str(folder), "no body has a beam: there are no mode shapes", "Give a body a beam")
     with Waiting() as waiting:
         written = export(links_data(scene, waiting), folder, force)
     for path in written:

@@ -1,4 +1,4 @@
-"""Commands around a mechanism: draw it, start a new one, take its state space, its equations and its module out."""
+"""Commands ``show``, ``new``, ``linearise``, ``equations`` and ``derive``."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def show(
 
 
 def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list[str]) -> Callable[[], Figure]:
-    """Picture of a mechanism in the plane; adds its freedoms and the range of its joints, and notes."""
+    """Draw a planar mechanism; add its degrees of freedom, the ranges of its joints and notes."""
     from kaneflex.fem.mobility import count_freedom, mobility_by_rank
     from kaneflex.mechanism.dead_centres import closings
     from kaneflex.mechanism.mechanism import mechanism_of
@@ -95,7 +95,7 @@ def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list
         blocks |= mobility(count, elastic, mobility_by_rank(mechanism_of(scene), courses))
         several = len(next(iter(courses.values()))[0]) > 1
         found = closings(scene, courses)
-        blocks["over the run" if several else "where it is shown"] = reach_lines(scene, courses) | closing_lines(found)
+        blocks["over the run" if several else "as shown"] = reach_lines(scene, courses) | closing_lines(found)
         notes += [each.note for each in found if each.note]
     return lambda: scheme(scene, placement)
 
@@ -112,19 +112,19 @@ def _all_branches(scene: Scene, at: Mapping[str, float]) -> Callable[[], Figure]
 
 
 def _elastic_count(scene: Scene) -> int | None:
-    """Coordinates of the elastic stage; None where it can't be set up, with a warning where the preset needs it."""
+    """Number of elastic coordinates; None where they can't be set up, with a warning if the preset needs them."""
     from kaneflex.fem.mobility import elastic_coordinates
     from kaneflex.mechanism.rigid_bodies import check_on_axes
 
     try:
-        if scene.solve.preset == "coupled":  # its equations are of all bodies, and ask for no more than this
+        if scene.solve.preset == "coupled":  # the coupled equations cover all bodies and need no elastic stage
             check_on_axes(scene)
             with suppress(SceneError):
                 return len(elastic_coordinates(scene))
             return None
         return len(elastic_coordinates(scene))
     except SceneError as error:
-        echo(f"Warning: the elastic part can't be set up: {error}", err=True)
+        echo(f"Warning: the elastic equations can't be set up: {error}", err=True)
         return None
 
 
@@ -166,7 +166,7 @@ def new(name: str, like: str | None, output: Path | None, force: bool) -> None:
 @at_option
 @names_option("--sensors", help="Sensors as outputs. [default: all]")
 @output_option("FILE", "File to write: .npz for NumPy, .mat for MATLAB or .mo for Modelica.", required=True)
-@path_option("--bode", metavar="FILE.png", help="Draw magnitudes and phases over the frequency.")
+@path_option("--bode", metavar="FILE.png", help="Draw the Bode plot (magnitude and phase) into this file.")
 @force_option
 @json_option
 @gathered(asked=SceneArguments)
@@ -208,7 +208,7 @@ def linearise(
         echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
     left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
     if left_out and not sensors:
-        echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
+        echo(f"Warning: left out (not defined by frozen matrices): {', '.join(left_out)}", err=True)
     echo(f"Written to {output}" + (f" and {bode}" if bode is not None else ""), err=as_json)
 
 
@@ -248,18 +248,18 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
 
 @command(renamed={"--sensor": "--sensors"})
 @scene_options("preset", "settings")
-@output_option("FILE.py", "Module to write; the folder to make with --language c.", required=True)
+@output_option("FILE.py", "Module to write; with --language c the folder to make.", required=True)
 @click.option(
     "--language", type=click.Choice(["python", "c"]), default="python", show_default=True,
     help="c: a folder of portable C11 without allocation, which can also run the scene without Python.",
 )  # fmt: skip
 @click.option(
     "--standalone", is_flag=True,
-    help="The whole model in one readable file that runs with numpy and numba alone: matrices, modes, sensors.",
+    help="Write the whole model (matrices, modes, sensors) into one file that needs only numpy and numba.",
 )  # fmt: skip
 @click.option("--coupled", is_flag=True, hidden=True)  # as --preset coupled, in versions before
 @click.option(
-    "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
+    "--tolerance", metavar="SHARE", help="Write only the terms that `kaneflex run --tolerance` keeps, like 1%."
 )
 @names_option("--sensors", help="With --tolerance: sensors that must meet it. [default: all]")
 @force_option
@@ -294,7 +294,7 @@ def derive(
                 (partial / file).write_text(content, encoding="utf-8", newline="\n")
         echo(f"Written to {output}")
         return
-    check_file(output, "a Python module", ".py", force, "" if standalone else ", or take --language c")
+    check_file(output, "a Python module", ".py", force, "" if standalone else ", or use --language c")
     refuse_with_tolerance(tolerance, {"--preset": asked.preset})
     demand_tolerance(tolerance, {"--sensors": ",".join(sensors)})
     if tolerance is not None:
@@ -311,10 +311,10 @@ def derive(
 
 
 def _refuse_others(asked: str, others: Mapping[str, object]) -> None:
-    """Options that don't go with the form that is asked for."""
+    """Raise UsageError for options that the requested form excludes."""
     given = [option for option, value in others.items() if value]
     if given:
-        raise click.UsageError(f"{given[0]} does not go with {asked}.")
+        raise click.UsageError(f"{given[0]} cannot be combined with {asked}.")
 
 
 def _derive_chosen(asked: SceneArguments, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:

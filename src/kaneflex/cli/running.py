@@ -1,4 +1,4 @@
-"""Commands that solve a scene: ``run``, and ``plot`` for more pictures of what was solved."""
+"""Commands ``run`` and ``plot``: solve a scene, and draw more pictures of a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @command(renamed={"--sensor": "--sensors"})
 @scene_options()
 @path_option(
-    "--after", metavar="RESULTS", help="Continue from the last state of another run's folder (preset coupled)."
+    "--after", metavar="RESULTS", help="Continue from the last state in the folder of another run (preset coupled)."
 )
 @names_option(
     "--sensitivities", "parameters", metavar="PATHS",
@@ -100,7 +100,7 @@ def _print_summary(summary: Summary) -> None:
 
 
 def _print_results(summary: Summary) -> None:
-    """The tables of a run, printed before anything is drawn."""
+    """Print the tables of a run, before anything is drawn."""
     from kaneflex.report.tables import more_tables, run_lines, summary_table
 
     if summary.sensors:

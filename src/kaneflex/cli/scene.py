@@ -1,4 +1,4 @@
-"""What commands share: a scene with the changes of the command line, quantities and configurations."""
+"""Options that commands share: the scene and its changes, quantities and configurations."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from kaneflex.support.units import Dimension
 
 USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
-"""Exit codes: something to cure, a run that went unstable or found no periodic state, Ctrl-C."""
+"""Exit codes: an error of the user; a run that went unstable or found no periodic state; Ctrl-C."""
 
 
 @dataclass(frozen=True)
 class SceneArguments:
-    """SCENE and what the command line changes in it, as :func:`scene_options` has them."""
+    """SCENE and its changes on the command line, see :func:`scene_options`."""
 
     name: str
     preset: str | None = None
@@ -37,22 +37,22 @@ class SceneArguments:
 
     @property
     def changes(self) -> list[str]:
-        """All changes as settings; the options of their own come last and win."""
+        """All changes as settings; dedicated options come last and win."""
         own = {"preset": self.preset, "steps": self.steps, "integrator": self.integrator}
         return [*self.settings, *(f"solve.{key}={value}" for key, value in own.items() if value is not None)]
 
     def read(self) -> Scene:
-        """The scene with them."""
+        """Scene with the changes."""
         return read(self.name, self.changes)
 
     def read_at(self, at: str | None) -> Scene:
-        """The scene with them, its reference configuration that of "DRIVE=ANGLE", where one is given."""
+        """Scene with the changes; "DRIVE=ANGLE", if given, becomes its reference configuration."""
         scene = self.read()
         return scene if at is None else read(self.name, [*self.changes, f"solve.mode_angle={mode_angle(scene, at)!r}"])
 
 
 def gathered(**kinds: type) -> Decorator:
-    """A command whose options that are fields of a dataclass come as one argument: its name, and the dataclass."""
+    """Decorator that collects the options that are fields of a dataclass into one argument of its type."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
@@ -68,7 +68,7 @@ def gathered(**kinds: type) -> Decorator:
 
 
 def completed(kind: str) -> Callable[..., Any]:
-    """Completion of :mod:`kaneflex.cli.completion`, which is imported when the shell asks."""
+    """Completion by :mod:`kaneflex.cli.completion`, imported when the shell requests it."""
 
     def complete(ctx: click.Context, parameter: click.Parameter, begun: str) -> Any:
         return getattr(import_module("kaneflex.cli.completion"), kind)(ctx, parameter, begun)
@@ -77,7 +77,7 @@ def completed(kind: str) -> Callable[..., Any]:
 
 
 preset_option = click.option(
-    "--preset", metavar="NAME", shell_complete=completed("presets"), help="Named model, see `kaneflex list`."
+    "--preset", metavar="NAME", shell_complete=completed("presets"), help="Model preset, see `kaneflex list`."
 )
 settings_option = click.option(
     "--set", "settings", multiple=True, metavar="PATH=VALUE", shell_complete=completed("entries"),
@@ -87,12 +87,12 @@ settings_option = click.option(
 _OPTIONS = {
     "preset": preset_option,
     "settings": settings_option,
-    "steps": click.option("--steps", metavar="N", help="Steps per cycle, or per run where there is no cycle."),
+    "steps": click.option("--steps", metavar="N", help="Steps per cycle, or per run if there is no cycle."),
     "integrator": click.option(
         "--integrator", metavar="NAME", shell_complete=completed("integrators"), help="Integrator, see `kaneflex list`."
     ),
 }  # fmt: skip
-"""By the fields of :class:`SceneArguments`."""
+"""Options by the fields of :class:`SceneArguments`."""
 at_option = click.option(
     "--at", metavar="DRIVE=ANGLE",
     help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
@@ -103,12 +103,12 @@ scene_argument = click.argument("name", metavar="SCENE", shell_complete=complete
 
 
 def scene_options(*names: str) -> Decorator:
-    """SCENE and what can be changed in it: by all options, or by those of these names."""
+    """Argument SCENE and the options that change it: all, or those of these names."""
     return together(scene_argument, *(_OPTIONS[name] for name in names or _OPTIONS))
 
 
 def read(name: str, settings: list[str]) -> Scene:
-    """The scene of that name or path with the settings laid over it."""
+    """Scene of that name or path with the settings applied."""
     from kaneflex.scene import read_scene, with_settings
 
     scene = read_scene(name)
@@ -116,7 +116,7 @@ def read(name: str, settings: list[str]) -> Scene:
 
 
 def quantity(option: str, text: str, dimension: Dimension, whole: str | None = None) -> float:
-    """What an option says in SI: a plain number is in SI, any other has a unit; ``text`` may be a part of the whole."""
+    """Value of an option in SI: a plain number, or one with a unit; ``text`` may be a part of the whole."""
     from kaneflex.support.units import plain_number, to_si
 
     plain = plain_number(text)
@@ -126,7 +126,7 @@ def quantity(option: str, text: str, dimension: Dimension, whole: str | None = N
 
 
 def say_plain(option: str, text: str, part: str, unit: str, read: str) -> None:
-    """Say how a part of an option was read, where it is a number without a unit."""
+    """Print the interpretation of a number without a unit."""
     from kaneflex.support.units import plain_number
 
     if plain_number(part):
@@ -139,7 +139,7 @@ def configuration(scene: Scene, at: str) -> tuple[str, float]:
 
     drive, equals, angle = at.partition("=")
     if not equals:
-        raise SceneError("--at", at, "not of the form DRIVE=ANGLE", "Write like --at main=90deg")
+        raise SceneError("--at", at, "not of the form DRIVE=ANGLE", "Write it like --at main=90deg")
     if drive not in scene.drives:
         raise SceneError("--at", at, f"the scene has no drive {drive!r}", nearest(drive, scene.drives))
     dimension = LENGTH if scene.slides(drive) else ANGLE
@@ -149,21 +149,20 @@ def configuration(scene: Scene, at: str) -> tuple[str, float]:
 
 
 def mode_angle(scene: Scene, at: str) -> float:
-    """The coordinate [rad or m] of "DRIVE=ANGLE", where DRIVE is the scene's first drive."""
+    """Coordinate [rad or m] of "DRIVE=ANGLE", where DRIVE is the scene's first drive."""
     drive, angle = configuration(scene, at)
     first = next(iter(scene.drives))
     if drive != first:
         cure = f"Give the angle of {first}"
-        raise SceneError("--at", at, "a configuration is given by the first drive's angle", cure)
+        raise SceneError("--at", at, "the first drive's angle gives the configuration", cure)
     return angle
 
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """No garbage collection, now or later, of what is made within.
+    """Exclude all objects made within from garbage collection.
 
-    Most of it are modules, which live until the end; to look through them again and again for garbage, and once
-    more at the end, takes a third of a warm run.
+    Most of them are modules, which live until the end; searching them for garbage takes a third of a warm run.
     """
     gc.disable()
     try:

@@ -1,4 +1,4 @@
-"""The command that judges the stability of a scene's periodic equations."""
+"""Command ``stability``: stability of a scene's periodic equations."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def stability(
     if speed is not None:
         speeds = speeds_between(*speed_range(scene, check_sweep(scene), speed), points or _POINTS)
     elif points is not None:
-        raise SceneError("--points", points, "belongs to --vary", "Add --vary DRIVE.speed=LOW:HIGH, or leave it out")
+        raise SceneError("--points", points, "requires --vary", "Add --vary DRIVE.speed=LOW:HIGH, or leave it out")
     target = target.named(scene, "stability")
     found = into(target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage, multiples), _write, "stability")
     if as_json:
@@ -82,7 +82,7 @@ def stability(
 
 
 def range_of(drive: str, text: str) -> str:
-    """LOW:HIGH of "DRIVE.speed=LOW:HIGH". Raises SceneError for any other entry of the scene."""
+    """Text LOW:HIGH of "DRIVE.speed=LOW:HIGH". Raises SceneError for any other entry of the scene."""
     path, equals, ends = text.partition("=")
     if not equals or path.strip() not in (f"{drive}.speed", f"drives.{drive}.speed"):
         cure = f"Write {drive}.speed=LOW:HIGH, like {drive}.speed=0:12000rpm"
@@ -91,19 +91,19 @@ def range_of(drive: str, text: str) -> str:
 
 
 def orders_of(text: str) -> tuple[float, ...]:
-    """Numbers above zero, commas between them, rising and each once. Raises SceneError for anything else."""
+    """Comma-separated positive numbers, sorted, each once. Raises SceneError for anything else."""
     from kaneflex.support.units import plain_number
 
     found = sorted({plain_number(part) or 0.0 for part in text.split(",")})
     if not all(0.0 < order < LARGEST_ORDER for order in found):
-        raise SceneError("--orders", text, "not orders above zero", "Write like 0.5,1,2")
+        raise SceneError("--orders", text, "orders must be positive numbers", "Write them like 0.5,1,2")
     return tuple(found)
 
 
 def speed_range(scene: Scene, drive: str, text: str) -> tuple[float, float]:
-    """LOW and HIGH of "LOW:HIGH" in rad/s, or m/s of a guide; a unit at HIGH is LOW's, too, where that has none.
+    """Bounds of "LOW:HIGH" in rad/s, or m/s for a guide; LOW without a unit takes that of HIGH.
 
-    Raises SceneError for anything else than two rising speeds from zero on.
+    Raises SceneError unless 0 <= LOW < HIGH.
     """
     from kaneflex.support.units import ANGULAR_SPEED, SPEED
 
@@ -111,13 +111,13 @@ def speed_range(scene: Scene, drive: str, text: str) -> tuple[float, float]:
     unit = re.search(r"[^0-9.eE+\-\s].*$", high)
     if unit is not None and re.search(r"[^0-9.eE+\-\s]", low) is None:
         low = f"{low} {unit[0]}"
-    cure = "Write like main.speed=0:12000rpm"
+    cure = "Write it like main.speed=0:12000rpm"
     if not colon:
         raise SceneError("--vary", text, "not of the form LOW:HIGH", cure)
     dimension = SPEED if scene.slides(drive) else ANGULAR_SPEED
     ends = [quantity("--vary", part, dimension, text) for part in (low, high)]
     if not 0.0 <= ends[0] < ends[1]:
-        raise SceneError("--vary", text, "not two rising speeds from zero on", cure)
+        raise SceneError("--vary", text, "speeds must satisfy 0 <= LOW < HIGH", cure)
     say_plain("--vary", text, high, dimension.unit, scene.written_speed(drive, ends[1]))
     return ends[0], ends[1]
 

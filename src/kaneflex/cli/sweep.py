@@ -1,4 +1,4 @@
-"""The command that runs one scene at many points of its parameters."""
+"""Command ``sweep``: one scene at many points of its parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _FAILURES_SHOWN = 5
 _QUIET = 2.0
-"""Seconds between two lines about the progress."""
+"""Time between two progress lines [s]."""
 
 
 def _demand_xarray(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:
@@ -79,7 +79,7 @@ def sweep(
     try:
         finished = go_through(plan, folder, solver, _reporter(), force, form)
     except KeyboardInterrupt:
-        echo(f"Interrupted; finished points are kept in {folder}, the same command goes on from there.", err=True)
+        echo(f"Interrupted; finished points are kept in {folder}. The same command continues.", err=True)
         ctx.exit(INTERRUPTED)
     for point, reason in list(finished.failures.items())[:_FAILURES_SHOWN]:
         echo(f"Point {point}: {reason}", err=True)
@@ -94,7 +94,7 @@ def sweep(
 
 
 def _drawn(finished: Finished, plan: Plan) -> list[Path]:
-    """Pictures of a dataset, beside it: those that its points allow."""
+    """Draw the pictures that a dataset's points allow, next to it."""
     from kaneflex.plots import draw
 
     drawn, dataset = [], finished.dataset
@@ -109,7 +109,7 @@ def _drawn(finished: Finished, plan: Plan) -> list[Path]:
 def _solver(workers: int | None, scheduler: str | None) -> Solver:
     if workers is not None and scheduler is not None:
         cure = "Give one of the two"
-        raise SceneError("--workers", workers, "--scheduler has workers of its own", cure)
+        raise SceneError("--workers", workers, "--scheduler brings its own workers", cure)
     if scheduler is not None:
         from kaneflex.study.cluster import on_cluster
 
@@ -124,7 +124,7 @@ def _solver(workers: int | None, scheduler: str | None) -> Solver:
 
 
 def _reporter() -> Callable[[Progress], None]:
-    """Writes a line about the progress every now and then, on stderr."""
+    """Progress lines on stderr."""
     last = time.perf_counter()
 
     def report(progress: Progress) -> None:

@@ -1,4 +1,4 @@
-"""Commands that weigh models of a scene: error against time, and what each group of terms is worth."""
+"""Commands ``trade`` and ``terms``: error and run time of a scene's models, and the effect of each group of terms."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Weighed = TypeVar("Weighed", "Trade", "Prices", "Terms")
 
 
 def _options(ending: str) -> Decorator:
-    """What both commands take; ``ending`` is that of their folder."""
+    """Options of both commands; ``ending`` is the default ending of the folder's name."""
     return together(
         scene_options("preset", "settings"),
         click.option("--tolerance", default="1%", metavar="SHARE", help="Allowed error per sensor.", show_default=True),
@@ -92,7 +92,7 @@ def _weigh(
     ending: str, question: Callable[..., Weighed], data: Callable[[Weighed], Data], text: Callable[[Weighed], str],
     asked: SceneArguments, target: Target, limits: Mapping[str, Any], picture: str | None = None,
 ) -> None:  # fmt: skip
-    """Answer a question about the models of a scene: print it, and write it into a folder as a table and as JSON.
+    """Run one of the two studies; print its result and write it into a folder as CSV and JSON.
 
     ``limits``: the options tolerance, budget, sensors and as_json.
     """
@@ -126,7 +126,7 @@ def _weigh(
 
 
 def trade_table(found: Trade) -> str:
-    """Every model, the cheapest first; "*" on the Pareto front."""
+    """Table of all models, the cheapest first; "*" marks the Pareto front."""
     from kaneflex.report.tables import table
 
     head = ("", "model", "worst sensor", "error", "rms", "set-up", "ns a step", "steps", "total", "spread", "within")
@@ -144,7 +144,7 @@ def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
 
 
 def price_table(found: Prices) -> str:
-    """What each clearance changes in each sensor, with what the change is known to."""
+    """Table of the change of each sensor by each clearance, with its error estimate."""
     from kaneflex.report.tables import table, unit_shown
 
     head = ("sensor", "unit", "peak tight", "with", "change", "known to", "rms tight", "with", "change", "known to")
@@ -160,19 +160,19 @@ def price_table(found: Prices) -> str:
             mark = "*" if change.matters(found.tolerance) else " "
             rows.append((f"{mark} {change.sensor}", unit, *cells))
         gone = f"; without it there is no {', '.join(each.gone)}" if each.gone else ""
-        title = f"What the {each.part} changes (*: by more than {percent(found.tolerance)}){gone}"
+        title = f"Effect of {each.part} (*: more than {percent(found.tolerance)}){gone}"
         parts.append(f"{title}\n{table(head, rows, left=2)}")
     return "\n\n".join([*parts, _CHAOS])
 
 
 _CHAOS = (
-    "Peaks and rms are those of the whole run: two motions that knock may part however alike they begin, so that no\n"
-    "instants compare. Changes are known to what a ten times smaller solve.tolerance makes of them."
+    "Peaks and rms are those of the whole run, since motions with impacts diverge and cannot be compared instant by\n"
+    "instant. The error estimate is the difference from a run with solve.tolerance divided by ten."
 )
 
 
 def reference_lines(found: Trade) -> str:
-    """What the errors are measured against, and what is known of its own."""
+    """Reference of the errors, and its own error."""
     reference = found.reference
     lines = [f"Against {reference.name}; refining it changed sensors by {percent(max(reference.refinement.values()))}"]
     if reference.coupling:
@@ -184,16 +184,16 @@ def reference_lines(found: Trade) -> str:
 
 
 def choice_line(found: Trade) -> str:
-    """The answer: the cheapest model within the tolerance."""
+    """Recommendation: the cheapest model within the tolerance."""
     chosen, share = found.chosen, percent(found.tolerance)
     if chosen is None:
-        return f"No model that was run is known to be within {share}"
+        return f"None of the models that were run is within {share}"
     settings = " ".join(f"--set {setting}" for setting in found.settings_of(chosen))
     return f"Cheapest within {share}: {chosen.name}\n  {settings}"
 
 
 def terms_table(found: Terms) -> str:
-    """Every group, those that change most first."""
+    """Table of all groups, those with the largest effect first."""
     from kaneflex.report.tables import table
 
     head = ("group", "", "needed", "by", "most in", "change", "rms", "operations", "ns a step", "noise")
@@ -216,11 +216,11 @@ def _effect_row(effect: Effect) -> tuple[str, ...]:
 
 Row = dict[str, object]
 Data = tuple[dict[str, object], list[Row]]
-"""What is its own of the whole, and the rows of its table."""
+"""Data of a study as a whole, and the rows of its table."""
 
 
 def trade_data(found: Trade) -> Data:
-    """What ``trade.json`` and ``trade.csv`` hold: times in s, errors as shares of the reference's peaks."""
+    """Content of ``trade.json`` and ``trade.csv``: times in s, errors as shares of the reference's peaks."""
     reference = found.reference
     rows = [_ranked_data(found, entry) for entry in found.ranked]
     return {
@@ -263,7 +263,7 @@ def _ranked_data(found: Trade, entry: Ranked) -> Row:
 
 
 def price_data(found: Prices) -> Data:
-    """What ``price.json`` and ``price.csv`` hold: statistics in SI, changes as shares of those without the part."""
+    """Content of ``price.json`` and ``price.csv``: statistics in SI, changes as shares of those without the part."""
 
     def known(number: float) -> float | None:
         return None if isnan(number) else number
@@ -287,7 +287,7 @@ def price_data(found: Prices) -> Data:
 
 
 def terms_data(found: Terms) -> Data:
-    """What ``terms.json`` and ``terms.csv`` hold: times in s or ns, changes as shares of each sensor's peak."""
+    """Content of ``terms.json`` and ``terms.csv``: times in s or ns, changes as shares of each sensor's peak."""
     rows = [_effect_data(effect) for effect in found.effects]
     return {
         "full": asdict(found.full),

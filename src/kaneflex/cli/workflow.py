@@ -1,4 +1,4 @@
-"""A run, from a scene to a complete result folder."""
+"""Run of a scene into a complete result folder."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "
 SCENE_FILE = "scene.toml"
 TABLE_FILE, VTK_FOLDER = "results.csv", "vtk"
 _SAME = 1e-6
-"""Share of a sensor's largest value by which two runs of one scene may differ: another machine's rounding."""
+"""Permitted difference between two runs of one scene, as a share of a sensor's peak: rounding on another machine."""
 
 
 class Demand(NamedTuple):
-    """Error allowed of sensors (all, where none is named), as a share of their peaks."""
+    """Permitted error of the named sensors (default: all), as a share of their peaks."""
 
     tolerance: float
     sensors: Sequence[str] | None = None
@@ -49,15 +49,15 @@ def run_into(
     Parameters
     ----------
     scene : Scene
-        With all settings laid over it.
+        Scene with all settings applied.
     target : Target
-        Its folder appears when it is complete; what stops the run leaves none. A run that stopped early is not drawn.
+        Output; its folder appears when it is complete, and not after an error. A run that stopped early is not drawn.
     settings : sequence of str
         The settings, for the summary.
     after : Path, optional
         Results of a coupled run to continue from its last state.
     parameters, frozen
-        Paths and basis as :func:`kaneflex.sensitivities` takes them.
+        Paths and basis, see :func:`kaneflex.sensitivities`.
     demand : Demand, optional
         Choose the cheapest model for it, or take it from the user's cache; the summary holds the choice.
     tell : callable
@@ -66,7 +66,7 @@ def run_into(
     Returns
     -------
     Summary
-        Also of a run that stopped early, whose folder holds what came before.
+        Also for a run that stopped early; its folder holds the results up to then.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def _solve(
 def _differentiated(
     solution: Solution, parameters: Sequence[str], frozen: bool, waiting: Waiting
 ) -> Sensitivities | None:
-    """The derivatives of a run by parameters, if there are some; none of one that stopped early."""
+    """Derivatives of a run by its parameters; None without parameters or after an early stop."""
     if not parameters:
         return None
     from kaneflex.integrate.outcome import Outcome
@@ -169,7 +169,7 @@ def _report(solution: Solution, summary: Summary, pictures: list[Path], folder: 
 def _show(
     solution: Solution, found: Sensitivities | None, folder: Path, target: Target, waiting: Waiting
 ) -> list[Path]:
-    """The pictures, which it returns, and the motion for ParaView."""
+    """Draw the pictures, write the motion for ParaView; return the pictures."""
     drawn: list[Path] = []
     if target.plots:
         from kaneflex.plots import draw
@@ -196,12 +196,12 @@ def _draw_all(solution: Solution, folder: Path, target: Target, waiting: Waiting
 
 
 def draw_again(folder: Path, target: Target) -> list[Path]:
-    """Draw pictures of a finished run into its folder: its scene is solved again.
+    """Draw pictures of a finished run into its folder, after solving its scene again.
 
     Raises
     ------
     OutputError
-        If the folder holds no run, or what it holds is not what its scene gives now.
+        If the folder holds no run, or its scene no longer gives its results.
     SceneError
         If a kind of picture is unknown.
     """
@@ -237,7 +237,7 @@ def _demand_same(solution: Solution, folder: Path) -> None:
             found, series.values, rtol=0.0, atol=_SAME * abs(series.values).max(initial=0.0), equal_nan=True
         ):
             raise OutputError(
-                str(folder / RESULTS_FILE), None, f"{name} is not what {SCENE_FILE} gives now: a file that it names or "
-                "kaneflex has changed, or the run continued another one",
+                str(folder / RESULTS_FILE), None, f"{name} differs from what {SCENE_FILE} gives now: kaneflex or a "
+                "file that the scene names has changed, or the run continued another one",
                 "Run the scene again with --plots",
             )  # fmt: skip

@@ -93,7 +93,7 @@ def import_mesh(
         made = spatial_foreign_data if link.spatial else foreign_data
         data = made(link, modes, coupling == "rigid", damping)
         missing = missing_flexibility(link)
-    doubts = [f"{doubt}. Look at the files' units: --units says which they are" for doubt in link.doubts]
+    doubts = [f"{doubt}. Check the units of the files: --units gives them" for doubt in link.doubts]
     if missing is not None:
         doubts.insert(0, f"{missing}. Give the stiffness matrix, more modes, or modes with attachment modes")
     for doubt in doubts:

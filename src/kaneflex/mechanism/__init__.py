@@ -1,1 +1,1 @@
-"""The mechanism before anything deforms: bodies and joints, position analysis, closure, the rigid motion."""
+"""Rigid mechanism: bodies and joints, position analysis, closure, rigid motion."""

@@ -1,8 +1,8 @@
-"""Matrices that are sums of (product of motion scalars) x (constant matrix).
+"""Affine matrices: sums of (product of motion scalars) x (constant matrix).
 
-In link axes every elastic matrix has this form, and the rotation of a joint's displacements into global axes
-keeps it: cos and sin of a body's angle are scalars like the others. Products and time derivatives of such
-sums are again such sums, so the assembly can be written as the formula that it is.
+In link axes every elastic matrix has this form. The rotation of a joint's displacements into global axes keeps it,
+with cos and sin of a body's angle as further scalars. Products and time derivatives of such sums are such sums,
+so the assembly reads like its formula.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ Monomial = tuple[str, ...]
 
 Matrix: TypeAlias = "np.ndarray | csr_array"
 _FEW = 10_000
-"""Entries up to which a matrix is kept as an array: an operation on a sparse one costs what thousands of entries do."""
+"""Largest number of entries of a dense matrix: an operation on a sparse one costs as much as thousands of entries."""
 
 
 def kept(matrix: Matrix | list) -> Matrix:
-    """The matrix as an array if it is small, else sparse."""
+    """Dense array of a small matrix, else a sparse one."""
     if hasattr(matrix, "toarray"):
         return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FEW else sparse(matrix)
     matrix = np.asarray(matrix, dtype=float)
@@ -38,14 +38,14 @@ def kept(matrix: Matrix | list) -> Matrix:
 
 
 def sparse(matrix: Matrix) -> csr_array:
-    """The matrix by rows, whatever its size."""
-    from scipy.sparse import csr_array  # 0.2 s: only where a matrix is large
+    """Sparse matrix by rows, of any size."""
+    from scipy.sparse import csr_array  # takes 0.2 s: imported only for large matrices
 
     return csr_array(matrix)
 
 
 def from_entries(shape: tuple[int, int], rows: ArrayLike, columns: ArrayLike, values: ArrayLike) -> Matrix:
-    """The matrix with these entries, of which those at one place are added up: an array if it is small, else sparse."""
+    """Matrix from entries, summing duplicates: a dense array if it is small, else sparse."""
     if shape[0] * shape[1] > _FEW:
         from scipy.sparse import coo_array
 
@@ -56,7 +56,7 @@ def from_entries(shape: tuple[int, int], rows: ArrayLike, columns: ArrayLike, va
 
 
 def entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows, columns and values of what is not zero."""
+    """Rows, columns and values of the nonzero entries."""
     if not isinstance(matrix, np.ndarray):
         matrix = matrix.tocoo()
         used = matrix.data != 0.0
@@ -66,18 +66,18 @@ def entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _is_there(matrix: Matrix) -> bool:
-    """Whether an entry is not zero."""
+    """True if any entry is not zero."""
     return bool(np.count_nonzero(matrix) if isinstance(matrix, np.ndarray) else matrix.count_nonzero())
 
 
 def _add(terms: dict[Monomial, Matrix], monomial: Monomial, matrix: Matrix) -> None:
-    """Add a term to those that there are."""
+    """Add a term to existing ones."""
     terms[monomial] = terms[monomial] + matrix if monomial in terms else matrix
 
 
 def solve(matrix: Matrix, right: np.ndarray) -> np.ndarray:
-    """x of A x = right."""
-    if right.dtype == object:  # unknowns, which no library solves for
+    """Solution x of A x = right."""
+    if right.dtype == object:  # no unknowns, which libraries reject
         return solve(matrix, np.eye(len(right))) @ right
     if isinstance(matrix, np.ndarray):
         return np.linalg.solve(matrix, right)
@@ -96,7 +96,7 @@ def as_array(matrix: Matrix) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Affine:
-    """sum_k monomial_k(t) A_k with constant matrices A_k of one shape, sparse where they are large."""
+    """Sum over k of monomial_k(t) A_k, with constant matrices A_k of equal shape, sparse if large."""
 
     shape: tuple[int, int]
     terms: Mapping[Monomial, Matrix]
@@ -111,7 +111,7 @@ class Affine:
 
     @staticmethod
     def term(monomial: Iterable[str], matrix: Matrix | list) -> Affine:
-        """One scalar (product) times a matrix."""
+        """Single term: a product of scalars times a matrix."""
         matrix = kept(matrix)
         return Affine(matrix.shape, {tuple(sorted(monomial)): matrix})
 
@@ -128,7 +128,7 @@ class Affine:
 
     def __matmul__(self, other: Affine) -> Affine:
         terms: dict[Monomial, Matrix] = {}
-        large = self.shape[0] * other.shape[1] > _FEW  # of which few entries are not zero, whatever the factors are
+        large = self.shape[0] * other.shape[1] > _FEW  # sparse for any factors
         for left, a in self.terms.items():
             a = sparse(a) if large else a
             for right, b in other.terms.items():
@@ -143,8 +143,8 @@ class Affine:
 
     @cached_property
     def rate(self) -> Affine:
-        """Time derivative: c' = -omega s, s' = omega c, omega' = epsilon of each body, value' = rate and rate' = accel
-        of what is tabulated with its rates; constants stay constant."""
+        """Time derivative: c' = -omega s, s' = omega c, omega' = epsilon for each body, value' = rate and rate' = accel
+        for quantities tabulated with their rates; constants stay constant."""
         terms: dict[Monomial, Matrix] = {}
         for monomial, matrix in self.terms.items():
             for k, name in enumerate(monomial):
@@ -154,11 +154,11 @@ class Affine:
         return Affine(self.shape, terms)
 
     def only(self, keep: Callable[[Monomial], bool]) -> Affine:
-        """The terms whose monomial is kept."""
+        """Terms whose monomial satisfies a condition."""
         return Affine(self.shape, {monomial: matrix for monomial, matrix in self.terms.items() if keep(monomial)})
 
     def fixed(self, constants: Mapping[str, float]) -> Affine:
-        """The same with its constant scalars at their values; what is then zero by structure is left out."""
+        """Matrix with constant scalars replaced by their values; terms that vanish are omitted."""
         terms: dict[Monomial, Matrix] = {}
         for monomial, matrix in self.terms.items():
             factor = math.prod(constants[name] for name in monomial if name in constants)
@@ -168,11 +168,11 @@ class Affine:
         return Affine(self.shape, terms)
 
     def congruent(self, basis: Matrix) -> Affine:
-        """B^T A B for a constant basis B, term by term."""
+        """Projection B^T A B with a constant basis B, term by term."""
         return Affine((basis.shape[1],) * 2, {m: kept(basis.T @ a @ basis) for m, a in self.terms.items()})
 
     def projected(self, basis: Matrix) -> Affine:
-        """B^T A for a constant basis B, term by term (a load in reduced coordinates)."""
+        """Projection B^T A with a constant basis B, term by term (a load in reduced coordinates)."""
         shape = (basis.shape[1], self.shape[1])
         return Affine(shape, {m: kept(basis.T @ a) for m, a in self.terms.items()})
 
@@ -181,18 +181,18 @@ class Affine:
         return tuple(sorted(self.terms))
 
     def value(self, scalars: Mapping[str, float]) -> Matrix:
-        """The matrix for given values of the scalars."""
+        """Value of the matrix for given scalars."""
         factors = (math.prod(sorted(scalars[name] for name in monomial)) for monomial in self.terms)
         parts = (float(factor) * matrix for factor, matrix in zip(factors, self.terms.values(), strict=True))
         return sum(parts, _nothing(self.shape))
 
     def pattern(self) -> Matrix:
-        """Sum of absolute values: where an entry can be non-zero at some time."""
+        """Sum of absolute values, nonzero where an entry can be nonzero at some time."""
         return sum(map(abs, self.terms.values()), _nothing(self.shape))
 
 
 class Entries(NamedTuple):
-    """What is not zero in the terms of an :class:`Affine`: row, column, value, and the number of its monomial."""
+    """Nonzero entries of the terms of an :class:`Affine`: row, column, value, and index of the monomial."""
 
     rows: np.ndarray
     columns: np.ndarray
@@ -201,7 +201,7 @@ class Entries(NamedTuple):
 
 
 def numbered_entries(affine: Affine, monomials: Sequence[Monomial]) -> Entries:
-    """The entries of all terms; their monomials are numbered as given."""
+    """Entries of all terms, with the given numbering of monomials."""
     number = {monomial: k for k, monomial in enumerate(monomials)}
     none = np.zeros(0, dtype=int)
     found = [(none, none, np.zeros(0), none)]
@@ -212,7 +212,7 @@ def numbered_entries(affine: Affine, monomials: Sequence[Monomial]) -> Entries:
 
 
 def coefficients(slot: np.ndarray, found: Entries, shape: tuple[int, int]) -> SparseRows:
-    """Entries by their slots (slots x monomials): its product with the monomials' values is what the slots hold."""
+    """Matrix (slots x monomials) whose product with the monomials' values gives the values of the slots."""
     order = np.lexsort((found.monomials, slot))
     ends = np.cumsum(np.bincount(slot, minlength=shape[0]))
     return SparseRows(found.values[order], found.monomials[order], np.append(0, ends), shape)
@@ -226,6 +226,6 @@ def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:
         return 1.0, (f"{body}.omega", f"{body}.c")
     if kind == "omega":
         return 1.0, (f"{body}.epsilon",)
-    if kind in ("value", "rate"):  # of what is tabulated with its rates
+    if kind in ("value", "rate"):  # quantities tabulated with their rates
         return 1.0, (f"{body}.{'rate' if kind == 'value' else 'accel'}",)
     raise ValueError(f"the rate of the scalar {name} is not a scalar of the motion")

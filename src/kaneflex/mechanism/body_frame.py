@@ -1,13 +1,13 @@
-"""Planar kinematics: how vectors turn with a body, and how the points of a body move.
+"""Planar kinematics: rotation of vectors with a body, and motion of a body's points.
 
-Components of a vector along the last axis' instants, (2, n_times): S p = (-y, x) is a vector turned by a right angle.
-A point p in the axes of a body that turns by omega and epsilon, and moves in them by p', p'', has the velocity and the
-acceleration, less those of the body's start and still in the body's axes,
+Vectors have shape (2, n_times); S p = (-y, x) is a vector rotated by a right angle. A point p in the axes of a body
+with angular velocity omega and acceleration epsilon, which moves in these axes by p', p'', has the velocity and
+acceleration relative to the body's start, in the body's axes,
 
     p' + omega S p,   p'' + 2 omega S p' + epsilon S p - omega^2 p
 
 (Kane & Levinson, Dynamics: Theory and Applications, 1985, sec. 2.8: one point moving on a rigid body). With -omega and
--epsilon the same formulas give the rates of a vector's components in the turning axes from its global rates.
+-epsilon the same formulas give the rates of a vector's components in rotating axes from its global rates.
 """
 
 from __future__ import annotations
@@ -21,38 +21,38 @@ import numpy as np
 from kaneflex.mechanism.planar import GROUND, Pose, carried_velocity, quarter_turn, relative_acceleration
 
 Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""A quantity with its first and second rates, time along the last axis."""
+"""Quantity with its first and second rates, time along the last axis."""
 STILL = np.zeros((2, 1))
-"""Rate of a point that is fixed in its body."""
+"""Zero rate of a point that is fixed in its body."""
 
 
 def rotate(c, s, vector) -> np.ndarray:
-    """Global components of a vector given in axes that are turned by an angle of cosine c and sine s."""
+    """Global components of a vector given in axes rotated by an angle with cosine c and sine s."""
     return np.array(Pose(0.0, 0.0, c, s).turn(vector))
 
 
 def rotate_back(c, s, vector) -> np.ndarray:
-    """Components in axes that are turned by an angle of cosine c and sine s, of a vector given in global ones."""
+    """Components of a global vector in axes rotated by an angle with cosine c and sine s."""
     return rotate(c, -s, vector)
 
 
 def normal(vector) -> np.ndarray:
-    """S p: the vector turned by a right angle, counterclockwise."""
+    """Vector S p: p rotated counterclockwise by a right angle."""
     return np.array(quarter_turn(vector))
 
 
 def velocity(omega, p, p_rate=STILL) -> np.ndarray:
-    """p' + omega S p."""
+    """Relative velocity p' + omega S p."""
     return p_rate + np.array(carried_velocity(p, omega))
 
 
 def acceleration(omega, epsilon, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
-    """p'' + 2 omega S p' + epsilon S p - omega^2 p."""
+    """Relative acceleration p'' + 2 omega S p' + epsilon S p - omega^2 p."""
     return p_accel + np.array(relative_acceleration(p, p_rate, omega, epsilon))
 
 
 class Scalars(Protocol):
-    """A motion by the names of its scalars, like ``rod.omega``, each (n_times,)."""
+    """Motion by the names of its scalars, like ``rod.omega``, each (n_times,)."""
 
     @property
     def times(self) -> np.ndarray: ...
@@ -62,10 +62,10 @@ class Scalars(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class BodyFrame:
-    """The axes of a body in a motion, which carry its points; those of the ground stand still.
+    """Axes of a body, or of the ground, in a motion, and its points.
 
-    Points p are given in these axes, shape (2,) or (2, n_times) [m]. A module has the scalars that its scene requires,
-    so that each is looked up when it is asked for.
+    Points p are given in these axes, shape (2,) or (2, n_times) [m]. Scalars are looked up on demand, since a module
+    has only those that its scene requires.
     """
 
     motion: Scalars
@@ -96,19 +96,19 @@ class BodyFrame:
 
     @property
     def origin(self) -> np.ndarray:
-        """Place of the body's start, global [m]."""
+        """Position of the body's start, global [m]."""
         return np.array([self._scalar("x"), self._scalar("y")])
 
     def to_global(self, vector) -> np.ndarray:
-        """Global components of a vector in these axes, (2, n_times)."""
+        """Global components of a vector given in these axes, (2, n_times)."""
         return rotate(self.c, self.s, vector)
 
     def to_body(self, vector) -> np.ndarray:
-        """Components in these axes of a global vector, (2, n_times)."""
+        """Components of a global vector in these axes, (2, n_times)."""
         return rotate_back(self.c, self.s, vector)
 
     def place(self, p) -> np.ndarray:
-        """Global place of a point [m], (2, n_times)."""
+        """Global position of a point [m], (2, n_times)."""
         return self.origin + self.to_global(p)
 
     def velocity(self, p, p_rate=STILL) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Whether loops close, and what to say of one that doesn't."""
+"""Checks that loops close, and their error messages."""
 
 from __future__ import annotations
 
@@ -9,34 +9,32 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.support.errors import SceneError
 
 _OPEN = 1e-9
-"""Share of the mechanism's size by which a loop may be open."""
+"""Largest gap of a closed loop, as a share of the mechanism's size."""
 SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 _LOCKED, _NEAR, _TOUCHED = 1e-3, 1e-2, 1e-7
-"""Margins of a loop, squares of the sine of its transmission angle: below which one that can't go on is said to lock,
-below which its least value is looked for, and below which it has reached its limit."""
+"""Margins of a loop (squared sine of the transmission angle): below the first a loop that can't continue counts as
+locked, below the second its minimum is searched, below the third it has reached its limit."""
 _SINGULAR = 1e-14
-"""The same below which it is rounding, a hundred times that of a square of a length."""
+"""Margin of rounding, a hundred times that of a squared length."""
 
 
 def check_closure(mechanism: Mechanism, motion: RigidKinematics, horizon: float) -> None:
-    """Sweep the drives' range up to ``horizon`` [s]: every loop must close with a margin.
-
-    The error names loop, place and value.
+    """Raise SceneError unless every loop closes with a margin over the drives' range up to ``horizon`` [s].
     """
     check_loops(mechanism, motion.at(np.linspace(0.0, horizon, SWEEP + 1)))
 
 
 def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
-    """Every loop must close at all instants of a rigid motion; what Newton's method leaves open must be rounding."""
+    """Raise SceneError unless every loop closes at all instants of a rigid motion, up to rounding."""
     for name in (name for name in rigid.motion.column if name.endswith(".gap")):
         size = max(abs(rigid[f"{body}.{axis}"]).max() for body in mechanism.bodies for axis in "xy")
         worst = int(np.argmax(np.nan_to_num(rigid[name], nan=np.inf)))
         if not rigid[name][worst] <= _OPEN * size:
             raise SceneError(
                 f"joints.{name.removesuffix('.gap')}", None,
-                f"the loop that it closes is left open by {rigid[name][worst]:.2g} m at "
-                f"{stand(mechanism, rigid, worst)}, about to lock",
+                f"the loop cannot close: a gap of {rigid[name][worst]:.2g} m remains at "
+                f"{stand(mechanism, rigid, worst)}, near a dead centre",
                 "Change the lengths, or limit the drive's range",
             )  # fmt: skip
     for name in _margins(rigid):
@@ -48,19 +46,19 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
             at = stand(mechanism, rigid, int(np.argmin(rigid[name])))
             raise SceneError(
                 f"joints.{joint.name}", joint.written_branch,
-                f"a singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces have no "
-                "finite value and two branches meet",
+                f"singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces are "
+                "infinite and two branches meet",
                 f"Change the lengths, or {_elsewhere(mechanism)}",
             )  # fmt: skip
         raise SceneError(
             f"joints.{joint.name}", joint.written_branch,
-            f"the loop can't close: at {stand(mechanism, rigid, int(np.argmin(closes)))} {apart(joint)}",
+            f"the loop cannot close: at {stand(mechanism, rigid, int(np.argmin(closes)))} {apart(joint)}",
             f"Change the lengths, or {_elsewhere(mechanism)}",
         )  # fmt: skip
 
 
 def check_start(mechanism: Mechanism, rigid: RigidMotion, acceleration: np.ndarray, inertia: np.ndarray) -> None:
-    """The first instant of forward dynamics: loops close, and every free joint has mass to move and finite forces.
+    """Check the first instant of forward dynamics: closed loops, inertia at every free joint, and finite forces.
 
     ``rigid`` is the motion there, ``acceleration`` (n,) and ``inertia`` (n, n) those of the free joints' equations.
     """
@@ -72,19 +70,19 @@ def check_start(mechanism: Mechanism, rigid: RigidMotion, acceleration: np.ndarr
         still = np.flatnonzero(np.diag(inertia) == 0.0)
         joint = free[still[0] if len(still) else int(np.argmax(abs(np.linalg.svd(inertia)[2][-1])))]
         raise SceneError(
-            f"drives.{joint}", "free", f"nothing that it moves has mass or inertia, at {stand(mechanism, rigid)}",
+            f"drives.{joint}", "free", f"singular mass matrix at {stand(mechanism, rigid)}: the joint moves no inertia",
             "Give the bodies that move with it a mass or an inertia, or prescribe it",
         )  # fmt: skip
     raise SceneError(
-        f"drives.{free[0]}", "free", f"the forces are not finite at {stand(mechanism, rigid)}, where it starts",
+        f"drives.{free[0]}", "free", f"the forces are not finite at the start, {stand(mechanism, rigid)}",
         "Change loads or start",
     )  # fmt: skip
 
 
 def check_passage(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarray) -> None:
-    """A linkage that free joints have brought to its limit stays there, or comes back on the branch that it left.
+    """Raise SceneError if free joints move the linkage into a limit position (dead centre).
 
-    ``times`` [s] are those that the motion was integrated at; between them every loop's least margin is looked for.
+    ``times`` [s] are those of the integration; between them every loop's smallest margin is searched.
     """
     rigid = motion.at(times)
     for name in _margins(rigid):
@@ -100,24 +98,24 @@ def check_passage(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarr
 
 
 def swung(mechanism: Mechanism, joint: str, rigid: RigidMotion, index: int = 0) -> SceneError:
-    """What to say of a linkage that swings into the limit of the loop that a joint closes."""
+    """Error for a linkage that moves into the limit position of the loop that a joint closes."""
     return SceneError(
         f"joints.{joint}", None,
-        f"the linkage swings into its limit: at t = {rigid.times[index]:.6g} s, {stand(mechanism, rigid, index)}, it "
-        f"locks, as beyond that {apart(mechanism.joints[joint])}",
-        "Shorten the duration, change lengths, loads or start, or take preset coupled, which goes on",
+        f"the linkage reaches a dead centre at t = {rigid.times[index]:.6g} s, {stand(mechanism, rigid, index)}: "
+        f"beyond it {apart(mechanism.joints[joint])}",
+        "Shorten the duration, change lengths, loads or start, or use preset coupled, which can continue",
     )  # fmt: skip
 
 
 def locking(rigid: RigidMotion) -> str | None:
-    """The joint that closes the loop about to lock at a motion's only instant, if there is one."""
+    """Joint that closes the loop near its limit at a motion's only instant, if any."""
     margins = {name: float(rigid[name][0]) for name in _margins(rigid)}
     name = min(margins, key=lambda name: margins[name] if margins[name] > 0.0 else 0.0, default=None)
     return None if name is None or margins[name] > _LOCKED else name.removesuffix(".closure")
 
 
 def apart(joint: Joint) -> str:
-    """What a loop's closing joint can't hold together."""
+    """Reason why a loop's closing joint can't close it."""
     first, second = joint.bodies
     if joint.slides:
         return f"{second} does not reach its guide on {first}"
@@ -129,7 +127,7 @@ def _margins(rigid: RigidMotion) -> list[str]:
 
 
 def stand(mechanism: Mechanism, rigid: RigidMotion, index: int = 0) -> str:
-    """Where the drives, the first three of many, stand at an instant, like "main = 90 deg"."""
+    """Positions of the first three drives at an instant, like "main = 90 deg"."""
     first = list(mechanism.drives)[:3]
     return ", ".join(f"{name} = {mechanism.joints[name].written(rigid[f'{name}.angle'][index])}" for name in first)
 

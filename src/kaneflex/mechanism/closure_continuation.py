@@ -1,8 +1,8 @@
-"""Seeds of the loops that Newton's method closes: the assembly followed over the drive's range, as tables.
+"""Starting values for loops closed by Newton's method: tables of the assembly over the drive's range.
 
-The sweep starts from the assembly that the scene names and follows it by its tangent; where the constraints' Jacobian
-changes its sign, or no small step leads on, the linkage locks or would change its branch. That is found here, before
-anything is computed, and the kernels need no memory of where they were.
+The sweep starts from the scene's assembly and follows its tangent. If the determinant of the constraints' Jacobian
+changes its sign, or small steps fail, the linkage locks or would change its branch. This is found before anything is
+computed, and the kernels need no memory of earlier positions.
 """
 
 from __future__ import annotations
@@ -27,50 +27,50 @@ from kaneflex.scene.tables import Table
 from kaneflex.support.errors import SceneError
 
 _KNOTS = 720
-"""Knots of a turn, or of the drive's range."""
+"""Number of knots of a turn, or of the drive's range."""
 _STRIDE = 16
-"""Knots from one that is followed to to the next; those between are found all at once."""
+"""Knots between two that are followed one by one; those in between are solved all at once."""
 _ITERATIONS, _SOLVED = 8, 1e-12
-"""Of Newton's method, and its last correction, in rad or sizes of the mechanism."""
+"""Iterations of Newton's method, and its last correction, in rad or sizes of the mechanism."""
 _HALVINGS = 16
-"""Times that a step over so many knots is halved before the linkage counts as locked."""
+"""Halvings of such a step before the linkage counts as locked."""
 _BENT = 0.2
-"""Largest correction of a tangent step, as a share of it, that is believed to stay on the branch."""
+"""Largest correction of a tangent step, as a share of it, that counts as staying on the branch."""
 _NEAR = 1e-4
-"""Correction, in rad or sizes of the mechanism, after which the Jacobian before it serves for those that are left."""
+"""Correction, in rad or sizes of the mechanism, below which the Jacobian is kept."""
 _ROUNDING = 1e-10
-"""Correction, in rad or sizes of the mechanism, that is one of rounding alone, as where the drives dwell."""
+"""Correction, in rad or sizes of the mechanism, that is only rounding, as when the drives dwell."""
 
 Coordinates = Callable[[float], Mapping[str, float]]
-"""From what the tables are read at, a drive's coordinate or the time, to every drive's coordinate."""
+"""Function from the tables' abscissa (a drive's coordinate or the time) to every drive's coordinate."""
 
 
 class _Locked(Exception):
-    """No step leads on from ``x``; ``joint`` closes the loop that locks there."""
+    """Stop of the sweep at ``x``; ``joint`` closes the loop that locks there."""
 
     def __init__(self, x: float, joint: str) -> None:
         self.x, self.joint = x, joint
 
 
 def check_free(scene: Scene) -> None:
-    """A loop that Newton's method closes is followed over one drive's turn: none other may be beside it if it is free.
+    """Raise SceneError for a loop closed by Newton's method if its drive is free and there are other drives.
 
     Raises
     ------
     SceneError
-        Before anything is derived; preset coupled alone can do without that turn.
+        Before anything is derived. Preset coupled does not need the sweep.
     """
     free = [name for name, drive in scene.drives.items() if drive.free]
     if free and len(scene.drives) > 1 and not scene.is_frame and (group := larger_group(mechanism_of(scene))):
         raise SceneError(
             f"drives.{free[0]}", "free",
             f"the loop of {', '.join(group)}, of more than two bodies, needs a mechanism with this drive alone",
-            "Take preset coupled, prescribe all drives, or leave the others out",
+            "Use preset coupled, prescribe all drives, or leave the others out",
         )  # fmt: skip
 
 
 def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> np.ndarray:
-    """The kernels' argument p with the seeds' tables behind it; as it is where the module has no such loops.
+    """Argument p of the kernels with the tables of starting values appended; unchanged without such loops.
 
     Raises
     ------
@@ -97,12 +97,12 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
 
 
 def _places(module: ModuleType) -> dict[str, int]:
-    """Path of a parameter -> its place in p."""
+    """Index in p by a parameter's path."""
     return {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
 
 
 def with_tables(module: ModuleType, parameters: np.ndarray, blocks: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The kernels' argument p with tables' blocks behind it, where each path's parameter says that its block begins."""
+    """Argument p of the kernels with tables' blocks appended; each path's parameter holds the start of its block."""
     values, filled, places = parameters.copy(), len(parameters), _places(module)
     for path, block in blocks.items():
         values[places[path]] = filled
@@ -132,7 +132,7 @@ class _Sweep:
 
 
 def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
-    """The assembly over a whole turn of the only drive where it turns around, else over the drives' range."""
+    """Assembly over a whole turn of the only drive if it rotates fully, else over the drives' range."""
     follower = _Follower(scene)
     drives = list(scene.drives)
     free = [name for name in drives if scene.drives[name].kind == "free"]
@@ -167,15 +167,15 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
             locked = error
     if free:
         raise locked or SceneError(
-            f"drives.{drive}", "free", "the linkage is not the same after a turn", "Prescribe this drive"
+            f"drives.{drive}", "free", "the linkage does not return to its start after a turn", "Prescribe this drive"
         )
     angles = RigidKinematics(module, parameters).at(np.linspace(0.0, horizon, _KNOTS + 1))[f"{drive}.angle"]
     knots = max(_KNOTS, math.ceil(_KNOTS * np.ptp(angles) / (2 * math.pi)) if not scene.slides(drive) else _KNOTS)
     there = follower.over(np.linspace(start, max(angles.max(), start), knots + 1), only, None, said)
     back = follower.over(np.linspace(start, min(angles.min(), start), knots + 1), only, None, said)
-    # Where the drive only moves to one side of its start, the other sweep stands still.
+    # If the drive moves only to one side of its start, the other sweep is empty.
     x, first = np.unique(np.concatenate([back.x[::-1], there.x]), return_index=True)
-    if len(x) == 1:  # a drive that is held: the table has one value
+    if len(x) == 1:  # a fixed drive: the table has one value
         x, first = x + np.array([-1.0, 0.0, 1.0, 2.0]), np.zeros(4, dtype=int)
     return _Sweep(x, np.concatenate([back.poses[::-1], there.poses])[first], there.bodies, None)
 
@@ -190,7 +190,7 @@ def _at_all(scene: Scene, drives: Mapping[str, float]) -> str:
 
 
 def follow(scene: Scene, times: np.ndarray, drives: Coordinates) -> np.ndarray:
-    """Poses (n_times, bodies, 3) of the assembly that the scene starts from, by numbers alone.
+    """Poses (n_times, bodies, 3) of the scene's assembly, by numerical computation only.
 
     Raises
     ------
@@ -201,14 +201,14 @@ def follow(scene: Scene, times: np.ndarray, drives: Coordinates) -> np.ndarray:
 
 
 class _Place(NamedTuple):
-    """Poses of the bodies one behind the other, and the constraints' Jacobian there."""
+    """Poses of all bodies in one vector, and the constraints' Jacobian there."""
 
     poses: np.ndarray
     jacobian: np.ndarray
 
 
 class _Follower:
-    """Follows the assembly that a scene starts from."""
+    """Continuation of the assembly that a scene starts from."""
 
     def __init__(self, scene: Scene) -> None:
         self.mechanism, self.start = mechanism_of(scene), place(scene)
@@ -219,7 +219,7 @@ class _Follower:
         return Constraints(self.mechanism, drives)
 
     def over(self, xs: np.ndarray, drives: Coordinates, period: float | None, said: Callable[[float], str]) -> _Sweep:
-        """The poses at all of ``xs``, the first of which is the start."""
+        """Poses at all of ``xs``; the first is the start."""
         start = np.array([self.start.poses[name] for name in self.bodies]).ravel()
         here = _Place(start, self._jacobian(start))
         side = np.linalg.slogdet(here.jacobian)[0]
@@ -232,14 +232,14 @@ class _Follower:
         except _Locked as locked:
             raise SceneError(
                 f"joints.{locked.joint}", None,
-                f"the loop that it closes locks near {said(locked.x)}: beyond that the linkage can't close, or would "
+                f"the loop cannot close beyond {said(locked.x)}: the linkage locks there, or would "
                 "change its branch",
                 "Change the lengths, or limit the drive's range",
             ) from None  # fmt: skip
         return _Sweep(np.array(xs), found.reshape(len(xs), -1, 3), self.bodies, period)
 
     def _along(self, xs: np.ndarray, here: _Place, drives: Coordinates, side: float) -> np.ndarray:
-        """The poses at some ``xs``, (n, 3 bodies), one after the other. Raises _Locked."""
+        """Poses at some ``xs``, (n, 3 bodies), one after the other. Raises _Locked."""
         found = [here.poses]
         for x, to in pairwise(xs):
             here = here if x == to else self._step(here, x, to, drives, side, 0)
@@ -249,8 +249,8 @@ class _Follower:
     def _between(
         self, xs: np.ndarray, few: list[int], poses: np.ndarray, drives: Coordinates, side: float
     ) -> np.ndarray | None:
-        """The poses at all ``xs`` from those at ``few`` of them, by Newton's method for all at once; None where that
-        leads to some that :meth:`_step` would not take one after the other."""
+        """Poses at all ``xs`` from those at ``few`` of them, by Newton's method for all at once; None if :meth:`_step`
+        would reject some of them."""
         coordinates = [drives(x) for x in xs]
         constraints = self.constraints({name: np.array([at[name] for at in coordinates]) for name in coordinates[0]})
         found, last = _interpolated(np.array(few), poses, np.arange(len(xs))), np.inf
@@ -272,21 +272,21 @@ class _Follower:
         return found if last < _SOLVED and goes_on.all() else None
 
     def _goes_on(self, here: np.ndarray, guess: np.ndarray, there: np.ndarray) -> np.ndarray:
-        """Whether poses stay on the branch, from ``here`` along the tangent to a guess and corrected from it."""
+        """True if poses stay on the branch, from ``here`` along the tangent to a guess and corrected from it."""
         step, bend = (abs(change / self.scale).max(axis=-1) for change in (guess - here, there - guess))
         return bend <= np.maximum(_BENT * step, _ROUNDING)
 
     def _poses(self, unknowns: np.ndarray) -> dict[str, np.ndarray]:
-        """By body, of unknowns (3 bodies,) or (3 bodies, n)."""
+        """Poses by body from unknowns (3 bodies,) or (3 bodies, n)."""
         parts = np.split(unknowns, len(self.bodies))
         return {GROUND: np.zeros(3), **dict(zip(self.bodies, parts, strict=True))}
 
     def _jacobian(self, unknowns: np.ndarray) -> np.ndarray:
-        """Of the constraints, by the bodies' coordinates: it does not hang on where the drives stand, but on which."""
+        """Jacobian of the constraints by the bodies' coordinates; it does not depend on the drives' positions."""
         return self.constraints(self.start.drives).jacobian(self._poses(unknowns), self.bodies, self.joints)
 
     def _step(self, here: _Place, x: float, to: float, drives: Coordinates, side: float, depth: int) -> _Place:
-        """The poses at ``to`` from those at ``x``: along the tangent, corrected by Newton's method, else in halves."""
+        """Poses at ``to`` from those at ``x``: along the tangent, corrected by Newton's method, else in two halves."""
         before, after = drives(x), drives(to)
         moved = np.zeros(len(here.poses))
         names = self.constraints(before).driven(self.joints)
@@ -316,7 +316,7 @@ class _Follower:
         return self._step(here, middle, to, drives, side, depth + 1)
 
     def _locking(self, here: _Place) -> str:
-        """The joint that closes the loop which is about to lock: most strained by forces that balance themselves."""
+        """Joint that closes the loop near its limit: it has the largest share in the self-equilibrated forces."""
         stress = abs(np.linalg.svd(here.jacobian)[0][:, -1])
         counts = [len(joint.rows) for joint in self.mechanism.joints.values()]
         ends = np.cumsum(counts)

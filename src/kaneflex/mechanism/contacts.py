@@ -1,12 +1,12 @@
-"""Laws of contacts, over any kind of number: how far apart two bodies are, what pushes them apart, what comes back.
+"""Contact laws, for any kind of number: gap of two bodies, contact force and restitution.
 
-A contact that closed at the approach speed v_0 and is d deep pushes with F = K d^n (1 + chi d'/v_0); what the laws
-differ by is chi. Nothing else acting, v dv = -(F/m) dd gives the restitution e that every one of them really returns,
-whatever m, K, n and v_0 (Hunt & Crossley 1975, J. Appl. Mech. 42, 440, for small chi; here it is not cut off):
+A contact with approach speed v_0 and penetration d has the force F = K d^n (1 + chi d'/v_0); the laws differ in chi.
+Without other forces v dv = -(F/m) dd gives the actual restitution e of each law, independent of m, K, n and v_0
+(Hunt & Crossley 1975, J. Appl. Mech. 42, 440, for small chi; exact here):
 
     (1 + chi)/(1 - e chi) = exp(chi (1 + e))
 
-Newton's law has no force of a depth: rigid sides meet, and at once part again with e times the speed of approach.
+Newton's law has no penetration: rigid sides separate at once with e times the speed of approach.
 """
 
 from __future__ import annotations
@@ -18,37 +18,37 @@ from kaneflex.mechanism.parts import Contact
 from kaneflex.mechanism.planar import Number, Vector, dot, quarter_turn
 
 KINDS = ("point-line", "circles", "angle")
-"""Geometries, in the order of the numbers that kernels know them by."""
+"""Geometries, in the order of their numbers in kernels."""
 CIRCLES = {"circle-circle": 1.0, "circle-in-circle": -1.0}
-"""Kinds of contacts of circles -> whether the second is pushed away from the first one's centre (1) or towards it."""
+"""Kinds of contacts of circles -> sign of the force on the second: away from the first centre (1) or towards it."""
 LAWS = ("hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "exact", "newton")
-"""Laws, in the order of the numbers that kernels know them by."""
+"""Laws, in the order of their numbers in kernels."""
 NEWTON = LAWS.index("newton")
-"""The law of rigid sides: speeds jump, nothing is pressed in."""
+"""Law of rigid sides: speeds jump, without penetration."""
 CHI: dict[str, Callable[[Number], Number]] = {
     "hunt-crossley": lambda e: 3 * (1 - e) / 2,
     "lankarani-nikravesh": lambda e: 3 * (1 - e**2) / 4,
     "flores": lambda e: 8 * (1 - e) / (5 * e),
 }
-"""chi of the laws that have it in closed form, by the restitution e that is asked for.
+"""Formulas of chi by the requested restitution e, for laws with a closed form.
 
 Hunt & Crossley 1975, J. Appl. Mech. 42, 440; Lankarani & Nikravesh 1990, J. Mech. Des. 112, 369; Flores, Machado,
 Silva & Martins 2011, Multibody Syst. Dyn. 25, 357."""
 
 
 def apart(kind: str, gap: Vector, length: Number, normal: Vector, reach: Number) -> tuple[Number, Vector]:
-    """How far apart two sides are, and the unit normal in which the second is pushed.
+    """Gap of two sides, and the unit normal of the force on the second.
 
     Parameters
     ----------
     gap : tuple
-        From the first point to the second, ``length`` [m] long; global. Of flanks the angle of the second body against
-        the first [rad], and 0.
+        Global vector from the first point to the second, of ``length`` [m]. For flanks the angle of the second body
+        relative to the first [rad], and 0.
     normal : tuple
-        That of a line, global; of flanks 1 or -1, which way the second body is turned, and 0; of ``circles`` as CIRCLES
-        has them; of no other kind.
+        Normal of a line, global; for flanks 1 or -1 (direction of the torque on the second body), and 0; for
+        ``circles`` the sign in CIRCLES.
     reach : number
-        Sum of the circles' radii, their difference, or how far before the first point a line's face is [m].
+        Sum or difference of the circles' radii, or distance of a line's face in front of the first point [m].
     """
     if kind in ("point-line", "angle"):
         return dot(normal, gap) - reach, normal
@@ -57,14 +57,14 @@ def apart(kind: str, gap: Vector, length: Number, normal: Vector, reach: Number)
 
 
 def touched(normal: Vector, radius: Number) -> Vector:
-    """From the second point to where its circle is touched."""
+    """Vector from the second point to the contact point on its circle."""
     return -radius * normal[0], -radius * normal[1]
 
 
 def sliding(normal: Vector, gap_rate: Vector, arms: tuple[Vector, Vector], omegas: tuple[Number, Number]) -> Number:
-    """Speed of the second side's material past the first's at the touched place, along the normal turned by 90 deg.
+    """Sliding speed of the second side relative to the first at the contact point, along the normal turned by 90 deg.
 
-    ``arms`` lead to that place from the two points.
+    ``arms`` are the vectors to the contact point from the two points.
     """
     along = quarter_turn(normal)
     turned = [omega * dot(along, quarter_turn(arm)) for omega, arm in zip(omegas, arms, strict=True)]
@@ -72,15 +72,15 @@ def sliding(normal: Vector, gap_rate: Vector, arms: tuple[Vector, Vector], omega
 
 
 def elastic(K: Number, n: Number, depth: Number) -> Number:
-    """K d^n [N]."""
+    """Elastic force K d^n [N]."""
     return K * depth**n
 
 
 def push(law: str, K: Number, n: Number, chi: Number, v_0: Number, depth: Number, rate: Number) -> Number:
-    """Force of a law [N] that is ``depth`` deep [m], which grows by ``rate`` [m/s]; of Kelvin-Voigt chi is c [N s/m].
+    """Contact force [N] at a ``depth`` [m] and its ``rate`` [m/s]; for Kelvin-Voigt chi is c [N s/m].
 
-    Kelvin and Voigt's damper is beside the spring, so its force is there at once, and turns to tension before the
-    bodies are apart: the contact ends where it is zero. The others' is zero where the depth is.
+    The force of Kelvin and Voigt's parallel damper jumps at first touch, and would become tensile before the bodies
+    separate: the contact ends where it is zero. The other laws give zero force at zero depth.
     """
     if law == "hertz":
         return elastic(K, n, depth)
@@ -90,19 +90,19 @@ def push(law: str, K: Number, n: Number, chi: Number, v_0: Number, depth: Number
 
 
 def hysteresis(law: str, restitution: float) -> float:
-    """chi of a law that is asked for a restitution 0 < e <= 1; none of Hertz's, which loses nothing."""
+    """Coefficient chi of a law for a restitution 0 < e <= 1; 0 for Hertz's law, which is lossless."""
     if law == "exact":
         return chi_that_returns(restitution)
     return float(CHI[law](restitution)) if law in CHI else 0.0
 
 
 def kind_of(contact: Contact) -> int:
-    """The number of its geometry."""
+    """Number of the contact's geometry."""
     return KINDS.index("circles" if contact.kind in CIRCLES else contact.kind)
 
 
 def numbers_of(contact: Contact) -> tuple[float, ...]:
-    """The numbers of a contact as the kernels of ``generated/contact.py`` read them, by its NUMBERS."""
+    """Numbers of a contact for the kernels of ``generated/contact.py``, in the order of its NUMBERS."""
     damped = contact.law == "kelvin-voigt"
     loss = contact.damping if damped else hysteresis(contact.law, contact.restitution)
     direction = (CIRCLES[contact.kind], 0.0) if contact.kind in CIRCLES else contact.direction
@@ -113,29 +113,29 @@ def numbers_of(contact: Contact) -> tuple[float, ...]:
 
 
 def _excess(e: float, chi: float) -> float:
-    """By how much ln((1 + chi)/(1 - e chi)) exceeds chi (1 + e), over chi^2: it has no root at chi = 0."""
+    """Function (ln((1 + chi)/(1 - e chi)) - chi (1 + e)) / chi^2, without the root at chi = 0."""
     return (math.log1p(chi) - math.log1p(-e * chi) - chi * (1 + e)) / chi**2
 
 
 def chi_that_returns(e: float) -> float:
-    """chi with which a contact returns exactly the restitution 0 < e <= 1; it is nearly 1.5 (1 - e) close to one."""
+    """Coefficient chi with exactly the restitution 0 < e <= 1; about 1.5 (1 - e) near e = 1."""
     if e == 1:
         return 0.0
     most = (1 / e) * (1 - 1e-15)
     least = 0.5 * (1 - e)
-    if _excess(e, most) <= 0:  # as small an e leaves chi = 1/e to the last digit
+    if _excess(e, most) <= 0:  # for such a small e chi = 1/e to the last digit
         return 1 / e
-    if _excess(e, least) >= 0:  # and one as large the first term of its series
+    if _excess(e, least) >= 0:  # for such a large e the first term of the series is exact
         return 1.5 * (1 - e)
     return _root(lambda chi: _excess(e, chi), least, most)
 
 
 def returned(chi: float) -> float:
-    """The restitution that a contact with chi >= 0 returns, from 1 at chi = 0 towards 0."""
+    """Restitution of a contact with chi >= 0, from 1 at chi = 0 towards 0."""
     if chi == 0:
         return 1.0
     least, most = 0.0, min(1.0, (1 / chi) * (1 - 1e-15))
-    if _excess(most, chi) <= 0:  # where no rounding tells the end from its limit
+    if _excess(most, chi) <= 0:  # bracket that rounding does not distinguish from its limit
         return most
     return _root(lambda e: _excess(e, chi), least, most)
 

@@ -1,4 +1,4 @@
-"""How near a mechanism comes to its dead centres, where no force moves on what closes a loop."""
+"""Distance of a mechanism to its dead centres (singular positions)."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from kaneflex.mechanism.reach import Courses, joint_course, pose_over, turns_aro
 from kaneflex.scene import Scene
 
 _NEAR = math.radians(10.0)
-"""Transmission angle below which forces grow more than fivefold."""
+"""Transmission angle below which forces are more than five times amplified."""
 _WEAK = 0.1
-"""Share of its greatest over the motion to which the smallest singular value may fall without a word: at a fold of the
-closure it falls as the root of what is left of the length."""
+"""Smallest singular value without a warning, as a share of its maximum over the motion: at a fold of the closure it
+falls with the root of the remaining distance."""
 _INSTANTS = 180
-"""Instants at most at which singular values are found."""
+"""Largest number of instants at which singular values are computed."""
 
 
 @dataclass(frozen=True)
 class Closing:
-    """How firmly a group of bodies is held over a motion.
+    """Distance of a group of bodies to singular positions over a motion.
 
     Attributes
     ----------
     name : str
         The joint between the two bodies of a dyad; the bodies of a larger group.
     is_angle : bool
-        Whether ``values`` are transmission angles [rad], 0 at a dead centre and pi/2 at best, or smallest singular
-        values of the group's constraints, lengths in sizes of the mechanism.
+        True if ``values`` are transmission angles [rad], 0 at a dead centre and pi/2 at best; else they are smallest
+        singular values of the group's constraints, lengths in sizes of the mechanism.
     values : ndarray (n,)
     stand : tuple of str
-        Where the drives stand when they are smallest.
+        Positions of the drives at the minimum.
     """
 
     name: str
@@ -47,16 +47,16 @@ class Closing:
 
     @property
     def told(self) -> str:
-        """Its range, in words."""
+        """Range of the values, as text."""
         scaled = np.degrees(self.values) if self.is_angle else self.values
         low, high = (f"{value:.3g}" for value in (scaled.min(), scaled.max()))
         unit = " deg" if self.is_angle else ""
-        at = f", least at {self.stand}" if self.stand and low != high else ""
+        at = f", minimum at {self.stand}" if self.stand and low != high else ""
         return f"{self.name} {low if low == high else f'{low} to {high}'}{unit}{at}"
 
     @property
     def note(self) -> str:
-        """Warnings and notes; empty away from dead centres."""
+        """Warning; empty far from dead centres."""
         least, at = float(self.values.min()), f"at {self.stand} " if self.stand else ""
         if self.is_angle and least < _NEAR:
             return (
@@ -73,7 +73,7 @@ class Closing:
 
 
 def closings(scene: Scene, courses: Courses) -> list[Closing]:
-    """How near each loop of a planar mechanism comes to its dead centres over a motion.
+    """Distance of each loop of a planar mechanism to its dead centres over a motion.
 
     The transmission angle (Alt 1932; Norton, Design of Machinery) of three pins is that between the two links at the
     middle one; of a rod and a slider that between the rod and the guide's normal; of a slider on a lever that between
@@ -104,8 +104,8 @@ def _poses(courses: Courses, k: int | slice) -> dict[str, np.ndarray]:
 def _smallest(
     mechanism: NumericMechanism, group: tuple[str, ...], joints: list[str], courses: Courses, every: int
 ) -> np.ndarray:
-    """Smallest singular value of what joints and drives demand of a group, lengths in sizes of the mechanism; of every
-    so many instants."""
+    """Smallest singular value of the constraints by joints and drives on a group, lengths in sizes of the mechanism; at
+    every n-th instant."""
     constraints = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0))
     turning = [row == "moment" for name in joints for row in mechanism.joints[name].rows]
     turning += [not mechanism.joints[name].slides for name in constraints.driven(joints)]
@@ -116,7 +116,7 @@ def _smallest(
 
 
 def _transmission(dyad: Dyad, courses: Courses) -> np.ndarray | None:
-    """Transmission angle of a dyad over the motion [rad], (n,); None for one that has none."""
+    """Transmission angle of a dyad over the motion [rad], (n,); None if not defined."""
     start, end = (_place(courses, pivot) for pivot in dyad.pivots)
     head = _place(courses, dyad.middle.first)
     if dyad.kinds == ("revolute", "revolute", "revolute"):
@@ -142,7 +142,7 @@ def _turned(courses: Courses, body: str, direction: Vector) -> Vector:
 
 
 def _stand(scene: Scene, courses: Courses, k: int) -> str:
-    """Where the drives stand at an instant, "main = 90 deg"."""
+    """Positions of the drives at an instant, "main = 90 deg"."""
     mechanism, found = mechanism_of(scene), []
     for name in mechanism.drives:
         joint = mechanism.joints[name]

@@ -1,4 +1,4 @@
-"""Energy of a motion, and how well it balances: of the coupled equations, and of the rigid mechanism."""
+"""Energy balance of a motion, of the coupled equations or of the rigid mechanism."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from kaneflex.mechanism.planar import GROUND, dot
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 
 _CHUNK = 1000
-"""Steps whose scalars are held at a time."""
+"""Number of steps whose scalars are in memory at a time."""
 LARGEST_JUMP = 1e-3
-"""Share of the energy turned over that is no error of steps if it gets lost between two instants: ten times what a
-whole run may lose without a warning."""
+"""Loss between two instants, as a share of the energy exchanged, that is not an error of steps: ten times the loss of
+a whole run without a warning."""
 _LEAST_TURNED = 1e-3
-"""Share of the energy that there is, below which no exchange of it counts as energy turned over: of a torque-free body
-only rounding and the tolerance of the integration change it."""
+"""Smallest exchange that counts, as a share of the existing energy: a torque-free body exchanges only rounding and
+integration errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,24 +41,24 @@ class Energy:
 
     @property
     def gap(self) -> np.ndarray:
-        """Stored + dissipated - supplied, less what was stored at first: zero for an exact solution."""
+        """Balance stored + dissipated - supplied - initially stored: zero for an exact solution."""
         return self.stored - self.stored[0] + self.dissipated - self.supplied
 
     @property
     def turned(self) -> float:
-        """Largest energy that was turned over, or a small share of what there is."""
+        """Largest energy exchanged, or at least a small share of the existing energy."""
         parts = (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied)
         largest = max(float(abs(part).max()) for part in (self.kinetic, self.strain))
         return max(*(float(np.ptp(part)) for part in parts), _LEAST_TURNED * largest)
 
     @property
     def drift(self) -> float:
-        """Largest gap against the energy that was turned over."""
+        """Largest gap relative to the energy exchanged."""
         turned = self.turned
         return float(abs(self.gap).max()) / turned if turned else 0.0
 
     def jumps(self, share: float = LARGEST_JUMP) -> np.ndarray:
-        """Instants before those at which the gap has changed by more than a share of the energy turned over."""
+        """Instants before those at which the gap has changed by more than a share of the energy exchanged."""
         return np.flatnonzero(abs(np.diff(self.gap)) > share * self.turned)
 
 
@@ -68,8 +68,8 @@ def rigid_energy(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarra
     Parameters
     ----------
     times : ndarray (n_steps * pieces + 1,)
-        Instants [s] that cut each step into ``pieces`` equal ones. Works are integrated over a step by the closed
-        Newton-Cotes rule through all of them, so that next to the integration itself it leaves no error.
+        Instants [s] that divide each step into ``pieces`` equal parts. Works are integrated over a step by the closed
+        Newton-Cotes rule through all of them, whose error is negligible beside that of the integration.
     """
     from scipy.integrate import newton_cotes
 
@@ -86,7 +86,7 @@ def rigid_energy(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarra
 
 
 def _state(mechanism: Mechanism, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Kinetic energy, that of the springs and that of the weight [J]."""
+    """Kinetic energy, energy of springs and potential of weight [J]."""
     kinetic, strain, weight = np.zeros((3, len(rigid.times)))
     parts = [(name, body.mass, body.inertia, body.centre) for name, body in mechanism.bodies.items()]
     parts += [(lump.point.body, lump.mass, lump.inertia, lump.point.at) for lump in mechanism.masses.values()]
@@ -106,7 +106,7 @@ def _stretched(rigid: RigidMotion, spring: Spring) -> np.ndarray:
 
 
 def _dissipation(mechanism: Mechanism, rigid: RigidMotion) -> np.ndarray:
-    """Power of all dampers [W]: c L'^2, where c L' is the spring's tension less that of its stiffness."""
+    """Power of all dampers [W]: c L'^2, where c L' is the spring's tension minus that of its stiffness."""
     total = np.zeros(len(rigid.times))
     for name, spring in mechanism.springs.items():
         if spring.damping:
@@ -133,12 +133,12 @@ def _supply(mechanism: Mechanism, rigid: RigidMotion) -> np.ndarray:
 
 
 def _relative_spin(rigid: RigidMotion, joint: Joint) -> np.ndarray:
-    """Angular velocity of a joint's second body against its first [rad/s]."""
+    """Angular velocity of a joint's second body relative to its first [rad/s]."""
     first, second = (rigid.frame(body).omega for body in joint.bodies)
     return second - first
 
 
 def _sliding(rigid: RigidMotion, joint: Joint) -> np.ndarray:
-    """Speed of what slides along its guide [m/s]; the guide's turn moves it across only, as it lies on the guide."""
+    """Speed of a slider along its guide [m/s]; rotation of the guide moves it only across."""
     first, second = (rigid.frame(side.body).velocity(side.at) for side in joint.sides)
     return dot(second - first, rigid.frame(joint.first.body).to_global(joint.direction))

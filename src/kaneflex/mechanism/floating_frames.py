@@ -1,6 +1,6 @@
-"""How the floating frame of an elastic link hangs on it, and how many shapes the coupled equations give the link.
+"""Floating frames of elastic links, and numbers of their shapes in the coupled equations.
 
-Both follow from where joints, loads and masses act, before any number of the beam is known.
+Both follow from the positions of joints, loads and masses, before any number of the beam is known.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 
 _SAME = 1e-9
-"""Points closer than this share of a link's length are one."""
+"""Distance below which points coincide, as a share of a link's length."""
 
 IN_THE_MEAN = ("chord", "free")
-"""Kinds of frames along which a link keeps its place in the mean over its mass."""
+"""Kinds of frames in which a link has no mean axial displacement, weighted by mass."""
 
 
 @dataclass
 class Station:
-    """A point of a link's axis at which joints, loads or masses act; or an end of one that no joint holds.
+    """Point of a link's axis at which joints, loads or masses act, or a free end.
 
     Attributes
     ----------
     x : float
         Distance from the link's start [m].
     joined, turned, clamped : bool
-        Whether a joint is there; whether something can turn the section; whether something prescribes its turn.
+        Flags: a joint acts; a moment can rotate the section; the rotation is prescribed.
     """
 
     x: float
@@ -43,7 +43,7 @@ class Station:
 
 
 def stations(scene: Scene, link: str) -> list[Station]:
-    """The stations of a link from its start to its end."""
+    """Stations of a link from its start to its end."""
     found: list[Station] = []
     length = scene.bodies[link].length
     placed = prescribed_bodies(mechanism_of(scene))
@@ -89,19 +89,19 @@ def stations(scene: Scene, link: str) -> list[Station]:
 
 @dataclass(frozen=True)
 class Frame:
-    """How a link's floating frame hangs on it.
+    """Floating frame of a link.
 
     Attributes
     ----------
     kind : str
-        What its x axis does: "tangent" touches the link at a joint, "chord" passes through its first and its last
-        joint, "mean" leaves the bending no moment of momentum about its only joint (Buckens), "free" neither that nor
-        momentum where no joint holds the link.
+        Condition on its x axis: "tangent" to the link at a joint; "chord" through the first and the last joint; "mean":
+        bending has no angular momentum about the only joint (Buckens); "free": neither angular nor linear momentum,
+        for a link without joints.
     at : float
-        Where the link keeps its place in the frame [m from the start]: at that joint. A chord keeps its mean place
-        along it, so that neither of its ends is the first; so does a free link.
+        Fixed point of the link in the frame [m from the start]: that joint. A chord and a free frame fix the mean
+        axial displacement instead, independent of the direction of the link.
     to : float
-        The last joint [m]; of a free link its end.
+        Last joint [m]; for a free link its end.
     """
 
     kind: str
@@ -110,9 +110,9 @@ class Frame:
 
 
 def frame_of(stations_of_link: list[Station]) -> Frame:
-    """The floating frame of a link: where joints hold it, whichever of its ends is called its start.
+    """Floating frame of a link by its joints, independent of which end is its start.
 
-    A link that turns freely must not have a frame that its shapes could turn on the spot: its mass would be lost.
+    Shapes must not be able to rotate the frame of a freely rotating link, or the mass matrix would be singular.
     """
     joined = [station for station in stations_of_link if station.joined]
     if not joined:
@@ -141,7 +141,7 @@ def mesh(scene: Scene, link: str, elements: int, also: Collection[float] = ()) -
 
 
 def _apart(stops: Collection[float], length: float) -> list[float]:
-    """The stops in order; of those that are one, the first."""
+    """Sorted stops; of coinciding stops the first."""
     ordered = sorted(stops)
     return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
 
@@ -154,8 +154,7 @@ def most_modes(scene: Scene, name: str) -> int:
 
 
 def link_modes(scene: Scene, name: str) -> int:
-    """Number of fixed-interface modes of a link in the coupled equations: the default is no more than its elements
-    have."""
+    """Number of fixed-interface modes of a link in the coupled equations; at most the number that its elements have."""
     asked, beam = modes_of(scene), scene.bodies[name].beam
     assert beam is not None
     if scene.solve.modes != "all" and "modes" in scene.solve.model_fields_set:
@@ -164,7 +163,7 @@ def link_modes(scene: Scene, name: str) -> int:
 
 
 def shape_counts(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """Elastic link -> its numbers of axial and of transverse shapes, and 1 where its start moves in its frame."""
+    """Numbers of axial and of transverse shapes of each elastic link, and 1 if its start moves in its frame."""
     return {
         name: _counts(scene, name, link_modes(scene, name)) if body.elastic else body.modal.counts
         for name, body in scene.bodies.items()
@@ -173,7 +172,7 @@ def shape_counts(scene: Scene) -> dict[str, tuple[int, ...]]:
 
 
 def axial_modes(modes: int, elements: int, stations_of_link: int) -> int:
-    """Axial modes of a link: one for every three of bending begun, and no more than its elements have."""
+    """Number of axial modes of a link: one per three bending modes (rounded up), at most what its elements have."""
     return min(-(-modes // 3), max(0, elements + 1 - stations_of_link))
 
 
@@ -184,14 +183,14 @@ def _counts(scene: Scene, name: str, modes: int) -> tuple[int, ...]:
     held = len(away) + sum(station.turned for station in found if frame.kind != "tangent" or station in away)
     others = len(away) + (frame.kind in IN_THE_MEAN)
     axial = 0 if beam.axially_rigid else others + axial_modes(modes, beam.elements, others + 1)
-    # A mean frame makes the turn of the undeformed link itself: one of the static shapes, where there are any. A free
-    # one makes its displacement across, too: it has as many shapes as a chord.
+    # A mean frame replaces one static shape, if there are any, by the rotation of the undeformed link. A free frame
+    # also replaces its transverse displacement: it has as many shapes as a chord.
     moves = (1,) * (frame.kind in IN_THE_MEAN or frame.at > 0)
     return axial, held + modes - (frame.kind == "mean" and held > 0), *moves
 
 
 def shapes_given(scene: Scene) -> tuple[str, ...]:
-    """Coordinates of the shapes that bodies with modal data bring along, as the coupled equations name them."""
+    """Names of the shape coordinates of bodies with modal data in the coupled equations."""
     return tuple(
         f"{name}.{kind}_{k}"
         for name, body in scene.bodies.items()

@@ -1,8 +1,8 @@
-"""Laws of friction, over any kind of number: what resists two sides that slide along each other.
+"""Friction laws, for any kind of number.
 
-N is what presses them together: a contact's normal force [N], at a pin the reaction times the pin's radius [N m], at a
-guide the sum of what its faces bear [N]. v is the speed of the second side past the first, and friction acts on the
-second side against it. While nothing slides, dry friction is whatever keeps it so, up to ``limit``.
+N is a contact's normal force [N], at a pin the reaction times the pin's radius [N m], at a guide the sum of the forces
+on its faces [N]. v is the speed of the second side relative to the first; friction acts on the second side against v.
+In sticking, friction is the force that prevents sliding, up to ``limit``.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from kaneflex.mechanism.parts import Friction
 from kaneflex.mechanism.planar import Number, Vector
 
 LAWS = ("coulomb", "stribeck", "viscous", "lugre")
-"""In the order of the numbers that kernels know them by."""
+"""Laws, in the order of their numbers in kernels."""
 
 
 def limit(mu_static: Number, preload: Number, N: Number) -> Number:
-    """Largest force [N or N m] that holds."""
+    """Largest sticking force [N or N m]."""
     return mu_static * N + preload
 
 
 def dry(mu: Number, mu_static: Number, preload: Number, N: Number, excess: Number) -> Number:
-    """Force [N or N m] against sliding that doesn't change its sign with the speed alone.
+    """Magnitude of dry friction [N or N m] in sliding.
 
-    ``excess`` is the share of the static coefficient beyond the kinetic one that the speed has left.
+    ``excess`` is the remaining share, at this speed, of the static coefficient's excess over the kinetic one.
     """
     return (mu + (mu_static - mu) * excess) * N + preload
 
@@ -35,7 +35,7 @@ def excess(speed: Number, v: Number, exponent: Number, exp: Callable[[Number], N
 
 
 def bristle_rate(stiffness: Number, g: Number, v: Number, size: Number, z: Number) -> Number:
-    """How fast bristles that are bent by z bend further [m/s or rad/s]: v - sigma_0 |v| z / g, |v| = ``size``.
+    """Rate of the bristles' deflection z [m/s or rad/s]: v - sigma_0 |v| z / g, |v| = ``size``.
 
     ``g`` is :func:`dry` at this speed (Canudas de Wit, Olsson, Astrom & Lischinsky 1995, IEEE Trans. Autom. Control 40,
     419, eq. 2).
@@ -46,19 +46,19 @@ def bristle_rate(stiffness: Number, g: Number, v: Number, size: Number, z: Numbe
 def bristle_force(
     stiffness: Number, damping: Number, viscous: Number, rate: Number, v: Number, z: Number
 ) -> Number:  # fmt: skip
-    """Force [N or N m] of bristles that are bent by z at that rate, against the motion: eq. 3 of the same."""
+    """Force [N or N m] of bristles with deflection z and its rate, against the motion: ibid., eq. 3."""
     return stiffness * z + damping * rate + viscous * v
 
 
 def numbers_of_lent(inertia: float) -> tuple[float, ...]:
-    """The numbers of a hold that takes back an inertia [kg m^2]: no law, the inertia as its arm."""
+    """Numbers of an entry without a law that subtracts a virtual inertia [kg m^2], stored as its arm."""
     return (*(0.0,) * 9, inertia, -1.0, -1.0, 0.0, 0.0)
 
 
 def numbers_of(friction: Friction, direction: Vector, of: int) -> tuple[float, ...]:
-    """The numbers of a friction as the kernels of ``generated/friction.py`` read them, by its NUMBERS.
+    """Numbers of a friction for the kernels of ``generated/friction.py``, in the order of its NUMBERS.
 
-    ``of`` is the act of its contact, or of its joint, which is a cut.
+    ``of`` is the index of its contact, or of its cut joint.
     """
     return (
         *(float(part) for part in direction), 0.0, friction.mu, friction.mu_static, friction.speed, friction.exponent,

@@ -1,7 +1,7 @@
-"""What joints and drives demand of the sections that they hold, over any kind of number, and its derivatives.
+"""Constraints of planar joints and drives, for any kind of number, and their derivatives.
 
-A joint meets two sections, one of each body: their :class:`~.planar.Pose` says where the points are and how the
-sections stand there. Residuals are second minus first, so that a positive multiplier acts on the second body.
+A joint connects two sections, one of each body, whose :class:`~.planar.Pose` is position and orientation. Residuals
+are second minus first, so that a positive multiplier acts on the second body.
 """
 
 from __future__ import annotations
@@ -23,15 +23,14 @@ _REACTIONS = {
 """Row of a joint -> unit and meaning of its multiplier."""
 
 Poses = Mapping[str, np.ndarray]
-"""Body -> x, y of its start [m] and its angle [rad], global, each a number or one for each of n instants, (3, n); the
-ground's are zero."""
+"""Body -> global x, y of its start [m] and its angle [rad]: (3,), or (3, n) for n instants; zero for the ground."""
 
 
 def demanded(joint: Joint, gap: Vector, turn: Number, along: Vector) -> tuple[Number, ...]:
-    """What must vanish at a joint, in the order of its ``rows``.
+    """Constraint residuals of a joint, in the order of its ``rows``.
 
-    ``gap`` leads from the first point to the second, ``turn`` is by how much the second section stands against the
-    first beyond the joint's angle, ``along`` the guide's direction; all global.
+    ``gap`` is the vector from the first point to the second, ``turn`` the relative rotation of the sections beyond the
+    joint's angle, ``along`` the guide's direction; all global.
     """
     return (cross(along, gap), turn) if joint.slides else (*gap, turn)[: len(joint.rows)]
 
@@ -50,22 +49,22 @@ def coordinate(joint: Joint, first: Pose, second: Pose) -> Number:
 
 
 def reactions(joint: Joint) -> list[tuple[str, str, str]]:
-    """Name, unit and meaning of what a joint acts with on its second body, in the order of its ``rows``."""
+    """Name, unit and meaning of a joint's reactions on its second body, in the order of its ``rows``."""
     on = f"on {joint.second.body} by {joint.first.body}"
     found = [(row, *_REACTIONS[row]) for row in joint.rows]
     return [(f"{joint.name}.{row}", unit, meaning.format(on=on)) for row, unit, meaning in found]
 
 
 def drive_reaction(joint: Joint) -> tuple[str, str, str]:
-    """Name, unit and meaning of what a prescribed drive acts with on the second body of its joint."""
+    """Name, unit and meaning of a prescribed drive's force or torque on the second body of its joint."""
     unit, meaning = ("N", "force") if joint.slides else ("N m", "torque")
     return f"{joint.name}.drive", unit, f"{meaning} of the drive"
 
 
 class Constraints:
-    """Residuals of joints, then of the drives among them, in the coordinates of rigid bodies; by numbers.
+    """Residuals of joints, then of drives, in the coordinates of rigid bodies; numerical.
 
-    ``drives`` has the coordinates of the drives [rad or m], each a number or one for each instant.
+    ``drives`` holds the coordinates of the drives [rad or m], one number each or one per instant.
     """
 
     def __init__(self, mechanism: NumericMechanism, drives: Mapping[str, Number]):
@@ -75,7 +74,7 @@ class Constraints:
         return [name for name in joints if name in self.drives]
 
     def residuals(self, poses: Poses, joints: Sequence[str]) -> np.ndarray:
-        """One number a constraint, lengths [m] and angles [rad]: (rows,), or (n, rows) of n instants."""
+        """Residuals of all constraints, lengths [m] and angles [rad]: (rows,), or (n, rows) for n instants."""
         stands, coordinates = _stands(poses), []
         constraints: list[Number] = []
         for name in joints:
@@ -90,14 +89,14 @@ class Constraints:
         return found
 
     def units(self, joints: Sequence[str]) -> np.ndarray:
-        """What counts as one in the residuals: the mechanism's size [m], 1 rad in angles."""
+        """Scales of the residuals: the mechanism's size [m], 1 rad for angles."""
         parts, driven = self.mechanism.joints, self.driven(joints)
         angles = [row == "moment" for name in joints for row in parts[name].rows]
         angles += [not parts[name].slides for name in driven]
         return np.where(angles, 1.0, self.mechanism.size)
 
     def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
-        """Derivatives of the residuals by x, y, phi of some bodies, (rows, 3 bodies), or (n, rows, 3 bodies)."""
+        """Jacobian of the residuals by x, y, phi of some bodies, (rows, 3 bodies), or (n, rows, 3 bodies)."""
         stands, column = _stands(poses), {name: 3 * k for k, name in enumerate(bodies)}
         held = sum(len(self.mechanism.joints[name].rows) for name in joints)
         found = np.zeros((*_instants(poses), held + len(self.driven(joints)), 3 * len(bodies)))
@@ -116,9 +115,9 @@ class Constraints:
 def _derivatives(
     joint: Joint, stands: Mapping[str, Pose], driven: bool, bodies: Container[str]
 ) -> Iterator[tuple[str, list[list[Number]]]]:
-    """By x, y, phi of each side's body among ``bodies``: those of the residuals and, if driven, of the coordinate.
+    """Derivatives of a joint's residuals and, if driven, of its coordinate by x, y, phi of each side's body.
 
-    Both are linear in the gap and in the turn; the guide's direction turns with the first body.
+    Both are linear in the gap and in the rotation; the guide's direction rotates with the first body.
     """
     first, second = (stands[side.body].section(side.at) for side in joint.sides)
     along, gap = first.turn(joint.direction), minus(second.origin, first.origin)
@@ -143,7 +142,7 @@ def _derivatives(
 def _stands(poses: Poses) -> dict[str, Pose]:
     found = {}
     for name, pose in poses.items():
-        x, y, phi = pose.tolist() if pose.ndim == 1 else pose  # of floats it takes a quarter of the time
+        x, y, phi = pose.tolist() if pose.ndim == 1 else pose  # a quarter of the time for floats
         found[name] = pose_at(x, y, phi) if pose.ndim == 1 else pose_at(x, y, phi, np.cos, np.sin)
     return found
 

@@ -1,4 +1,4 @@
-"""Compiled kernels of a whole mechanism, for a jitted loop of your own.
+"""Compiled kernels of a whole mechanism, for use in jitted loops.
 
 >>> import kaneflex
 >>> kernels = kaneflex.load(kaneflex.read_scene("engine")).kernels
@@ -6,10 +6,9 @@
 >>> stiffness = np.empty((n, n))
 >>> kernels.K(1e-3, p, stiffness)  # or in any function under @njit: K(t, p, out)
 
-All of them are sums of products of the motion's scalars, out = sum_k monomial_k(t) A_k: which scalars a monomial is
-made of, and where the numbers of A_k lie, is data in p. So one compiled kernel serves every mechanism: it is compiled
-once, kept on disk, and a loop over it is never compiled again for another scene. They allocate what they need for
-themselves, so that several threads may share p.
+All are sums of products of the motion's scalars, out = sum_k monomial_k(t) A_k. The scalars of a monomial and the
+places of A_k are data in p, so one compiled kernel, cached on disk, serves every mechanism, and a loop over it is not
+compiled again for another scene. Kernels allocate their own workspace, so several threads may share p.
 """
 
 from __future__ import annotations
@@ -30,23 +29,24 @@ from kaneflex.support.inner import PART
 compiled = njit(cache=True, error_model="numpy")
 part = njit(error_model="numpy", **PART)
 SUMS = ("M", "C", "K", "K_s", "K_d", "K_c", "K_g", "F", "positions", "inverse_dynamics")
-"""What p holds a sum for, in the order of their heads in ``pattern``."""
+"""Sums in p, in the order of their heads in ``pattern``."""
 _M, _C, _K, _K_S, _K_D, _K_C, _K_G, _F, _POSITIONS, _INVERSE = (np.uint64(k) for k in range(len(SUMS)))
 _MOTION = void(float64, float64[::1], float64[::1])
 _HEAD = 5
-"""Length of a sum's head in ``pattern``: monomials, their scalars, slots; where it begins there and in coefficients."""
-# Places are unsigned: with signed ones numba tests each for a negative value, which takes as long as all else.
+"""Length of a sum's head in ``pattern``: numbers of monomials, scalars and slots; offsets there and in coefficients."""
+# Indices are unsigned: numba tests signed ones for negative values, which takes as long as all else.
 _ZERO, _ONE, _TWO, _THREE, _FOUR = (np.uint64(k) for k in range(5))
 
 
 class MotionKernel(WrapperAddressProtocol):
-    """A module's kernel ``motion`` as a function that compiled code takes as an argument, whichever module's it is.
+    """Kernel ``motion`` of any module as a function argument of one type for compiled code.
 
-    numba compiles what takes a jitted function anew for each of them, and in every process; not what takes an address.
+    numba compiles a function that takes a jitted function again for each of them and in every process, but a function
+    that takes an address only once.
     """
 
     def __init__(self, kernel: Any) -> None:
-        self.kernel = kernel  # whose compiled code lives as long as it
+        self.kernel = kernel  # keeps the compiled code alive
         kernel.compile(_MOTION.args)
         found = kernel.get_compile_result(_MOTION)
         self._address = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
@@ -55,7 +55,7 @@ class MotionKernel(WrapperAddressProtocol):
         return self._address
 
     def signature(self) -> object:
-        """numba's, of ``motion(t, p, s)``."""
+        """Type in numba of ``motion(t, p, s)``."""
         return _MOTION
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -63,7 +63,7 @@ class MotionKernel(WrapperAddressProtocol):
 
 
 class Parameters(NamedTuple):
-    """The argument p of the kernels here. They are arrays, and may be changed where their lengths stay.
+    """Argument p of the kernels here. Its arrays may be changed, but not their lengths.
 
     motion: the module's kernel of that name
     numbers: its own p, PARAMETERS of the module in SI, then the blocks of its tables
@@ -80,7 +80,7 @@ class Parameters(NamedTuple):
 
 @part
 def _multiply(scalars, row, pattern, begin, count, monomials):
-    """The monomials of a row of scalars; ``pattern`` has from ``begin`` on where each ends, then what it is made of."""
+    """Monomials of a row of scalars; ``pattern`` holds, from ``begin`` on, the end of each, then its scalars."""
     first = begin + count
     place = first
     for k in range(count):
@@ -100,7 +100,7 @@ def multiply_rows(scalars, pattern, monomials):
 
 @part
 def _scalars(t, p):
-    """The motion's scalars at time t, one row of a table. Those that are zero by structure are in no monomial."""
+    """Scalars of the motion at time t, one row of a table. Monomials contain none that is zero by structure."""
     scalars = np.empty((1, p.pattern[_ZERO]))
     p.motion(t, p.numbers, scalars[0])
     return scalars
@@ -108,7 +108,7 @@ def _scalars(t, p):
 
 @part
 def _sum(p, scalars, which, monomials, out):
-    """Every number of a flat array: the sum over its terms of coefficient x monomial."""
+    """Fill a flat array: each number is the sum over its terms of coefficient x monomial."""
     pattern, coefficients = p.pattern, p.coefficients
     head = _TWO + np.uint64(_HEAD) * which
     begin, first = pattern[head + _THREE], pattern[head + _FOUR]
@@ -130,7 +130,7 @@ def _sum(p, scalars, which, monomials, out):
 
 @compiled
 def evaluate(t, p, which, out):
-    """The sum of that number in SUMS at time t [s], as a flat array."""
+    """Sum with an index in SUMS at time t [s], as a flat array."""
     _sum(p, _scalars(t, p), which, np.empty((1, p.pattern[_ONE])), out)
 
 
@@ -166,7 +166,7 @@ def K_d(t, p, out):
 
 @compiled
 def K_c(t, p, out):
-    """Share of the material damping that turns with the links, at time t [s], out (n, n): no part of C, but of K."""
+    """Share of the material damping that rotates with the links, at time t [s], out (n, n): part of K, not of C."""
     evaluate(t, p, _K_C, out.reshape(out.size))
 
 
@@ -184,7 +184,7 @@ def F(t, p, out):
 
 @compiled
 def equations(t, p, M, C, K, F):
-    """M, C, K, all (n, n), and F (n,) of M z'' + C z' + K z = F at time t [s], from one look at the motion."""
+    """M, C, K, all (n, n), and F (n,) of M z'' + C z' + K z = F at time t [s], from one evaluation of the motion."""
     s, monomials = _scalars(t, p), np.empty((1, p.pattern[_ONE]))
     _sum(p, s, _M, monomials, M.reshape(M.size))
     _sum(p, s, _C, monomials, C.reshape(C.size))
@@ -194,13 +194,13 @@ def equations(t, p, M, C, K, F):
 
 @compiled
 def positions(t, p, out):
-    """Where the points of the rigid mechanism are at time t [s], out (points, 2): global x and y [m]."""
+    """Positions of the rigid mechanism's points at time t [s], out (points, 2): global x and y [m]."""
     evaluate(t, p, _POSITIONS, out.reshape(out.size))
 
 
 @compiled
 def inverse_dynamics(t, p, out):
-    """What the joints and drives of the rigid mechanism exert at time t [s], out (forces,)."""
+    """Forces of the rigid mechanism's joints and drives at time t [s], out (forces,)."""
     evaluate(t, p, _INVERSE, out)
 
 
@@ -208,15 +208,15 @@ def inverse_dynamics(t, p, out):
 class Kernels:
     """Kernels of one model and their argument p. Made by :attr:`kaneflex.Model.kernels`.
 
-    Each is ``kernel(t, p, out)`` and stores all of out; ``equations(t, p, M, C, K, F)`` four from one look at the
-    motion. They check nothing: :func:`kaneflex.checked` gives the same kernels with a look at every argument.
+    Each is ``kernel(t, p, out)`` and stores all of out; ``equations(t, p, M, C, K, F)`` computes four from one
+    evaluation of the motion. Array sizes are not checked; :func:`kaneflex.checked` gives kernels that check them.
 
     Attributes
     ----------
     parameters : Parameters
         p.
     coordinates : tuple of str
-        Names of the rows of M, C, K and F: those of what is integrated.
+        Names of the integrated coordinates, the rows of M, C, K and F.
     points : tuple of str
         BODY.POINT, the rows of ``positions``.
     forces : mapping of str to str
@@ -233,7 +233,7 @@ class Kernels:
 
     @property
     def shapes(self) -> dict[str, dict[str, tuple[int, ...]]]:
-        """Kernel -> argument -> its shape."""
+        """Shapes by kernel and argument."""
         n = len(self.coordinates)
         out: dict[str, tuple[int, ...]] = dict.fromkeys(SUMS, (n, n)) | {"F": (n,)}
         out |= {"positions": (len(self.points), 2), "inverse_dynamics": (len(self.forces),)}
@@ -242,7 +242,7 @@ class Kernels:
 
 
 def bind(motion: RigidKinematics, sums: Mapping[str, Affine]) -> Parameters:
-    """p of some sums, by their names in SUMS; those that are not given are zero."""
+    """Argument p of some sums by their names in SUMS; the others are zero."""
     heads: list[tuple[int, ...]] = []
     pattern: list[np.ndarray] = [np.zeros(2 + _HEAD * len(SUMS))]
     numbers: list[np.ndarray] = []
@@ -264,7 +264,7 @@ def bind(motion: RigidKinematics, sums: Mapping[str, Affine]) -> Parameters:
 
 
 def place_of_points(points: Mapping[str, tuple[str, tuple[float, float]]]) -> Affine:
-    """Global x and y of points, given by their body and their place on it, one after the other (2 points, 1)."""
+    """Global x and y of points, given by body and position in its axes, as one column (2 points, 1)."""
     total = Affine.zero(2 * len(points), 1)
     for row, (body, (x, y)) in enumerate(points.values()):
         for scalar, at in (("x", (1.0, 0.0)), ("y", (0.0, 1.0)), ("c", (x, y)), ("s", (-y, x))):
@@ -275,7 +275,7 @@ def place_of_points(points: Mapping[str, tuple[str, tuple[float, float]]]) -> Af
 
 
 def scalars_of(names: Sequence[str]) -> Affine:
-    """Scalars of the motion one below the other (scalars, 1)."""
+    """Column of scalars of the motion (scalars, 1)."""
     total = Affine.zero(len(names), 1)
     for row, name in enumerate(names):
         total += Affine.term((name,), np.eye(len(names))[:, row : row + 1])

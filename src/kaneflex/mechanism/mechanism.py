@@ -1,4 +1,4 @@
-"""A scene's structure and its numbers -> the mechanism: one reader, for symbols and for floats."""
+"""Builder of the mechanism from a scene's structure and numbers, for symbols and for floats."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from kaneflex.support.contract import COURSES
 from kaneflex.support.kept import Kept
 
 Numbers = Callable[[str, str, Any], Number]
-"""From a number's dotted path, its unit and what the structure has there (0, 1, -1 or "*") to the number."""
+"""Function from a number's dotted path, its unit and its structure (0, 1, -1 or "*") to the number."""
 
 
 @dataclass(frozen=True)
 class NumericMechanism(Mechanism):
-    """A mechanism by floats in SI; ``size`` [m] is its longest reach from a body's start, to compare lengths with;
-    ``frictions`` are those of its joints and contacts, by their names."""
+    """Mechanism with floats in SI; ``size`` [m] is its longest reach from a body's start, to compare lengths with;
+    ``frictions`` holds those of its joints and contacts by name."""
 
     size: float
     frictions: Mapping[str, Friction] = field(default_factory=dict)
 
 
 def mechanism_of(scene: Scene) -> NumericMechanism:
-    """The mechanism of a scene; made once, as scenes don't change."""
+    """Mechanism of a scene; made once, since scenes are immutable."""
     return _MADE.of(scene, lambda: _made(scene))
 
 
@@ -37,9 +37,9 @@ _MADE: Kept[Scene, NumericMechanism] = Kept()
 
 
 def same_mechanism(scene: Scene, like: Scene) -> bool:
-    """Whether a scene has the mechanism of another one, which it is then given: nothing but speeds of drives differs.
+    """Reuse the mechanism of another scene if only speeds of drives differ; return True if so.
 
-    How it is solved and what is read of it may differ as well; no mechanism knows of that.
+    Settings and sensors may differ, too, since the mechanism does not depend on them.
     """
     if not _differ_by_speed(scene.drives, like.drives) or any(
         getattr(scene, table) != getattr(like, table) for table in _TABLES
@@ -51,11 +51,11 @@ def same_mechanism(scene: Scene, like: Scene) -> bool:
 
 
 _TABLES = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs", "contacts", "damping")
-"""Of a scene that its mechanism and its equations depend on, beside the drives."""
+"""Tables of a scene, besides drives, on which its mechanism and equations depend."""
 
 
 def _differ_by_speed(drives: Mapping[str, Any], like: Mapping[str, Any]) -> bool:
-    """Whether drives differ in no more than their speeds."""
+    """True if drives differ only in their speeds."""
     return drives.keys() == like.keys() and all(
         drive is like[name]
         or (drive == like[name].model_copy(update={"speed": drive.speed}) and drive.kind == like[name].kind)
@@ -64,7 +64,7 @@ def _differ_by_speed(drives: Mapping[str, Any], like: Mapping[str, Any]) -> bool
 
 
 def _made(scene: Scene) -> NumericMechanism:
-    held = ("table", *COURSES)  # where a module holds a table is no number of the mechanism
+    held = ("table", *COURSES)  # the place of a table in a module is not a number of the mechanism
     found = read(
         scene.structure(), lambda path, *_: None if path.rpartition(".")[2] in held else number_at(scene, path)
     )
@@ -83,10 +83,10 @@ def _made(scene: Scene) -> NumericMechanism:
 
 
 def _way(scene: Scene) -> float:
-    """Size [m] of a mechanism whose bodies have no lengths, so that it goes with the unit of length.
+    """Size [m] of a mechanism whose bodies have no lengths.
 
     It is the largest distance between bodies and contacts of the ground at the start, and of contacts on their bodies;
-    where a scene lies does not count.
+    the position of the scene does not matter.
     """
     places = [body.free.at for body in scene.bodies.values() if body.free is not None]
     found = [abs(drive.start) for name, drive in scene.drives.items() if name in scene.joints and scene.slides(name)]
@@ -102,14 +102,14 @@ def _way(scene: Scene) -> float:
 
 
 def _friction(held: Any) -> Friction:
-    """A friction's numbers: without a static coefficient of its own it has the kinetic one."""
+    """Parameters of a friction; the default of its static coefficient is the kinetic one."""
     static = held.mu if held.mu_static is None else held.mu_static
     dry = held.mu, static, held.stribeck_speed or 0.0, held.stribeck_exponent, held.viscous, held.preload
     return Friction(held.law, *dry, held.arm, held.bristle_stiffness or 0.0, held.bristle_damping)
 
 
 def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:
-    """The mechanism of ``Scene.structure()``, each number of which is asked for once or more by its path."""
+    """Mechanism of ``Scene.structure()``; its numbers are requested by their paths."""
     reader = _Reader(structure, numbers)
 
     def each(table: str, make: Callable) -> dict[str, Any]:
@@ -126,14 +126,14 @@ def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:
 
 
 class _Reader:
-    """Makes parts of the entries of a structure's tables; ``joints`` are those that drives and springs stand at."""
+    """Builder of parts from a structure's tables; ``joints`` are those with drives and springs."""
 
     def __init__(self, structure: Mapping[str, Any], numbers: Numbers) -> None:
         self.structure, self.numbers = structure, numbers
         self.joints: Mapping[str, Joint] = {}
 
     def vector(self, entries: Any, path: str, unit: str) -> Vector:
-        """Two components, at path_x and path_y, or path.x and path.y."""
+        """Vector of two components, at path_x and path_y, or path.x and path.y."""
         return tuple(self.numbers(f"{path}{'xy'[k]}", unit, entries[k]) for k in range(2))
 
     def point(self, address: str) -> BodyPoint:
@@ -249,7 +249,7 @@ class _Reader:
 
 
 def _corner(name: str, middle: BodyPoint, inward: Vector, corner: int, length: Number, height: Number) -> BodyPoint:
-    """That of a block at a face with this inward normal, from its middle along the normal turned by 90 deg, or back."""
+    """Corner of a block at a face with this inward normal, along the normal turned by 90 deg, or back."""
     x, y = quarter_turn(inward)
     along, out = corner * length / 2, height / 2
     at = middle.at[0] + along * x - out * inward[0], middle.at[1] + along * y - out * inward[1]

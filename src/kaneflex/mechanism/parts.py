@@ -1,6 +1,6 @@
-"""The parts of a mechanism over any kind of number: what derivation and run have in common.
+"""Parts of a mechanism, for any kind of number: common to derivation and run.
 
-Where equations are derived a number is a symbol, or exactly 0, 1 or -1; where they run it is a float in SI.
+In a derivation a number is a symbol, or exactly 0, 1 or -1; in a run it is a float in SI.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from dataclasses import dataclass, field
 from kaneflex.mechanism.planar import BodyPoint, Number, Vector
 
 ROWS = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment"), "prismatic": ("normal", "moment")}
-"""Kind of a joint -> its constraints in their order, by what their multipliers are."""
+"""Kind of a joint -> its constraints in order, named by their multipliers."""
 
 
 def floating_coordinates(body: str) -> tuple[str, str, str]:
-    """Names of a body's coordinates where joints let it move freely."""
+    """Names of a free body's coordinates."""
     return f"{body}.x", f"{body}.y", f"{body}.phi"
 
 
 @dataclass(frozen=True)
 class Body:
-    """A body: mass [kg], mass centre [m], inertia about it [kg m^2]; a pose where it stands still.
+    """Body: mass [kg], mass centre [m], inertia about it [kg m^2]; a pose in a fixed structure.
 
-    ``free``: the pose [m, m, rad] at first of one that joints let move freely in the plane; known by numbers alone.
+    ``free``: initial pose [m, m, rad] of a free body; only for numerical values.
     """
 
     name: str
@@ -38,20 +38,20 @@ class Body:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint between a point of the first body and a point of the second.
+    """Joint between a point of the first body and a point of the second.
 
     Attributes
     ----------
     direction : tuple
-        That of a guide, fixed in the first body.
+        Direction of a guide, fixed in the first body.
     closes_loop : bool
-        Whether the joints before it connect its bodies already.
+        True if earlier joints connect its bodies already.
     branch : number
-        1 or -1: which of the two ways in which a dyad closes.
+        Sign of a dyad's closure, 1 or -1.
     angle : number
-        Of a weld: that of the second body against the first [rad].
+        Angle of a weld: second body relative to the first [rad].
     near : mapping
-        Body -> rough angle [rad], which tells the assemblies of a loop apart; known by numbers alone.
+        Body -> approximate angle [rad], which selects the assembly of a loop; only for numerical values.
     """
 
     name: str
@@ -74,17 +74,17 @@ class Joint:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """Its constraints in the plane, by what their multipliers are."""
+        """Constraints in the plane, named by their multipliers."""
         return ROWS[self.kind]
 
     @property
     def slides(self) -> bool:
-        """Whether its coordinate is that of a guide [m], and no angle [rad]."""
+        """True if the coordinate is that of a guide [m], not an angle [rad]."""
         return self.kind == "prismatic"
 
     @property
     def start_name(self) -> str:
-        """What a drive's coordinate at t = 0 is called in the scene."""
+        """Key of a drive's coordinate at t = 0 in the scene."""
         return "position" if self.slides else "angle"
 
     @property
@@ -92,7 +92,7 @@ class Joint:
         return "+" if self.branch > 0 else "-"
 
     def written(self, value: float) -> str:
-        """A coordinate [rad or m] for messages, like "90 deg" or "12.5 mm"."""
+        """Text of a coordinate [rad or m], like "90 deg" or "12.5 mm"."""
         return f"{1e3 * value:.6g} mm" if self.slides else f"{math.degrees(value):.6g} deg"
 
 
@@ -110,7 +110,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class Mass:
-    """A lumped mass [kg] with its inertia [kg m^2], fixed to a point of a body."""
+    """Lumped mass [kg] with its inertia [kg m^2], fixed to a point of a body."""
 
     name: str
     point: BodyPoint
@@ -120,10 +120,10 @@ class Mass:
 
 @dataclass(frozen=True)
 class Load:
-    """A force [N] on a point along a direction fixed in global or in body axes, or a torque [N m] at a joint.
+    """Load: force [N] on a point along a direction fixed in global or in body axes, or torque [N m] at a joint.
 
-    One that is spread along a body [N/m] has a ``spread`` instead of a point: the body's start and end, and the factors
-    there, between which it changes linearly.
+    A distributed force [N/m] has a ``spread`` instead of a point: the body's start and end, and the factors there,
+    with linear variation in between.
     """
 
     name: str
@@ -141,9 +141,9 @@ class Load:
         return "N m" if self.joint is not None else "N" if self.spread is None else "N/m"
 
     def pushes(self) -> tuple[tuple[BodyPoint, Number], ...]:
-        """The point forces that a force is statically the same as: where, and the share of its size; none of a torque.
+        """Statically equivalent point forces: position and share of the magnitude; none for a torque.
 
-        One that is spread linearly is that of l (2 p_0 + p_1) / 6 and l (p_0 + 2 p_1) / 6 at the body's ends.
+        A linear distribution gives l (2 p_0 + p_1) / 6 and l (p_0 + 2 p_1) / 6 at the body's ends.
         """
         if self.spread is None:
             return () if self.point is None else ((self.point, 1),)
@@ -153,9 +153,9 @@ class Load:
 
 @dataclass(frozen=True)
 class Spring:
-    """A spring with a damper between two points [N/m, N s/m] or at a revolute joint [N m/rad, N m s/rad].
+    """Spring with a damper between two points [N/m, N s/m] or at a revolute joint [N m/rad, N m s/rad].
 
-    ``free`` is the free length [m], or the free angle [rad] of the joint's second body against the first.
+    ``free`` is the free length [m], or the free angle [rad] of the joint's second body relative to the first.
     """
 
     name: str
@@ -172,36 +172,36 @@ class Spring:
 
     @property
     def ends(self) -> tuple[BodyPoint, ...]:
-        """The two points that it joins; none where it is torsional."""
+        """Points that the spring joins; none for a torsional spring."""
         return self.sides if self.joint is None else ()
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Two sides that touch at times, and then push each other apart (:mod:`kaneflex.mechanism.contacts`).
+    """Contact of two sides (:mod:`kaneflex.mechanism.contacts`).
 
     Attributes
     ----------
     kind : str
-        "point-line", "circle-circle" or "circle-in-circle": the second side in the first; "angle": two flanks that
-        turn, where lengths are angles [rad], forces torques [N m].
+        "point-line", "circle-circle" or "circle-in-circle" (the second side in the first); "angle": two rotating
+        flanks, with angles [rad] for lengths and torques [N m] for forces.
     direction : tuple
-        Unit normal of a line, in the first body's axes, to where the second side may be; of circles (0, 0); of flanks
-        (1, 0) or (-1, 0), the way in which the second body is turned.
+        Unit normal of a line, in the first body's axes, towards the second side; (0, 0) for circles; (1, 0) or (-1, 0)
+        for flanks, the direction of the torque on the second body.
     reach : number
-        How far along it from the first point the second may come [m]; of circles the sum, or difference, of radii.
+        Distance at first touch along the normal [m]; for circles the sum, or difference, of radii.
     radius : number
-        That of the second side's circle [m], 0 of a point, or where it is of no account.
+        Radius of the second side's circle [m]; 0 for a point, or if not used.
     stiffness, exponent : number
         K [N/m^n] and n of K d^n.
     damping : number
         c of Kelvin-Voigt [N s/m].
     restitution : number
-        That which is asked for.
+        Requested restitution.
     law : str
-        One of ``contacts.LAWS``; known by numbers alone.
+        One of ``contacts.LAWS``; only for numerical values.
     joint : str or None
-        The joint with a clearance that it belongs to; known by numbers alone.
+        Joint with the clearance that it belongs to; only for numerical values.
     """
 
     name: str
@@ -225,7 +225,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Friction:
-    """What resists sliding at a contact, in a pin or along a guide (:mod:`kaneflex.mechanism.friction`).
+    """Friction at a contact, in a pin or along a guide (:mod:`kaneflex.mechanism.friction`).
 
     Attributes
     ----------
@@ -234,16 +234,16 @@ class Friction:
     mu, mu_static : float
         Kinetic and static coefficient.
     speed, exponent : float
-        At which Stribeck's excess of the static over the kinetic one has gone to 1/e [m/s or rad/s]; of its
+        Stribeck speed, at which the excess of the static coefficient has fallen to 1/e [m/s or rad/s]; exponent of the
         exponential.
     viscous : float
-        Force [N s/m] or torque [N m s/rad] by the speed.
+        Force [N s/m] or torque [N m s/rad] per speed.
     preload : float
         Dry friction without any normal force [N or N m].
     arm : float
-        Of a pin its radius [m]; of a guide 2 over the block's length [1/m], 0 where moments press nothing on.
+        Radius of a pin [m]; for a guide 2 over the block's length [1/m], 0 if moments cause no normal force.
     stiffness, damping : float
-        Of bristles [N/m or N m/rad, N s/m or N m s/rad].
+        Stiffness and damping of bristles [N/m or N m/rad, N s/m or N m s/rad].
     """
 
     law: str
@@ -260,18 +260,18 @@ class Friction:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Bodies, joints and what acts on them.
+    """Mechanism: bodies, joints and loads.
 
     Attributes
     ----------
     observed : tuple of str
-        Joints without a drive whose coordinates or speeds the laws of loads know.
+        Joints without a drive whose coordinates or speeds enter laws of loads.
     gravity : tuple
         Acceleration [m/s^2], global.
     frame : bool
-        Whether the bodies stand still in given poses, and only deform.
+        True for a fixed structure: the bodies have given poses and only deform.
     viscous : bool
-        Whether a force per length and velocity damps the links.
+        True if a force per length and velocity damps the links.
     """
 
     bodies: Mapping[str, Body]
@@ -288,16 +288,16 @@ class Mechanism:
 
     @property
     def floating(self) -> tuple[str, ...]:
-        """Bodies that joints let move freely in the plane."""
+        """Free bodies."""
         return tuple(name for name, body in self.bodies.items() if body.free is not None)
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Joints left to the forces, then the coordinates of bodies that move freely."""
+        """Free joints, then the coordinates of free bodies."""
         joints = tuple(name for name, drive in self.drives.items() if drive.free)
         return joints + tuple(name for body in self.floating for name in floating_coordinates(body))
 
     @property
     def loop_joints(self) -> tuple[str, ...]:
-        """Joints that close a loop: those whose two bodies the joints before them already connect."""
+        """Joints that close a loop: earlier joints already connect their two bodies."""
         return tuple(name for name, joint in self.joints.items() if joint.closes_loop)

@@ -1,7 +1,7 @@
-"""Vectors, poses and points of moving bodies in the plane, over any kind of number.
+"""Vectors, poses and points of moving bodies in the plane, for any kind of number.
 
-SymPy's expressions, plain floats and NumPy's arrays (over time, or complex ones for derivatives) go through the same
-lines, so that what is derived and what is computed by numbers is written once.
+SymPy's expressions, floats and NumPy's arrays (over time, or complex for derivatives) use the same code, so that
+derivation and numerical computation share their formulas.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 Number = Any
-"""A SymPy expression, a float, or an ndarray of floats or complex numbers."""
+"""Number: a SymPy expression, a float, or an ndarray of floats or complex numbers."""
 Vector = tuple[Number, Number]
-"""Two components [m, or what the quantity has]."""
+"""Vector of two components."""
 GROUND = "ground"
 
 
 @dataclass(frozen=True)
 class BodyPoint:
-    """A point of a body: its coordinates [m] in the body's axes, from the body's start; of the ground global ones."""
+    """Point of a body: coordinates [m] in the body's axes, from its start; global for the ground."""
 
     body: str
     name: str
@@ -30,9 +30,9 @@ class BodyPoint:
 
 
 class Pose(NamedTuple):
-    """Where axes stand: global position of their origin [m], direction cosines of their x axis, and its angle [rad].
+    """Pose of axes: global position of their origin [m], direction cosines of their x axis, and its angle [rad].
 
-    The angle is None where the cosines alone are known.
+    The angle is None if only the cosines are known.
     """
 
     x: Number
@@ -42,20 +42,20 @@ class Pose(NamedTuple):
     phi: Number = None
 
     def turn(self, vector: Vector) -> Vector:
-        """Global components of a vector that is fixed in these axes: R v."""
+        """Global components R v of a vector fixed in these axes."""
         return self.c * vector[0] - self.s * vector[1], self.s * vector[0] + self.c * vector[1]
 
     def place(self, at: Vector) -> Vector:
-        """Global position of a point that is fixed in these axes: p = r + R r_P."""
+        """Global position p = r + R r_P of a point fixed in these axes."""
         dx, dy = self.turn(at)
         return self.x + dx, self.y + dy
 
     def section(self, at: Vector) -> Pose:
-        """These axes with a point of theirs as the origin: what a joint holds of a rigid body."""
+        """Axes with a point as the origin: the section of a rigid body at a joint."""
         return Pose(*self.place(at), self.c, self.s, self.phi)
 
     def nudged(self, step: Number) -> tuple[Pose, Pose, Pose]:
-        """These axes moved by a step so small that its square is nothing: along x, along y, and turned."""
+        """Axes after an infinitesimal displacement: along x, along y, and rotation."""
         x, y, c, s, phi = self
         turned = Pose(x, y, c - s * step, s + c * step, phi + step)
         return Pose(x + step, y, c, s, phi), Pose(x, y + step, c, s, phi), turned
@@ -68,17 +68,17 @@ class Pose(NamedTuple):
 def pose_at(
     x: Number, y: Number, phi: Number, cos: Callable[[Number], Number] = math.cos, sin: Callable = math.sin
 ) -> Pose:
-    """The pose of an angle, by the cosine and sine of its kind of number."""
+    """Pose with an angle, by the cosine and sine of its kind of number."""
     return Pose(x, y, cos(phi), sin(phi), phi)
 
 
 def whole_turns(angle: float | np.ndarray) -> np.ndarray:
-    """As many whole turns as are nearest to an angle [rad]."""
+    """Whole turns nearest to an angle [rad]."""
     return 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
 
 
 def wrapped(angle: float | np.ndarray) -> np.ndarray:
-    """An angle less whole turns, from -pi to pi [rad]."""
+    """Angle without whole turns, from -pi to pi [rad]."""
     return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
 
 
@@ -91,27 +91,27 @@ def dot(a: Vector | np.ndarray, b: Vector | np.ndarray) -> Number:
 
 
 def cross(a: Vector | np.ndarray, b: Vector | np.ndarray) -> Number:
-    """(S a) . b: the component of b a quarter turn ahead of a."""
+    """Cross product (S a) . b."""
     return a[0] * b[1] - a[1] * b[0]
 
 
 def quarter_turn(a: Vector) -> Vector:
-    """S a: a quarter turn counter-clockwise."""
+    """Vector S a: a rotated counterclockwise by a right angle."""
     return -a[1], a[0]
 
 
 def carried_velocity(arm: Vector, omega: Number) -> Vector:
-    """omega S r: what the turning of its body adds to the velocity of a point at the arm r from the body's start."""
+    """Velocity omega S r of a point at the arm r relative to its body's start."""
     return -omega * arm[1], omega * arm[0]
 
 
 def carried_acceleration(arm: Vector, omega: Number, epsilon: Number) -> Vector:
-    """epsilon S r - omega^2 r: the same of its acceleration (Kane & Levinson 1985, sec. 2.7: two points of a body)."""
+    """Relative acceleration epsilon S r - omega^2 r (Kane & Levinson 1985, sec. 2.7: two points of a body)."""
     square = omega**2
     return -epsilon * arm[1] - square * arm[0], epsilon * arm[0] - square * arm[1]
 
 
 def relative_acceleration(arm: Vector, arm_rate: Vector, omega: Number, epsilon: Number) -> Vector:
-    """2 omega S r' + epsilon S r - omega^2 r: the same of a point that moves in axes that turn (ibid., sec. 2.8)."""
+    """Relative acceleration 2 omega S r' + epsilon S r - omega^2 r of a point in rotating axes (ibid., sec. 2.8)."""
     x, y = carried_acceleration(arm, omega, epsilon)
     return x - 2 * omega * arm_rate[1], y + 2 * omega * arm_rate[0]

@@ -1,8 +1,8 @@
-"""Where the bodies of a scene stand, by numbers alone: what can be known of a mechanism before anything is derived.
+"""Numerical position analysis of a scene, before anything is derived.
 
-Every joint and drive gives residuals in the bodies' global coordinates x, y, phi. Groups of bodies that the ground and
-the bodies placed before determine (a driven body, a dyad, ...) are solved one after the other by Newton's method; of a
-dyad's two solutions the branch of the joint that closes its loop chooses, as the generated equations do.
+Every joint and drive gives residuals in the bodies' global coordinates x, y, phi. Groups of bodies that are determined
+by the ground and the bodies placed before (a driven body, a dyad, ...) are solved one after the other by Newton's
+method. The branch at the joint that closes the loop selects one of a dyad's two solutions, as in the equations.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ from kaneflex.scene.laws import parse_law
 from kaneflex.support.errors import SceneError
 
 _STARTS = 400
-"""Places from which a group of bodies is closed before it counts as one that can't close."""
+"""Starting values from which a group of bodies is tried before it counts as impossible to close."""
 _FEW = 2
-"""Assemblies of a loop that may be singular by chance."""
+"""Number of a loop's assemblies checked for singularity."""
 _ITERATIONS = 60
-"""Of each of them."""
+"""Perturbations of each of them."""
 _IN_VAIN = 60
-"""Places in a row that lead to no new assembly before all of them count as found."""
+"""Successive starting values without a new assembly before the search ends."""
 _ALIKE = 0.02
-"""Angles [rad] that two assemblies must differ by for one of them to be the nearer one."""
+"""Difference of angles [rad] above which one of two assemblies counts as nearer."""
 _CLOSED = 1e-9
 """Largest gap of a closed joint, in sizes of the mechanism; angles in rad."""
 _ROUNDING = 1e-16
-"""The same of a joint that no further step brings closer."""
+"""Largest gap of a joint that further steps do not reduce."""
 _LEAST_DAMPING = 1e-14
-"""Of Levenberg and Marquardt's method: what keeps its equations regular where the mechanism is singular."""
+"""Regularisation in Levenberg and Marquardt's method at singular positions."""
 _OPEN = 1e-6
-"""Share of the largest singular value of the constraints' derivatives below which they leave something open."""
+"""Smallest singular value of the constraints' Jacobian, as a share of the largest, that counts as nonzero."""
 _PARALLEL = 1e-9
-"""Sine of the angle between two guides below which they have one direction."""
+"""Largest sine of the angle between parallel guides."""
 _GROUND = np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """The rigid mechanism at one configuration; ``placement["rod.c"]`` reads as in a RigidMotion at one time.
+    """Rigid mechanism at one configuration; ``placement["rod.c"]`` works as in a RigidMotion at one time.
 
     Attributes
     ----------
@@ -71,17 +71,17 @@ class Placement:
         return np.array([{"x": x, "y": y, "c": math.cos(phi), "s": math.sin(phi)}[kind]])
 
     def pose(self, body: str) -> Pose:
-        """Where a body or the ground stands."""
+        """Pose of a body or the ground."""
         return pose_at(*(_GROUND if body == GROUND else self.poses[body]))
 
 
 def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
-    """Place the bodies with the drives as the run starts, or at the coordinates [rad or m] that ``at`` gives some.
+    """Place the bodies, with drives at the start of the run or at the coordinates [rad or m] in ``at``.
 
     Raises
     ------
     SceneError
-        If the linkage can't close there, or if the drives leave a body's place open.
+        If the linkage can't close there, or if the drives do not determine a body's position.
     """
     if scene.is_frame:
         return Placement({name: np.array(body.pose) for name, body in mechanism_of(scene).bodies.items()}, {})
@@ -136,12 +136,12 @@ def closures(scene: Scene, at: Mapping[str, float] | None = None) -> list[tuple[
 
 
 def with_branches(scene: Scene) -> Scene:
-    """The scene with the branch of every dyad whose closing joint says by `near` which of its two places is meant.
+    """Scene in which every `near` at the closing joint of a dyad is replaced by its branch.
 
     Raises
     ------
     SceneError
-        If the linkage can't close at the start, or both places are as near.
+        If the linkage can't close at the start, or both assemblies are equally near.
     """
     if scene.is_frame or not any(joint.near for joint in scene.joints.values()):
         return scene
@@ -161,12 +161,12 @@ def with_branches(scene: Scene) -> Scene:
 
 
 def larger_group(mechanism: NumericMechanism) -> tuple[str, ...]:
-    """The first bodies that are neither driven or welded nor a dyad, whose loop has no closed form; or none."""
+    """First group of bodies without a closed form (not driven, welded or a dyad); empty if none."""
     return next((group for group, joints, _ in closing_groups(mechanism) if _is_larger(group, joints)), ())
 
 
 def coordinate_at(drive: Drive, t: float) -> float:
-    """Coordinate of a drive at the time t [rad or m]; a free joint's where it starts."""
+    """Coordinate of a drive at the time t [rad or m]; the initial one for a free joint."""
     if drive.kind == "law":
         return float(parse_law(drive.law, ("t",)).on_arrays({"t": t}))
     if drive.kind == "table":
@@ -184,7 +184,7 @@ def coordinate_at(drive: Drive, t: float) -> float:
 def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, dict[str, np.ndarray]]:
     """Velocity (x, y of its start; angle) of every body for unit speed of each drive: drive -> body -> ndarray (3,).
 
-    The same factors take the drives' accelerations to those of the bodies, beside what depends on the speeds.
+    The same factors relate accelerations, apart from terms that depend on the speeds.
     """
     constraints, names, joints = Constraints(mechanism, placement.drives), [*mechanism.bodies], [*mechanism.joints]
     jacobian = constraints.jacobian({GROUND: _GROUND, **placement.poses}, names, joints)
@@ -198,12 +198,12 @@ def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, 
 
 
 def _standing(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
-    """Poses of the ground and of what moves freely in the plane, which no joint has to place."""
+    """Poses of the ground and of free bodies, which no joint determines."""
     return {GROUND: _GROUND} | {name: np.array(mechanism.bodies[name].free) for name in mechanism.floating}
 
 
 def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
-    """The fewest bodies that their joints and drives determine, given the bodies that are placed."""
+    """Smallest group of bodies that joints and drives determine, given the bodies already placed."""
     waiting = [name for name in mechanism.bodies if name not in poses]
     for size in range(1, len(waiting) + 1):
         for group in combinations(waiting, size):
@@ -211,13 +211,13 @@ def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
             if sum(len(joint.rows) + (joint.name in mechanism.drives) for joint in joints) >= 3 * size:
                 return group
     raise SceneError(
-        "drives", ", ".join(mechanism.drives) or None, f"they leave the place of {', '.join(waiting)} open",
+        "drives", ", ".join(mechanism.drives) or None, f"the position of {', '.join(waiting)} is not determined",
         "Drive or join these bodies: each needs three constraints, drives counted; or let one be free",
     )  # fmt: skip
 
 
 def _joints_of(mechanism: NumericMechanism, poses: Poses, group: Sequence[str]) -> list[Joint]:
-    """Joints between bodies of a group, or between the group and placed bodies; of guides that hold the same, one."""
+    """Joints between bodies of a group, or between the group and placed bodies; one of redundant guides."""
     found: list[Joint] = []
     for joint in sorted(_all_joints_of(mechanism, poses, group), key=lambda joint: joint.name not in mechanism.drives):
         if joint.name in mechanism.drives or not any(_holds_as(other, joint) for other in found):
@@ -231,7 +231,7 @@ def _all_joints_of(mechanism: NumericMechanism, poses: Poses, group: Sequence[st
 
 
 def _holds_as(one: Joint, other: Joint) -> bool:
-    """Whether a guide or a weld lets two bodies do nothing that another one between them doesn't."""
+    """True if a guide or a weld is redundant with another one between the same bodies."""
     if {*one.bodies} != {*other.bodies} or one.kind != other.kind or one.kind == "revolute":
         return False
     if one.kind == "weld":
@@ -243,13 +243,13 @@ def _holds_as(one: Joint, other: Joint) -> bool:
 
 
 def _closing(joints: Sequence[Joint]) -> Joint | None:
-    """The first of some joints that closes a loop."""
+    """First of some joints that closes a loop."""
     return next((joint for joint in joints if joint.closes_loop), None)
 
 
 def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Poses of a group: by Newton's method from many starts, until one ends on the branch that the scene names, or of
-    a group that may close in more ways all are known."""
+    """Poses of a group by Newton's method from many starting values, until the scene's branch is found, or for larger
+    groups all assemblies."""
     mechanism = constraints.mechanism
     around = _joints_of(mechanism, poses, group)
     joints = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
@@ -268,7 +268,7 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
     at = ", ".join(f"{name} = {mechanism.joints[name].written(value)}" for name, value in constraints.drives.items())
     raise SceneError(
         f"joints.{closing.name}", closing.written_branch,
-        f"the linkage can't close at {at}: {', '.join(group)}", "Change the lengths, or where its drives stand",
+        f"the loop cannot close at {at}: {', '.join(group)}", "Change the lengths, or the positions of its drives",
     )  # fmt: skip
 
 
@@ -291,7 +291,7 @@ def _assemblies(
 def _check_held(
     constraints: Constraints, assemblies: Sequence[Poses], group: tuple[str, ...], joints: Sequence[str], closing: Joint
 ) -> None:
-    """Raise SceneError where a loop closes at many places, and at each of them leaves its bodies free to move on."""
+    """Raise SceneError for a loop whose assemblies are all singular, so that its bodies can still move."""
     if len(assemblies) <= _FEW:
         return
     size, units = constraints.mechanism.size, constraints.units(joints)
@@ -303,8 +303,8 @@ def _check_held(
             return
     raise SceneError(
         f"joints.{closing.name}", None,
-        f"where the loop that it closes is closed, {', '.join(group)} can still move together: the drives do not hold "
-        "them, as a cylinder whose two ends keep their distance holds nothing",
+        f"singular position: with the loop closed and all drives fixed {', '.join(group)} can still move together, as "
+        "with a cylinder between two points of constant distance",
         "Move an end of the cylinder, or another joint of the loop",
     )  # fmt: skip
 
@@ -312,9 +312,9 @@ def _check_held(
 def _assembled(
     constraints: Constraints, poses: Poses, group: tuple[str, ...], joints: Sequence[str], at_once: int
 ) -> Iterator[dict[str, np.ndarray]]:
-    """Poses, those of a group with the others', at which it closes; from random places, so many of them at once.
+    """Poses at which a group closes, together with those of the other bodies, from many random starts at once.
 
-    Of each the sum of squares is made small by the method of Levenberg (1944) and Marquardt (1963).
+    The sum of squares is minimised by the method of Levenberg (1944) and Marquardt (1963).
     """
     size = constraints.mechanism.size
     scale, units = np.tile([size, size, 1.0], len(group)), constraints.units(joints)
@@ -346,21 +346,21 @@ def _assembled(
 
 
 def _is_larger(group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
-    """Whether a group is neither a driven or welded body nor a dyad, and may close in more than two ways."""
+    """True if a group is not a driven or welded body or a dyad, and may have more than two assemblies."""
     return len(group) > 2 or (len(group) == 2 and len(joints) != 3)
 
 
 def _same(one: Poses, other: Poses, group: tuple[str, ...], size: float) -> bool:
-    """Whether two assemblies are one, whole turns left out."""
+    """True if two assemblies are equal up to whole turns."""
     change = np.array([one[name] - other[name] for name in group])
     change[:, 2] = wrapped(change[:, 2])
     return bool((abs(change) < 1e-6 * np.array([size, size, 1.0])).all())
 
 
 def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tuple[str, ...]) -> Poses:
-    """The assembly whose bodies' angles are nearest to those that the closing joint names.
+    """Assembly whose bodies' angles are nearest to those at the closing joint.
 
-    Raises SceneError where it names none and there are several.
+    Raises SceneError if there are several and the joint gives no angles.
     """
     near = closing.near
 
@@ -372,7 +372,7 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tup
     if strange:
         raise SceneError(
             f"joints.{closing.name}.near.{strange[0]}", None,
-            f"the loop that {closing.name} closes moves {', '.join(group)}", "Name one of these",
+            f"it is not in the loop of {closing.name}, which moves {', '.join(group)}", "Name one of these",
         )  # fmt: skip
     ranked = sorted(assemblies, key=off)
     if len(ranked) > 1 and off(ranked[1]) - off(ranked[0]) < _ALIKE:
@@ -380,7 +380,7 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tup
             ", ".join(f"{name} {math.degrees(math.remainder(poses[name][2], 2 * math.pi)):.1f} deg" for name in group)
             for poses in assemblies
         )
-        unsaid = "" if near else ", and branch chooses in loops of two bodies only"
+        unsaid = "" if near else ", and branch applies to loops of two bodies only"
         raise SceneError(
             f"joints.{closing.name}.near",
             {name: f"{math.degrees(angle):g} deg" for name, angle in near.items()} or None,
@@ -393,16 +393,16 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tup
 
 
 def _on_branch(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
-    """Whether a dyad stands on the branch of the joint that closes its loop; true of all that is no dyad."""
+    """True if a dyad is on the branch of the joint that closes its loop, and for all other groups."""
     closing, side = _closing(joints), _side_of_dyad(placed, poses, group, joints)
     return closing is None or side is None or side * closing.branch >= 0.0
 
 
 @dataclass(frozen=True)
 class Dyad:
-    """Two bodies that three joints place: the middle one between them, and by ``outer`` ones each on what stands.
+    """Dyad: two bodies, the middle joint between them, and an ``outer`` joint of each on a placed body.
 
-    ``pivots`` are the sides of the outer joints on what stands, in the order of the middle joint's bodies.
+    ``pivots`` are the placed sides of the outer joints, in the order of the middle joint's bodies.
     """
 
     middle: Joint
@@ -411,18 +411,18 @@ class Dyad:
 
     @property
     def kinds(self) -> tuple[str, str, str]:
-        """Of its joints from one pivot to the other."""
+        """Kinds of the dyad's joints from one pivot to the other."""
         return self.outer[0].kind, self.middle.kind, self.outer[1].kind
 
     @property
     def guide(self) -> int | None:
-        """Which of the outer joints is a guide, where a pin is in the middle and the other one is a pin, too."""
+        """Index of the outer joint that is a guide, if the other two joints are pins."""
         slider = sorted(self.kinds[::2]) == ["prismatic", "revolute"] and self.kinds[1] == "revolute"
         return self.kinds[::2].index("prismatic") if slider else None
 
 
 def closing_groups(mechanism: NumericMechanism) -> Iterator[tuple[tuple[str, ...], list[Joint], Dyad | None]]:
-    """Groups of bodies in the order in which they are placed, the joints around them, and the dyad that they are."""
+    """Groups of bodies in the order of placing, with their joints, and their dyad if they form one."""
     placed = _standing(mechanism)
     while len(placed) <= len(mechanism.bodies):
         group = _next_group(mechanism, placed)
@@ -443,7 +443,7 @@ def _dyad_of(placed: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> 
 
 
 def _side_of_dyad(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> float | None:
-    """A number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others.
+    """Number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others.
 
     Slider: the rod's span along the guide. Three revolutes: the middle joint to the left of the line between the
     pivots. Lever: the slider ahead of the lever's pivot.

@@ -1,4 +1,4 @@
-"""How far a mechanism's joints go, and which points lie on each other: what shows that a loop closed the wrong way."""
+"""Ranges of a mechanism's joints, and coinciding points, which reveal a loop closed on the wrong branch."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from kaneflex.support.errors import SceneError
 Courses = Mapping[str, np.ndarray]
 """Body -> x, y of its start [m] and its angle [rad] over the motion, (3, n)."""
 _TURN = 360
-"""Samples of a turn of the fastest drive."""
+"""Samples per turn of the fastest drive."""
 _MOST = 720
-"""Samples at most."""
+"""Largest number of samples."""
 _SAME = 1e-6
-"""Share of the mechanism's size within which two points are one."""
+"""Distance below which points coincide, as a share of the mechanism's size."""
 
 
 def courses_of(scene: Scene, rigid: RigidMotion) -> Courses:
-    """Those of a rigid motion."""
+    """Poses of a rigid motion."""
     found = {}
     for name in scene.bodies:
         angle = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
@@ -38,8 +38,8 @@ def courses_of(scene: Scene, rigid: RigidMotion) -> Courses:
 
 
 def followed(scene: Scene, placement: Placement) -> Courses:
-    """Those of the run, by numbers alone; of one instant where a joint is free, joints and drives don't determine the
-    motion by their count, or the linkage locks on the way."""
+    """Poses of the run by position analysis; only of the start if a joint is free, the motion is not determined by
+    joints and drives, or the linkage locks."""
     from kaneflex.mechanism.closure_continuation import follow
 
     here = {name: pose[:, None] for name, pose in placement.poses.items()}
@@ -53,13 +53,13 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     try:
         poses = follow(scene, times, lambda t: {name: coordinate_at(drive, t) for name, drive in scene.drives.items()})
     except SceneError:
-        return here  # loading says where it locks
+        return here  # loading reports the position
     return {name: poses[:, k].T for k, name in enumerate(scene.bodies)}
 
 
 def instants(scene: Scene) -> np.ndarray:
-    """Times [s] of a run at which it is looked where the mechanism goes: of one turn where that repeats itself, so that
-    no even number of samples a turn falls on the same places again and again."""
+    """Times [s] at which the reach of a run is sampled: of one turn if the motion repeats, so that samples do not fall
+    on the same positions again."""
     drives, horizon = scene.drives, scene.horizon
     turning = [abs(drive.speed) for name, drive in drives.items() if drive.speed and not scene.slides(name)]
     slowest = min(turning, default=0.0)
@@ -71,7 +71,7 @@ def instants(scene: Scene) -> np.ndarray:
 
 
 def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
-    """Joint -> its range in words, and under "on each other" the points that coincide at the start without a joint."""
+    """Range of each joint as text, and under "on each other" the points that coincide at the start without a joint."""
     found = {}
     for name, joint in mechanism_of(scene).joints.items():
         if joint.kind == "weld":
@@ -87,13 +87,13 @@ def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
 
 
 def joint_course(joint: Joint, courses: Courses) -> np.ndarray:
-    """A joint's coordinate over the motion [rad or m], (n,), continuous from within half a turn of zero."""
+    """Coordinate of a joint over the motion [rad or m], (n,), continuous, starting within half a turn of zero."""
     course = coordinate(joint, *(pose_over(courses, side.body).section(side.at) for side in joint.sides))
     return course if joint.slides else course - math.tau * np.round(course[0] / math.tau)
 
 
 def turns_around(course: np.ndarray) -> bool:
-    """Whether the coordinate [rad] of a joint goes through a whole turn."""
+    """True if the coordinate [rad] of a joint covers a whole turn."""
     return bool(np.ptp(course) > math.radians(359.0))
 
 
@@ -103,12 +103,12 @@ def _range(course: np.ndarray) -> str:
 
 
 def pose_over(courses: Courses, body: str) -> Pose:
-    """Where a body or the ground stands over the motion."""
+    """Pose of a body or the ground over the motion."""
     return pose_at(*(np.zeros((3, 1)) if body == GROUND else courses[body]), cos=np.cos, sin=np.sin)
 
 
 def _meeting(scene: Scene, courses: Courses) -> list[str]:
-    """Points of two bodies that are at one place at the start, though no joint holds them there."""
+    """Points of two bodies that coincide at the start without a joint."""
     points = [Address(name, point) for name, body in scene.bodies.items() for point in body.points_all]
     start = {name: pose_at(*course[:, 0]) for name, course in courses.items()}
     places = {address: np.array(start[address.body].place(scene.point(address))) for address in points}
@@ -123,8 +123,7 @@ def _meeting(scene: Scene, courses: Courses) -> list[str]:
 
 
 def _joined(scene: Scene, one: Address, other: Address) -> bool:
-    """Whether joints at these very points lead from one to the other, over other bodies, too; a point may have
-    several names."""
+    """True if joints at these points connect them, also through other bodies; a point may have several names."""
     pins = [{_spot(scene, side) for side in joint.addresses} for joint in scene.joints.values()]
     reached = {_spot(scene, one)}
     while more := {side for pin in pins if pin & reached for side in pin} - reached:

@@ -1,4 +1,4 @@
-"""Rigid bodies in the elastic stage: which of them the drives place, and how elastic links carry the others."""
+"""Rigid bodies in the elastic stage: those placed by drives, and those carried by elastic links."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kaneflex.support.errors import SceneError
 
 @dataclass(frozen=True)
 class Carried:
-    """A rigid body that moves with the deformation.
+    """Rigid body that moves with the deformation.
 
     Attributes
     ----------
@@ -24,11 +24,11 @@ class Carried:
         "guided" (a slide along the guide of a placed body), "hinged" (a turn about a point of another rigid body),
         "welded" (moves with another rigid body) or "free" (displacement of its start, and a turn).
     at : tuple of float
-        The point that it turns about, in its own axes [m].
+        Centre of its rotation, in its own axes [m].
     joint : str or None
-        The joint by which another rigid body holds it.
+        Joint to the rigid body that holds it.
     base : Address or None
-        The holding body's point.
+        Point of the holding body.
     """
 
     kind: str
@@ -38,8 +38,7 @@ class Carried:
 
 
 def prescribed_bodies(mechanism: Mechanism) -> set[str]:
-    """Rigid bodies whose motion the drives fix, or which move freely: group after group that joints between rigid
-    bodies determine."""
+    """Rigid bodies with prescribed or free motion, found group by group from joints between rigid bodies."""
     rigid = {"ground", *(name for name, body in mechanism.bodies.items() if not body.elastic)}
     pairs = {name: {*joint.bodies} for name, joint in mechanism.joints.items() if {*joint.bodies} <= rigid}
     taken = {name: len(mechanism.joints[name].rows) + (name in mechanism.drives) for name in pairs}
@@ -52,7 +51,7 @@ def prescribed_bodies(mechanism: Mechanism) -> set[str]:
 def _determined(
     pairs: Mapping[str, set[str]], taken: Mapping[str, int], fixed: set[str], waiting: set[str]
 ) -> set[str]:
-    """The fewest bodies with as many constraints, drives counted, as coordinates; none where there are none.
+    """Smallest group with as many constraints, including drives, as coordinates; empty if there is none.
 
     A driven body, a dyad (two bodies and three joints), a body raised by a cylinder (three bodies and five).
     """
@@ -60,7 +59,7 @@ def _determined(
     def count(group: set[str]) -> int:
         return sum(taken[name] for name, pair in pairs.items() if pair & group and pair <= group | fixed)
 
-    # What fewer than three constraints hold is loose in any group: without it there are few to look through.
+    # Bodies with fewer than three constraints cannot belong to a group; few candidates remain without them.
     loose = {""}
     while loose:
         loose = {
@@ -76,12 +75,12 @@ def _determined(
 
 
 def carried_bodies(scene: Scene) -> dict[str, Carried]:
-    """How each rigid body that is not prescribed takes part in the deformation, holders before what they hold.
+    """Rigid bodies that move with the deformation; holding bodies come before those that they hold.
 
     Raises
     ------
     SceneError
-        For a rigid body held twice by other rigid bodies, or guided by one that is itself carried.
+        For a rigid body with redundant constraints by other rigid bodies, or on the guide of a carried body.
     """
     prescribed = prescribed_bodies(mechanism_of(scene))
     carried: dict[str, Carried] = {}
@@ -93,8 +92,8 @@ def carried_bodies(scene: Scene) -> dict[str, Carried]:
         if len(holders[name]) > 1:
             joints = " and ".join(joint for joint, _, _ in holders[name])
             raise SceneError(
-                f"bodies.{name}", "rigid", f"{joints} hold it between rigid bodies, so that it can't follow the links",
-                "Take preset coupled or rigid, give one of these bodies a beam, or leave one of the joints out",
+                f"bodies.{name}", "rigid", f"{joints} hold it between rigid bodies, so it can't follow the links",
+                "Use preset coupled or rigid, give one of these bodies a beam, or leave one of the joints out",
             )  # fmt: skip
         carried[name] = _carry(scene, holders[name][0], prescribed) if holders[name] else Carried("free", (0.0, 0.0))
     return carried
@@ -118,7 +117,7 @@ def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[s
         if other.body not in prescribed:
             raise SceneError(
                 f"joints.{name}", other.body, "a guide on a body that elastic links carry moves with them",
-                "Take preset coupled or rigid, or put the guide on the ground or on a driven body",
+                "Use preset coupled or rigid, or put the guide on the ground or on a driven body",
             )  # fmt: skip
         return Carried("guided", scene.point(own), name, other)
     kind = "hinged" if joint.kind == "revolute" and name not in scene.drives else "welded"
@@ -126,22 +125,22 @@ def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[s
 
 
 def check_elastic(scene: Scene) -> None:
-    """What the elastic stage demands of a scene, before anything is derived.
+    """Raise SceneError unless the elastic stage supports the scene, before anything is derived.
 
-    A guide must hold a rigid body: an elastic one would slide through its own deformation. Loads, springs and lumped
-    masses on a link lie on its axis, where its nodes are.
+    A guide can hold rigid bodies only. Loads, springs and lumped masses on a link must lie on its axis, where its
+    nodes are.
     """
-    carried_bodies(scene)  # raises where they can't follow the links
+    carried_bodies(scene)  # raises if they can't follow the links
     check_on_axes(scene)
 
 
 def check_on_axes(scene: Scene) -> None:
-    """What acts on elastic links does so on their axes; no guide holds one."""
+    """Raise SceneError for elastic links on guides, and for points off their axes."""
     for name, spring in scene.springs.items():
         joined = scene.joints[spring.torsional_at].addresses if spring.torsional_at is not None else ()
         if scene.solve.preset == "paper" and any(a.body != "ground" and scene.bodies[a.body].elastic for a in joined):
             raise SceneError(
-                f"springs.{name}", spring.torsional_at, "preset paper lets elastic bodies turn at a drive",
+                f"springs.{name}", spring.torsional_at, "in preset paper elastic bodies rotate freely at a drive",
                 "Use another preset, or leave the spring out",
             )  # fmt: skip
     points = [(f"loads.{name}.force_on", load.force_on) for name, load in scene.forces.items()]
@@ -169,5 +168,5 @@ def check_on_axes(scene: Scene) -> None:
             if joint.kind == "prismatic" and address.body in scene.bodies and scene.bodies[address.body].elastic:
                 raise SceneError(
                     f"joints.{name}", address.body, "an elastic body on a guide is not available yet",
-                    "Join it to a guided rigid body by a revolute joint or a weld, or take preset rigid",
+                    "Join it to a guided rigid body by a revolute joint or a weld, or use preset rigid",
                 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The rigid motion of a mechanism: what its module tabulates, scalar by name, at any instants."""
+"""Rigid motion of a mechanism: scalars by name at any instants, tabulated by its module."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, coeffi
 from kaneflex.mechanism.body_frame import BodyFrame
 
 _MANY = 200
-"""Terms beyond which a matrix is summed entry by entry, as most of them have few."""
+"""Number of terms above which a matrix is summed entry by entry, since most entries have few terms."""
 
 
 @dataclass(frozen=True, eq=False)
 class RigidKinematics:
-    """The rigid motion of a scene: its module's ``tabulate`` with the scene's numbers.
+    """Rigid motion of a scene: its module's ``tabulate`` with the scene's numbers.
 
     ``parameters`` is the kernels' argument p: PARAMETERS of the module in SI, then the blocks of its tables.
     """
@@ -31,25 +31,25 @@ class RigidKinematics:
         return {name: k for k, (name, *_) in enumerate(self.module.SCALARS)}
 
     def ordered(self, monomials: Iterable[Monomial]) -> tuple[Monomial, ...]:
-        """Products of scalars in the module's order: sums over them round alike, whatever a scene's names are."""
+        """Products of scalars in the module's order, so that rounding does not depend on a scene's names."""
         place = {name: k for k, name in enumerate([*self.column, *self.module.CONSTANTS])}
         return tuple(sorted(monomials, key=lambda monomial: sorted(place[name] for name in monomial)))
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
-        times = np.ascontiguousarray(times, dtype=float)  # else the kernel is compiled again for strided ones
+        times = np.ascontiguousarray(times, dtype=float)  # else the kernel is compiled again for strided arrays
         out = np.zeros((len(times), len(self.column)))
         self.module.tabulate(times, self.parameters, out)
         return out
 
     def at(self, times: np.ndarray | float) -> RigidMotion:
-        """The rigid motion at ``times`` [s], scalar by name."""
+        """Rigid motion at ``times`` [s], scalar by name."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
         return RigidMotion(self, times, self.table(times))
 
 
     def acting(self, times: np.ndarray, seen: RigidMotion) -> RigidMotion:
-        """The motion at ``times`` [s], its loads and speeds of links at least; ``seen`` has all of it at every step."""
+        """Motion at ``times`` [s], at least its loads and speeds of links; ``seen`` holds all of it at every step."""
         return self.at(times)
 
 
@@ -75,15 +75,15 @@ class RigidMotion:
         return name in self.motion.column or name in self.motion.module.CONSTANTS
 
     def taken(self, instants: np.ndarray) -> RigidMotion:
-        """The motion at some of its instants."""
+        """Motion at some of its instants."""
         return RigidMotion(self.motion, self.times[instants], self.values[instants])
 
     def magnitudes(self, period: float) -> dict[str, float]:
-        """The largest of all scalars in each unit, of which any of them has its rounding errors.
+        """Largest scalar in each unit, as the scale of rounding errors.
 
-        Points on the axes of shafts rest but for rounding: rates are no less than those of a vibration by the largest
-        place, or by a radian, with the motion's period [s]; forces no less than moments at the largest place ask for,
-        and the other way round.
+        Points on shaft axes move only by rounding. Therefore rates are at least those of a vibration of the largest
+        position, or of a radian, with the motion's period [s]; forces are at least moments over the largest position,
+        and vice versa.
         """
         sizes, found = abs(self.values).max(axis=0).tolist(), dict[str, float]()
         for (_, unit, *_), size in zip(self.motion.module.SCALARS, sizes, strict=True):
@@ -98,7 +98,7 @@ class RigidMotion:
         return found
 
     def frame(self, body: str) -> BodyFrame:
-        """The axes of a body, or of the ground."""
+        """Axes of a body, or of the ground."""
         return BodyFrame(self, body)
 
     def monomial(self, names: Monomial) -> np.ndarray:
@@ -112,17 +112,17 @@ class RigidMotion:
 
     @cached_property
     def _series(self) -> dict[str, np.ndarray]:
-        """Scalars that were asked for, each of them in one piece: half of the time of all that is computed from them.
+        """Requested scalars, each contiguous, which halves the time of all computations from them.
         """
         return {}
 
     @cached_property
     def _products(self) -> dict[Monomial, np.ndarray]:
-        """Those that were asked for: the matrices of a link, of its forces and of its frame share most of them."""
+        """Requested products: the matrices of a link, of its forces and of its frame share most of them."""
         return {}
 
     def apply(self, affine: Affine, vectors: np.ndarray) -> np.ndarray:
-        """A(t) x(t) for vectors of shape (columns, n_times); returns (rows, n_times)."""
+        """Product A(t) x(t) for vectors (columns, n_times); returns (rows, n_times)."""
         return self.apply_each(affine, (vectors,))[0]
 
     def apply_each(self, affine: Affine, vectors: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
@@ -135,7 +135,7 @@ class RigidMotion:
         return tuple(total[:, k] for k in range(len(vectors)))
 
     def matrices(self, affine: Affine) -> np.ndarray:
-        """An affine matrix at all times, (n_times, rows, columns)."""
+        """Affine matrix at all times, (n_times, rows, columns)."""
         if len(affine.terms) > _MANY and self.values.dtype != object:
             found = numbered_entries(affine, affine.monomials)
             rows, columns = affine.shape
@@ -148,11 +148,11 @@ class RigidMotion:
         return total
 
     def first(self, affine: Affine) -> Matrix:
-        """An affine matrix at the first time."""
+        """Affine matrix at the first time."""
         return affine.value({name: float(self[name][0]) for monomial in affine.terms for name in monomial})
 
     def column_of(self, affine: Affine) -> np.ndarray:
-        """An affine vector (rows x 1) at all times; returns (rows, n_times)."""
+        """Affine vector (rows x 1) at all times; returns (rows, n_times)."""
         total = np.zeros((affine.shape[0], len(self.times)), self.values.dtype)
         for monomial, matrix in affine.terms.items():
             total += as_array(matrix) * self.monomial(monomial)

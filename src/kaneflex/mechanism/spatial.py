@@ -1,7 +1,7 @@
-"""The parts of a mechanism in space, by numbers in SI.
+"""Parts of a spatial mechanism, by numbers in SI.
 
-A joint's freedoms and constraints are said once, here: the tree of a mechanism moves by the former, the cuts of its
-loops are held by the latter.
+Degrees of freedom and constraints of joints are defined here: the former move the mechanism's tree, the latter close
+the cut joints of its loops.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from kaneflex.support.kept import Kept
 
 @dataclass(frozen=True, eq=False)
 class SpatialBody:
-    """Mass [kg], centre [m], moments J_x, J_y, J_z and products J_xy, J_yz, J_zx of inertia about it [kg m^2], (6,),
-    and the axes where all joint coordinates are zero, columns of a matrix (3, 3)."""
+    """Body: mass [kg], centre [m], moments J_x, J_y, J_z and products J_xy, J_yz, J_zx of inertia about it [kg m^2],
+    (6,), and the axes at zero joint coordinates, columns of a matrix (3, 3)."""
 
     mass: float
     centre: np.ndarray
@@ -30,7 +30,7 @@ class SpatialBody:
 
 @dataclass(frozen=True)
 class Side:
-    """A point of a body in its axes [m]."""
+    """Point of a body in its axes [m]."""
 
     body: str
     at: tuple[float, ...]
@@ -38,9 +38,9 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class SpatialJoint:
-    """A joint between two sides; axes and directions are in the first body's axes, where all coordinates are zero.
+    """Joint between two sides; axes and directions are in the first body's axes, at zero coordinates.
 
-    ``axes``: of a revolute, prismatic or cylindrical joint one, of a universal one two, of others none.
+    ``axes``: one for a revolute, prismatic or cylindrical joint, two for a universal joint, else none.
     """
 
     name: str
@@ -50,7 +50,7 @@ class SpatialJoint:
 
     @property
     def moves(self) -> list[tuple[str, np.ndarray]]:
-        """Its freedoms from the first body outwards: name and axis of turns and slides; a ball's ``rotation``."""
+        """Degrees of freedom, first body to second: name and axis of rotations and slides; ``rotation`` of a ball."""
         match self.kind:
             case "revolute":
                 return [("angle", self.axes[0])]
@@ -70,12 +70,12 @@ class SpatialJoint:
 
     @property
     def across(self) -> list[np.ndarray] | None:
-        """Axes of the first body across which the second point stays; None where the two points are one."""
+        """Axes of the first body along which the second point can't move; None if the two points coincide."""
         return across(self.axes[0]) if self.kind in ("prismatic", "cylindrical") else None
 
     @property
     def parallel(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Axes of the first body and of the second, by what they are at zero, that stay at right angles."""
+        """Pairs of axes of the first and second body, given at zero coordinates, that stay perpendicular."""
         match self.kind:
             case "revolute" | "cylindrical":
                 return [(axis, self.axes[0]) for axis in across(self.axes[0])]
@@ -88,7 +88,7 @@ class SpatialJoint:
 
 
 def across(axis: np.ndarray) -> list[np.ndarray]:
-    """Two unit vectors at right angles to a unit vector and to each other."""
+    """Two unit vectors perpendicular to a unit vector and to each other."""
     least = np.eye(3)[np.argmin(abs(axis))]
     first = np.cross(axis, least)
     first /= np.linalg.norm(first)
@@ -97,11 +97,11 @@ def across(axis: np.ndarray) -> list[np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class SpatialLoad:
-    """A force along a direction, global or in the body's axes, or a torque at a joint, about its axis.
+    """Load: force along a direction, global or in the body's axes, or torque at a joint about its axis.
 
-    ``at``: where it acts; None of a torque, and of a force that is spread along a body. ``pushes``: forces at points
-    of a body, with their shares of the load's size, that are statically the same; of one that is spread, the part that
-    falls linearly to zero at the body's end, and the one that rises from there at its start.
+    ``at``: point of action; None for a torque and a distributed force. ``pushes``: statically equivalent forces at
+    points of a body, with their shares of the magnitude; for a distributed force, of the part that falls linearly to
+    zero at the body's end and of the part that rises from zero at its start.
     """
 
     at: Side | None
@@ -127,13 +127,12 @@ class SpatialSpring:
 
     @property
     def is_directed(self) -> bool:
-        """Whether its force needs the direction from one point to the other: without free length and damper it is
-        k d."""
+        """True if the force needs the direction between the points; without free length and damper it is k d."""
         return self.joint is None and not self.is_bushing and any(self.numbers[1:])
 
     @property
     def scalars(self) -> tuple[tuple[str, str], ...]:
-        """Names and units of what is tabulated of it; of a bushing what it opposes, in its first body's axes."""
+        """Names and units of its tabulated values; for a bushing the forces and moments in its first body's axes."""
         if self.is_bushing:
             return (*((f"force_{axis}", "N") for axis in "xyz"), *((f"moment_{axis}", "N m") for axis in "xyz"))
         return (("tension", "N") if self.joint is None else ("torque", "N m"),)
@@ -143,10 +142,10 @@ class SpatialSpring:
 class SpatialMechanism:
     """Bodies, joints, loads and springs; bodies that move freely; ``size`` [m]: longest reach from a body's origin.
 
-    A lumped mass is part of its rigid body; on an elastic one it is a body of its own, welded to the link's axis.
+    A lumped mass is part of its rigid body; on an elastic one it is a separate body, welded to the link's axis.
 
-    ``asked``: joints whose coordinate a drive, a law or a spring knows; ``known``: those of them that are not only left
-    free by their drive; ``prescribed``: those whose drive says where they stand; ``read``: those of sensors.
+    ``asked``: joints whose coordinate a drive, a law or a spring uses; ``known``: those of them not only used by a free
+    drive; ``prescribed``: those with a prescribed coordinate; ``read``: those of sensors.
     """
 
     bodies: Mapping[str, SpatialBody]
@@ -162,17 +161,17 @@ class SpatialMechanism:
     size: float
 
     def stands(self, body: str) -> np.ndarray:
-        """Axes of a body where all joint coordinates are zero, (3, 3)."""
+        """Axes of a body at zero joint coordinates, (3, 3)."""
         return np.eye(3) if body == GROUND else self.bodies[body].rotation
 
     def relative(self, of: SpatialJoint | SpatialSpring) -> np.ndarray:
-        """Axes of a second body in those of the first, where all joint coordinates are zero, (3, 3)."""
+        """Axes of a second body in those of the first, at zero joint coordinates, (3, 3)."""
         first, second = (self.stands(side.body) for side in of.sides)
         return first.T @ second
 
 
 def spatial_mechanism_of(scene: Scene) -> SpatialMechanism:
-    """The mechanism of a scene in space; made once, as scenes don't change."""
+    """Mechanism of a spatial scene; made once, since scenes are immutable."""
     return _MADE.of(scene, lambda: _made(scene))
 
 
@@ -226,7 +225,7 @@ def _made(scene: Scene) -> SpatialMechanism:
 
 
 def _body(scene: Scene, name: str) -> SpatialBody:
-    """A body; left out, its inertia is that of a thin bar along x, of an elastic one with its sections' own."""
+    """Make a body; the default inertia is that of a thin bar along x, for elastic ones with the sections' own."""
     body = scene.bodies[name]
     given = body.inertia if isinstance(body.inertia, tuple) else (0.0, body.inertia, body.inertia)
     if body.beam is not None:
@@ -239,7 +238,7 @@ def _body(scene: Scene, name: str) -> SpatialBody:
 
 
 def _with_mass(body: SpatialBody, mass: float, at: np.ndarray, inertia: np.ndarray) -> SpatialBody:
-    """A rigid body and what is fixed to a point of it, by Steiner's theorem about their common centre."""
+    """Rigid body with a lumped mass at a point, by Steiner's theorem about their common centre."""
     total = body.mass + mass
     centre = (body.mass * body.centre + mass * at) / total if total else body.centre
     six = body.inertia + inertia
@@ -250,13 +249,13 @@ def _with_mass(body: SpatialBody, mass: float, at: np.ndarray, inertia: np.ndarr
 
 
 def _pushes(scene: Scene, name: str) -> tuple[tuple[Side, float], ...]:
-    """Where a load pushes a body, with the share of its size there."""
+    """Points at which a load pushes a body, with the shares of its magnitude."""
     load = scene.loads[name]
     if load.force_on is not None:
         return ((Side(load.force_on.body, scene.point(load.force_on)), 1.0),)
     if load.spread_on is None:
         return ()
     length = scene.bodies[load.spread_on].length
-    assert length is not None  # of what a load is spread on
+    assert length is not None  # the body of a distributed load
     return tuple((Side(load.spread_on, (k * length / 3, 0.0, 0.0)), factor * length / 2)
                  for k, factor in enumerate(load.profile, start=1))  # fmt: skip

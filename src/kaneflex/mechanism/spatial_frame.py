@@ -1,4 +1,4 @@
-"""Kinematics of bodies in space: how vectors turn with a body, and how its points move."""
+"""Kinematics of bodies in space: rotation of vectors with a body, and motion of its points."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _STILL = np.zeros((3, 1))
 
 @dataclass(frozen=True, eq=False)
 class SpatialFrame:
-    """The axes of a body in a motion, which carry its points; those of the ground stand still.
+    """Axes of a body, or of the ground, in a motion, and its points.
 
-    What :class:`~kaneflex.mechanism.body_frame.BodyFrame` is in the plane, with three components: points p are given in
-    these axes, (3,) or (3, n_times) [m]; vectors are (3, n_times).
+    Spatial counterpart of :class:`~kaneflex.mechanism.body_frame.BodyFrame`: points p are given in these axes, (3,) or
+    (3, n_times) [m]; vectors are (3, n_times).
     """
 
     motion: Scalars
@@ -52,19 +52,19 @@ class SpatialFrame:
 
     @property
     def origin(self) -> np.ndarray:
-        """Place of the body's start, global [m], (3, n_times)."""
+        """Position of the body's start, global [m], (3, n_times)."""
         return self._vector("x", "y", "z")
 
     def to_global(self, vector) -> np.ndarray:
-        """Global components of a vector in these axes."""
+        """Global components of a vector given in these axes."""
         return applied(self.axes, vector)
 
     def to_body(self, vector) -> np.ndarray:
-        """Components in these axes of a global vector."""
+        """Components of a global vector in these axes."""
         return applied(self.axes.swapaxes(0, 1), vector)
 
     def place(self, p) -> np.ndarray:
-        """Global place of a point [m]."""
+        """Global position of a point [m]."""
         return self.origin + self.to_global(p)
 
     def velocity(self, p, p_rate=_STILL) -> np.ndarray:
@@ -80,12 +80,11 @@ class SpatialFrame:
 
 
 def turn_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame, relative: np.ndarray) -> Rates:
-    """How far a joint has turned about its first axis, from -pi to pi, with two rates [rad, rad/s, rad/s^2], (n_times,)
-    each.
+    """Rotation of a joint about its first axis, from -pi to pi, with two rates [rad, rad/s, rad/s^2], (n_times,) each.
 
-    ``relative``: axes of the second body in those of the first where the joint stands at zero, (3, 3).
+    ``relative``: axes of the second body in those of the first at zero joint coordinate, (3, 3).
     """
-    y = [*joint.axes[1:], *across(joint.axes[0])][0]  # a universal joint's second axis turns about the first alone
+    y = [*joint.axes[1:], *across(joint.axes[0])][0]  # a universal joint's second axis rotates only about the first
     z = np.cross(joint.axes[0], y)
     turned = second.to_global(relative.T @ y)
     angle = np.arctan2(_dot(turned, first.to_global(z)), _dot(turned, first.to_global(y)))
@@ -93,14 +92,14 @@ def turn_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame, rela
 
 
 def turn_rates(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> tuple[np.ndarray, np.ndarray]:
-    """How fast a joint with an axis turns and how that grows [rad/s, rad/s^2], (n_times,) each."""
-    # both bodies carry the axis: what it turns by is across it, and so is its share in the rate of the angle's
+    """Angular velocity and acceleration of a joint with an axis [rad/s, rad/s^2], (n_times,) each."""
+    # the axis is fixed in both bodies, so its own rotation does not enter the angular acceleration along it
     axis = first.to_global(joint.axes[0])
     return _dot(axis, second.omega - first.omega), _dot(axis, second.epsilon - first.epsilon)
 
 
 def slide_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> Rates:
-    """How far a joint with an axis has slid, with two rates [m, m/s, m/s^2], (n_times,) each."""
+    """Displacement of a joint along its axis, with two rates [m, m/s, m/s^2], (n_times,) each."""
     on_first, on_second = (side.at for side in joint.sides)
     axis, omega, epsilon = first.to_global(joint.axes[0]), first.omega, first.epsilon
     apart = second.place(on_second) - first.place(on_first)
@@ -111,7 +110,7 @@ def slide_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> 
 
 
 def applied(matrices: np.ndarray, vector) -> np.ndarray:
-    """Matrices (3, 3, n_times) times a vector, (3,) or (3, n_times); einsum's loops take ten times as long."""
+    """Product of matrices (3, 3, n_times) and a vector, (3,) or (3, n_times); einsum takes ten times as long."""
     x, y, z = np.asarray(vector).reshape(3, -1)
     found = matrices[:, 0] * x
     found += matrices[:, 1] * y
@@ -124,5 +123,5 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a x b of vectors (3, n_times); NumPy's takes five times as long for few instants."""
+    """Cross product of vectors (3, n_times); NumPy's takes five times as long for few instants."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -1,4 +1,4 @@
-"""What joints, drives, loads and springs exert on a body in space, in its own axes."""
+"""Forces and moments of joints, drives, loads and springs on a spatial body, in its own axes."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from kaneflex.mechanism.spatial import Side, SpatialMechanism
 from kaneflex.mechanism.spatial_frame import SpatialFrame
 
 Carried = Callable[[Side], tuple[SpatialFrame, Side]]
-"""Point of a body -> the axes that it turns with, and where it is in these."""
+"""Function from a point of a body to the axes that it rotates with, and its position in them."""
 
 
 class Wrench(NamedTuple):
-    """Place of a force in the body's axes [m], the force [N] and the moment about that place [N m], (3, n_times) each.
+    """Point of a force in the body's axes [m], the force [N] and the moment about that point [N m], (3, n_times) each.
 
-    ``by``: the joint, load or spring that exerts it; ``on``: the point of the body that the scene names for it, [m].
+    ``by``: the joint, load or spring that exerts it; ``on``: its point of the body in the scene [m].
     """
 
     by: str
@@ -31,7 +31,7 @@ class Wrench(NamedTuple):
 def wrenches_on(
     mechanism: SpatialMechanism, motion: RigidMotion, body: str, carried: Carried | None = None
 ) -> Iterator[Wrench]:
-    """Everything but inertia and weight that acts on a body; ``carried``: by bodies that deform."""
+    """Wrenches on a body except inertia and weight; ``carried`` gives points of deformed bodies."""
     frame, none = motion.frame(body), np.zeros((3, len(motion.times)))
     carry: Carried = carried or (lambda side: (cast(SpatialFrame, motion.frame(side.body)), side))
 
@@ -46,7 +46,7 @@ def wrenches_on(
         for side, sign in zip(joint.sides, (-1.0, 1.0), strict=True):
             if side.body == body:
                 exerted = np.array([motion[f"{name}.{part}_{axis}"] for part in ("force", "moment") for axis in "xyz"])
-                # what a joint exerts acts at its second point: that of the first may slide along it
+                # a joint's force acts at its second point, since the first may slide along it
                 at = local(point(joint.sides[1]) - frame.origin)
                 yield Wrench(name, side.at, at, sign * local(exerted[:3]), sign * local(exerted[3:]))
     for name, load in mechanism.loads.items():
@@ -67,7 +67,7 @@ def wrenches_on(
             force, moment = (axes.to_global(np.array([motion[f"{name}.{part}_{axis}"] for axis in "xyz"]))
                              for part in ("force", "moment"))  # fmt: skip
             for side, sign in ((first, 1.0), (second, -1.0)):
-                if side.body == body:  # as a joint's, at its second point
+                if side.body == body:  # at the second point, as for a joint
                     at = local(point(second) - frame.origin)
                     yield Wrench(name, side.at, at, sign * local(force), sign * local(moment))
             continue
@@ -84,7 +84,7 @@ def _at_joint(
     mechanism: SpatialMechanism, motion: RigidMotion, body: str, name: str, joint: str, torque: np.ndarray,
     carried: Carried,
 ) -> Iterator[Wrench]:  # fmt: skip
-    """A torque about a joint's axis, on its second body."""
+    """Torque about a joint's axis, on its second body."""
     of = mechanism.joints[joint]
     axis = carried(of.sides[0])[0].to_global(of.axes[0])
     for side, sign in zip(of.sides, (-1.0, 1.0), strict=True):

@@ -1,4 +1,4 @@
-"""Start of free joints beside joints with clearance: that of the tight mechanism, which has no clearance."""
+"""Start of free joints next to joints with clearance, from the mechanism without clearance."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from kaneflex.scene.parts import Joint
 from kaneflex.support.errors import SceneError
 
 _STEP = 1e-4
-"""Of the horizon: step of the difference of order four by which a law's or a table's first speed is found."""
+"""Step of the fourth-order difference for the initial speed of a law or a table, as a share of the horizon."""
 _FORWARD = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
-"""Weights of that difference (Fornberg 1988, Math. Comput. 51, 699, table 3)."""
+"""Weights of this difference (Fornberg 1988, Math. Comput. 51, 699, table 3)."""
 
 
 def tight_start(scene: Scene) -> Scene:
-    """The scene with pins and blocks in the middle of their clearance, at the speeds of the tight mechanism.
+    """Scene with pins and blocks in the middle of their clearance, at the speeds of the mechanism without clearance.
 
-    It says where those free joints start of which the scene gives neither place nor speed. Where the others and the
+    It gives the start of free joints for which the scene gives neither position nor speed. If the others and the
     drives do not determine them, they start at zero.
     """
     free = [name for name, drive in scene.drives.items() if drive.free]
@@ -69,12 +69,12 @@ def tight_start(scene: Scene) -> Scene:
 
 
 def _velocity(rates: list[float], arm: tuple[float, float]) -> tuple[float, float]:
-    """Of a point of a body at this global way from its start [m/s]."""
+    """Velocity of a point of a body at this global distance from its start [m/s]."""
     return rates[0] - rates[2] * arm[1], rates[1] + rates[2] * arm[0]
 
 
 def _speed(drive: Drive, horizon: float) -> float:
-    """First speed of a drive [rad/s or m/s]."""
+    """Initial speed of a drive [rad/s or m/s]."""
     if drive.free:
         return float(drive.initial_speed)
     if drive.speed is not None:
@@ -84,5 +84,5 @@ def _speed(drive: Drive, horizon: float) -> float:
 
 
 def as_it_starts(scene: Scene) -> Scene:
-    """The scene with the branches that it means by ``near``, and with :func:`tight_start`."""
+    """Scene with branches instead of ``near``, and with :func:`tight_start`."""
     return with_branches(tight_start(scene))

@@ -1,4 +1,4 @@
-"""Beams, as a scene file gives them: material, section, theory and mesh."""
+"""Beams of a scene file: material, section, theory and mesh."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _THEORIES = {
     "shear": (False, True),
     "timoshenko": (True, True),
 }
-"""Theory -> whether it knows rotary inertia, and shear; names as in Han, Benaroya & Wei (1999), J. Sound Vib. 225."""
+"""Theory -> (has rotary inertia, has shear); names as in Han, Benaroya & Wei (1999), J. Sound Vib. 225."""
 
 
 class Sectioned(Made):
-    """A material and a section by area `A` and second moment `I`, or by its shape: `section`, at the far end `taper`.
+    """Material and section: by area `A` and second moment `I`, or by shapes `section` and, at the far end, `taper`.
 
-    Between the two the shape's dimensions change linearly; towards `A_end` and `I_end` area and second moment do.
-    `kappa` is the shear coefficient; a shape has its own. In space a section has `I_y` (int z^2 dA, of bending across
-    y), `I_z` (int y^2 dA) and `J` (Saint-Venant's constant of torsion) for `I`; a shape's height lies along y.
+    Dimensions of a shape vary linearly between the two ends; with `A_end` and `I_end` area and second moment do.
+    `kappa` is the shear coefficient; a shape has its own. In space `I_y` (int z^2 dA, bending about y), `I_z`
+    (int y^2 dA) and `J` (Saint-Venant's torsion constant) replace `I`; a shape's height lies along y.
     """
 
     A: PositiveArea | None = None
@@ -36,8 +36,8 @@ class Sectioned(Made):
     I_y: PositiveSecondMoment | None = None
     I_z: PositiveSecondMoment | None = None
     J: PositiveSecondMoment | None = None
-    A_end: PositiveArea | None = Field(default=None, description="A at the far end, changing linearly")
-    I_end: PositiveSecondMoment | None = Field(default=None, description="I at the far end, changing linearly")
+    A_end: PositiveArea | None = Field(default=None, description="A at the far end; linear in between")
+    I_end: PositiveSecondMoment | None = Field(default=None, description="I at the far end; linear in between")
     section: Shape | None = None
     taper: Shape | None = None
     kappa: ShearCoefficient | None = None
@@ -46,9 +46,9 @@ class Sectioned(Made):
     def _one_section(self) -> Sectioned:
         for field in ("A", "I", *_IN_SPACE, "A_end", "I_end"):
             if self.section is not None and getattr(self, field) is not None:
-                raise Fault("the shape of the section has its own", f"Leave {field} out", below=field)
+                raise Fault("the section's shape gives it already", f"Leave {field} out", below=field)
         if any(given := [getattr(self, field) for field in _IN_SPACE]):
-            own = "a section in space has I_y, I_z and J, one in the plane I alone"
+            own = "a section in space has I_y, I_z and J, one in the plane only I"
             if self.I is not None:
                 beside = " and ".join(field for field, value in zip(_IN_SPACE, given, strict=True) if value)
                 raise Fault(own, f"Leave I out in space, {beside} in the plane", below="I")
@@ -57,21 +57,21 @@ class Sectioned(Made):
                 raise Fault(f"missing: {own}", "Give all three in space, I in the plane", below=missing)
         for field in ("A", "I"):
             if getattr(self, f"{field}_end") is not None and getattr(self, field) is None:
-                raise Fault(f"no {field} to start from", f"Give {field}, too", below=f"{field}_end")
+                raise Fault(f"{field} is missing", f"Give {field}, too", below=f"{field}_end")
         if self.taper is not None and self.section is None:
-            raise Fault("no section to start from", "Give section, too, with the same shape", below="taper")
+            raise Fault("section is missing", "Give section, too, with the same shape", below="taper")
         if self.taper is not None and self.taper.kind != self.section.kind:
-            reason = f"a {self.section.kind} does not become a {self.taper.kind}"
+            reason = f"the taper from {self.section.kind} to {self.taper.kind} changes the shape"
             raise Fault(reason, "Give both ends the same shape", below="taper")
         return self
 
     @property
     def tapered(self) -> bool:
-        """Whether the section at the far end is another one."""
+        """True if the section at the far end differs."""
         return not (self.taper is None and self.A_end is None and self.I_end is None)
 
     def piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
-        """The stretch of beam from start to stop [m]; `area` stands for an `A` that is left out."""
+        """Piece of the beam from start to stop [m]; `area` replaces a missing `A`."""
         if self.section is None:
             first = (self.A if self.A is not None else area, self.I if self.I_z is None else self.I_z)
             last = (first[0] if self.A_end is None else self.A_end, first[1] if self.I_end is None else self.I_end)
@@ -79,7 +79,7 @@ class Sectioned(Made):
         return self._shaped_piece(start, stop, made_of, _shaped)
 
     def spatial_piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
-        """The same in space, whose sections have the numbers of both planes of bending and of torsion."""
+        """Piece of a spatial beam, with both planes of bending and torsion."""
         if self.section is None:
             numbers = partial(SpatialSectionNumbers, k_y=self.kappa, k_z=self.kappa)
             A = self.A if self.A is not None else area
@@ -98,7 +98,7 @@ class Sectioned(Made):
 _IN_SPACE = ("I_y", "I_z", "J")
 
 
-# Not within the method: a scene must be picklable, to be sent to other processes.
+# At module level, so that a scene can be pickled and sent to other processes.
 
 
 def _given(kappa: float | None, A: float, I: float) -> SectionNumbers:
@@ -118,9 +118,9 @@ def _shaped_in_space(
 
 
 class Segment(Sectioned):
-    """A stretch of a beam up to the distance `to` from the body's start; the last one ends where the body ends.
+    """Segment of a beam up to the distance `to` from the body's start; the last one ends at the body's end.
 
-    What it does not say of its material is the beam's.
+    Material entries that are not given are the beam's.
     """
 
     to: PositiveLength | None = None
@@ -133,11 +133,11 @@ class Segment(Sectioned):
 
 
 class Beam(Sectioned):
-    """A beam along the body's length: one section, tapered or not, or `segments` with a section each.
+    """Beam along the body's length: one section, tapered or not, or `segments` with one section each.
 
-    `A` may be left out where the body's mass is given. `theory`: Euler-Bernoulli, with the sections' rotary inertia
-    Rayleigh, with shear the shear beam, with both Timoshenko. An `axially_rigid` beam does not stretch. `shapes` are
-    those of preset coupled. Nothing is computed with `yield_strength` but shares of it.
+    `A` may be omitted if the body's mass is given. `theory`: euler-bernoulli; rayleigh adds the sections' rotary
+    inertia, shear adds shear, timoshenko adds both. An `axially_rigid` beam does not stretch. `shapes` apply to preset
+    coupled. `yield_strength` serves only to print stresses as shares of it.
     """
 
     segments: dict[str, Segment] = Field(default={})
@@ -145,7 +145,7 @@ class Beam(Sectioned):
     axially_rigid: StrictBool = False
     elements: WholeNumber = 4
     shapes: Literal["craig-bampton", "sine", "clamped-free", "polynomial"] = "craig-bampton"
-    yield_strength: PositiveModulus | None = Field(default=None, description="what the largest stress is held against")
+    yield_strength: PositiveModulus | None = Field(default=None, description="compared with the largest stress")
 
     @model_validator(mode="after")
     def _has_material(self) -> Beam:
@@ -163,17 +163,17 @@ class Beam(Sectioned):
             return self
         for field in ("A", "I", *_IN_SPACE, "A_end", "I_end", "section", "taper", "kappa"):
             if getattr(self, field) is not None:
-                raise Fault("every segment has its own", f"Leave {field} out, or the segments", below=field)
+                raise Fault("every segment gives its own", f"Leave {field} out, or the segments", below=field)
         reached = 0.0
         *inner, last = self.segments
         for name in inner:
             to = self.segments[name].to
             if to is None or to <= reached:
-                reason = "a segment ends behind the one before it"
+                reason = "a segment must end beyond the previous one"
                 raise Fault(reason, "Give the distance from the body's start", below=f"segments.{name}.to")
             reached = to
         if self.segments[last].to is not None:
-            raise Fault("the last segment ends with the body", "Leave to out", below=f"segments.{last}.to")
+            raise Fault("the last segment ends at the body's end", "Leave to out", below=f"segments.{last}.to")
         return self
 
     @model_validator(mode="after")
@@ -192,46 +192,46 @@ class Beam(Sectioned):
 
     @property
     def sections(self) -> dict[str, Sectioned]:
-        """What has a section of its own, by its key in the body: each segment, or the whole beam."""
+        """Parts with a section of their own, by key in the body: the segments, or the whole beam."""
         return {f"beam.segments.{name}": segment for name, segment in self.segments.items()} or {"beam": self}
 
     def made_of(self, part: Sectioned) -> Constants:
-        """The material of one of :attr:`sections`."""
+        """Material of one of :attr:`sections`."""
         return self.constants() if part is self else part.constants(self)
 
     def _constants(self) -> dict[str | None, Constants]:
-        """Of each segment, by its key, or of the whole beam."""
+        """Materials of the segments by key, or of the whole beam."""
         if not self.segments:
             return {None: self.constants()}
         return {f"segments.{name}": segment.constants(self) for name, segment in self.segments.items()}
 
     @property
     def has_area(self) -> bool:
-        """Whether the beam's mass follows from its sections."""
+        """True if the beam's mass follows from its sections."""
         return self.A is not None or self.section is not None or bool(self.segments)
 
     @property
     def rotary(self) -> bool:
-        """Whether the theory knows the rotary inertia of the sections."""
+        """True if the theory includes rotary inertia of the sections."""
         return _THEORIES[self.theory][0]
 
     @property
     def shear(self) -> bool:
-        """Whether the theory knows the shear of the sections."""
+        """True if the theory includes shear of the sections."""
         return _THEORIES[self.theory][1]
 
     def without(self, *, rotary: bool, shear: bool) -> Beam:
-        """The beam by the theory that leaves out rotary inertia, or shear, if it knows them at all."""
+        """Beam with the theory that omits rotary inertia, or shear."""
         kept = (self.rotary and not rotary, self.shear and not shear)
         theory = next(name for name, knows in _THEORIES.items() if knows == kept)
         return self.model_copy(update={"theory": theory})
 
     def profile(self, length: float, mass: float) -> Profile:
-        """What the beam is made of along its length [m]; where there is no area it follows from the mass [kg]."""
+        """Profile of the beam along its length [m]; a missing area follows from the mass [kg]."""
         return Profile(self._pieces(Sectioned.piece, length, mass), self.rotary, self.shear)
 
     def spatial_profile(self, length: float, mass: float) -> SpatialProfile:
-        """The same of a beam in space."""
+        """Profile of a spatial beam along its length [m]."""
         return SpatialProfile(self._pieces(Sectioned.spatial_piece, length, mass), self.rotary, self.shear)
 
     def _pieces(self, piece_of: Callable[..., Piece], length: float, mass: float) -> tuple[Piece, ...]:
@@ -246,10 +246,10 @@ class Beam(Sectioned):
         return tuple(pieces)
 
     def structure(self) -> dict[str, str | bool]:
-        """What the equations depend on beyond those of a uniform Euler-Bernoulli beam."""
+        """Features of the beam's equations beyond a uniform Euler-Bernoulli beam."""
         found: dict[str, str | bool] = {}
         if self.rotary or self.shear:
-            found["theory"] = "timoshenko" if self.shear else self.theory  # no rotary inertia is a number: zero
+            found["theory"] = "timoshenko" if self.shear else self.theory  # rotary inertia is then zero
         if self.segments or self.tapered:
             found["varying"] = True
         return found

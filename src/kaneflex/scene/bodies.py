@@ -1,4 +1,4 @@
-"""Bodies, as a scene file gives them and with every default filled in."""
+"""Bodies of a scene file, with all defaults filled in."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from kaneflex.scene.rotation import Rotation
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.errors import Fault
 
-_SAME_MASS = 1e-6  # relative; mass and A of one beam may both be given if they agree this closely
+_SAME_MASS = 1e-6  # relative difference permitted between a beam's mass and rho A length if both are given
 
 
 def _profile(data: dict) -> Profile | None:
@@ -71,16 +71,15 @@ def _default_inertia(data: dict) -> float | tuple[float, ...]:
 
 
 class Pose(SceneTable):
-    """Where a body of a structure that doesn't move stands: global position of its start (m) and its angle (rad)."""
+    """Pose of a body in a fixed structure: global position of its start (m) and its angle (rad)."""
 
     at: Point = (0.0, 0.0)
     angle: Angle = 0.0
 
 
 class Free(SceneTable):
-    """Of a body that joints let move freely: where its start is at first (m), its angle (rad), and how fast both are
-    (m/s, rad/s); global. In space the body's `rotation` says how it stands, and `angular_velocity` has three
-    components."""
+    """Initial state of a free body, in global axes: position of its start (m), angle (rad), and their rates
+    (m/s, rad/s). In space the body's `rotation` gives its orientation, and `angular_velocity` has three components."""
 
     at: Point = (0.0, 0.0)
     angle: Angle = 0.0
@@ -98,12 +97,12 @@ class Free(SceneTable):
 
 
 class Body(SceneTable):
-    """A body; rigid unless it has a `beam` or `modal_data`. Its frame starts at `start`, with `end` on its x axis.
+    """Body; rigid unless it has a `beam` or `modal_data`. Its frame starts at `start`, with `end` on its x axis.
 
-    length in m; mass in kg (left out: massless, or rho A length of its beam); centre of mass in m in the
-    body's axes (half the length); inertia in kg m^2 about the centre of mass (uniform bar), in space
+    length in m; mass in kg (default: 0, or rho A length of its beam); centre of mass in m in the body's axes
+    (default: half the length); inertia in kg m^2 about the centre of mass (default: uniform bar), in space
     [J_x, J_y, J_z] or [J_x, J_y, J_z, J_xy, J_yz, J_zx] in the body's axes; further named points in m. In space
-    `rotation` is how the body stands where all joint coordinates are zero, roughly as it closes its loops at first.
+    `rotation` is the orientation at zero joint coordinates, close to the one in which its loops close at the start.
     """
 
     like: str | None = Field(default=None, description="another body of this scene to start from")
@@ -130,7 +129,7 @@ class Body(SceneTable):
         if self.modal is None:
             return self
         for field in ("beam", "mass", "centre", "inertia", "pose"):
-            self.refuse((field,), "not beside modal_data", f"Leave {field} or modal_data out")
+            self.refuse((field,), "cannot be combined with modal_data", f"Leave {field} or modal_data out")
         if abs(self.length - self.modal.length) > _SAME_MASS * self.length:
             reason = f"modal_data is of a link of {self.modal.length:.6g} m"
             raise Fault(reason, "Leave length out", below="length")
@@ -140,19 +139,19 @@ class Body(SceneTable):
     def _beam_fits(self) -> Body:
         for name in self.points:
             if name in self._own_points():
-                raise Fault("every body has this point already", "Choose another name", below=f"points.{name}")
+                raise Fault("every body has this point", "Choose another name", below=f"points.{name}")
         if self.beam is None:
             return self
         if self.length is None:
             raise Fault("an elastic body without length", "Give its length", below="length")
         for field in ("centre", "inertia"):
-            self.refuse((field,), "a uniform beam has its own", f"Leave {field} out")
+            self.refuse((field,), "a uniform beam gives it already", f"Leave {field} out")
         if self.mass == 0:
             raise Fault("neither the body's mass nor the beam's A", "Give one of them", below="beam")
         for name, segment in self.beam.segments.items():
             if segment.to is not None and segment.to >= self.length:
                 reason = "the segment reaches the body's end"
-                raise Fault(reason, "Leave to out, and what follows", below=f"beam.segments.{name}.to")
+                raise Fault(reason, "Leave out to and later segments", below=f"beam.segments.{name}.to")
         if self.beam.has_area:
             expected = self.beam.profile(self.length, self.mass).inertia(self.length).mass
             if abs(self.mass - expected) > _SAME_MASS * expected:
@@ -169,14 +168,14 @@ class Body(SceneTable):
 
     @cached_property
     def points_all(self) -> dict[str, Vector]:
-        """Every named point, own, of the modal data and given, in m in the body's axes."""
+        """All named points in m in the body's axes: the standard ones, those of modal data and those given."""
         own, modal = self._own_points(), self.modal
         told = zip(modal.points, modal.places.tolist(), strict=True) if modal is not None else ()
         return own | {name: tuple(place) for name, place in told if name not in own} | self.points
 
     @cached_property
     def points_named(self) -> dict[str, Vector]:
-        """Those of them that not every body has."""
+        """Named points in m beyond those that every body has."""
         return {name: place for name, place in self.points_all.items() if name not in self._own_points()}
 
     @property
@@ -185,7 +184,7 @@ class Body(SceneTable):
 
     @property
     def deforms(self) -> bool:
-        """By a beam or by modal data."""
+        """True if the body has a beam or modal data."""
         return self.beam is not None or self.modal is not None
 
     @property
@@ -194,28 +193,28 @@ class Body(SceneTable):
 
     @cached_property
     def modal(self) -> ModalData | None:
-        """The modal data of a link that has them instead of a beam."""
+        """Modal data of the link; None for a beam or a rigid body."""
         return modal_data_of({"modal_data": self.modal_data})
 
     @cached_property
     def profile(self) -> Profile:
-        """What the beam is made of along its length; its mass is exactly the body's; elastic bodies only."""
+        """Profile of the beam along its length, scaled to the body's mass; elastic bodies only."""
         return self.beam.profile(self.length, self.mass).of_mass(self.mass)
 
     @cached_property
     def spatial_profile(self) -> SpatialProfile:
-        """The same of a body in space."""
+        """Profile of a spatial beam, scaled to the body's mass; elastic bodies only."""
         assert self.beam is not None and self.length is not None
         expected = self.beam.profile(self.length, self.mass).inertia(self.length).mass
         return self.beam.spatial_profile(self.length, self.mass).denser(self.mass / expected)
 
     @cached_property
     def first_element(self) -> dict[str, float]:
-        """Parameters of the element at the start, as long as the beam's number of them says; elastic bodies only."""
+        """Parameters of the beam's first element; elastic bodies only."""
         return self.profile.element(0.0, self.length / self.beam.elements)
 
     def without(self, *, rotary: bool, shear: bool) -> Body:
-        """The body with its beam by a plainer theory, :meth:`Beam.without`; its inertia follows."""
+        """Body with a simpler beam theory, see :meth:`Beam.without`; its inertia follows."""
         if self.beam is None or self.beam.without(rotary=rotary, shear=shear) == self.beam:
             return self
         given = {name: getattr(self, name) for name in self.model_fields_set}

@@ -1,4 +1,4 @@
-"""What a scene must satisfy beyond each table's own rules: names, addresses and references between tables."""
+"""Checks between the tables of a scene: names, addresses and references."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from kaneflex.support.errors import LONGEST_NAME, Problem, nearest
 
 
 def problems_of(scene: Scene) -> list[Problem]:
-    """Everything that is wrong between the tables of a scene, in the file's order."""
+    """Problems between the tables of a scene, in the file's order."""
     flat = dimension_problems(scene)
     if flat:
         return flat
@@ -39,17 +39,17 @@ def problems_of(scene: Scene) -> list[Problem]:
 
 
 _MOST_GRAVITY = 1e15
-"""Acceleration [m/s^2], a thousand times that on a neutron star: no step of an integration is as short as falls are."""
+"""Largest acceleration of gravity [m/s^2], a thousand times a neutron star's; no integration step resolves more."""
 
 
 def _gravity(scene: Scene) -> Iterator[Problem]:
     if math.hypot(*scene.gravity) > _MOST_GRAVITY:
-        reason = f"beyond {_MOST_GRAVITY:g} m/s^2, no motion can be followed"
+        reason = f"beyond {_MOST_GRAVITY:g} m/s^2 the motion can't be integrated"
         yield Problem("gravity", given_value(scene.raw, ("gravity",)), reason, "Write it like [0, '-9.81 m/s^2']")
 
 
 def _problems(scene: Scene) -> list[Problem]:
-    """The same of the scene as it moves."""
+    """Problems of the scene with contacts in place of its joints with clearance."""
     found = [
         *_gravity(scene),
         *_names(scene),
@@ -75,7 +75,7 @@ def _names(scene: Scene) -> Iterator[Problem]:
         for name in getattr(scene, table):
             key = f"{table}.{name}"
             if keyword.iskeyword(name):
-                reason = "a word of Python's, which generated modules can't have"
+                reason = "a keyword of Python, which generated modules can't use"
                 yield Problem(key, None, reason, "Choose another name")
             elif not name.isidentifier() or not name.isascii():
                 yield Problem(key, None, "not a name", "Use letters, digits and underscores, a letter first")
@@ -86,17 +86,17 @@ def _names(scene: Scene) -> Iterator[Problem]:
                 reason = RESULT_NAMES.get(name) if table == "sensors" else RESERVED_NAMES[name]
                 yield Problem(key, None, f"a reserved name: {reason}", "Choose another name")
             elif table == "sensors" and scene.contacts and name in CONTACT_RESULTS:
-                yield Problem(key, None, "the results of contacts have this name", "Choose another name")
+                yield Problem(key, None, "contacts write a result of this name", "Choose another name")
             elif table == "sensors" and scene.frictions and name in FRICTION_RESULTS:
-                yield Problem(key, None, "the results of friction have this name", "Choose another name")
+                yield Problem(key, None, "friction writes a result of this name", "Choose another name")
     for name in scene.joints:
         if name in scene.bodies:
-            yield Problem(f"joints.{name}", None, "a body has this name already", "Choose another name")
+            yield Problem(f"joints.{name}", None, "a body has the same name", "Choose another name")
     for own in ("springs", "contacts"):
         for name in getattr(scene, own):
             for table in ("bodies", "joints", "masses", "loads", "springs")[: 5 if own == "contacts" else 4]:
                 if name in getattr(scene, table):
-                    reason = f"it stands in {table} already"
+                    reason = f"{table} has an entry of this name"
                     yield Problem(f"{own}.{name}", None, reason, "Choose another name")
     for name, body in scene.bodies.items():
         for point in body.points:
@@ -108,13 +108,13 @@ def _names(scene: Scene) -> Iterator[Problem]:
 
 
 def _beams(scene: Scene) -> Iterator[Problem]:
-    """An axially rigid beam may hang at one point only: its length would tie the joints' displacements."""
+    """An axially rigid beam may be joined at one point only: its length would couple the joints' displacements."""
     for name, body in scene.bodies.items():
         if body.elastic and body.beam.axially_rigid:
             addresses = [address for joint in scene.joints.values() for address in joint.addresses]
             held = sorted({address.point for address in addresses if address.body == name})
             if len(held) > 1:
-                reason = f"joints at {', '.join(held)} would be tied to each other by its length"
+                reason = f"its length would couple the displacements of the joints at {', '.join(held)}"
                 cure = "Leave axially_rigid out, or join the beam at one point only"
                 yield Problem(f"bodies.{name}.beam.axially_rigid", True, reason, cure)
 
@@ -136,12 +136,12 @@ def _joints(scene: Scene) -> Iterator[Problem]:
 
 
 def _no_loop(scene: Scene, closing: tuple[str, ...]) -> tuple[str, str]:
-    """Why a joint closes no loop, and the cure: where another one does, or bodies that hang at one joint."""
+    """Reason why a joint closes no loop, and what to do: the joints that close one, or bodies with one joint only."""
     if closing:
         return "this joint closes no loop", f"Give branch at {', '.join(closing)}"
     sides = {name: {side.body for side in joint.addresses} for name, joint in scene.joints.items()}
     held = {name: [joint for joint, bodies in sides.items() if name in bodies] for name in scene.bodies}
-    hanging = [f"{name} hangs at {''.join(at) or 'nothing'} alone" for name, at in held.items() if len(at) < 2]
+    hanging = [f"{name} has only {f'joint {at[0]}' if at else 'no joint'}" for name, at in held.items() if len(at) < 2]
     if not hanging:
         return "this joint closes no loop", "Leave branch out"
     free = [f'"{_free_point(scene, name)}"' for name, at in held.items() if len(at) < 2]
@@ -158,17 +158,17 @@ def _free_point(scene: Scene, name: str) -> str:
 
 
 def _poses(scene: Scene) -> Iterator[Problem]:
-    """A structure that doesn't move needs the pose of every body, and no drive."""
+    """A fixed structure needs the pose of every body, and no drive."""
     if not scene.is_frame:
         return
     for name, body in scene.bodies.items():
         if body.pose is None:
-            reason = "other bodies stand in given poses, this one does not"
+            reason = "other bodies have poses, this one has none"
             yield Problem(f"bodies.{name}.pose", None, reason, "Give its pose")
         if body.free is not None:
-            yield Problem(f"bodies.{name}.free", None, "bodies with poses don't move", "Leave it out, or the poses")
+            yield Problem(f"bodies.{name}.free", None, "bodies with poses don't move", "Leave out it or the poses")
     for name in scene.drives:
-        yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave the drive out, or the poses")
+        yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave out either the drive or the poses")
 
 
 def _masses(scene: Scene) -> Iterator[Problem]:
@@ -182,7 +182,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         yield from _OF_SENSORS[sensor.kind](scene, key, sensor)
         base = name.removesuffix("_rigid")
         if base != name and base in scene.sensors and scene.sensors[base].kind in RIGID_COMPANIONS:
-            yield Problem(key, None, f"the rigid value of {base} has this name", "Choose another name")
+            yield Problem(key, None, f"the rigid value of {base} is written under this name", "Choose another name")
 
 
 def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
@@ -195,10 +195,10 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         components = ["x", "angle"] if kind == "cylindrical" else ["x"] if kind == "prismatic" else ["angle"]
         if sensor.component not in components:
             cure = f"Give {' or '.join(map(repr, components))}"
-            yield Problem(f"{key}.component", sensor.component, "not that joint's coordinate", cure)
+            yield Problem(f"{key}.component", sensor.component, "not a coordinate of this joint", cure)
         return
     if address.body in scene.joints and address.body not in scene.bodies and sensor.kind in MOTION_KINDS:
-        reason = "it is a joint, of which this sensor reads nothing here"
+        reason = "this sensor cannot be measured at a joint here"
         cure = f"Read the position of {address.body}, or the {sensor.kind} of a body's point"
         yield Problem(f"{key}.{sensor.kind}", address.body, reason, cure)
         return
@@ -207,9 +207,9 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     if body is None:
         return
     if "cut" in sensor.model_fields_set and address.point in ("start", "end"):
-        yield Problem(f"{key}.cut", sensor.cut, f"the {address.point} has one section alone", "Leave cut out")
+        yield Problem(f"{key}.cut", sensor.cut, f"the {address.point} has only one section", "Leave cut out")
     if "cut" in sensor.model_fields_set and body.modal is not None:
-        yield Problem(f"{key}.cut", sensor.cut, f"{address.body} has its sections by modal data", "Leave cut out")
+        yield Problem(f"{key}.cut", sensor.cut, f"{address.body} gets its sections from modal data", "Leave cut out")
     if body.elastic:
         return
     if sensor.kind not in MOTION_KINDS:
@@ -229,8 +229,8 @@ def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         cure = nearest(target, scene.drives)
         yield Problem(f"{key}.{sensor.kind}", target, "no drive of that name", cure)
     elif scene.is_spatial and scene.drives[target].free:
-        reason = f"nothing drives it: drives.{target} is free"
-        yield Problem(f"{key}.{sensor.kind}", target, reason, "Measure joint_force, or the load that turns or moves it")
+        reason = f"a free joint has no drive force: drives.{target} is free"
+        yield Problem(f"{key}.{sensor.kind}", target, reason, "Measure joint_force, or the load that moves it")
     elif target in scene.joints:
         slides = scene.slides(target)
         right = "drive_force" if slides else "drive_torque"
@@ -248,7 +248,7 @@ def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     spring, given = scene.springs[target], "component" in sensor.model_fields_set
     right = "spring_force" if spring.torsional_at is None else "spring_torque"
     if spring.bushing is None and sensor.kind != right:
-        yield Problem(f"{key}.{sensor.kind}", target, "the other kind of spring", f"Measure its {right}")
+        yield Problem(f"{key}.{sensor.kind}", target, "the spring is of the other kind", f"Measure its {right}")
     elif spring.bushing is None and given:
         yield Problem(f"{key}.component", sensor.component, "only a bushing has components", "Leave it out")
     elif spring.bushing is not None and sensor.component not in ("x", "y", "z"):
@@ -264,7 +264,7 @@ def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]
     elif (scene.contacts[target].kind == "angle") != (sensor.kind in FLANK_KINDS):
         others = dict(zip(("contact_force", "contact_gap"), FLANK_KINDS, strict=True))
         right = (others | {flank: kind for kind, flank in others.items()})[sensor.kind]
-        what = "a flank, which turns" if right in FLANK_KINDS else "no flank, but pushes"
+        what = "a flank, with a torque and an angle" if right in FLANK_KINDS else "not a flank, with a force and a gap"
         yield Problem(f"{key}.{sensor.kind}", target, f"it is {what}", f"Write {right}")
 
 
@@ -273,10 +273,10 @@ def _friction_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem
     turning = {name: scene.turns_at(name) for name in scene.frictions}
     if target not in turning:
         cure = nearest(target, turning) if turning else "Give a joint or a contact friction"
-        yield Problem(f"{key}.{sensor.kind}", target, "nothing of that name has friction", cure)
+        yield Problem(f"{key}.{sensor.kind}", target, "no joint or contact of that name has friction", cure)
     elif turning[target] != (sensor.kind == "friction_torque"):
         kind = "friction_torque" if turning[target] else "friction_force"
-        yield Problem(f"{key}.{sensor.kind}", target, "not what friction exerts there", f"Measure its {kind}")
+        yield Problem(f"{key}.{sensor.kind}", target, "friction acts in another way there", f"Measure its {kind}")
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
@@ -299,19 +299,19 @@ _OF_SENSORS: dict[str, Callable[[Scene, str, Sensor], Iterator[Problem]]] = {
     **dict.fromkeys(CONTACT_KINDS, _contact_sensor), **dict.fromkeys(FRICTION_KINDS, _friction_sensor),
     "joint_force": _joint_sensor,
 }  # fmt: skip
-"""By the kind of a sensor."""
+"""Check of a sensor's target, by the sensor's kind."""
 
 
 def _horizon(scene: Scene) -> Iterator[Problem]:
     if scene.period is None and scene.solve.duration is None:
-        reason = "no drive that turns has a cycle, and there is no duration"
+        reason = "no rotating drive has a cycle, and solve.duration is missing"
         cure = "Give solve.duration, or a cycle to the drive"
         if not scene.drives:
             reason = "the scene has no drive and no duration"
             cure = "Give a drive, like drives.main = {speed = '1500 rpm', cycle = '360 deg'}, or solve.duration"
         yield Problem("solve.duration", None, reason, cure)
     if scene.solve.start == "periodic" and scene.period is None:
-        yield Problem("solve.start", "periodic", "no drive that turns has a cycle", "Give the drive a cycle")
+        yield Problem("solve.start", "periodic", "no rotating drive has a cycle", "Give the drive a cycle")
     for name, drive in scene.drives.items():
         if drive.period is None:
             continue
@@ -327,24 +327,24 @@ def _horizon(scene: Scene) -> Iterator[Problem]:
 
 
 def _periods(scene: Scene) -> Iterator[Problem]:
-    """A periodic start needs every table to repeat in a cycle."""
+    """A periodic start requires every table to repeat in a cycle."""
     if scene.solve.start != "periodic" or scene.period is None:
         return
     for name, load in scene.loads.items():
         turned = load.against in scene.drives and not scene.slides(load.against)
         if load.kind != "table" or not (load.against == "t" or turned):
-            continue  # a guide and a speed come back by themselves
+            continue  # a guide's coordinate and a speed are periodic anyway
         key, given = f"loads.{name}.period", given_value(scene.raw, ("loads", name, "period"))
         if load.period is None:
-            yield Problem(key, None, "a periodic start needs tables that repeat", "Give the table's period")
+            yield Problem(key, None, "a periodic start needs periodic tables", "Give the table's period")
             continue
         speed = 1.0 if load.against == "t" else scene.drives[load.against].speed
         if speed is None:
             continue
         cycle = scene.period * abs(speed)
         if not _is_multiple(cycle, load.period):
-            reason = "the cycle is no multiple of it, so a periodic start has no period"
-            yield Problem(key, given, reason, "Give a period that the cycle is a multiple of")
+            reason = "the cycle is not a multiple of it, so there is no common period"
+            yield Problem(key, given, reason, "Give a period that divides the cycle")
 
 
 def _is_multiple(whole: float, part: float) -> bool:

@@ -1,4 +1,4 @@
-"""What contacts and clearances must satisfy beyond their tables' rules: addresses, names, what needs a joint."""
+"""Checks of contacts and clearances with other tables: addresses, names, and entries that need an ideal joint."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from kaneflex.support.errors import Fault, Problem, SceneError
 
 
 def clearance_problems(scene: Scene) -> Iterator[Problem]:
-    """Who counts on a joint with a clearance, as the scene is written: it has no drive and no force."""
+    """Problems of entries that refer to a joint with a clearance, which has no drive and no reaction."""
     loose = {name: joint for name, joint in scene.joints.items() if joint.clearance is not None}
     for name, joint in loose.items():
         if joint.has_backlash and name in scene.drives and not scene.drives[name].free:
-            reason = f"{name} has backlash, and its drive prescribes the angle in it"
-            yield Problem(f"drives.{name}", None, reason, "Let the drive be free, or leave the clearance out")
+            reason = f"{name} has backlash, and its drive prescribes the same angle"
+            yield Problem(f"drives.{name}", None, reason, "Make the drive free, or leave the clearance out")
     for name, joint in loose.items():
         for made in contacts_of(name, joint):
             if made in scene.contacts:
@@ -29,36 +29,36 @@ def clearance_problems(scene: Scene) -> Iterator[Problem]:
     for key, name, verb in _counting_on(scene):
         if name in loose and not loose[name].has_backlash:
             reason = f"{name} has a clearance: {verb}"
-            yield Problem(key, None if key == f"drives.{name}" else name, reason, "Leave the clearance out, or this")
+            yield Problem(key, None if key == f"drives.{name}" else name, reason, "Leave out the clearance or this")
 
 
 def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
-    """Key of everything that names a joint, the joint, and why it needs one that holds something."""
+    """Key of every entry that names a joint, the joint, and the reason why it needs an ideal joint."""
     for name in scene.drives:
-        yield f"drives.{name}", name, "nothing there can be driven"
+        yield f"drives.{name}", name, "it cannot be driven"
     for name, load in scene.torques.items():
-        yield f"loads.{name}.torque_at", load.torque_at, "it moves as well as turns"
+        yield f"loads.{name}.torque_at", load.torque_at, "its sides also translate"
     for name in scene.loads:
         key = "law" if scene.loads[name].against is None else "against"
-        yield from ((f"loads.{name}.{key}", joint, "it has no coordinate of its own") for joint in _in_law(scene, name))
+        yield from ((f"loads.{name}.{key}", joint, "it has no coordinate") for joint in _in_law(scene, name))
     for name, spring in scene.springs.items():
-        yield f"springs.{name}.torsional_at", spring.torsional_at, "it has no angle of its own"
+        yield f"springs.{name}.torsional_at", spring.torsional_at, "it has no angle"
     for name, sensor in scene.sensors.items():
         if sensor.kind == "joint_force":
             yield f"sensors.{name}.joint_force", sensor.target, "it has no reaction, but contacts with a contact_force"
 
 
 def _in_law(scene: Scene, load: str) -> tuple[str, ...]:
-    """Joints whose coordinates or speeds a load depends on by its law or its table."""
+    """Joints whose coordinates or speeds enter a load's law or table."""
     try:
         law = scene.argument(load)
     except Fault:
-        return ()  # named where the load is checked
+        return ()  # reported by the load's own check
     return tuple(name for name in scene.joints if law is not None and law.uses_any([name]))
 
 
 def contact_problems(scene: Scene) -> Iterator[Problem]:
-    """What is wrong with the contacts of a scene as it moves."""
+    """Problems of the contacts of a scene, including those of clearances."""
     seen = set()
     for name, contact in scene.contacts.items():
         key = key_of(name, contact)
@@ -67,11 +67,11 @@ def contact_problems(scene: Scene) -> Iterator[Problem]:
                 yield from _side(scene, key, contact, side)
             seen.add((key, side))
         if scene.is_frame:
-            yield Problem(key, None, "bodies with poses don't move", "Leave the contact out, or the poses")
+            yield Problem(key, None, "bodies with poses don't move", "Leave out either the contact or the poses")
 
 
 def tilt_problems(scene: Scene) -> Iterator[Problem]:
-    """Blocks that turn in the clearance of their guide, which else has held them, and have nothing that resists."""
+    """Problems of blocks without moment of inertia, which can rotate in the clearance of their guide."""
     for name, loose in scene.loose.items():
         rider = loose.sides[1].body
         body = scene.bodies.get(rider)
@@ -81,19 +81,19 @@ def tilt_problems(scene: Scene) -> Iterator[Problem]:
         pins = {scene.point(side) for kind, side in held if kind == "revolute"}
         turns = all(kind == "revolute" for kind, _ in held) and len(pins) < 2
         if turns and pins <= {body.centre} and all(mass.at.body != rider for mass in scene.masses.values()):
-            reason = f"it turns in the clearance of {name}, and has no moment of inertia"
-            yield Problem(f"bodies.{rider}.inertia", 0, reason, "Give one")
+            reason = f"it can rotate in the clearance of {name} but has no moment of inertia"
+            yield Problem(f"bodies.{rider}.inertia", 0, reason, "Give its inertia")
 
 
 def key_of(name: str, contact: Contact) -> str:
-    """Where the two points of a contact stand in the scene."""
+    """Keys of a contact's two points in the scene."""
     if contact.joint is None:
         return f"contacts.{name}.{contact.key}"
     return f"joints.{contact.joint}.{'prismatic' if contact.kind == 'point-line' else 'revolute'}"
 
 
 def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: str) -> None:
-    """Raise SceneError where bodies of a scene touch and part, or rub, and what is asked for needs a smooth motion."""
+    """Raise SceneError for contacts or friction in a scene where a smooth motion is required."""
     if scene.contacts:
         name, contact = next(iter(scene.contacts.items()))
         raise SceneError(key, value, f"with {contact.stands(name)} {reason}", cure)
@@ -102,13 +102,13 @@ def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: st
 
 
 def refuse_bristles(scene: Scene, key: str, value: object) -> None:
-    """Raise SceneError where bristles hold something: a cycle begins without those of the one before."""
+    """Raise SceneError for bristle friction: a cycle would start without the bristle states of the previous cycle."""
     for name, friction in scene.frictions.items():
         if friction.law != "lugre":
             continue
         owner = scene.contacts[name].stands(name) if name in scene.contacts else f"joints.{name}"
-        reason = f"with {owner}.friction a cycle would begin without the bristles of the one before"
-        raise SceneError(key, value, reason, "Start from zero and run long enough, or take law stribeck")
+        reason = f"with {owner}.friction a cycle would start without the bristle states of the previous cycle"
+        raise SceneError(key, value, reason, "Start from zero and run long enough, or use law stribeck")
 
 
 def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[Problem]:
@@ -117,11 +117,11 @@ def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[P
     if body is None:
         return
     if body.modal_data is not None:
-        reason = f"{side.body} has modal data: a contact on them is not available in this version"
-        yield Problem(key, str(side), reason, "Let a rigid body touch, joined to it")
+        reason = f"{side.body} has modal data: contacts on such bodies are not available in this version"
+        yield Problem(key, str(side), reason, "Put the contact on a rigid body joined to it")
     elif body.elastic and contact.joint is not None and contact.kind == "point-line":
-        reason = f"{side.body} is elastic and would slide through its own deformation"
-        yield Problem(key, str(side), reason, "Let the guide hold a rigid body")
+        reason = f"{side.body} is elastic: a guide cannot hold a deforming body"
+        yield Problem(key, str(side), reason, "Put a rigid body into the guide")
     elif body.elastic and body.beam.axially_rigid:
         reason = f"{side.body} is axially rigid"
-        yield Problem(key, str(side), reason, "Leave axially_rigid out, or let another body touch")
+        yield Problem(key, str(side), reason, "Leave axially_rigid out, or put the contact on another body")

@@ -1,4 +1,4 @@
-"""How two sides that touch push each other: the law, and Hertz's stiffness of spheres and cylinders."""
+"""Contact laws, and Hertzian stiffness of spheres and cylinders."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.units import NUMBER_WITH_UNIT, TORSIONAL_DAMPING, Dimension, to_si
 
 _ABOVE_ZERO = ("flores", "exact")
-"""Laws whose hysteresis grows beyond all bounds as the restitution goes to zero."""
+"""Laws whose hysteresis becomes infinite as the restitution goes to zero."""
 _SMALLEST_LOGARITHM = 3.0
-"""Of 4 pi E* w (R_1 +- R_2) / F: below it the contact is so wide that Hertz's half-planes are no picture of it."""
+"""Smallest logarithm of 4 pi E* w (R_1 +- R_2) / F: below it the contact is too wide for Hertz's half-planes."""
 
 
 def _material(name: object) -> object:
@@ -34,21 +34,21 @@ def _material(name: object) -> object:
 
 
 MaterialPair = two(
-    str, _material, "not two materials", "Write like ['steel', 'aluminium'], one for each side", "two materials"
+    str, _material, "not two materials", "Write one for each side, like ['steel', 'aluminium']", "two materials"
 )
 ContactStiffness = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "K of K d^n, N/m^n; or with that unit"})
+    float, WithJsonSchema({"type": ["number", "string"], "description": "K of K d^n, N/m^n; or a text with that unit"})
 ]
 
 
 class ContactLaw(SceneTable):
-    """How two sides push each other: F = K d^n (1 + chi d'/v_0), d deep, v_0 the speed of approach.
+    """Contact force F = K d^n (1 + chi d'/v_0) with penetration d and speed of approach v_0.
 
     K is a `stiffness` (N/m^n) with its `exponent` n, or Hertz's of two `materials` or of their contact `modulus` E*
-    (1/E* = the sum of (1 - nu^2)/E): of spheres, or of cylinders about a `load` (N). `law` says what chi is by the
-    `restitution` e that is asked for: `exact` returns it, `hunt-crossley`, `lankarani-nikravesh` and `flores` return
-    another one, `hertz` loses nothing, and `kelvin-voigt` has a `damping` c beside the spring, K d^n + c d'.
-    `newton` has rigid sides, no K and no d: they part at once with `restitution` times the speed of approach.
+    (1/E* = the sum of (1 - nu^2)/E): of spheres, or of cylinders linearised at a `load` (N). `law` selects chi for a
+    `restitution` e: `exact` reproduces e; `hunt-crossley`, `lankarani-nikravesh` and `flores` give approximately e;
+    `hertz` is lossless; `kelvin-voigt` has a `damping` c: K d^n + c d'. `newton` has rigid sides without K and d,
+    which separate at once with `restitution` times the speed of approach.
     """
 
     law: Literal["exact", "hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "newton"] = "exact"
@@ -72,44 +72,44 @@ class ContactLaw(SceneTable):
         given = the_one_given(self, ("stiffness", "materials", "modulus"))
         if self.exponent < 1:
             cure = "Write 1 for a spring, 1.5 for Hertz's spheres"
-            raise Fault("below one the force would rise at once without bounds to its slope", cure, below="exponent")
-        self.refuse(("exponent",) if given != "stiffness" else ("load",), f"has no meaning beside {given}")
+            raise Fault("below one the contact stiffness would be infinite at first touch", cure, below="exponent")
+        self.refuse(("exponent",) if given != "stiffness" else ("load",), f"cannot be combined with {given}")
         needs, strange = ("damping", "restitution") if self.law == "kelvin-voigt" else ("restitution", "damping")
         if getattr(self, strange) is not None:
-            raise Fault(f"law {self.law} has none", "Leave it out", below=strange)
+            raise Fault(f"law {self.law} does not use it", "Leave it out", below=strange)
         if self.law == "hertz":
             if self.restitution is not None:
-                raise Fault("law hertz loses nothing: it returns 1", "Leave it out", below="restitution")
+                raise Fault("law hertz is lossless: its restitution is 1", "Leave it out", below="restitution")
         elif getattr(self, needs) is None:
-            raise Fault(f"law {self.law} needs a {needs}", f"Give {needs}, or take law hertz, which loses nothing")
+            raise Fault(f"law {self.law} needs a {needs}", f"Give {needs}, or use law hertz, which is lossless")
         self._returns_less()
         if self.restitution == 0 and self.law in _ABOVE_ZERO:
-            reason = f"law {self.law} would need a force without bounds"
+            reason = f"law {self.law} would need an infinite force"
             raise Fault(reason, "Give a number above zero, like 0.01", below="restitution")
         return self
 
     def _rigid(self) -> ContactLaw:
         pressed = ("stiffness", "exponent", "materials", "modulus", "load", "damping")
-        self.refuse(pressed, "law newton has rigid sides, which nothing presses in")
+        self.refuse(pressed, "law newton has rigid sides without penetration")
         if self.restitution is None:
-            raise Fault("law newton needs a restitution", "Give restitution, from 0, which sticks, to 1")
+            raise Fault("law newton needs a restitution", "Give restitution from 0 (no rebound) to 1")
         self._returns_less()
         return self
 
     def _returns_less(self) -> None:
         if self.restitution is not None and self.restitution > 1:
-            raise Fault("more would come back than went in", "Give a number up to 1", below="restitution")
+            raise Fault("the impact would gain energy", "Give a number up to 1", below="restitution")
 
     @property
     def contact_modulus(self) -> float | None:
-        """E* [Pa], where it is known."""
+        """Contact modulus E* [Pa], None if unknown."""
         if self.materials is None:
             return self.modulus
         return 1 / sum((1 - MATERIALS[name].nu ** 2) / MATERIALS[name].E for name in self.materials)
 
 
 def _stiffness(value: object, n: float, unit: str) -> float:
-    """K of K d^n, where it may stand with its unit: this one, of n = 1, to the power of n below the line."""
+    """Contact stiffness K of K d^n [N/m^n]; a unit is that of n = 1 with the denominator to the power of n."""
     unit = unit if n == 1 else f"{unit}^{n:g}"
     match = NUMBER_WITH_UNIT.match(value) if isinstance(value, str) else None
     if match is not None and match[2].replace(" ", "") == unit.replace(" ", ""):
@@ -121,9 +121,9 @@ def _stiffness(value: object, n: float, unit: str) -> float:
 
 
 def of_flanks(given: Mapping[str, object]) -> dict[str, object]:
-    """A contact law as it is written between flanks that turn: its stiffness and damping as plain numbers.
+    """Contact law of rotating flanks, with stiffness in N m/rad^n and damping in N m s/rad as plain numbers.
 
-    K is in N m/rad^n, c in N m s/rad. Raises Fault for another unit.
+    Raises Fault for another unit.
     """
     found = dict(given)
     exponent = found.get("exponent", 1.5)
@@ -139,26 +139,26 @@ def of_flanks(given: Mapping[str, object]) -> dict[str, object]:
 
 
 def spheres(modulus: float, curvature: float) -> float:
-    """K = 4/3 E* sqrt(R) of K d^1.5 [N/m^1.5] (Hertz 1881; Johnson 1985, Contact Mechanics, eq. 4.23)."""
+    """Stiffness K = 4/3 E* sqrt(R) of K d^1.5 [N/m^1.5] (Hertz 1881; Johnson 1985, Contact Mechanics, eq. 4.23)."""
     return 4 / 3 * modulus / math.sqrt(curvature)
 
 
 def cylinders(modulus: float, width: float, room: float, load: float | None) -> tuple[float, float]:
-    """K and n with which K d^n has, at a load, the depth and the stiffness of two parallel cylinders.
+    """Fit K and n so that K d^n has, at a load, the depth and the stiffness of two parallel cylinders.
 
-    Johnson 1985, Contact Mechanics, sec. 4.2 and 5.6, by whose d = F/(pi E* w) (ln(4 pi E* w R/F) - 1), with the sum of
-    the radii for R, or their difference where the one lies in the other, force and depth are no power of each other:
-    so n = (l - 1)/(l - 2), l being the logarithm. Raises Fault: no load, or one at which the contact is too wide.
+    Johnson 1985, Contact Mechanics, sec. 4.2 and 5.6: d = F/(pi E* w) (ln(4 pi E* w R/F) - 1), where R is the sum of
+    the radii, or their difference for a cylinder inside the other. This is not a power law, so n = (l - 1)/(l - 2)
+    with the logarithm l. Raises Fault without a load, or if the contact is too wide at this load.
     """
     if load is None:
-        reason = "the depth of cylinders is no power of their force: K d^n is fitted to it about one"
-        raise Fault(reason, "Give contact.load, a force that is typical, like load = '1 kN'", below="contact")
+        reason = "cylinders follow no power law: K d^n is fitted at a load, which is missing"
+        raise Fault(reason, "Give contact.load, a typical force, like load = '1 kN'", below="contact")
     stiff = math.pi * modulus * width
     logarithm = math.log(4 * stiff * room / load)
     if logarithm < _SMALLEST_LOGARITHM:
         raise Fault(
-            "at this force the cylinders touch over more of their round than Hertz's theory is true for",
-            f"Give one up to {4 * stiff * room / math.exp(_SMALLEST_LOGARITHM):.3g} N, or contact.stiffness",
+            "at this force the contact of the cylinders is too wide for Hertz's theory",
+            f"Give a load up to {4 * stiff * room / math.exp(_SMALLEST_LOGARITHM):.3g} N, or contact.stiffness",
             below="contact.load",
         )
     n = (logarithm - 1) / (logarithm - 2)

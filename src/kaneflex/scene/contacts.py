@@ -1,4 +1,4 @@
-"""Contacts: two sides of bodies that touch at times, stops between bodies and clearances of joints."""
+"""Contacts between two bodies, stops, and clearances of joints."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ _KINDS = {
 
 
 def check_friction(friction: Friction | None) -> None:
-    """Raise Fault where a contact can't have a friction."""
+    """Raise Fault for friction that a contact can't have."""
     if friction is not None:
         with within("friction"):
             friction.check_at("contact")
 
 
 class Clearance(SceneTable):
-    """Room in a joint, which then holds nothing: its sides touch by `contact`.
+    """Clearance of a joint, which then has no reaction: its sides touch by `contact`.
 
-    A revolute joint's pin has the `radial` clearance, the bearing's radius less its own; `width` is that of both, and
-    `radius` the pin's. A guide's block has the `gap` to either face when it lies in the middle; it is `length` long
-    and `height` high, and its four corners touch. The bearing and the faces are on the joint's first body.
-    `friction` resists what slides where they touch.
+    A revolute joint has a `radial` clearance (radius of the bearing minus radius of the pin); `width` is that of both,
+    `radius` that of the pin. A guide's block has a `gap` to either face in its middle position; it has a `length` and
+    a `height`, and its four corners can touch. The bearing and the faces are on the joint's first body. `friction`
+    acts where they touch.
 
-    By an `angle` a revolute joint stays a pin and has backlash: from the `middle` of its play, where the second body's
-    angle against the first is that, to the flank on either side.
+    With an `angle` a revolute joint remains ideal and has backlash: `angle` is the play from the `middle` (relative
+    angle of the second body) to the flank on either side.
     """
 
     radial: PositiveLength | None = None
@@ -63,7 +63,7 @@ class Clearance(SceneTable):
     @model_validator(mode="before")
     @classmethod
     def _by_angles(cls, given: object) -> object:
-        """Numbers of a contact between flanks are those of torques and angles."""
+        """Convert numbers of a contact between flanks as torques and angles."""
         if isinstance(given, dict) and "angle" in given and isinstance(given.get("contact"), dict):
             with within("contact"):
                 return given | {"contact": of_flanks(given["contact"])}
@@ -75,24 +75,24 @@ class Clearance(SceneTable):
         given = the_one_given(self, ("radial", "gap", "angle"))
         own = {"radial": ("radius", "width"), "gap": ("length", "height"), "angle": ("middle",)}
         if given == "angle" and self.friction is not None:
-            raise Fault("flanks don't slide", "Give the joint's own friction", below="friction")
+            raise Fault("flanks do not slide", "Give the joint's own friction", below="friction")
         strange = (each for kind, fields in own.items() if kind != given for each in fields)
-        self.refuse(strange, f"has no meaning for a {given} clearance")
+        self.refuse(strange, f"does not apply to a {given} clearance")
         if given == "gap" and self.length is None:
-            raise Fault("the corners of a block without length are one", "Give its length along the guide")
+            raise Fault("the block has no length between its corners", "Give its length along the guide")
         if given == "angle" and self.contact.stiffness is None and self.contact.law != "newton":
-            reason = "Hertz's theory knows no torque of flanks"
+            reason = "Hertz's theory does not apply to flanks"
             raise Fault(reason, "Give stiffness, a torque per angle^n", below="contact")
         return self
 
 
 class Contact(SceneTable):
-    """Two sides that push each other apart where they touch.
+    """Contact between two bodies.
 
-    `point_on_line`: a point of one body, or a circle of this `radius` about it, stays on that side of a line through a
-    point of another body which the `normal` (in that body's axes) points to. `circle_on_circle`, `circle_in_circle`
-    (the first in the second): circles of these `radii` about two points. `width` makes cylinders of what otherwise are
-    spheres, where the stiffness comes from materials. `friction` resists what slides there.
+    `point_on_line`: a point of one body, or a circle of this `radius` about it, stays on the side of a line through a
+    point of another body that the `normal` (in that body's axes) points to. `circle_on_circle`, `circle_in_circle`
+    (the first in the second): circles of these `radii` about two points. For a stiffness from materials, circles are
+    spheres, or cylinders of a `width`. `friction` acts in the contact.
     """
 
     point_on_line: AddressPair | None = None
@@ -113,15 +113,15 @@ class Contact(SceneTable):
         given = the_one_given(self, tuple(_KINDS))
         line = given == "point_on_line"
         if line and self.normal is None:
-            raise Fault("a line without the side on which the point may be", "Give normal, like normal = [0, 1]")
+            raise Fault("the side of the line is not given", "Give normal, like normal = [0, 1]")
         if not line and self.radii is None:
-            raise Fault("circles without radii", "Give radii, like radii = ['10 mm', '10.05 mm']")
-        self.refuse(("radii",) if line else ("normal", "radius"), f"has no meaning for {given}")
+            raise Fault("the circles have no radii", "Give radii, like radii = ['10 mm', '10.05 mm']")
+        self.refuse(("radii",) if line else ("normal", "radius"), f"does not apply to {given}")
         radii = self.radii or (0.0, 0.0)
         if given == "circle_in_circle" and not radii[0] < radii[1]:
-            raise Fault("the first circle has no room in the second", "Give the smaller radius first", below="radii")
+            raise Fault("the first circle does not fit into the second", "Give the smaller radius first", below="radii")
         if given == "circle_on_circle" and not any(radii):
-            raise Fault("two points touch nowhere", "Give at least one of them a radius", below="radii")
+            raise Fault("two points cannot touch", "Give at least one of them a radius", below="radii")
         first, second = self.sides
         if first.body == second.body:
             raise Fault("both sides are on the same body", "Name points of two bodies", below=given)
@@ -134,12 +134,12 @@ class Contact(SceneTable):
 
     @property
     def key(self) -> str:
-        """Where its two points stand in the scene, below its own table."""
+        """Keys of its two points in the contact's table."""
         return first_given(self, tuple(_KINDS))
 
     @property
     def sides(self) -> tuple[Address, Address]:
-        """The line's side, or the outer circle's, and that which is pushed along the normal."""
+        """Side of the line or of the outer circle, and the side that the force pushes along the normal."""
         return getattr(self, self.key)[::-1]
 
     @property
@@ -148,12 +148,12 @@ class Contact(SceneTable):
 
     @property
     def touching(self) -> float:
-        """Radius of the side that is pushed [m]."""
+        """Radius of the side that the force pushes along the normal [m]."""
         return self.radius if self.radii is None else self.radii[0]
 
     @property
     def reach(self) -> float:
-        """How far from the first point along the normal the second may come, or from it at all [m]."""
+        """Distance of the two points at first touch, along the normal of a line [m]."""
         if self.radii is None:
             return self.radius
         first, second = self.radii
@@ -161,38 +161,38 @@ class Contact(SceneTable):
 
     @property
     def pushing(self) -> tuple[float, float]:
-        """K [N/m^n] and n; 0 and 1 of rigid sides. Raises Fault: materials of a shape unknown to Hertz's theory."""
+        """Stiffness K [N/m^n] and exponent n; 0 and 1 of rigid sides. Raises Fault for shapes beyond Hertz."""
         if self.law == "newton":
             if self.width is not None:
-                raise Fault("has no meaning for law newton, whose sides are rigid", "Leave it out", below="width")
+                raise Fault("does not apply to law newton, which has rigid sides", "Leave it out", below="width")
             return 0.0, 1.0
         if self.contact.stiffness is not None:
             if self.width is not None:
-                reason = "has no meaning beside contact.stiffness, which is that of all the width"
+                reason = "cannot be combined with contact.stiffness, which is that of the whole width"
                 raise Fault(reason, "Leave it out", below="width")
             return self.contact.stiffness, self.contact.exponent
         modulus, load = self.contact.contact_modulus, self.contact.load
         if self.width is None:
             if load is not None:
-                reason = "has no meaning for spheres, whose law is a power of the depth"
+                reason = "does not apply to spheres, which follow a power law"
                 raise Fault(reason, "Leave it out, or give a width", below="contact.load")
             return spheres(modulus, self.curvature), 1.5
         if self.kind == "point-line":
             raise Fault(
-                "how far a cylinder goes into a plane depends on the body behind it, which Hertz's theory doesn't know",
+                "Hertz's theory gives no depth of a cylinder on a plane: it depends on the whole body",
                 "Give contact.stiffness and exponent, or leave width out for a sphere", below="width",
             )  # fmt: skip
         return cylinders(modulus, self.width, self.reach, load)
 
     @property
     def curvature(self) -> float:
-        """1/R of two spheres, or of a sphere and a plane [1/m]. Raises Fault where there are none."""
+        """Curvature 1/R of two spheres, or of a sphere and a plane [1/m]. Raises Fault without a radius."""
         if self.radii is None:
             radii: tuple[float, ...] = (self.radius,)
         else:
             radii = (self.radii[0], -self.radii[1] if self.kind == "circle-in-circle" else self.radii[1])
         if 0.0 in radii:
-            reason = "Hertz's theory knows no contact of a point, without radius"
+            reason = "Hertz's theory needs a radius, a point has none"
             raise Fault(reason, "Give its radius, or contact.stiffness", below="contact")
         return sum(1 / radius for radius in radii)
 
@@ -202,20 +202,20 @@ class Contact(SceneTable):
 
     @property
     def joint(self) -> str | None:
-        """The joint whose clearance it is."""
+        """Joint with this clearance."""
         return None
 
     @property
     def corner(self) -> int:
-        """Of a guide's block: whether the corner lies along the normal turned by 90 deg (1) or back (-1), else 0."""
+        """Position of a block's corner along the normal turned by 90 deg: 1 or -1; 0 for other contacts."""
         return 0
 
     def stands(self, name: str) -> str:
-        """Where the contact of this name stands in the scene, which may be a joint's clearance."""
+        """Key of the contact of this name in the scene; it may be a joint's clearance."""
         return f"contacts.{name}" if self.joint is None else f"joints.{self.joint}.clearance"
 
     def number(self, name: str) -> float:
-        """The contact's number of this name, as the equations know it."""
+        """Value of the contact's parameter of this name in the equations."""
         numbers = {"reach": self.reach, "radius": self.touching, "stiffness": self.pushing[0]}
         numbers |= {"exponent": self.pushing[1], "damping": self.contact.damping or 0.0}
         restitution = self.contact.restitution
@@ -223,7 +223,7 @@ class Contact(SceneTable):
 
 
 class ClearanceContact(Contact):
-    """One of the contacts that stand for a joint with a clearance: made of it as the scene is read, never written."""
+    """Contact that replaces a joint with a clearance; made when the scene is read, never written."""
 
     of: str
     clearance: Clearance
@@ -263,7 +263,7 @@ class ClearanceContact(Contact):
         if self.kind == "point-line" or not pin:
             what = "a corner" if self.kind == "point-line" else "a pin"
             cure = "Give contact.stiffness" if self.kind == "point-line" else "Give its radius, or the joint's width"
-            raise Fault(f"Hertz's theory knows no contact of {what} without radius", cure, below="contact")
+            raise Fault(f"Hertz's theory needs a radius, {what} has none", cure, below="contact")
         return room / (pin * (pin + room))
 
     def number(self, name: str) -> float:
@@ -273,10 +273,10 @@ class ClearanceContact(Contact):
 
 
 def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
-    """What stands for a joint with a clearance: a pin in its bearing by the joint's name, or NAME_1 to NAME_4.
+    """Contacts that replace a joint with a clearance: of a pin by the joint's name, of a block NAME_1 to NAME_4.
 
-    Those are a block's corners, seen along its guide: 1 and 2 on the right, behind and before, 3 and 4 on the left. Of
-    backlash there are NAME_1, which turns the second body on, and NAME_2, which turns it back; the joint stays.
+    NAME_1 to NAME_4 are a block's corners, seen along its guide: 1 and 2 on the right, rear and front, 3 and 4 on the
+    left. Backlash has NAME_1, which turns the second body forwards, and NAME_2, backwards; the joint remains.
     """
     first, second = joint.addresses
     room = joint.clearance
@@ -289,7 +289,7 @@ def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
             for k, flank in ((1, 1), (2, -1))
         }
     x, y = joint.direction
-    right, left = (-y, x), (y, -x)  # the faces by their normals, which look inwards
+    right, left = (-y, x), (y, -x)  # the faces by their inward normals
     corners = [(right, 1), (right, -1), (left, -1), (left, 1)]
     return {
         f"{name}_{k}": ClearanceContact.model_construct(
@@ -301,15 +301,15 @@ def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
 
 @dataclass(frozen=True)
 class LooseJoint:
-    """A joint with a clearance, as its contacts stand for it in a scene that is read.
+    """Joint with a clearance, replaced by contacts in a scene that was read.
 
     Attributes
     ----------
     sides : tuple of Address
-        The bearing's or the guide's, and that of what has room there.
+        Side of the bearing or the guide, and side of the pin or block.
     clearance : Clearance
     direction : tuple of float or None
-        Unit vector along a guide, in the axes of its body; None of a pin.
+        Unit vector along a guide, in the axes of its body; None for a pin.
     contacts : tuple of str
     """
 
@@ -320,24 +320,24 @@ class LooseJoint:
 
     @property
     def room(self) -> float:
-        """How far the middle of a pin or a block may go before it touches [m]."""
+        """Play of a pin's or block's centre to first touch [m]."""
         return self.clearance.radial or self.clearance.gap or 0.0
 
     @property
     def length(self) -> float:
-        """Of a block along its guide [m]."""
+        """Length of a block along its guide [m]."""
         return self.clearance.length or 0.0
 
 
 def loose_joints(contacts: Mapping[str, Contact]) -> dict[str, LooseJoint]:
-    """Every joint whose clearance takes its place by name, of a scene as it moves."""
+    """Joints replaced by the contacts of their clearance, by name."""
     found: dict[str, LooseJoint] = {}
     made = {key: contact for key, contact in contacts.items() if isinstance(contact, ClearanceContact)}
     made = {key: contact for key, contact in made.items() if not contact.flank}
     for name in dict.fromkeys(contact.joint for contact in made.values()):
         own = {key: contact for key, contact in made.items() if contact.joint == name}
         first = next(iter(own.values()))
-        x, y = first.direction  # of a guide the normal of its right face
+        x, y = first.direction  # normal of the guide's right face
         direction = None if first.kind == "circle-in-circle" else (y, -x)
         found[name] = LooseJoint(first.sides, first.clearance, direction, tuple(own))
     return found

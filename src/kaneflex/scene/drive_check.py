@@ -1,4 +1,4 @@
-"""What a scene's drives must satisfy: joints that move, and quantities of joints that turn or slide."""
+"""Checks of a scene's drives: their joints, and quantities that fit rotating or sliding joints."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from kaneflex.support.errors import Fault, Problem, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 _SPEEDS = {"cylindrical": ("slides along its axis", SPEED), "universal": ("turns about two axes", ANGULAR_SPEED)}
-"""First speed of joints that have two, of which the second is of turning."""
+"""Motion of the first speed of joints with two speeds; the second is a rotation."""
 
 
 def drive_problems(scene: Scene) -> Iterator[Problem]:
-    """What is wrong with the drives: their joints, and quantities that are not those of their joints."""
+    """Problems of the drives: their joints, and quantities that do not fit their joints."""
     for name in scene.drives:
         if name not in scene.joints:
             yield Problem(
                 f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints)
             )
         elif name.removesuffix("_speed") in scene.drives and name.endswith("_speed"):
-            reason = "in a law this is the speed of another drive"
+            reason = "laws use this name for the speed of another drive"
             yield Problem(f"drives.{name}", None, reason, "Choose another name for the joint")
         elif scene.joints[name].kind == "weld":
             yield Problem(f"drives.{name}", None, "a weld does not move", "Drive a revolute or a prismatic joint")
@@ -44,7 +44,7 @@ def drive_problems(scene: Scene) -> Iterator[Problem]:
 
 
 def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
-    """A drive's quantities must be those of its joint, which turns or slides."""
+    """Problems of a drive's quantities, which must fit its rotating or sliding joint."""
     drive, slides = scene.drives[name], scene.slides(name)
     wrong, right = ("angle", "position") if slides else ("position", "angle")
     kind = "a guide slides" if slides else "a revolute joint turns"
@@ -53,7 +53,7 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
         yield Problem(f"drives.{name}.{wrong}", given, kind, f"Give {right}")
     if slides and drive.cycle is not None:
         given = given_value(scene.raw, ("drives", name, "cycle"))
-        reason = "a guide at constant speed never comes back"
+        reason = "a guide at constant speed never returns"
         yield Problem(f"drives.{name}.cycle", given, reason, "Leave it out, or give a law with its period")
     for field in ("speed", "initial_speed"):
         yield from of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
@@ -69,7 +69,7 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
 
 
 def of_the_joint(scene: Scene, path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
-    """A quantity that fits a joint that turns and one that slides, now that its joint is known."""
+    """Quantity of a joint that rotates or slides, converted now that the joint is known."""
     given = given_value(scene.raw, path)
     try:
         if given is not None:

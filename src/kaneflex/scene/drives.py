@@ -1,4 +1,4 @@
-"""Drives: the motion of joints, prescribed or left to the forces."""
+"""Drives: motion of joints, prescribed or free."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ class Drive(SceneTable):
     """Motion of the joint of the same name: prescribed by exactly one of `speed`, `law` and `table`, or `free`.
 
     A constant `speed` (rad/s) starts from `angle` (rad) at t = 0; with `spin_up` (s) it is reached smoothly from rest
-    within that time. A `law` in t gives the joint's angle in rad; a `table` (CSV) gives it as its `column`, in `unit`,
-    else in that of its heading, else in degrees, over the time; its rows are joined by `interpolation`. `cycle` (rad)
-    is the angle of a constant speed, `period` (s) the time of a law or table, in which everything repeats. A `free`
-    joint follows the forces (forward dynamics), from `angle` and `initial_speed` (rad/s) at t = 0; its motor is a load.
-    `rotation` is the elastic rotation at the driven joint: held by the drive, or free. A guide's drive prescribes its
-    coordinate in m: `position` (m) stands in the place of `angle`, speeds are in m/s, a table's `unit` is one of
-    length, and there is no `cycle`. In space a joint with several freedoms may be `free`, too: a spherical one from an
-    `angular_velocity` (rad/s) of its second body against the first, in the second's axes; a cylindrical one from
-    `initial_speeds` along (m/s) and about its axis (rad/s), a universal one from those about its two.
+    within that time. A `law` in t gives the joint's angle in rad; a `table` (CSV) gives it over time as its `column`,
+    in `unit`, else in that of its heading, else in degrees; `interpolation` connects its rows. Everything repeats after
+    `cycle` (rad), the angle of a constant speed, or `period` (s), the time of a law or table. A `free` joint follows
+    the forces (forward dynamics), from `angle` and `initial_speed` (rad/s) at t = 0; its motor is a load. `rotation`
+    is the elastic rotation at the driven joint: held by the drive, or free. A guide's drive prescribes its coordinate
+    in m: `position` (m) replaces `angle`, speeds are in m/s, a table's `unit` is a length, and there is no `cycle`. In
+    space a joint with several degrees of freedom may be `free`, too: a spherical one from an `angular_velocity` (rad/s)
+    of its second body relative to the first, in the second's axes; a cylindrical one from `initial_speeds` along (m/s)
+    and about its axis (rad/s), a universal one from those about its two axes.
     """
 
     speed: DriveSpeed | None = None
@@ -61,7 +61,7 @@ class Drive(SceneTable):
     unit: str | None = None
     closing: NonNegativeRatio = 0.01
     interpolation: Literal["pchip", "akima", "spline"] = Field(
-        default="spline", description="of a table, between its rows; with a linear one the speed would jump there"
+        default="spline", description="between the rows of a table; linear is not possible, since the speed would jump"
     )
     repeat: PositiveTime | None = Field(default=None, alias="period", description="time in which a law repeats, s")
     rotation: Literal["held", "free"] = "held"
@@ -70,26 +70,26 @@ class Drive(SceneTable):
     @classmethod
     def _no_law(cls, value: object) -> object:
         if isinstance(value, str) and re.search(r"\bt\b", value) and not re.fullmatch(r"\S+ t", value):
-            raise Fault("this is one number", "Write what changes with t as law, in rad or m, like law = '0.5*sin(t)'")
+            raise Fault("not a plain number", "Write functions of t as law, in rad or m, like law = '0.5*sin(t)'")
         return value
 
     @model_validator(mode="after")
     def _consistent(self) -> Drive:
         given = the_one_given(self, _KINDS)
         if given not in ("speed", "free"):
-            self.refuse(("angle", "position"), f"a {given} says where the joint starts")
+            self.refuse(("angle", "position"), f"the {given} gives the joint's start already")
         for owner, fields in _OWN.items():
             if given != owner:
                 self.refuse(fields, f"belongs to a {owner}; this drive has a {given}")
         if self.repeat is not None and given not in ("law", "table"):
-            raise Fault(f"a drive by {given} repeats after an angle or never", "Leave period out", below="period")
+            raise Fault(f"a drive by {given} repeats after a cycle, not a period", "Leave period out", below="period")
         if self.spin_up is not None and self.cycle is not None:
             raise Fault("a drive that spins up does not repeat", "Leave it out", below="cycle")
         return self
 
     @property
     def kind(self) -> str:
-        """Which of "constant speed", "spin up", "law", "table" and "free" moves the joint."""
+        """Kind of drive: "constant speed", "spin up", "law", "table" or "free"."""
         given = first_given(self, _KINDS)
         if given == "speed":
             return "constant speed" if self.spin_up is None else "spin up"
@@ -97,21 +97,21 @@ class Drive(SceneTable):
 
     @property
     def period(self) -> float | None:
-        """Duration of a cycle in s, where there is one."""
+        """Duration of a cycle in s; None without a cycle."""
         if self.repeat is not None:
             return self.repeat
         return self.cycle / abs(self.speed) if self.cycle is not None and self.speed else None
 
     @property
     def start(self) -> float:
-        """Coordinate at t = 0 of a joint with a speed or a free one, in rad, or in m where it slides."""
+        """Coordinate at t = 0 of a joint with a speed or a free joint, in rad, or m for a guide."""
         return self.angle if self.position is None else self.position
 
     def curve(self) -> np.ndarray:
-        """The block (see `kaneflex.scene.tables`) of the drive's table. Raises Fault as `read_table`."""
+        """Block (see `kaneflex.scene.tables`) of the drive's table. Raises Fault as `read_table`."""
         return self.read_table().coefficients(self.period, self.interpolation)
 
     def read_table(self) -> Table:
-        """The drive's table, in rad or m over s. Raises Fault as `kaneflex.scene.tables.read_table` does."""
+        """Table of the drive, in rad or m over s. Raises Fault as `kaneflex.scene.tables.read_table` does."""
         table = read_table(self.table, self.column, self.unit, (TIME,), (ANGLE, LENGTH), "deg")
         return table if self.repeat is None else table.over_period(self.repeat, self.closing)

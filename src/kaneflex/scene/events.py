@@ -1,4 +1,4 @@
-"""Events: instants at which a sensor passes a value."""
+"""Events: instants at which a sensor crosses a value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kaneflex.scene.table import SceneTable
 
 
 class Event(SceneTable):
-    """When the `sensor` passes `value`: going `up`, `down` or in `both` directions. With `stop` the run ends there.
+    """Crossing of `value` by a `sensor`, `up`, `down` or in `both` directions. With `stop` the run ends there.
 
     `value` is in the sensor's SI unit, or text with a unit.
     """

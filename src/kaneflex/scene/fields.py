@@ -1,4 +1,4 @@
-"""Which keys a scene file may have where: the models, walked along a path of keys."""
+"""Keys that a scene file may have, found by walking the models along a path."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from kaneflex.scene.scene import Scene
 from kaneflex.support.units import Dimension
 
 ANY_NAME = "*"
-"""Stands for the names that a user gives, where a table has any."""
+"""Placeholder for names that a user gives."""
 
 
 def known_keys(path: typing.Sequence[str], top: type[BaseModel] = Scene) -> tuple[str, ...]:
-    """Keys of the table at `path`: ("*",) where users give the names, none where it is no table."""
+    """Keys of the table at `path`: ("*",) if users give the names, empty if it is not a table."""
     kind: object = top
     for key in path:
         kind = _entry(kind, key)
@@ -27,7 +27,7 @@ def known_keys(path: typing.Sequence[str], top: type[BaseModel] = Scene) -> tupl
 
 
 def _entry(kind: object, key: str) -> object:
-    """The type of the entry `key` of a table of type `kind`; None where there is no such entry."""
+    """Type of the entry `key` of a table of type `kind`; None if there is no such entry."""
     if typing.get_origin(kind) is dict:
         return _plain(typing.get_args(kind)[1])
     if _is_table(kind):
@@ -38,7 +38,7 @@ def _entry(kind: object, key: str) -> object:
 
 
 def dimensions(path: typing.Sequence[str]) -> tuple[Dimension, ...]:
-    """Of the quantity at `path`: one, or that of a joint that turns and of one that slides; none of anything else."""
+    """Dimensions of the quantity at `path`: one, or two for a rotating or sliding joint; empty for other entries."""
     kind: object = Scene
     for key in path[:-1]:
         kind = _entry(kind, key)
@@ -52,13 +52,13 @@ def dimensions(path: typing.Sequence[str]) -> tuple[Dimension, ...]:
 
 
 def has_entry(path: typing.Sequence[str]) -> bool:
-    """Whether a scene file may have an entry at `path`."""
+    """True if a scene file may have an entry at `path`."""
     keys = known_keys(path[:-1])
     return path[-1] in keys or keys == (ANY_NAME,)
 
 
 def _plain(kind: object) -> object:
-    """`kind` without None and annotations."""
+    """Type `kind` without None and annotations."""
     if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:
         rest = [option for option in typing.get_args(kind) if option is not type(None)]
         return _plain(rest[0])

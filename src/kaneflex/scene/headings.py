@@ -17,20 +17,20 @@ _SPELLED = {
     "deg CA": "deg", "degCA": "deg", "CAD": "deg", "sec": "s", "RPM": "rpm", "U/min": "rpm", "1/min": "rpm",
     "min-1": "rpm", "min^-1": "rpm", "r/min": "rpm", "rev/min": "rpm",
 }  # fmt: skip
-"""Units as headings spell them -> as scenes do. CA is the crank's angle."""
+"""Units spelled in headings -> in scenes. CA is the crank angle."""
 _PLAIN_WORDS = {
     *_SPELLED, "deg", "rad", "rpm", "ms", "kN", "MN", "bar", "mbar", "Pa", "hPa", "kPa", "MPa", "mm", "cm", "mm/s",
     "m/s", "rad/s", "deg/s", "N/mm", "N/m",
 }  # fmt: skip
-"""Units that a heading's last word means without brackets; s, m and N mean them only where they fit."""
+"""Units that a heading may end with without brackets; s, m and N count only if they fit."""
 COORDINATES, SPEEDS = (units.ANGLE, units.LENGTH), (units.ANGULAR_SPEED, units.SPEED)
-"""Of a joint: of one that turns, and of one that slides."""
+"""Dimensions of a joint's coordinate: rotating, sliding."""
 _HEADED = (*COORDINATES, *SPEEDS, units.TIME, units.FORCE, units.TORQUE, units.FORCE_PER_LENGTH, units.PRESSURE)
-"""What columns of tables may hold."""
+"""Dimensions of a table's columns."""
 
 
 def abscissae(against: str | None) -> tuple[Dimension, ...]:
-    """Dimensions of what a load's table is read against; which of two, whether the joint turns or slides says."""
+    """Dimensions of a load table's abscissa; for a joint the first if it rotates, the second if it slides."""
     if against == "t":
         return (units.TIME,)
     return SPEEDS if against is not None and against.endswith("_speed") else COORDINATES
@@ -39,10 +39,10 @@ def abscissae(against: str | None) -> tuple[Dimension, ...]:
 def unit_of_column(
     file: str, heading: str, dimensions: Sequence[Dimension], given: str | None, assumed: str | None, cure: str
 ) -> tuple[str, Dimension]:
-    """Unit of a column, and which of `dimensions` it measures: by its heading, by `given`, else as `assumed`.
+    """Unit of a column and its dimension, one of `dimensions`: by its heading, by `given`, else as `assumed`.
 
-    given: the scene's entry `unit`; cure: of a column that measures something else. Raises Fault for that, for a
-    heading with another unit than the given one, and where nothing says a unit and none is assumed.
+    `given` is the scene's entry `unit`; `cure` is the advice for a column of another dimension. Raises Fault for that,
+    for a heading that contradicts the given unit, and without any unit.
     """
     said, sure = _said(heading)
     wanted = " or ".join(dimension.name for dimension in dimensions)
@@ -56,18 +56,18 @@ def unit_of_column(
             return given, dimension
         raise Fault(f"{file}: its column {heading!r} is in {said}", f"Leave unit out, or correct the heading of {file}")
     if said is not None and sure and (given is None or any(_fits(said, dimension) for dimension in _HEADED)):
-        reason = f"{file}: its column {heading!r} is in {said!r}, which is no unit of {wanted}"
+        reason = f"{file}: its column {heading!r} is in {said!r}, not a unit of {wanted}"
         raise Fault(reason, cure)
     if given is not None and own is not None:
         return given, own
     if assumed is None:
-        reason = f"{file}: the heading {heading!r} says no unit of {wanted}"
+        reason = f"{file}: the heading {heading!r} has no unit of {wanted}"
         raise Fault(reason, f"Write it in the heading, like '{heading} ({dimensions[0].unit})'")
     return assumed, _which(assumed, dimensions)
 
 
 def _said(heading: str) -> tuple[str | None, bool]:
-    """The unit that a heading says, if it says one, and whether it can mean nothing else."""
+    """Unit in a heading, if any, and whether it is unambiguous."""
     if bracketed := _BRACKETED.match(heading):
         return _SPELLED.get(bracketed[1], bracketed[1]), True
     words = [found[1] for pattern in _LAST_WORDS if (found := pattern.match(heading))]
@@ -87,7 +87,7 @@ def _fits(unit: str, dimension: Dimension) -> bool:
 
 
 def _which(unit: str, dimensions: Sequence[Dimension]) -> Dimension:
-    """The first of some dimensions that a unit measures. Raises Fault as the first one does."""
+    """First of some dimensions that a unit fits. Raises Fault for none, as the first one does."""
     for dimension in dimensions:
         if _fits(unit, dimension):
             return dimension

@@ -1,4 +1,4 @@
-"""What a scene's laws must satisfy before anything is derived: they are read, and sampled over the run."""
+"""Checks of a scene's laws before anything is derived: they are parsed, and sampled over the run."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.errors import Fault
 
 _FINE = 20_000
-"""Intervals of a run in which jumps of atan2 and ends of asin are looked for, as many as laws are tried at in a run."""
+"""Intervals of a run searched for jumps of atan2 and ends of asin, as many as laws are sampled at."""
 _HALVINGS = 60
-"""Halvings of an interval, more than double precision has binary digits."""
+"""Bisections of an interval, more than double precision has binary digits."""
 _ROUNDING = 1e-12
-"""How far below 1 the argument of asin counts as 1: the slope is then above 7e5."""
+"""Distance below 1 at which the argument of asin counts as 1: the slope is then above 7e5."""
 
 
 def check_drive_law(scene: Scene, drive: Drive) -> None:
-    """Raise Fault unless a drive's law is one, without kinks, and has values over the run."""
+    """Raise Fault unless a drive's law is valid, without kinks, and finite over the run."""
     law = parse_law(drive.law, ("t",))
     kink = law.kinks(smooth=("atan2",))
     if kink is not None:
-        reason = f"{kink} has kinks, where the speed would jump within no time"
+        reason = f"{kink} has kinks, at which the speed would jump"
         raise Fault(reason, "Write a law whose speed is continuous, like sqrt(x**2 + small**2) for abs(x)")
     if scene.horizon is not None:
         law.check_values({"t": sample_times(scene.horizon)})
@@ -32,22 +32,22 @@ def check_drive_law(scene: Scene, drive: Drive) -> None:
 
 
 def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
-    """Raise Fault for a law in t whose atan2 jumps, or whose asin or acos has no finite slope, at some time."""
+    """Raise Fault for a law in t whose atan2 jumps, or whose asin or acos has an infinite slope, at some time."""
     for _, call, _ in law.calls("atan2"):
         t = _first_jump(call, times)
         if t is not None:
             reason = f"{call.text} has kinks, where the speed would jump: its point (x, y) crosses y = 0 at x <= 0, "
-            cure = "Write a law whose point stays off the negative x axis, or leave the angle's jump out"
+            cure = "Write a law whose point does not cross the negative x axis"
             raise Fault(f"{reason}at t = {t:.6g} s", cure)
     for _, call, (argument,) in law.calls("asin", "acos"):
         t = _first_end(argument, times)
         if t is not None:
-            reason = f"{call.text} has no finite slope at t = {t:.6g} s, where its argument is 1 or -1"
+            reason = f"{call.text} has an infinite slope at t = {t:.6g} s, where its argument is 1 or -1"
             raise Fault(reason, "Write a law whose argument stays between -1 and 1, both excluded")
 
 
 def load_jump(scene: Scene, law: Law) -> str | None:
-    """Text of the first part of a load's law that jumps; atan2 of the time alone does so only if it does in the run."""
+    """Text of the first part of a load's law that jumps; atan2 of the time alone counts only if it jumps in the run."""
     found = law.jumps(smooth=("atan2",))
     moving = [name for name in scene.law_names() if name != "t"]
     for _, call, _ in law.calls("atan2") if found is None else ():
@@ -58,10 +58,10 @@ def load_jump(scene: Scene, law: Law) -> str | None:
 
 
 def _first_jump(angle: Law, times: np.ndarray) -> float | None:
-    """First time between `times` at which an angle [rad] in t jumps; None where it does nowhere.
+    """First time between `times` at which an angle [rad] in t jumps; None without a jump.
 
-    Where neighbours part by more than 1 rad, the half that parts more is halved again, down to rounding: over a jump,
-    of pi or more, the values stay apart.
+    Between neighbours that differ by more than 1 rad, the half with the larger difference is bisected down to
+    rounding: over a jump, of pi or more, the values remain different.
     """
 
     def values(at: np.ndarray) -> np.ndarray:
@@ -79,7 +79,7 @@ def _first_jump(angle: Law, times: np.ndarray) -> float | None:
 
 
 def _first_end(argument: Law, times: np.ndarray) -> float | None:
-    """First time at which the size of an argument in t comes to 1, also at a maximum between `times`; None if never."""
+    """First time at which the magnitude of an argument in t reaches 1, also between `times`; None if never."""
 
     def sizes(at: np.ndarray) -> np.ndarray:
         return abs(argument.on_arrays({"t": at}))
@@ -90,7 +90,7 @@ def _first_end(argument: Law, times: np.ndarray) -> float | None:
     largest &= (found >= np.roll(found, -1)) | (k == k[-1])
     k = np.flatnonzero(largest)
     low, high = times[np.maximum(k - 1, 0)], times[np.minimum(k + 1, len(times) - 1)]
-    for _ in range(2 * _HALVINGS):  # each leaves two thirds
+    for _ in range(2 * _HALVINGS):  # each iteration keeps two thirds
         left, right = (2 * low + high) / 3, (low + 2 * high) / 3
         rises = sizes(left) < sizes(right)
         low, high = np.where(rises, left, low), np.where(rises, high, right)
@@ -100,15 +100,15 @@ def _first_end(argument: Law, times: np.ndarray) -> float | None:
 
 
 def check_load_law(scene: Scene, load: Load) -> None:
-    """Raise Fault unless a load's law is one and has values wherever its joints' motion is known before the run.
+    """Raise Fault unless a load's law is valid, and finite wherever its joints' motion is known before the run.
 
-    A law of a free joint's motion is tried where the joint starts; what depends on the speed of a spin-up, a law or a
-    table is sampled with the derived motion (`kaneflex.solve.law_checks.check_finite`).
+    A law of a free joint's motion is evaluated at the joint's start; laws in the speed of a spin-up, a law or a table
+    are sampled with the derived motion (`kaneflex.solve.law_checks.check_finite`).
     """
     law = parse_law(load.law, scene.law_names())
     for name in scene.joints:
         if f"{name}_speed" in scene.joints and law.uses(f"{name}_speed"):
-            reason = f"{name}_speed is a joint, and the speed of joint {name}"
+            reason = f"{name}_speed is both a joint and the speed of joint {name}"
             raise Fault(reason, "Give the joint another name")
     free = law.uses_any([name for name, drive in scene.drives.items() if drive.free])
     if scene.horizon is None and not free:
@@ -122,7 +122,7 @@ def check_load_law(scene: Scene, load: Load) -> None:
 
 
 def _motion(name: str, drive: Drive, times: np.ndarray) -> dict[str, np.ndarray | float]:
-    """What is known of a drive's coordinate [rad or m] and speed at `times` (n,) before the run, by a law's names."""
+    """Coordinate [rad or m] and speed of a drive at `times` (n,), as far as known before the run, by a law's names."""
     try:
         match drive.kind:
             case "free":
@@ -134,5 +134,5 @@ def _motion(name: str, drive: Drive, times: np.ndarray) -> dict[str, np.ndarray 
             case "table":
                 return {name: evaluate_block(drive.curve(), times)}
     except Fault:
-        pass  # named where the drive is checked
+        pass  # reported by the drive's own check
     return {}

@@ -1,8 +1,8 @@
-"""A law's constant parts: numbers with a bound of their rounding errors, so that a zero is known as one.
+"""Constant parts of a law, evaluated with bounds of their rounding errors, so that zeros are recognised.
 
-Every part of a law that holds no name but pi is evaluated here, before anything symbolic sees it. Beside its value goes
-an absolute bound of its error, by running error analysis (Higham 2002, Accuracy and Stability of Numerical Algorithms,
-sec. 3.3, to first order): what lies within its own bound of zero is not divided by, and no logarithm is taken of it.
+Every part of a law that contains no name but pi is evaluated here, before any symbolic computation. Each value has an
+absolute error bound by running error analysis (Higham 2002, Accuracy and Stability of Numerical Algorithms, sec. 3.3,
+to first order): divisors and arguments of logarithms must exceed their own bound.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class _Number(NamedTuple):
 
     @property
     def is_zero(self) -> bool:
-        """Whether it can't be told from zero."""
+        """True if the value can't be distinguished from zero."""
         return abs(self.value) <= self.error
 
 
@@ -35,7 +35,7 @@ def check_constants(node: ast.expr) -> None:
 
 
 def _value(node: ast.expr) -> _Number | None:
-    """The value of a part of a law; None where it holds a name, which varies."""
+    """Value of a part of a law; None if it contains a variable."""
     match node:
         case ast.Constant(value=value):
             found = _literal(value)
@@ -62,12 +62,12 @@ def _value(node: ast.expr) -> _Number | None:
                 return None
             found = _call(node, name, *known)
     if not abs(found.value) <= LARGEST:
-        raise Fault(f"{_short(node)} is beyond {LARGEST:g}, where products of a few numbers are not finite", _CURE)
+        raise Fault(f"{_short(node)} is beyond {LARGEST:g}: products of such numbers are not finite", _CURE)
     return found
 
 
 def _short(node: ast.expr) -> str:
-    """Text of a part of a law; a number that is too long, or that no float holds, is not repeated."""
+    """Text of a part of a law, without numbers that are too long or beyond floats."""
     if isinstance(node, ast.Constant) and (isinstance(node.value, int) or math.isinf(node.value)):
         return "a number"
     return ast.unparse(node)
@@ -98,7 +98,7 @@ def _binary(node: ast.BinOp, a: _Number, b: _Number) -> _Number:
 
 
 def _power(node: ast.BinOp, a: _Number, b: _Number) -> _Number:
-    """a**b; its relative error is b da / a + log |a| db."""
+    """Power a**b; its relative error is b da / a + log |a| db."""
     if a.is_zero and b.value < 0:
         raise Fault(f"{ast.unparse(node)} divides by zero", _CURE)
     if a.value < 0 and not b.value.is_integer():
@@ -114,13 +114,13 @@ def _power(node: ast.BinOp, a: _Number, b: _Number) -> _Number:
 
 
 def _check_course(node: ast.Call, begin: _Number | None, end: _Number | None) -> None:
-    """A smooth step leads from one place to another, which two constants are or not."""
+    """Raise Fault for a smooth step with constant ends that coincide."""
     if begin is not None and end is not None and abs(end.value - begin.value) <= end.error + begin.error:
         raise Fault(f"{ast.unparse(node)} begins where it ends", "Write step(x) for a sharp step, where x passes zero")
 
 
 def _call(node: ast.Call, name: str, x: _Number, *more: _Number) -> _Number:
-    """A function's value; its error is that of its argument times its slope."""
+    """Value of a function; its error is that of its argument times its slope."""
     v, e = x
     if name in ("sign", "step", "min", "max", "atan2"):
         return _switched(name, x, *more)
@@ -148,13 +148,13 @@ def _call(node: ast.Call, name: str, x: _Number, *more: _Number) -> _Number:
             value = getattr(math, name)(min(max(v, -1.0), 1.0))
             room = (1.0 - abs(v)) * (1.0 + abs(v))
             error = math.sqrt(2.0 * e) + e if room <= e else e / math.sqrt(room)
-        case _:  # sin, cos, tanh, atan: slopes up to one
+        case _:  # sin, cos, tanh, atan have slopes up to one
             value, error = getattr(math, name)(v), e
     return _Number(value, error + _UNIT * abs(value))
 
 
 def _switched(name: str, x: _Number, *more: _Number) -> _Number:
-    """A value that jumps, or is one of two: where it can't be told which, the error is as large as the jump."""
+    """Value of a jump or a choice between two values; if it is uncertain, the error is as large as the jump."""
     v, e = x
     if name == "sign" or not more:
         side = 0.0 if x.is_zero else math.copysign(1.0, v)
@@ -177,4 +177,4 @@ def _switched(name: str, x: _Number, *more: _Number) -> _Number:
 
 
 _LARGEST_EXPONENT = 700.0
-"""math.exp raises beyond 709."""
+"""Exponential as infinity beyond 709, where math.exp raises."""

@@ -1,8 +1,8 @@
-"""Laws: a user's expression for a load in the time, the drives' angles and speeds.
+"""Laws: a user's expressions in the time and the drives' angles and speeds.
 
-Parsed by Python's `ast`, checked against a whitelist and for its size, its constants for being finite and real
-(`kaneflex.scene.law_constants`); nothing is ever evaluated as Python code. `Law.to` walks the checked tree and builds
-the expression from any kind of number: SymPy's, NumPy's or plain floats.
+Python's `ast` parses them; a whitelist, their size and their constants (`kaneflex.scene.law_constants`) are checked.
+They are never evaluated as Python code. `Law.to` walks the checked tree and builds the expression from any kind of
+number: SymPy's, NumPy's or plain floats.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ FUNCTIONS: dict[str, tuple[int, ...]] = {
     "abs": (1,), "acos": (1,), "asin": (1,), "atan": (1,), "atan2": (2,), "cos": (1,), "exp": (1,), "log": (1,),
     "max": (2,), "min": (2,), "sign": (1,), "sin": (1,), "sqrt": (1,), "step": (1, 5), "tan": (1,), "tanh": (1,),
 }  # fmt: skip
-"""What a law can call -> how many arguments that takes."""
+"""Function that a law can call -> number of arguments."""
 _KINKED = {"abs": 1, "max": 2, "min": 2}
 _JUMPING = {"atan2": 2, "sign": 1, "step": 1}
-"""Functions whose slopes, and whose values, jump -> with how many arguments they do."""
+"""Functions whose slopes (and whose values) jump -> number of arguments with which they do."""
 
 _BINARY = {
     ast.Add: operator.add,
@@ -37,33 +37,33 @@ _BINARY = {
 }
 _UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 _LONGEST = 100_000
-"""Characters, so that parsing is quick; what stands for a law's size is its number of operations."""
+"""Largest number of characters, so that parsing is quick; the number of operations limits a law's size."""
 _MOST_OPERATIONS = 1000
 _DEEPEST = 100
-"""Operations within each other, each term of a sum or a product within the next, so that no walk runs out of stack."""
+"""Largest depth of nested operations (each term of a sum or a product counts), so that recursion stays possible."""
 _MOST_NESTED = 24
-"""Functions and powers within each other: a drive's law is differentiated twice, and each brings a factor."""
+"""Largest depth of nested functions and powers: a drive's law is differentiated twice, and each adds a factor."""
 _COUNTS = {(1,): "one argument", (2,): "two arguments", (1, 5): "one argument, or five"}
 _EXAMPLES = {name: f"{name}(t)" for name in FUNCTIONS} | {
     "atan2": "atan2(y, x)", "max": "max(0, t)", "min": "min(1, t)", "step": "step(t, 0.1, 0, 0.2, 50)",
 }  # fmt: skip
-_AS_A_TABLE = "Give such a course as a table"
+_AS_A_TABLE = "Give such a function as a table"
 _SAMPLES = 720
-"""Intervals of a run at whose ends a law must have a value before anything is derived."""
+"""Number of intervals of a run at whose ends a law must be finite before anything is derived."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """A checked law: its canonical text (the same however the law was spaced) and its syntax tree."""
+    """Checked law: its canonical text (independent of spacing) and its syntax tree."""
 
     text: str
     tree: ast.expr
 
     def to(self, functions: Mapping[str, Callable], names: Mapping[str, Any], number: Callable[[float], Any]) -> Any:
-        """The law built from other objects.
+        """Build the law from other objects.
 
-        functions: for each of FUNCTIONS that it calls; names: what stands for each name, `pi` included;
-        number: makes a literal's value one of these objects, e.g. `sympy.Float` or `float`.
+        `functions`: one for each of FUNCTIONS that it calls; `names`: the object for each name, including `pi`;
+        `number`: converts a literal's value, e.g. `sympy.Float` or `float`.
         """
 
         def build(node: ast.expr) -> Any:
@@ -83,7 +83,7 @@ class Law:
         return build(self.tree)
 
     def on_arrays(self, names: Mapping[str, Any]) -> np.ndarray:
-        """The law's values for floats or ndarrays (n,) of the names that it uses; not finite where it has none."""
+        """Values of the law for floats or ndarrays (n,) of its names; not finite where it is undefined."""
         with np.errstate(all="ignore"):
             values = self.to(ON_ARRAYS, {**names, "pi": np.pi}, np.float64)
         return values + np.zeros(np.shape(names["t"]))
@@ -96,7 +96,7 @@ class Law:
             raise Fault(reason, "Give a law that is finite and real over the run, or another duration")
 
     def uses(self, name: str) -> bool:
-        """Whether the name stands in the law."""
+        """True if the law contains the name."""
         return name in self._names
 
     @cached_property
@@ -104,22 +104,22 @@ class Law:
         return frozenset(node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name))
 
     def uses_any(self, joints: Collection[str]) -> bool:
-        """Whether a joint's coordinate or speed stands in the law."""
+        """True if the law contains a joint's coordinate or speed."""
         return any(self.uses(name) or self.uses(f"{name}_speed") for name in joints)
 
     def kinks(self, smooth: Collection[str] = ()) -> str | None:
-        """Text of the first part whose value or slope jumps as its arguments vary, like `abs(t)`, if there is one.
+        """Text of the first part whose value or slope jumps as its arguments vary, like `abs(t)`; None if smooth.
 
-        smooth: functions that are known not to jump.
+        `smooth`: functions known not to jump.
         """
         return self._first({name: count for name, count in (_KINKED | _JUMPING).items() if name not in smooth})
 
     def jumps(self, smooth: Collection[str] = ()) -> str | None:
-        """The same of parts whose value jumps, like `sign(t)`."""
+        """Text of the first part whose value jumps, like `sign(t)`; None if continuous."""
         return self._first({name: count for name, count in _JUMPING.items() if name not in smooth})
 
     def calls(self, *functions: str) -> list[tuple[str, Law, list[Law]]]:
-        """Name, whole call and arguments of every call of one of these functions that varies."""
+        """Name, whole call and arguments of every non-constant call of one of these functions."""
         found = []
         for node in ast.walk(self.tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in functions:
@@ -138,7 +138,7 @@ def _varies(node: ast.expr) -> bool:
 
 
 def step(x: Any, *course: Any) -> Any:
-    """0 below zero, 1 above, 1/2 at it; or from h_0 at x_0 to h_1 at x_1 with course = (x_0, h_0, x_1, h_1)."""
+    """Step: 0 below zero, 1 above, 1/2 at it; or from h_0 at x_0 to h_1 at x_1 with course = (x_0, h_0, x_1, h_1)."""
     if not course:
         return np.heaviside(x, 0.5)
     x_0, h_0, x_1, h_1 = course
@@ -146,14 +146,14 @@ def step(x: Any, *course: Any) -> Any:
 
 
 def smooth(s: Any) -> Any:
-    """From 0 to 1 with no slope and no curvature at either end: 10 s^3 - 15 s^4 + 6 s^5."""
+    """Smooth step from 0 to 1, without slope and curvature at either end: 10 s^3 - 15 s^4 + 6 s^5."""
     return s**3 * (10 - 15 * s + 6 * s**2)
 
 
 ON_ARRAYS = {name: getattr(np, name) for name in FUNCTIONS if hasattr(np, name)}
 ON_ARRAYS |= {"acos": np.arccos, "asin": np.arcsin, "atan": np.arctan, "atan2": np.arctan2}
 ON_ARRAYS |= {"max": np.maximum, "min": np.minimum, "step": step}
-"""The functions of floats and ndarrays."""
+"""Functions of floats and ndarrays."""
 
 
 def sample_times(horizon: float) -> np.ndarray:
@@ -162,26 +162,26 @@ def sample_times(horizon: float) -> np.ndarray:
 
 
 def parse_law(text: str | None, names: Collection[str]) -> Law:
-    """The law of `text`, which may use `names` (t, drives' names and NAME_speed) and pi.
+    """Parse a law, which may use `names` (t, drives' names and NAME_speed) and pi.
 
-    The law's own text is a law again. Raises Fault: not an expression, too large, an unknown name, a call of anything
-    but FUNCTIONS, anything else Python has; a constant part that is not finite and real.
+    The law's canonical text can be parsed again. Raises Fault: not an expression, too large, an unknown name, a call
+    of other functions than FUNCTIONS, other Python syntax, a constant part that is not finite and real.
     """
-    assert text is not None  # whose kind is a law has one
+    assert text is not None  # a load or drive of kind law has a law
     return _parsed(text, tuple(names))
 
 
 @lru_cache(maxsize=256)
 def _parsed(text: str, names: tuple[str, ...]) -> Law:
-    """Once each: every point of a study asks for the same ones."""
+    """Parse each text once, since every point of a study needs the same laws."""
     if len(text) > _LONGEST:
         raise Fault(f"longer than {_LONGEST} characters", _AS_A_TABLE)
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except RecursionError:
-        raise Fault(f"more than {_DEEPEST} operations within each other", _AS_A_TABLE) from None
+        raise Fault(f"more than {_DEEPEST} nested operations", _AS_A_TABLE) from None
     except (SyntaxError, ValueError, MemoryError):
-        raise Fault("not an expression", "Write like '120 * sin(2 * pi * 50 * t)'") from None
+        raise Fault("not an expression", "Write one like '120 * sin(2 * pi * 50 * t)'") from None
     _check_size(tree)
     _check(tree, {*names, "pi"})
     check_constants(tree)
@@ -189,15 +189,15 @@ def _parsed(text: str, names: tuple[str, ...]) -> Law:
 
 
 def _check_size(tree: ast.expr) -> None:
-    """Raise Fault for a tree that is too large to be walked recursively, or to be differentiated in a moment."""
+    """Raise Fault for a tree that is too large to be walked recursively, or to be differentiated quickly."""
     level, operations, depth = [(tree, 0)], 0, 0
     while level:
         operations += sum(isinstance(node, ast.BinOp | ast.UnaryOp | ast.Call) for node, _ in level)
         depth += 1
         for what, number, most in (
             ("operations", operations, _MOST_OPERATIONS),
-            ("operations within each other", depth, _DEEPEST),
-            ("functions and powers within each other", max(nested for _, nested in level), _MOST_NESTED),
+            ("nested operations", depth, _DEEPEST),
+            ("nested functions and powers", max(nested for _, nested in level), _MOST_NESTED),
         ):
             if number > most:
                 raise Fault(f"more than {most} {what}", _AS_A_TABLE)
@@ -212,7 +212,7 @@ def _check_size(tree: ast.expr) -> None:
 def _check(node: ast.expr, names: Collection[str]) -> None:
     match node:
         case ast.BinOp(op=ast.BitXor()):
-            raise Fault(f"{ast.unparse(node)!r} is no power", "Write ** for a power, like t**2")
+            raise Fault(f"{ast.unparse(node)!r} is not a power", "Write ** for a power, like t**2")
         case ast.Constant(value=bool()) | ast.Constant(value=complex()):
             raise Fault(f"{ast.unparse(node)} is not a real number", "Use real numbers")
         case ast.Constant(value=int() | float()):
@@ -230,10 +230,10 @@ def _check(node: ast.expr, names: Collection[str]) -> None:
                 _check(argument, names)
         case ast.Call():
             called = ast.unparse(node.func)
-            cure = f"It can call {', '.join(FUNCTIONS)}"
+            cure = f"Use {', '.join(FUNCTIONS)}"
             if not isinstance(node.func, ast.Name) or called not in FUNCTIONS:
                 raise Fault(f"a law cannot call {called!r}", cure)
-            raise Fault(f"{called} takes {_COUNTS[FUNCTIONS[called]]}", f"Write like {_EXAMPLES[called]!r}")
+            raise Fault(f"{called} takes {_COUNTS[FUNCTIONS[called]]}", f"Write it like {_EXAMPLES[called]!r}")
         case _:
             cure = "Use numbers, names, + - * / ** and " + ", ".join(FUNCTIONS)
             raise Fault(f"{ast.unparse(node)!r} is not arithmetic", cure)

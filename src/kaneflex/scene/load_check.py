@@ -1,4 +1,4 @@
-"""What loads, springs and events must satisfy beyond their tables' own rules: addresses, names and laws."""
+"""Checks of loads, springs and events with other tables: addresses, names and laws."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import Fault, Problem, nearest
 
 _STILL = ("prismatic", "weld")
-"""Joints that don't turn."""
+"""Joints without rotation."""
 
 
 def address_problems(scene: Scene, key: str, address: Address, ground: bool) -> Iterator[Problem]:
-    """The problems of an address of a body's point, or of a fixed one where `ground` is allowed."""
+    """Problems of an address of a body's point, or of a fixed point if `ground` is allowed."""
     if address.body == "ground":
         if not ground:
-            yield Problem(key, str(address), "the ground does not move", "Name a body's point")
+            yield Problem(key, str(address), "the ground does not move", "Name a point of a body")
         elif address.point != "origin" and address.point not in scene.ground:
             yield Problem(
                 key, str(address), "no such fixed point", nearest(address.point, ["origin", *scene.ground])
@@ -66,14 +66,14 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
 
 
 def _abscissa(scene: Scene, name: str) -> Iterator[Problem]:
-    """A table, its offset and its period must be of what it is read against: of a joint that turns, or one that slides.
+    """Problems of a table, its offset and its period, whose dimension must fit a rotating or a sliding joint.
     """
     load = scene.loads[name]
     assert load.against is not None and load.table is not None
     joint = load.against.removesuffix("_speed")
     measured = load.read_table().x_dimension
     if load.against in scene.joints and joint != load.against:
-        reason = f"{load.against} is a joint, and reads like the speed of a joint {joint}"
+        reason = f"{load.against} is both a joint and the speed of joint {joint}"
         yield Problem(f"loads.{name}.against", load.against, reason, "Give the joint another name")
     if joint not in scene.joints:
         return
@@ -92,10 +92,10 @@ def _distributed(scene: Scene, key: str, body: str) -> Iterator[Problem]:
     if body not in scene.bodies:
         yield Problem(key, body, "no body of that name", nearest(body, scene.bodies))
     elif scene.bodies[body].length is None:
-        yield Problem(key, body, f"{body} has no length to spread a load along", "Give the body a length")
+        yield Problem(key, body, f"{body} has no length for a distributed load", "Give the body a length")
     elif scene.bodies[body].modal_data is not None:
-        reason = f"the modal data of {body} say nothing of what is between its points"
-        yield Problem(key, body, reason, "Let forces act on its points, or give the body a beam")
+        reason = f"the modal data of {body} contain only its points, not the line between them"
+        yield Problem(key, body, reason, "Apply forces at its points, or give the body a beam")
 
 
 def spring_problems(scene: Scene) -> Iterator[Problem]:
@@ -111,8 +111,8 @@ def spring_problems(scene: Scene) -> Iterator[Problem]:
                 yield Problem(f"{key}.{kind}", str(end), f"{end.body} is axially rigid", cure)
         held = together.get(frozenset(map(str, spring.between or ())))
         if held is not None and (spring.length or spring.damping):
-            reason = f"joint {held} keeps its points together, where length and damping have no direction"
-            cure = "Move one of the points, give stiffness alone, or write torsional_at for a spring that turns"
+            reason = f"joint {held} keeps its points together, so length and damping have no direction"
+            cure = "Move one of the points, give only stiffness, or write torsional_at for a torsional spring"
             yield Problem(f"{key}.between", [*map(str, spring.ends)], reason, cure)
         if spring.torsional_at is not None:
             yield from _torsional(scene, f"{key}.torsional_at", spring.torsional_at)
@@ -123,7 +123,7 @@ def _torsional(scene: Scene, key: str, name: str) -> Iterator[Problem]:
         yield Problem(key, name, "no joint of that name", nearest(name, scene.joints))
     elif scene.joints[name].kind != "revolute":
         kind = scene.joints[name].kind
-        reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'has several freedoms'}"
+        reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'has several degrees of freedom'}"
         yield Problem(key, name, reason, "Name a revolute joint")
 
 

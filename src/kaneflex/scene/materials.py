@@ -1,4 +1,4 @@
-"""Materials of beams, as a scene file gives them: by name, or by their constants."""
+"""Materials of beams in a scene file: by name, or by their constants."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def _of_material(field: str):
 
 
 class Made(SceneTable):
-    """What something is made of: a `material`, or its constants, or both.
+    """Material by name, by its constants, or both.
 
-    `E`, `rho` and Poisson's ratio `nu` come from `material` unless given; `G` stands for E/(2 (1 + nu)).
+    `E`, `rho` and Poisson's ratio `nu` come from `material` unless given; the default of `G` is E/(2 (1 + nu)).
     """
 
     material: str | None = None
@@ -66,7 +66,7 @@ class Made(SceneTable):
         return self
 
     def constants(self, beam: Made | None = None) -> Constants:
-        """Its own constants; what it does not give is the beam's, G or nu being one choice."""
+        """Constants of a segment; missing ones are the beam's, where G and nu count as one."""
         E = self.E if self.E is not None or beam is None else beam.E
         rho = self.rho if self.rho is not None or beam is None else beam.rho
         elastic = self if beam is None or self.G is not None or self.nu is not None else beam

@@ -1,4 +1,4 @@
-"""`like`: starting from another scene, or from another body, and changing or removing some of it."""
+"""Key `like`: start from another scene or body, and change or remove entries."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 from kaneflex.support.errors import SceneError, nearest
 
 REMOVED = "none"
-_OWN_WORD = ("reduction",)  # its "none" is a word of its own
+_OWN_WORD = ("reduction",)  # here "none" is a value of its own
 
 
 def merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """`base` with `changes` put over it, table by table; the order is that of `base`, what is new comes last.
+    """Merge `changes` over `base`, table by table, in the order of `base`; new entries come last.
 
-    "none" removes what the base has.
+    "none" removes an entry of the base.
     """
     result = dict(base)
     for key, value in changes.items():
@@ -28,7 +28,7 @@ def merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def reuse_bodies(raw: dict[str, Any]) -> dict[str, Any]:
-    """Every body with the one that its `like` names merged under it; `like` is gone afterwards."""
+    """Bodies merged over those that their `like` names; removes `like`."""
     bodies = raw.get("bodies")
     if not isinstance(bodies, dict):
         return raw
@@ -43,7 +43,7 @@ def _reused(name: str, bodies: dict[str, Any], users: tuple[str, ...]) -> Any:
     if model not in bodies:
         raise SceneError(f"bodies.{name}.like", model, "no body of that name", nearest(model, bodies))
     if model in (*users, name):
-        raise SceneError(f"bodies.{name}.like", model, "bodies start from each other", "Break the circle")
+        raise SceneError(f"bodies.{name}.like", model, "bodies refer to each other in a circle", "Remove one reference")
     rest = {key: value for key, value in body.items() if key != "like"}
     base = _reused(model, bodies, (*users, name))
     if not isinstance(base, dict):

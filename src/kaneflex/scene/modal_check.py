@@ -1,4 +1,4 @@
-"""What a scene may ask of links that have modal data instead of a beam."""
+"""Checks of links with modal data instead of a beam."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from kaneflex.support.errors import Problem
 
 
 def modal_problems(scene: Scene) -> Iterator[Problem]:
-    """Points that a file lacks, and damping that it has already; in the plane beams besides, guides and springs."""
+    """Problems of links with modal data: points, damping and modes; in the plane also beams, guides and springs."""
     links = {name: body.modal for name, body in scene.bodies.items() if body.modal is not None}
     if not links:
         return
     beams = [name for name, body in scene.bodies.items() if body.elastic]
     if scene.damping is not None and not (scene.is_spatial and beams):
-        reason = "links by modal data have their damping in the file"
+        reason = "the file of modal data gives the damping"
         yield Problem("damping", None, reason, "Leave the table out")
     if "modes" in scene.solve.model_fields_set and not beams:
-        reason = "links by modal data have the shapes of their file"
-        yield Problem("solve.modes", scene.solve.modes, reason, "Leave it out, and export or import with fewer")
+        reason = "the file of modal data gives the shapes"
+        yield Problem("solve.modes", scene.solve.modes, reason, "Leave it out; for fewer shapes export or import again")
     if not scene.is_spatial:
         yield from _planar_only(scene, beams, tuple(links))
     for key, address in _addresses(scene):
@@ -32,18 +32,18 @@ def modal_problems(scene: Scene) -> Iterator[Problem]:
             continue
         modal, file = links[address.body], Path(str(scene.bodies[address.body].modal_data)).name
         if address.point not in modal.points:
-            reason = f"{file} has no such point: its points are {', '.join(modal.points)}"
+            reason = f"{file} does not have this point; its points are {', '.join(modal.points)}"
             yield Problem(key, str(address), reason, "Add it to the file's arrays, or name another point")
             continue
         own, here = modal.places[modal.points.index(address.point)], scene.point(address)
         if modal.at(here) != modal.at(own):
             there, given = (", ".join(f"{x:.6g}" for x in place) for place in (own, here))
             reason = f"in {file} it lies at ({there}) m, here at ({given}) m"
-            yield Problem(key, str(address), reason, "Give the point the file's place")
+            yield Problem(key, str(address), reason, "Use the position in the file")
 
 
 def stress_problems(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
-    """A stress needs shapes that move, and a file that recovers it there."""
+    """Problems of a stress sensor: it needs shapes that deform, and stress recovery in the file."""
     address = sensor.target
     assert isinstance(address, Address)
     key, body = f"{key}.stress", scene.bodies.get(address.body)
@@ -59,31 +59,31 @@ def stress_problems(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]
         reason = f"the file has {', '.join(STRESSES[modal.stresses.rows.shape[1]])}"
         yield Problem(f"{key.rpartition('.')[0]}.component", sensor.component, reason, "Give one of these, or mises")
     elif scene.solve.preset == "rigid":
-        yield Problem(key, str(address), "rigid bodies have no stresses", "Take preset coupled, or leave it out")
+        yield Problem(key, str(address), "rigid bodies have no stresses", "Use preset coupled, or leave it out")
 
 
 def section_problems(scene: Scene, key: str, sensor: Sensor, modal: ModalData) -> Iterator[Problem]:
-    """Section forces need shapes that move, and a file that recovers them there; strains, sections besides."""
+    """Problems of section forces: they need shapes that deform and recovery in the file; strains also need sections."""
     address = sensor.target
     assert isinstance(address, Address)
     recovered = modal.sections.places
     if sensor.kind == "strain":
-        reason = "modal data don't know the area and the moment of inertia of a section"
+        reason = "modal data do not contain area and second moment of a section"
         yield Problem(key, str(address), reason, "Measure a stress, or the section's forces")
     elif address.point not in recovered:
         file, known = Path(str(scene.bodies[address.body].modal_data)).name, ", ".join(recovered)
-        reason = f"{file} has no section forces there" + (f": it has those at {known}" if known else ", nor anywhere")
+        reason = f"{file} has no section forces there" + (f": it has those at {known}" if known else " or anywhere")
         cure = "Name a section of the import, like --section waist=0.07, or add arrays sections and section_forces"
         yield Problem(key, str(address), reason, cure)
     elif scene.solve.preset == "rigid":
-        yield Problem(key, str(address), "rigid bodies by modal data have none", "Take preset coupled, or leave it out")
+        yield Problem(key, str(address), "rigid bodies with modal data have none", "Use preset coupled or leave it out")
 
 
 def _planar_only(scene: Scene, beams: Sequence[str], links: Sequence[str]) -> Iterator[Problem]:
-    """What only bodies in space with modal data may have: company of beams, springs and guides."""
+    """Problems of beams, springs and guides in the plane together with modal data."""
     for name in beams:
-        reason = f"{links[0]} has modal data: in this version a scene has either these or beams"
-        yield Problem(f"bodies.{name}.beam", None, reason, "Export this link, too, and give its modal data")
+        reason = f"{links[0]} has modal data: this version cannot combine modal data with beams"
+        yield Problem(f"bodies.{name}.beam", None, reason, "Export this link, too, and use its modal data")
     for name, spring in scene.springs.items():
         for end in spring.ends:
             if end.body in links:
@@ -92,12 +92,12 @@ def _planar_only(scene: Scene, beams: Sequence[str], links: Sequence[str]) -> It
     for name, joint in scene.joints.items():
         slid = [address.body for address in joint.addresses if joint.kind == "prismatic" and address.body in links]
         if slid:
-            reason = f"{slid[0]} has modal data and would slide through its own deformation"
+            reason = f"{slid[0]} has modal data: a guide cannot hold a deforming body"
             yield Problem(f"joints.{name}.prismatic", slid[0], reason, "Let the guide hold a rigid body")
 
 
 def _addresses(scene: Scene) -> Iterator[tuple[str, Address]]:
-    """Every address of a point whose deformation is needed, with its key."""
+    """Addresses of points whose deformation is needed, with their keys."""
     for name, joint in scene.joints.items():
         for address in joint.addresses:
             yield f"joints.{name}.{joint.kind}", address

@@ -1,4 +1,4 @@
-"""Modal data of a body from elsewhere: the arrays of a file, in the plane or in space, checked."""
+"""Modal data of a body from a file, in the plane or in space: arrays and their checks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kaneflex.support.errors import Fault
 from kaneflex.support.reading import check_file, check_size
 
 FORMAT = 1
-"""Number of the file's format."""
+"""Version of the file format."""
 ARRAYS: dict[str, tuple[str, str, str]] = {
     "mass": ("", "{}", "kg"),
     "mass_X": ("", "{}", "kg m"),
@@ -48,7 +48,7 @@ POINT_ARRAYS: dict[str, tuple[str, str, str]] = {
     "psi": ("w", "psi_{}", "1/m"),
     "H": ("ww", "H_{}_{}", "1/m"),
 }
-"""The same of what each point has: the points are the first axis."""
+"""Arrays of the points, which are the first axis."""
 
 SPATIAL_ARRAYS: dict[str, tuple[str, str]] = {
     "mass": ("", "kg"),
@@ -63,20 +63,20 @@ SPATIAL_ARRAYS: dict[str, tuple[str, str]] = {
     "damping": ("nn", "N s/m"),
     "cubic": ("nnn", "N/m^2"),
 }
-"""The same in space: axes (c components x, y, z, n shapes), unit."""
+"""Spatial arrays: axes (c components x, y, z, n shapes), unit."""
 SPATIAL_POINT_ARRAYS: dict[str, tuple[str, str]] = {
     "r": ("c", "m"),
     "N": ("cn", "1"),
     "psi": ("cn", "1/m"),
     "G": ("cnn", "1/m"),
 }
-"""And of each point there."""
+"""Spatial arrays of the points, which are the first axis."""
 CROSS = np.array([np.cross(row, np.eye(3)) for row in np.eye(3)]).transpose(2, 0, 1)
-"""Of cross products: (a x b)_i = CROSS_ijk a_j b_k (Levi-Civita)."""
+"""Levi-Civita symbol of cross products: (a x b)_i = CROSS_ijk a_j b_k."""
 _BOTH_ALIKE = ("mass_N_N",)
-"""Arrays that are symmetric in components and shapes together."""
+"""Arrays that are symmetric under exchange of components and shapes together."""
 _SAME = 1e-9
-"""Relative difference up to which numbers of a file are the same."""
+"""Relative tolerance for equal numbers of a file."""
 _EXPORT = "Compare the file with what kaneflex modes --export writes"
 
 
@@ -85,8 +85,8 @@ class ModalData:
     """Arrays of a body by the names of ARRAYS and, points first, POINT_ARRAYS (SI), with the length [m] and points; in
     space by those of SPATIAL_ARRAYS and SPATIAL_POINT_ARRAYS.
 
-    ``stresses`` [Pa/m] are at places by themselves, ``sections`` [N/m, N m/m] at some of the points; in the plane of
-    the axial shapes first.
+    ``stresses`` [Pa/m] have their own places, ``sections`` [N/m, N m/m] are at some of the points; in the plane axial
+    shapes come first.
     """
 
     length: float
@@ -97,24 +97,24 @@ class ModalData:
 
     @property
     def dimension(self) -> int:
-        """2 in the plane, 3 in space."""
+        """Dimension: 2 in the plane, 3 in space."""
         return 3 if "mass_N" in self.arrays else 2
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Numbers of axial and of transverse shapes, and 1 where the start moves in the link's frame."""
+        """Numbers of axial and of transverse shapes, and 1 if the start moves in the link's frame."""
         start = self.arrays["X"] == 0
         moves = any(self.arrays[name][start].any() for name in ("s", "w", "H"))
         return len(self.arrays["mass_s"]), len(self.arrays["mass_w"]), *(1,) * moves
 
     @property
     def rotary(self) -> bool:
-        """Whether the sections have rotary inertia."""
+        """True if the sections have rotary inertia."""
         return any(self.arrays[name].any() for name in ("inertia", "inertia_psi", "inertia_psi_psi"))
 
     @property
     def rigid(self) -> tuple[float, tuple[float, ...], float | tuple[float, ...]]:
-        """Mass [kg], place of its centre [m], moment of inertia about it [kg m^2], as a scene gives them; in space six.
+        """Mass [kg], position of its centre [m], moment of inertia about it [kg m^2] (in space six), as in a scene.
         """
         mass = float(self.arrays["mass"])
         if self.dimension == 3:
@@ -127,58 +127,59 @@ class ModalData:
 
     @property
     def places(self) -> np.ndarray:
-        """Where the points are, (n_points, dimension) [m]."""
+        """Positions of the points, (n_points, dimension) [m]."""
         if self.dimension == 3:
             return self.arrays["r"]
         return np.column_stack([self.arrays["X"], np.zeros(len(self.points))])
 
     @property
     def file(self) -> dict[str, np.ndarray]:
-        """All that its file holds, by name."""
+        """Content of the file, by name."""
         head = {"format": np.array(FORMAT), "length": np.array(self.length), "points": np.array(self.points)}
         recovery = STRESS.written(self.stresses) | SECTION.written(self.sections)
         return head | ({"dimension": np.array(3)} if self.dimension == 3 else {}) | dict(self.arrays) | recovery
 
     def save(self, path: Path) -> None:
-        """Write the file, whole or not at all. Raises OutputError."""
+        """Write the file atomically. Raises OutputError."""
         content = io.BytesIO()
         np.savez(content, allow_pickle=False, **self.file)
         write_bytes(path, content.getvalue())
 
     def at(self, place: Sequence[float]) -> int | None:
-        """Which of the points is at a place [m], if one is."""
+        """Name of the point at a position [m], if any."""
         found = np.flatnonzero(abs(self.places - place).max(axis=1) <= _SAME * self.length)
         return int(found[0]) if len(found) else None
 
     def at_point(self, point: str) -> dict[str, np.ndarray]:
-        """POINT_ARRAYS of one of the points."""
+        """Arrays of one of the points, by the names of POINT_ARRAYS."""
         k = self.points.index(point)
         return {name: self.arrays[name][k] for name in POINT_ARRAYS}
 
 
 def inertia_tensor(second: np.ndarray) -> np.ndarray:
-    """The inertia tensor of a body's second moments, both (3, 3) [kg m^2]."""
+    """Inertia tensor from a body's second moments, both (3, 3) [kg m^2]."""
     return np.trace(second) * np.eye(3) - second
 
 
 def symmetrised(array: np.ndarray, axes: str, name: str = "") -> np.ndarray:
-    """An array without what its rounding has made of its symmetry; points come before its axes."""
+    """Symmetrised array, free of rounding errors; points come before its axes."""
     for exchanges in _mirrors(name, axes):
         array = (array + _mirrored(array, exchanges)) / 2
     return array
 
 
 def spatial_modal_data(length: float, points: Sequence[str], arrays: Mapping[str, np.ndarray]) -> ModalData:
-    """Modal data of a body in space by the names of SPATIAL_ARRAYS and SPATIAL_POINT_ARRAYS, symmetric but for their
-    rounding. Raises Fault as :func:`read_modal_data` does."""
+    """Modal data of a body in space by the names of SPATIAL_ARRAYS and SPATIAL_POINT_ARRAYS, symmetric up to rounding.
+
+    Raises Fault as :func:`read_modal_data` does."""
     both = SPATIAL_ARRAYS | SPATIAL_POINT_ARRAYS
     found = {name: symmetrised(np.asarray(array, float), both[name][0], name) for name, array in arrays.items()}
     return checked_data(ModalData(length, tuple(points), found).file)
 
 
 def _mirrors(name: str, axes: str) -> list[list[tuple[int, int]]]:
-    """Exchanges of axes, counted from the last, that leave an array as it is: of every two shapes, or of two components
-    where there are no shapes."""
+    """Exchanges of axes, counted from the last, under which an array is symmetric: of any two shapes, or of two
+    components without shapes."""
     if name in _BOTH_ALIKE:
         return [[(-1, -2), (-3, -4)]]
     those = axes if axes.strip("c") == "" else axes.replace("c", " ")
@@ -193,12 +194,12 @@ def _mirrored(array: np.ndarray, exchanges: Sequence[tuple[int, int]]) -> np.nda
 
 
 def read_modal_data(path: str) -> ModalData:
-    """The modal data of a file.
+    """Read modal data of a file.
 
     Raises
     ------
     Fault
-        It names the array that is missing, of the wrong shape, not finite, or no mass, stiffness or damping, and how.
+        If an array is missing, of the wrong shape, not finite, or not valid as mass, stiffness or damping.
     """
     try:
         check_file(Path(path))
@@ -210,19 +211,19 @@ def read_modal_data(path: str) -> ModalData:
 
 @lru_cache
 def _read(path: str, _changed: int, _size: int) -> ModalData:
-    """A file as it was when it was last changed: every default of a body asks for it."""
+    """File read once for each modification time, since every default of a body needs it."""
     return checked_data(_arrays(path))
 
 
 def checked_data(found: Mapping[str, np.ndarray]) -> ModalData:
-    """Modal data of a file's arrays. Raises Fault as :func:`read_modal_data` does."""
+    """Modal data from a file's arrays. Raises Fault as :func:`read_modal_data` does."""
     spatial = found.get("dimension", 2) == 3
     whole, of_points = (SPATIAL_ARRAYS, SPATIAL_POINT_ARRAYS) if spatial else (ARRAYS, POINT_ARRAYS)
     for name in ("format", "length", "points", *whole, *of_points):
         if name not in found:
             raise Fault(f"the file has no array {name}", _EXPORT)
     if found["format"] != FORMAT:
-        raise Fault(f"format = {found['format']}: this version reads format {FORMAT}", "Export the file anew")
+        raise Fault(f"format = {found['format']}: this version reads format {FORMAT}", "Export the file again")
     points = tuple(str(name) for name in np.atleast_1d(found["points"]))
     if spatial:
         sizes = {"c": 3, "n": np.size(found["stiffness"])}
@@ -241,7 +242,7 @@ def checked_data(found: Mapping[str, np.ndarray]) -> ModalData:
 
 
 def _arrays(path: str) -> dict[str, np.ndarray]:
-    """The arrays of an npz file, which unpack to a bounded size: a small archive can hold gigabytes of zeros."""
+    """Arrays of an npz file, up to a bounded unpacked size: a small archive can hold gigabytes of zeros."""
     try:
         with zipfile.ZipFile(path) as archive:
             check_size(sum(member.file_size for member in archive.infolist()))
@@ -257,7 +258,7 @@ def _arrays(path: str) -> dict[str, np.ndarray]:
 
 
 def _checked(name: str, array: np.ndarray, shape: tuple[int, ...], axes: str, unit: str) -> np.ndarray:
-    """An array of numbers of its shape, finite, and symmetric where it has to be."""
+    """Array of finite numbers with the required shape and symmetry."""
     array = finite_array(name, array, shape, unit, _EXPORT)
     for exchanges in _mirrors(name, axes):
         mirrored = _mirrored(array, exchanges)
@@ -273,22 +274,22 @@ def _check_physics(data: ModalData) -> None:
     a = data.arrays
     for name, value in (("length", data.length), ("mass", a["mass"]), *(("stiffness", k) for k in a["stiffness"])):
         if value <= 0:
-            raise Fault(f"{name} = {value:.6g} is not above zero", "Give what resists")
+            raise Fault(f"{name} = {value:.6g} is not above zero", "Give a positive value")
     for name, matrix in (_spatial_energies if data.dimension == 3 else _planar_energies)(a).items():
         scale = np.sqrt(abs(np.diag(matrix)))
         lowest = np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] if scale.all() else 0.0
         if lowest <= 0:
             reason = f"{name} with the body's mass and first moments is not positive definite: {lowest:.3g}"
-            raise Fault(reason, "Give independent shapes, none of them a motion of the whole body")
+            raise Fault(reason, "Give independent shapes without rigid-body motions")
     damping = a["damping"]
     if len(damping) and np.linalg.eigvalsh(damping)[0] < -_SAME * abs(damping).max():
-        raise Fault(f"damping has the eigenvalue {np.linalg.eigvalsh(damping)[0]:.3g}", "Give damping that dissipates")
+        raise Fault(f"damping has the eigenvalue {np.linalg.eigvalsh(damping)[0]:.3g}", "Give non-negative damping")
 
 
 def _spatial_energies(a: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Matrix of the kinetic energy of the body's translations, rotations and shapes."""
+    """Check that the mass matrix of the body's translations, rotations and shapes is positive definite."""
     if not a["stiffness"].size:
-        raise Fault("stiffness is empty: there is no shape", "Give one at least")
+        raise Fault("stiffness is empty: there are no shapes", "Give at least one")
     turned = np.einsum("cab,abj->cj", CROSS, a["mass_r_N"])
     lever = np.einsum("acd,d->ac", CROSS, a["mass_r"])  # e_c x r
     return {"mass_N_N": np.block([
@@ -299,12 +300,12 @@ def _spatial_energies(a: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _planar_energies(a: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Matrices of the kinetic energy of the link as a rigid body along and across its axis, and of its shapes."""
+    """Check the mass matrices of the link's rigid motion and shapes, along and across its axis."""
     s, w = len(a["mass_s"]), len(a["mass_w"])
     if not w:
-        raise Fault("mass_w is empty: there is no transverse shape", "Give one at least")
+        raise Fault("mass_w is empty: there are no transverse shapes", "Give at least one")
     if a["damping"][:s, s:].any():
-        raise Fault("damping couples axial and transverse shapes", "Leave these entries at zero")
+        raise Fault("damping couples axial and transverse shapes", "Set these entries to zero")
     along = np.block([[a["mass"].reshape(1, 1), a["mass_s"][None]], [a["mass_s"][:, None], a["mass_s_s"]]])
     turn = (a["mass_X_w"] + a["inertia_psi"])[:, None]
     across = np.block([
@@ -316,6 +317,6 @@ def _planar_energies(a: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def modal_data_of(entries: Mapping[str, object]) -> ModalData | None:
-    """The modal data that a body's entries name, if they do."""
+    """Modal data named by a body's entries, if any."""
     path = entries.get("modal_data")
     return read_modal_data(path) if isinstance(path, str) else None

@@ -1,4 +1,4 @@
-"""The numbers of a scene by their dotted paths, as the parameters of generated modules name them."""
+"""Numbers of a scene by their dotted paths, which name the parameters of generated modules."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from kaneflex.scene.scene import Scene
 
 
 def number_at(scene: Scene, path: str) -> float:
-    """The scene's number at a path TABLE.OWNER.NAME, or gravity.AXIS, in SI."""
+    """Number of the scene at a path TABLE.OWNER.NAME, or gravity.AXIS, in SI."""
     table, owner, name = (*path.split(".", 2), "")[:3]
     if table == "gravity":
         return scene.gravity["xy".index(owner)]
@@ -37,7 +37,7 @@ def _of_body(body: Body, name: str) -> float:
     if field == "element":
         return body.first_element[inner]
     if field.startswith("pose_"):
-        assert body.pose is not None  # a frame's bodies have one each
+        assert body.pose is not None  # each body of a fixed frame has a pose
         return body.pose.angle if field == "pose_angle" else body.pose.at["xy".index(field[-1])]
     if field.startswith("centre_"):
         return body.centre["xy".index(field[-1])]

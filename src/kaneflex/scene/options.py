@@ -1,4 +1,4 @@
-"""Named models: what each preset keeps of the equations, and every option of a run spelled out."""
+"""Presets: the terms that each keeps of the equations, and all options of a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kaneflex.scene.start import Start
 from kaneflex.support.errors import SceneError
 
 DEFAULT_MODES = 3
-"""Fixed-interface modes of a link in the coupled equations, where the scene asks for no number of its own."""
+"""Default number of fixed-interface modes of a link in the coupled equations."""
 STEPS_PER_TURN = 720
 """Default resolution: half a degree of the fastest drive."""
 PAPER_DURATION = 0.04
@@ -22,25 +22,25 @@ PAPER_DURATION = 0.04
 
 @dataclass(frozen=True)
 class Options:
-    """Everything that distinguishes one run of a scene from another.
+    """All options of a run of a scene.
 
     Attributes
     ----------
     preset : str
-        Where the defaults came from.
+        Preset that gave the defaults.
     dynamics : str
         "rigid" (no deformation), "quasistatic" (K z = F at each instant), "frozen" (constant coefficients, decoupled,
         paper (143)) or "dynamic" (time-varying coefficients).
     spin, gyroscopic, euler, geometric, damping : bool
         Complete term groups: proportional to omega^2, omega, epsilon, the axial force, and the material damping.
     rotary, shear, gravity : bool
-        Groups that a scene has or has not: rotary inertia of the sections, their shear, gravity; in both stages.
+        Optional groups of a scene, in both stages: rotary inertia of the sections, their shear, gravity.
     convective : bool
         Keep T' and T'' of the joint displacements' transformation.
     weld_pins, free_drives : bool
-        Share the elastic rotation at pins between elastic links; leave it free at the drives.
+        Share the elastic rotation at pins between elastic links; leave it free at drives.
     elements : int or None
-        Elements of every link; None leaves each link its own number.
+        Elements of every link; None keeps each link's own number.
     foreshortening : bool
         Displacements include the shortening of the bent axis, -1/2 int v'^2 dx.
     reduction : str
@@ -50,28 +50,28 @@ class Options:
     mode_angle : float
         Angle of the first drive at which reference modes are taken and the frozen model is frozen [rad].
     start : str
-        "zero", "quasistatic", "periodic", or "given" where the scene gives a state.
+        "zero", "quasistatic", "periodic", or "given" if the scene gives a state.
     integrator : str
         Name in ``kaneflex.integrate.methods.METHODS``.
     steps : int
-        Per cycle, or per run where there is no cycle.
+        Steps per cycle, or per run without a cycle.
     cycles : bool
-        Whether ``steps`` counts a cycle.
+        True if ``steps`` are per cycle.
     duration : float
         Horizon of the run [s].
     rho_infinity : float
         Spectral radius of generalised-alpha at infinite frequency.
     tolerance : float
-        Of the coupled equations: error that ten periods of a vibration accumulate, as a share of the longest body, and
-        in rad. Of the integrator spectral: error of the motion as a share of it, in the energy norm.
+        Coupled equations: error that ten periods of a vibration accumulate, as a share of the longest body, and in
+        rad. Integrator spectral: relative error of the motion in the energy norm.
     bounded : tuple of str
-        What else it bounds at every step, as a share of its largest value so far: "speeds", "reactions".
+        Further quantities bounded at every step, as a share of their largest value so far: "speeds", "reactions".
     forward_method : str
         Method of scipy's ``solve_ivp`` for free joints that are integrated before anything deforms.
     forward_tolerance : float
         Its relative tolerance.
     errors : str
-        Which errors of the sensors are estimated: "quick" (what takes no several times of a long run), "all" or "none".
+        Errors of the sensors that are estimated: "quick" (none that takes several times a long run), "all" or "none".
     """
 
     preset: str
@@ -105,7 +105,7 @@ class Options:
     errors: str
 
     def as_dict(self) -> dict[str, object]:
-        """By name, as a file holds them."""
+        """Options by name, as plain data."""
         return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
 
 
@@ -113,17 +113,17 @@ _ALL = dict.fromkeys(
     ("spin", "gyroscopic", "euler", "geometric", "damping", "convective", "rotary", "shear", "gravity"), True
 )
 _ELASTIC_TERMS = ("spin", "gyroscopic", "euler", "geometric", "damping")
-_RIGID = {"rotary": True, "gravity": True}  # the groups that the rigid mechanism knows, too
+_RIGID = {"rotary": True, "gravity": True}  # the groups that also affect the rigid mechanism
 _PRESETS: dict[str, dict[str, Any]] = {
     "rigid": dict.fromkeys(_ALL, False) | _RIGID | {"dynamics": "rigid", "foreshortening": False},
-    # Without any damping: C_s L' would act like a force that no structure knows.
+    # Without any damping, since C_s L' would be an unphysical force.
     "quasistatic": _ALL | {"gyroscopic": False, "damping": False, "dynamics": "quasistatic", "foreshortening": True},
     "paper": _ALL
     | {"gyroscopic": False, "geometric": False, "damping": False, "convective": False, "dynamics": "frozen"}
     | {"foreshortening": False, "weld_pins": True, "free_drives": True, "elements": 1},
     "linear": _ALL | {"geometric": False, "dynamics": "dynamic", "foreshortening": False},
     "stiffened": _ALL | {"dynamics": "dynamic", "foreshortening": True},
-    # Its displacements are those of the bent axis as it is: the foreshortening is in the equations.
+    # Its displacements are those of the bent axis: the foreshortening is in the equations.
     "coupled": _ALL | {"dynamics": "coupled", "foreshortening": False},
 }
 UNUSED_TERMS = {
@@ -133,19 +133,19 @@ UNUSED_TERMS = {
     "dynamic": (),
     "coupled": (),
 }
-"""Term groups that each kind of dynamics has no place for: they stay out, whatever a scene says."""
+"""Term groups that each kind of dynamics always omits."""
 _INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "radau", "coupled": "radau"}
 _TOLERANCES = {"coupled": 1e-8, "dynamic": 1e-6}
 _REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
 
 
 def resolve_options(scene: Scene) -> Options:
-    """The preset of the scene with the scene's own settings on top.
+    """Options of the scene: its preset, overridden by its settings.
 
     Raises
     ------
     SceneError
-        Where settings contradict each other; it names both.
+        If settings contradict each other; it names both.
     """
     solve = scene.solve
     chosen: dict[str, Any] = {"weld_pins": False, "free_drives": False, "elements": None} | _PRESETS[solve.preset]
@@ -156,21 +156,21 @@ def resolve_options(scene: Scene) -> Options:
     if modal is not None and dynamics not in ("rigid", "coupled"):
         raise SceneError(
             f"bodies.{modal}.modal_data", Path(scene.bodies[modal].modal_data).name,
-            f"preset {solve.preset} takes a link's elements, which modal data don't have",
-            "Take preset coupled or rigid, or give the body a beam",
+            f"preset {solve.preset} needs a link's finite elements, not modal data",
+            "Use preset coupled or rigid, or give the body a beam",
         )  # fmt: skip
     elastic = modal is not None or any(body.elastic for body in scene.bodies.values())
     if elastic and scene.is_frame and solve.preset == "rigid":
         raise SceneError(
             "solve.preset", "rigid",
-            "a structure that stands still has no rigid motion, and its supports may be redundant",
-            "Take preset quasistatic, linear or stiffened",
+            "a fixed structure has no rigid motion, and may be statically indeterminate",
+            "Use preset quasistatic, linear or stiffened",
         )  # fmt: skip
     if not elastic and (dynamics != "coupled" or scene.is_frame):
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":
         check_coupled(scene)
-    if not scene.is_spatial:  # whose bodies move freely, and whose laws know any joint, without the coupled equations
+    if not scene.is_spatial:  # free bodies, and laws in any joint, without the coupled equations
         check_contacts(scene, dynamics)
         check_laws(scene, dynamics)
     paper = dynamics == "frozen"
@@ -199,10 +199,10 @@ def resolve_options(scene: Scene) -> Options:
 
 
 def _integrator(scene: Scene, dynamics: str) -> str:
-    """What integrates where a scene leaves it open: of coupled equations, what damps nothing where nothing is damped.
+    """Default integrator; for coupled equations without damping one without numerical damping.
 
-    Gauss keeps the energy of a free motion over any number of swings; Radau lets what no step resolves die away, which
-    a damped mechanism's own vibrations do, too, and leaves its accelerations clean.
+    Gauss conserves the energy of a free motion over any number of swings. Radau damps vibrations that the steps do not
+    resolve, as a damped mechanism does itself, and gives smooth accelerations.
     """
     damped = scene.damping is not None or any(any(spring.dampings) for spring in scene.springs.values())
     given = (body.modal for body in scene.bodies.values() if body.modal is not None)
@@ -214,17 +214,17 @@ def _integrator(scene: Scene, dynamics: str) -> str:
 
 
 def tolerance_of(scene: Scene, dynamics: str = "coupled") -> float:
-    """The scene's, or what it has where it gives none; 0 of dynamics that know none."""
+    """Tolerance of the scene, or its default; 0 for dynamics without one."""
     return scene.solve.tolerance or _TOLERANCES.get(dynamics, 0.0)
 
 
 def moves_with_links(scene: Scene, dynamics: str) -> bool:
-    """Whether the coupled equations move free joints, by ``solve.tolerance``; else scipy does, by ``solve.forward``."""
+    """True if the coupled equations move free joints, by ``solve.tolerance``; else scipy does, by ``solve.forward``."""
     return dynamics == "coupled" and (not scene.is_spatial or any(body.deforms for body in scene.bodies.values()))
 
 
 def without_poses(scene: Scene) -> Scene:
-    """A structure in given poses as the coupled equations place it: by welds that turn its bodies so."""
+    """Scene of a fixed structure for the coupled equations: poses are replaced by angles of welds."""
     if not scene.is_frame:
         return scene
     turned = {"ground": 0.0} | {name: body.pose.angle for name, body in scene.bodies.items() if body.pose is not None}
@@ -237,7 +237,7 @@ def without_poses(scene: Scene) -> Scene:
 
 
 def has_term(scene: Scene, name: str) -> bool:
-    """Whether the scene has what a group of terms is about: gravity, or a beam whose theory knows it."""
+    """True if the scene has a group of terms: gravity, or a beam whose theory includes it."""
     if name == "gravity":
         return any(scene.gravity)
     if name in ("rotary", "shear"):
@@ -246,9 +246,9 @@ def has_term(scene: Scene, name: str) -> bool:
 
 
 def acting(scene: Scene, options: Options) -> Scene:
-    """The scene without the gravity, rotary inertia and shear that the options leave out, in both stages.
+    """Scene without the gravity, rotary inertia and shear that the options omit, in both stages.
 
-    A run takes the module of the scene as it is written, in which they are numbers like others.
+    A run uses the module of the original scene, in which these are ordinary parameters.
     """
     left_out = {"rotary": not options.rotary, "shear": not options.shear}
     bodies = {name: body.without(**left_out) for name, body in scene.bodies.items()}
@@ -259,9 +259,10 @@ def acting(scene: Scene, options: Options) -> Scene:
 
 
 def left_out(options: Options) -> tuple[str, ...]:
-    """Groups of terms of the elastic links that have no use under the options; all of them in a rigid mechanism.
+    """Groups of terms of the elastic links that the options do not use; all of them in a rigid mechanism.
 
-    The gyroscopic matrix stays with the spin terms: in joint axes that turn against the link, L^T C_d L' is of them.
+    The spin terms need the gyroscopic matrix: in joint axes that rotate relative to the link, L^T C_d L' is part of
+    them.
     """
     if options.dynamics == "rigid":
         return ("inertia", "elastic", "load", *_ELASTIC_TERMS)
@@ -270,14 +271,14 @@ def left_out(options: Options) -> tuple[str, ...]:
 
 
 def _reduction(scene: Scene, dynamics: str) -> str:
-    """The scene's reduction, none where nothing deforms, or the default of the preset and of ``solve.modes``."""
+    """Reduction of the scene: none for rigid dynamics, else the default of the preset and of ``solve.modes``."""
     truncates = scene.solve.modes != "all" and dynamics in ("dynamic", "quasistatic")
     default = "craig-bampton" if truncates else _REDUCTION[dynamics]
     return default if dynamics == "rigid" else scene.solve.reduction or default
 
 
 def default_steps(scene: Scene, duration: float) -> int:
-    """STEPS_PER_TURN for each turn of the fastest drive, at least 200 in all; 2000 where no drive turns at a speed."""
+    """Default steps: STEPS_PER_TURN a turn of the fastest drive, at least 200 in all; 2000 without a constant speed."""
     speeds = (abs(drive.speed or 0.0) for name, drive in scene.drives.items() if not scene.slides(name))
     fastest = max(speeds, default=0.0)
     turns = fastest * duration / (2 * math.pi)
@@ -287,5 +288,5 @@ def default_steps(scene: Scene, duration: float) -> int:
 
 
 def modes_of(scene: Scene) -> int:
-    """Fixed-interface modes of each link in the coupled equations."""
+    """Number of fixed-interface modes of each link in the coupled equations."""
     return DEFAULT_MODES if scene.solve.modes == "all" else scene.solve.modes

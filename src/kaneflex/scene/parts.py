@@ -56,13 +56,13 @@ from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to
 PRESETS = {
     "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
     "quasistatic": "(K_s + K_d + K_g) z = F at each instant, without damping",
-    "paper": "the paper's choices: one element a link, welded pin, frozen decoupled modes, from rest, 0.04 s",
+    "paper": "the paper's choices: one element per link, welded pin, frozen decoupled modes, from rest, 0.04 s",
     "linear": "time-varying M, C, K of the released joints, without K_g",
     "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
     "coupled": "motion and deformation together, nonlinear; shapes of each link, error-controlled steps",
 }
 _TIGHTEST = 1e-13
-"""Tolerance below which rounding would stand in its way."""
+"""Smallest tolerance; below it rounding errors dominate."""
 _LIKE_DIRECTION = "Give it, like direction = [1, 0], in space [1, 0, 0]"
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")
 
@@ -71,17 +71,16 @@ JOINT_KINDS = ("revolute", "prismatic", "weld", "cylindrical", "universal", "sph
 
 
 class Joint(SceneTable):
-    """A joint between two points: `revolute`, `prismatic` (along `direction`, in the first body's axes) or
-    `weld`; in space a revolute one has an `axis`, and there are `cylindrical` (turns about an `axis` and slides along
-    it), `universal` (turns about two `axes`, the first of the first body, the second of the second one) and
-    `spherical` ones. Axes are given in the first body's axes, where all joint coordinates are zero.
+    """Joint between two points: `revolute`, `prismatic` (along `direction`, in the first body's axes) or
+    `weld`. In space a revolute joint has an `axis`, and there are `cylindrical` (rotates about an `axis` and slides
+    along it), `universal` (rotates about two `axes`, one fixed to each body) and `spherical` joints. Axes are given in
+    the first body's axes, at zero joint coordinates.
 
-    `branch` chooses between the two ways in which a loop of two bodies closes and stands at the joint that closes
-    it; a larger loop may close in more ways. `near` names rough angles of its bodies at the start instead.
-    `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
-    paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld. A `clearance` leaves
-    room in a pin or a guide: the joint then holds nothing, its sides touch at times. One in an angle is backlash of a
-    pin, which stays. `friction` resists its motion.
+    `branch`, at the joint that closes a loop of two bodies, chooses between its two closures; a larger loop may have
+    more. Alternatively `near` gives approximate angles of its bodies at the start. `rotation` is that of elastic bodies
+    at a revolute joint: released (each its own) or shared (the paper's welded pin). `relative_angle` (rad) is the angle
+    of the second body relative to the first in a weld. A `clearance` of a pin or a guide replaces the joint by
+    contacts. A clearance in an angle is backlash: the joint remains ideal. `friction` opposes the motion.
     """
 
     revolute: AddressPair | None = None
@@ -116,11 +115,11 @@ class Joint(SceneTable):
             if kind not in kinds and getattr(self, field) is not None:
                 raise Fault(f"a {kind} joint has none", "Leave it out", below=field)
         if kind != "weld" and self.relative_angle:
-            raise Fault(f"a {kind} joint has no angle of its own", "Leave it out", below="relative_angle")
+            raise Fault(f"a {kind} joint has no angle", "Leave it out", below="relative_angle")
         if self.addresses[0].body == self.addresses[1].body:
             raise Fault("both sides are on the same body", "Join two bodies", below=kind)
         if self.near and "branch" in self.model_fields_set:
-            raise Fault("branch says already which way the loop closes", "Leave branch or near out", below="near")
+            raise Fault("branch chooses the closure already", "Leave branch or near out", below="near")
         if self.clearance is not None:
             self._check_clearance(kind, self.clearance)
         if self.friction is not None:
@@ -129,22 +128,22 @@ class Joint(SceneTable):
 
     @property
     def given_axes(self) -> tuple[tuple[float, ...], ...]:
-        """Its axes or its direction in the first body's axes, as many as its kind has in space."""
+        """Axes or direction of the joint in the first body's axes, as many as its kind has in space."""
         return self.axes or tuple(axis for axis in (self.axis, self.direction) if axis is not None)
 
     @property
     def has_backlash(self) -> bool:
-        """Whether its clearance is in its angle alone: it holds its two points together all the same."""
+        """True if the clearance is backlash in the angle: the joint still holds its two points together."""
         return self.clearance is not None and self.clearance.angle is not None
 
     @property
     def keeps_together(self) -> bool:
-        """Whether its two points are one."""
+        """True if the joint keeps its two points together."""
         return self.kind not in ("prismatic", "cylindrical") and (self.clearance is None or self.has_backlash)
 
     def _check_friction(self, kind: str, friction: Friction) -> None:
         if self.clearance is not None and not self.has_backlash:
-            raise Fault("a joint with a clearance has no force of its own", "Give clearance.friction", below="friction")
+            raise Fault("a joint with a clearance has no reaction", "Give clearance.friction", below="friction")
         with within("friction"):
             friction.check_at(kind)
 
@@ -154,7 +153,7 @@ class Joint(SceneTable):
             cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
             raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
         if room.angle is None:
-            self.refuse(("branch", "near", "rotation"), "a joint with a clearance holds nothing")
+            self.refuse(("branch", "near", "rotation"), "a joint with a clearance does not couple rotations")
         with within("clearance"):
             for contact in contacts_of("", self).values():
                 _ = contact.pushing
@@ -169,9 +168,9 @@ class Joint(SceneTable):
 
 
 class Mass(SceneTable):
-    """A lumped `mass` (kg) with its `inertia` (kg m^2), fixed to the point `at` of a body.
+    """Lumped `mass` (kg) with its `inertia` (kg m^2), fixed to the point `at` of a body.
 
-    In space the inertia is that about the body's axes through the point, as a body's own.
+    In space the inertia is about the point, in the body's axes, with components as a body's own.
     """
 
     at: AddressField
@@ -186,17 +185,16 @@ class Mass(SceneTable):
 
 
 class Load(SceneTable):
-    """A point force along `direction`, in fixed (`global`) or `body` axes, in N; one spread along a body, in N/m;
-    or a torque in N m at a joint.
+    """Load: a point force along `direction`, in fixed (`global`) or `body` axes, in N; a force distributed along a
+    body, in N/m; or a torque in N m at a joint.
 
-    `torque_at` names a revolute joint, in space or a cylindrical one: the torque acts on its second body, and its
-    opposite on the first. What is `spread_on` a body acts per length from its start to its end, times a factor that
-    changes linearly between the two numbers of its `profile`.
-    Its size is a constant `value`, a `law` in t, joints' coordinates (NAME) and speeds (NAME_speed), or a
-    `table` (CSV) of its `column` in `unit`, else in that of its heading, `against` any one of these names. The table
-    is read at x - `offset`; with a `period` it repeats, and its ends may differ by `closing` of its largest value;
-    `interpolation` joins its rows. A force's table may be one of the gauge pressure on an `area` (m^2), or on the
-    circle of a `bore` (m).
+    `torque_at` names a revolute joint, or in space also a cylindrical one: the torque acts on its second body, its
+    opposite on the first. A force `spread_on` a body acts per length from its start to its end, times a factor that
+    varies linearly between the two numbers of its `profile`. The magnitude is a constant `value`; a `law` in t, joints'
+    coordinates (NAME) and speeds (NAME_speed); or a `table` (CSV) of its `column` in `unit`, else in the unit of its
+    heading, `against` one of these names. The table is read at x - `offset`; with a `period` it repeats, and its ends
+    may differ by `closing` times its largest value; `interpolation` connects its rows. A force's table may contain the
+    gauge pressure on an `area` (m^2), or on the circle of a `bore` (m).
     """
 
     force_on: AddressField | None = None
@@ -216,7 +214,7 @@ class Load(SceneTable):
     period: Abscissa | None = None
     offset: Abscissa = 0.0
     closing: NonNegativeRatio = 0.01
-    interpolation: Interpolation = Field(default="pchip", description="of a table, between its rows")
+    interpolation: Interpolation = Field(default="pchip", description="between the rows of a table")
 
     @field_validator("value", mode="before")
     @classmethod
@@ -229,7 +227,7 @@ class Load(SceneTable):
     def _in_its_dimension(cls, value: object, info: ValidationInfo) -> float:
         dimensions = abscissae(info.data.get("against"))
         if info.field_name == "period" and dimensions == SPEEDS:
-            raise Fault("a speed does not repeat", "Leave it out")
+            raise Fault("a speed is not periodic", "Leave it out")
         number = either(value, *dimensions)
         if info.field_name == "period" and number <= 0:
             raise Fault("not positive", "Give a positive period, like '720 deg'")
@@ -240,21 +238,21 @@ class Load(SceneTable):
         kind = self.kind
         on = the_one_given(self, ("force_on", "torque_at", "spread_on"))
         if on != "torque_at" and self.direction is None:
-            raise Fault("a force without direction", _LIKE_DIRECTION, below="direction")
+            raise Fault("the force has no direction", _LIKE_DIRECTION, below="direction")
         if on == "torque_at":
-            self.refuse(("direction", "axes"), "a torque has none")
+            self.refuse(("direction", "axes"), "a torque has no direction")
         if on != "spread_on":
-            self.refuse(("profile",), "belongs to a load that is spread along a body")
+            self.refuse(("profile",), "belongs to a distributed load")
         if not any(self.profile):
-            raise Fault("no load at either end", "Give two numbers, at least one of them not zero", below="profile")
+            raise Fault("the load is zero at both ends", "Give two numbers, at least one not zero", below="profile")
         if kind == "table" and self.against is None:
             cure = "Give against: 't', a joint's name, or NAME_speed for its speed"
-            raise Fault("a table without what it is read against", cure)
+            raise Fault("the table's abscissa is not given", cure)
         if kind != "table":
             of_tables = ("column", "unit", "area", "bore", "against", "period", "offset", "closing", "interpolation")
             self.refuse(of_tables, f"belongs to a table; this load has a {kind}")
         if on != "force_on":
-            self.refuse(("area", "bore"), "belongs to a force on a point: a table of a pressure times an area")
+            self.refuse(("area", "bore"), "belongs to a point force with a table of pressure")
         if self.area is not None and self.bore is not None:
             raise Fault("area and bore exclude each other", "Give one of them", below="bore")
         return self
@@ -265,11 +263,11 @@ class Load(SceneTable):
 
     @cached_property
     def kind(self) -> str:
-        """Which of "value", "law" and "table" gives the size."""
+        """Kind of magnitude: "value", "law" or "table"."""
         return the_one_given(self, ("value", "law", "table"))
 
     def read_table(self) -> Table:
-        """The load's table in N, N m or N/m over rad, m, their rates or s.
+        """Table of the load in N, N m or N/m over rad, m, their rates or s.
 
         Raises Fault as `kaneflex.scene.tables.read_table` does.
         """
@@ -282,31 +280,31 @@ class Load(SceneTable):
         return table if self.period is None else table.over_period(self.period, self.closing)
 
     def curve(self) -> np.ndarray:
-        """The block (see `kaneflex.scene.tables`) of the load's table. Raises Fault as `read_table`."""
+        """Block (see `kaneflex.scene.tables`) of the load's table. Raises Fault as `read_table`."""
         return self.read_table().coefficients(self.period, self.interpolation)
 
 
 class Rayleigh(SceneTable):
-    """C = alpha M + beta K with the same damping `ratio` at the two frequencies `at` (Hz)."""
+    """Rayleigh damping C = alpha M + beta K with the damping `ratio` at the two frequencies `at` (Hz)."""
 
     ratio: NonNegativeRatio
     at: FrequencyPair
 
 
 class ModalDamping(SceneTable):
-    """One damping ratio for all modes, or one for each, the last one for the rest; or those of Adams, by frequency."""
+    """Modal damping: one ratio for all modes, or one per mode, the last for the rest; or Adams' ratios by frequency."""
 
     ratio: Ratios
 
 
 class Viscous(SceneTable):
-    """The paper's damping: a force of `mu` per length and velocity, N s/m^2."""
+    """Viscous damping as in the paper: `mu` is a force per length and velocity, N s/m^2."""
 
     mu: NonNegativeViscosity
 
 
 class Damping(SceneTable):
-    """Damping of the elastic bodies: exactly one of the three."""
+    """Damping of the elastic bodies; exactly one of the three models."""
 
     rayleigh: Rayleigh | None = None
     modal: ModalDamping | None = None
@@ -324,7 +322,7 @@ class Damping(SceneTable):
 
 def _above_rounding(tolerance: float) -> float:
     if not _TIGHTEST <= tolerance < 1:
-        raise Fault(f"not from {_TIGHTEST:g}, where rounding begins, to 1", "Give a number between, like 1e-9")
+        raise Fault(f"not between {_TIGHTEST:g} (rounding) and 1", "Give a number in this range, like 1e-9")
     return tolerance
 
 
@@ -332,8 +330,8 @@ Tolerance = Annotated[PositiveRatio, AfterValidator(_above_rounding)]
 
 
 class Forward(SceneTable):
-    """How the motion of free joints is integrated, before anything deforms: `method` of scipy's `solve_ivp` and
-    relative `tolerance` of a step.
+    """Integration of free joints of the rigid mechanism: `method` of scipy's `solve_ivp` and relative `tolerance` of
+    a step.
     """
 
     method: Literal["DOP853", "RK45", "Radau", "LSODA"] = "DOP853"
@@ -341,12 +339,12 @@ class Forward(SceneTable):
 
 
 class Solve(SceneTable):
-    """How the scene is solved; every entry can also be set from the command line."""
+    """Settings of the solution; every entry can also be set on the command line."""
 
     preset: str = "stiffened"
     start: Annotated[Start | Literal["zero", "quasistatic", "periodic"], BeforeValidator(start_of)] = "zero"
     steps: WholeNumber | None = Field(
-        default=None, description="per cycle, or per run where there is no cycle"
+        default=None, description="steps per cycle, or per run without a cycle"
     )
     integrator: (
         Literal["spectral", "radau", "newmark", "generalised-alpha", "gauss", "exact-modal", "scipy"] | None
@@ -358,18 +356,18 @@ class Solve(SceneTable):
     terms: dict[str, StrictBool] = Field(default={})
     tolerance: Tolerance | None = Field(
         default=None,
-        description="1e-8 under preset coupled: error that ten periods of a vibration accumulate, as a share of the "
-        "longest body; 1e-6 of integrator spectral: error of the motion, as a share of it",
+        description="preset coupled (default 1e-8): error that ten periods of a vibration accumulate, as a share of "
+        "the longest body; integrator spectral (default 1e-6): relative error of the motion",
     )
     bounded: tuple[Literal["speeds", "reactions"], ...] = Field(
         default=(),
-        description="preset coupled: what else `tolerance` bounds, as a share of its largest value so far",
+        description="preset coupled: quantities that `tolerance` also bounds, relative to their largest value",
     )
     forward: Forward = Field(default=Forward(), description="free joints, unless the preset is coupled")
     errors: Literal["quick", "all", "none"] = Field(
         default="quick",
-        description="which errors of the sensors are estimated: all of them include that of the one-way coupling, and "
-        "those of coupled runs that take long",
+        description="errors of the sensors to estimate; all includes the error of one-way coupling, and errors of "
+        "coupled runs that take long",
     )
     rho_infinity: NonNegativeRatio = Field(
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
@@ -398,5 +396,5 @@ class Solve(SceneTable):
     @classmethod
     def _at_most_one(cls, radius: float) -> float:
         if radius > 1:
-            raise Fault("above one, the integrator would amplify", "Give a number from 0 to 1")
+            raise Fault("above one the integrator would be unstable", "Give a number from 0 to 1")
         return radius

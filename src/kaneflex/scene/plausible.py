@@ -1,4 +1,4 @@
-"""What a scene may say, but hardly means."""
+"""Warnings about implausible values in a scene."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ from kaneflex.scene.tables import largest_of_block, overshoot_of_block
 from kaneflex.support.units import ANGLE
 
 _LONG = 10.0
-"""Length [m] of a link beyond which a plain number is taken to be one of millimetres by mistake."""
+"""Length [m] of a link beyond which a plain number is suspected to be in millimetres."""
 _APART = 1e3
-"""Times that the longest body of a mechanism may be the shortest one's length without a word."""
+"""Largest ratio of the lengths of two bodies without a warning."""
 _MODULI, _DENSITIES = (1e5, 1.3e12), (0.1, 2.3e4)
-"""Young's moduli [Pa] from silicone gel to diamond, densities [kg/m^3] from aerogel to osmium."""
+"""Plausible ranges: Young's moduli [Pa] from silicone gel to diamond, densities [kg/m^3] from aerogel to osmium."""
 _SOUND = (8.0, 2e4)
-"""Speeds of sound sqrt(E / rho) in a thin bar [m/s], from gel's to beyond diamond's 18 km/s."""
+"""Plausible speeds of sound sqrt(E / rho) in a thin bar [m/s], from gel to beyond diamond's 18 km/s."""
 _FASTEST = 2e3
-"""Speed [m/s] of a rim beyond which no material holds it together: sqrt(strength / density), 1.8 km/s of the
-strongest carbon fibres."""
+"""Largest rim speed [m/s] that a material withstands: sqrt(strength / density), 1.8 km/s for the strongest carbon
+fibres."""
 _GRAVITIES = (0.05, 300.0)
-"""Acceleration of gravity [m/s^2], from an asteroid's to the sun's."""
+"""Plausible acceleration of gravity [m/s^2], from an asteroid's to the sun's."""
 _FAR = 30.0
-"""Times its mechanism's size that a rigid body's radius of gyration may be without a word."""
+"""Largest radius of gyration of a rigid body without a warning, as a multiple of the mechanism's size."""
 _STUBBY, _STUBBIEST = 10.0, 3.0
-"""Slenderness, length over radius of gyration, below which shear adds a tenth and more to the bending of a cantilever,
-and below which a beam by any theory is none."""
+"""Slenderness (length over radius of gyration) below which shear adds a tenth or more to the bending of a cantilever,
+and below which beam theories do not apply."""
 _STOUT = 10.0
-"""Times its link's length that a section may be wide, by the roots of its area and second moments, without a word."""
+"""Largest width of a section (from area and second moments) without a warning, as a multiple of the length."""
 _HOLLOW = 1e4
-"""Second moment over the area squared without a warning: r / (4 pi t) of a tube, so walls of 8e-6 of the radius."""
+"""Largest second moment over area squared without a warning: r / (4 pi t) of a tube with t / r = 8e-6."""
 _ROUNDED = 1e-3
-"""Share by which sums of rounded numbers may be off without a word."""
+"""Relative error of sums of rounded numbers without a warning."""
 _BEYOND_ROWS = 0.02
-"""How far a table's curve may go beyond the two rows beside it, as a share of its largest value, without a warning."""
+"""Overshoot of a table's curve between two rows without a warning, as a share of its largest value."""
 
 
 def implausible(scene: Scene) -> tuple[str, ...]:
-    """Warnings of what is read from the scene alone: numbers in a wrong unit, and tables' curves where no row is."""
+    """Warnings from the scene alone: numbers in a wrong unit, and overshoot of tables' curves."""
     long = _long_links(scene)
     apart = () if long else _far_apart(scene)
     read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _massless, _damping, _cuts, _fibres, _angles)
@@ -63,7 +63,7 @@ def _angles(scene: Scene) -> Iterator[str]:
 
 
 def _cuts(scene: Scene) -> Iterator[str]:
-    """Sensors of section forces where these jump, or of a strain where the section does, without their ``cut``."""
+    """Warnings of sensors without ``cut`` where section forces, or for a strain the section, jump."""
     for name, sensor in scene.sensors.items():
         if sensor.kind not in SECTION_KINDS or "cut" in sensor.model_fields_set:
             continue
@@ -74,12 +74,12 @@ def _cuts(scene: Scene) -> Iterator[str]:
             continue
         changes = sensor.kind == "strain" and x in {piece.stop for piece in body.profile.pieces[:-1]}
         if x in scene.acted_on(address.body) or changes:
-            why = "the section changes" if changes else "something acts"
-            yield f'{name} is read just before {address}, where {why}: give it cut = "before", or "after"'
+            why = "the section changes" if changes else "a force acts"
+            yield f'{name} is measured just before {address}, where {why}: give cut = "before" or "after"'
 
 
 def _fibres(scene: Scene) -> Iterator[str]:
-    """Strain gauges outside of a section whose shape is known: at more than half its height, in space or its width."""
+    """Warnings of strain gauges outside a section of known shape: beyond half its height, in space or width."""
     for name, sensor in scene.sensors.items():
         if sensor.fibre is None:
             continue
@@ -101,7 +101,7 @@ def _fibres(scene: Scene) -> Iterator[str]:
 
 
 def stubby_links(scene: Scene) -> Iterator[str]:
-    """Notes on elastic links too short for their beam theory.
+    """Warnings of elastic links that are too short for their beam theory.
 
     Shear adds 3 E I / (kappa G A length^2) to the deflection of a cantilever's tip (Timoshenko 1921), which is 9.36
     over the slenderness squared for nu = 0.3 and kappa = 5/6.
@@ -114,14 +114,14 @@ def stubby_links(scene: Scene) -> Iterator[str]:
             continue
         told = f"bodies.{name} is {slenderness:.2g} of its section's radii of gyration long"
         if slenderness < _STUBBIEST:
-            yield f"{told}, which is no beam by any theory: leave its beam out, or take modal_data of finite elements"
+            yield f"{told}, too short for any beam theory: leave its beam out, or use modal_data of finite elements"
         else:
             share = 9.36 / slenderness**2
             yield f"{told}: shear would add some {share:.0%} to its bending; give theory = 'timoshenko' and nu"
 
 
 def _radius_of_gyration(scene: Scene, body: Body, x: float) -> float:
-    """Of a section of an elastic body about the axis that it bends about, the larger one in space [m]."""
+    """Radius of gyration of an elastic body's section about its bending axis, in space the larger one [m]."""
     if not scene.is_spatial:
         middle = body.profile.at(x)
         return math.sqrt(middle.E_I / middle.E_A)
@@ -130,20 +130,20 @@ def _radius_of_gyration(scene: Scene, body: Body, x: float) -> float:
 
 
 def _far_apart(scene: Scene) -> Iterator[str]:
-    """A warning where the lengths of two bodies are as far apart as units are."""
+    """Warning if the lengths of two bodies differ as much as units do."""
     lengths = {name: body.length for name, body in scene.bodies.items() if body.length}
     if not lengths:
         return
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
     if (times := lengths[longest] / lengths[shortest]) > _APART:
         yield (
-            f"bodies.{longest}.length is {times:.4g} times bodies.{shortest}.length, {lengths[longest]:.4g} m beside "
-            f"{lengths[shortest]:.4g} m: look at the units of both"
+            f"bodies.{longest}.length is {times:.4g} times bodies.{shortest}.length, {lengths[longest]:.4g} m and "
+            f"{lengths[shortest]:.4g} m: check the units of both"
         )
 
 
 def _damping(scene: Scene) -> Iterator[str]:
-    """A warning where links are damped so much that they don't vibrate."""
+    """Warning if links are damped so much that they don't vibrate."""
     damping = scene.damping
     if damping is None or damping.viscous is not None:
         return
@@ -152,12 +152,12 @@ def _damping(scene: Scene) -> Iterator[str]:
     if ratio >= 1.0:
         yield (
             f"damping.{damping.kind}.ratio = {ratio:g} is {ratio:.0%} of the critical damping: nothing vibrates; "
-            "per cents are written with their sign, like '2 %'"
+            "write per cent with the sign, like '2 %'"
         )
 
 
 def _materials(scene: Scene) -> Iterator[str]:
-    """Warnings of moduli and densities that no material has."""
+    """Warnings of moduli and densities outside the range of materials."""
     for name, body in scene.bodies.items():
         if body.beam is None:
             continue
@@ -170,19 +170,19 @@ def _materials(scene: Scene) -> Iterator[str]:
             strange = [each for each in numbers if not each[3][0] <= each[1] <= each[3][1]]
             for field, value, unit, (low, high), steel in strange:
                 yield (
-                    f"{where}.{field} = {value:.4g} {unit} is that of no material, {low:g} to {high:g} {unit}: "
+                    f"{where}.{field} = {value:.4g} {unit} is outside the range of materials, {low:g} to {high:g}: "
                     f"steel has '{steel}'"
                 )
             if not strange and not _SOUND[0] <= (sound := math.sqrt(E / rho)) <= _SOUND[1]:
                 yield (
-                    f"{where}: sound would travel at {sound:.3g} m/s in it, by E = {E:.4g} Pa and rho = {rho:.4g} "
-                    "kg/m^3, as in no material; steel has '210 GPa' and '7850 kg/m^3'"
+                    f"{where}: E = {E:.4g} Pa and rho = {rho:.4g} kg/m^3 give a speed of sound of {sound:.3g} m/s, "
+                    "outside the range of materials; steel has '210 GPa' and '7850 kg/m^3'"
                 )
 
 
 def _sections(scene: Scene) -> Iterator[str]:
-    """Warnings of sections that are far wider than their link is long, or whose area is far too small for their second
-    moment, as one whose I in mm^4 has no unit."""
+    """Warnings of sections much wider than their link's length, or with an area much too small for their second moment,
+    as for an I in mm^4 without its unit."""
     for name, body in scene.bodies.items():
         if body.beam is None or body.length is None:
             continue
@@ -192,31 +192,31 @@ def _sections(scene: Scene) -> Iterator[str]:
                 given = getattr(part, field) or 0.0
                 if (wide := given ** (1.0 / root)) > _STOUT * body.length:
                     yield (
-                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} is a section some {wide:.3g} m wide, of a "
+                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} means a section {wide:.3g} m wide, of a "
                         f"link {body.length:.4g} m long: a plain number is in {unit}"
                     )
                 elif root == 4 and given > min(_HOLLOW * (part.A or math.inf) ** 2, area * body.length**2):
                     yield (
-                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} with A = {area:.4g} m^2 is a radius of "
+                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} with A = {area:.4g} m^2 means a radius of "
                         f"gyration of {math.sqrt(given / area):.3g} m, of a link {body.length:.4g} m long: a plain "
                         f"number is in {unit}, and '1 mm^4' is 1e-12 m^4"
                     )
 
 
 def _torsion(scene: Scene) -> Iterator[str]:
-    """Warnings of constants of torsion beyond the polar moment, from which warping only takes (Saint-Venant)."""
+    """Warnings of torsion constants above the polar moment, which is their upper bound (Saint-Venant)."""
     for name, body in scene.bodies.items():
         for key, part in body.beam.sections.items() if body.beam is not None else ():
             polar = (part.I_y or 0.0) + (part.I_z or 0.0)
             if part.J is not None and part.J > (1.0 + _ROUNDED) * polar:
                 yield (
-                    f"bodies.{name}.{key}.J = {part.J:.4g} m^4 is more than I_y + I_z = {polar:.4g} m^4, which no "
-                    "section's constant of torsion is"
+                    f"bodies.{name}.{key}.J = {part.J:.4g} m^4 is more than I_y + I_z = {polar:.4g} m^4, the upper "
+                    "bound of a torsion constant"
                 )
 
 
 def _speeds(scene: Scene) -> Iterator[str]:
-    """Warnings of drives that move what they drive faster than anything holds together."""
+    """Warnings of drives so fast that centrifugal forces would break any material."""
     for name, drive in scene.drives.items():
         if not drive.speed:
             continue
@@ -228,13 +228,13 @@ def _speeds(scene: Scene) -> Iterator[str]:
         if speed > _FASTEST:
             yield (
                 f"drives.{name}.speed = {scene.written_speed(name, drive.speed)} moves {of} at {speed:.4g} m/s: "
-                f"nothing that turns holds together beyond some {_FASTEST:g} m/s; a plain number is in "
+                f"centrifugal forces break any material beyond about {_FASTEST:g} m/s; a plain number is in "
                 f"{'m/s' if scene.slides(name) else 'rad/s'}"
             )
 
 
 def _reach(scene: Scene, body: str) -> float:
-    """How far the furthest point of a body is from its start [m]."""
+    """Distance of a body's furthest point from its start [m]."""
     return max(math.hypot(*place) for place in scene.bodies[body].points_all.values())
 
 
@@ -245,7 +245,7 @@ def _gravity(scene: Scene) -> Iterator[str]:
 
 
 def _inertias(scene: Scene) -> Iterator[str]:
-    """Warnings of rigid bodies whose inertia asks for mass far beyond the mechanism, as one in kg mm^2 does."""
+    """Warnings of rigid bodies with a radius of gyration far beyond the mechanism, as for inertia in kg mm^2."""
     reach = max((_reach(scene, name) for name in scene.bodies), default=0.0)
     size = max([reach, *(math.hypot(*place) for place in scene.ground.values())])
     for name, body in scene.bodies.items():
@@ -253,13 +253,13 @@ def _inertias(scene: Scene) -> Iterator[str]:
         radius = math.sqrt(inertia / body.mass) if body.mass else 0.0
         if size and radius > _FAR * size:
             yield (
-                f"bodies.{name}.inertia = {inertia:.4g} kg m^2 of {body.mass:.4g} kg is a radius of gyration of "
+                f"bodies.{name}.inertia = {inertia:.4g} kg m^2 of {body.mass:.4g} kg means a radius of gyration of "
                 f"{radius:.4g} m, in a mechanism of {size:.4g} m: a plain number is in kg m^2"
             )
 
 
 def _massless(scene: Scene) -> Iterator[str]:
-    """Warnings of rigid bodies on a guide, as pistons are, for which neither a mass nor an inertia is given."""
+    """Warnings of rigid bodies on a guide (like pistons) without mass and inertia."""
     carrying = {mass.at.body for mass in scene.masses.values()}
     guides = [joint for joint in scene.joints.values() if joint.kind in ("prismatic", "cylindrical")]
     guided = dict.fromkeys(address.body for joint in guides for address in joint.addresses if address.body != "ground")
@@ -270,20 +270,20 @@ def _massless(scene: Scene) -> Iterator[str]:
 
 
 def _long_links(scene: Scene) -> list[str]:
-    """Warnings of links longer than 10 m whose length is written without a unit: plain numbers are in SI."""
+    """Warnings of links longer than 10 m with a length without unit: plain numbers are in SI."""
     found, raw = [], scene.raw
     for name, body in scene.bodies.items():
         given = given_value(raw, ("bodies", name, "length"))
         if isinstance(given, int | float) and body.length is not None and body.length > _LONG:
             found.append(
                 f"bodies.{name}.length = {given:g} is {given:g} m, since a plain number is in SI: write '{given:g} mm' "
-                f"if that is meant, and '{given:g} m' otherwise"
+                f"or '{given:g} m'"
             )
     return found
 
 
 def _tables(scene: Scene) -> list[str]:
-    """Warnings of tables that were closed, and whose smooth curve leaves the interval between two neighbouring rows."""
+    """Warnings of tables that were closed automatically, or whose smooth curve overshoots between two rows."""
     tables: dict[str, tuple[Load | Drive, str]]
     tables = {f"loads.{name}": (load, load.si_unit) for name, load in scene.loads.items() if load.kind == "table"}
     for name, drive in scene.drives.items():
@@ -297,16 +297,16 @@ def _tables(scene: Scene) -> list[str]:
             factor, x_unit = (180 / math.pi, "deg") if angles else (1.0, table.x_dimension.unit)
             end, back = (f"{factor * x:.6g} {x_unit}" for x in table.x[-2:])
             found.append(
-                f"{key}: {Path(reader.table or '').name} ends at {end}, before its period does: its first row closes "
-                f"it at {back}"
+                f"{key}: {Path(reader.table or '').name} ends at {end}, before its period: its first row is "
+                f"repeated at {back}"
             )
         beyond = overshoot_of_block(curve)
         if beyond.size > _BEYOND_ROWS * largest_of_block(curve):
             x, x_unit = (np.degrees(beyond.x), "deg") if angles else (beyond.x, table.x_dimension.unit)
             first, last = beyond.rows
             found.append(
-                f"{key}: its {reader.interpolation} goes to {beyond.value:.4g} {unit} at {x:.4g} {x_unit}, between "
-                f"rows of {first:.4g} and {last:.4g} {unit}; give more rows, or interpolation = 'pchip', which stays "
-                "between"
+                f"{key}: its {reader.interpolation} reaches {beyond.value:.4g} {unit} at {x:.4g} {x_unit}, between "
+                f"rows of {first:.4g} and {last:.4g} {unit}; give more rows, or interpolation = 'pchip', which does "
+                "not overshoot"
             )
     return found

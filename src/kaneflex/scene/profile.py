@@ -1,4 +1,4 @@
-"""What a beam is made of along its length: stiffnesses and masses at a point, of an element, before a point."""
+"""Profile of a beam along its length: stiffnesses and masses at a point, of an element, up to a point."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for x^2 A and (x - middle) 
 
 
 class Properties(NamedTuple):
-    """Of a beam at one place.
+    """Numbers of a beam's section.
 
     rho_A mass per length [kg/m], E_A axial stiffness [N], E_I bending stiffness [N m^2], rho_I rotary inertia per
-    length [kg m], G_A shear stiffness kappa G A [N]; a beam whose theory knows no rotary inertia has rho_I = 0, one
+    length [kg m], G_A shear stiffness kappa G A [N]; theories without rotary inertia have rho_I = 0, those
     without shear G_A = inf.
     """
 
@@ -31,8 +31,8 @@ class Properties(NamedTuple):
 
 
 class Inertia(NamedTuple):
-    """Of a stretch of a beam: mass [kg], first and second moment about the link's origin [kg m, kg m^2], and the
-    sum of the sections' own rotary inertias [kg m^2]."""
+    """Inertia of a piece of a beam: mass [kg], first and second moment about the link's origin [kg m, kg m^2], and the
+    sum of the sections' rotary inertias [kg m^2]."""
 
     mass: float
     first: float
@@ -42,9 +42,9 @@ class Inertia(NamedTuple):
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of a beam from `start` to `stop` [m] whose section's dimensions change linearly from end to end.
+    """Piece of a beam from `start` to `stop` [m] whose section's dimensions vary linearly from end to end.
 
-    `made_of`: its material's constants; `shape`, None where it isn't known, has the dimensions `first` and `last`.
+    `made_of`: constants of its material; `shape` (None if unknown) has the dimensions `first` and `last`.
     """
 
     start: float
@@ -60,14 +60,14 @@ class Piece:
         return self.numbers(*self.dimensions(x))
 
     def dimensions(self, x: float) -> tuple[float, ...]:
-        """What changes linearly from `first` to `last`, at distance x [m] from the beam's start."""
+        """Linear interpolation between `first` and `last` at distance x [m] from the beam's start."""
         s = (x - self.start) / (self.stop - self.start)
         return tuple(a + (b - a) * s for a, b in zip(self.first, self.last, strict=True))
 
 
 @dataclass(frozen=True)
 class Stretches:
-    """The pieces of a beam; `rotary` and `shear`: whether its theory knows them."""
+    """Pieces of a beam; `rotary` and `shear` tell if its theory includes them."""
 
     pieces: tuple[Piece, ...]
     rotary: bool
@@ -83,16 +83,16 @@ class Stretches:
 
     @property
     def borders(self) -> tuple[float, ...]:
-        """Where one piece ends and the next one begins [m]."""
+        """Borders between pieces [m]."""
         return tuple(piece.stop for piece in self.pieces[:-1])
 
     def denser(self, share: float) -> Self:
-        """The same with this many times its densities."""
+        """Profile with densities multiplied by a factor."""
         scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
         return replace(self, pieces=tuple(scaled))
 
     def piece_at(self, x: float, after: bool = False) -> Piece:
-        """The piece at distance x [m] from the start; at a border the one before it, or the one after it."""
+        """Piece at distance x [m] from the start; at a border the one before or after it."""
         *inner, last = self.pieces
         return next((piece for piece in inner if x < piece.stop or (x == piece.stop and not after)), last)
 
@@ -108,17 +108,17 @@ class Stretches:
 
 
 class SpatialProfile(Stretches):
-    """Of a beam in space."""
+    """Profile of a spatial beam."""
 
     def at(self, x: float, after: bool = False) -> tuple[SpatialSectionNumbers, Constants]:
-        """The section at distance x [m] from the start, and its material; at a border as `piece_at`."""
+        """Section at distance x [m] from the start, and its material; at a border as `piece_at`."""
         piece = self.piece_at(x, after)
         return piece.at(min(max(x, piece.start), piece.stop)), piece.made_of
 
     def rotary_inertias(self, x: float | None = None) -> tuple[float, float, float]:
-        """Sums of the sections' own inertias about x, y and z [kg m^2] from the start to x [m], by default of all.
+        """Integrals of the sections' inertias about x, y and z [kg m^2] from the start to x [m], by default to the end.
 
-        Whatever the theory: one without rotary inertia leaves out those about y and z.
+        They do not depend on the theory; one without rotary inertia ignores those about y and z.
         """
         points, weights = self._gauss(0.0, self.length if x is None else x)
         sums = np.zeros(2)
@@ -129,10 +129,10 @@ class SpatialProfile(Stretches):
 
 
 class Profile(Stretches):
-    """Of a beam in the plane."""
+    """Profile of a planar beam."""
 
     def at(self, x: float, after: bool = False) -> Properties:
-        """The properties at distance x [m] from the start; at a border as `piece_at`."""
+        """Properties at distance x [m] from the start; at a border as `piece_at`."""
         piece = self.piece_at(x, after)
         (A, I, kappa), (E, rho, G, _) = piece.at(x), piece.made_of
         rho_I = rho * I if self.rotary else 0.0
@@ -140,15 +140,15 @@ class Profile(Stretches):
         return Properties(rho * A, E * A, E * I, rho_I, G_A)
 
     def of_mass(self, mass: float) -> Profile:
-        """The same with its densities in proportion, so that the beam's mass is exactly `mass` [kg]."""
+        """Profile with densities scaled so that the beam's mass is exactly `mass` [kg]."""
         return self.denser(mass / self.inertia(self.length).mass)
 
     def element(self, x_0: float, length: float) -> dict[str, float]:
-        """Every parameter of the element from x_0 to x_0 + length [m], by its name in ``kaneflex.support.contract``.
+        """Parameters of the element from x_0 to x_0 + length [m], by their names in ``kaneflex.support.contract``.
 
-        A varying property is the linear function that is nearest to it in the mean square: its mean keeps the
-        element's mass and average stiffness, and what is left out is of the fourth order in the element's length.
-        phi_s takes the mean of E I and of kappa G A.
+        A varying property is replaced by its least-squares linear fit: the mean keeps the element's mass and average
+        stiffness, and the error is of the fourth order in the element's length. phi_s uses the means of E I and of
+        kappa G A.
         """
         before = self.inertia(x_0)
         if self.varying:
@@ -165,7 +165,7 @@ class Profile(Stretches):
         return found | {"length": length, "x_0": x_0, "phi_s": phi_s, "m_0": before.mass, "S_0": before.first}
 
     def inertia(self, x: float) -> Inertia:
-        """The inertia of the beam from its start to x [m]."""
+        """Inertia of the beam from its start to x [m]."""
         if not self.varying:
             rho_A, _, _, rho_I, _ = self.at(0.0)
             return Inertia(rho_A * x, rho_A * x**2 / 2, rho_A * x**3 / 3, rho_I * x)

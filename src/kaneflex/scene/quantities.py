@@ -1,7 +1,6 @@
-"""The field types of a scene file: quantities, vectors, names and addresses, as pydantic annotations.
+"""Field types of a scene file as pydantic annotations: quantities, vectors, names and addresses.
 
-Every validator raises `kaneflex.support.errors.Fault`; `scene/read.py` adds the key and the value as the user wrote
-it.
+Every validator raises `kaneflex.support.errors.Fault`; `scene/read.py` adds the key and the user's value.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ from kaneflex.support import units
 from kaneflex.support.errors import Fault
 from kaneflex.support.units import Dimension, to_si
 
-RESULT_NAMES = {"time": "the results are over it"}
-"""What a sensor can't be called, and why: its name is that of a variable of the results, and stands nowhere else."""
+RESULT_NAMES = {"time": "it is the results' coordinate"}
+"""Reserved names of sensors with the reason: a sensor's name is that of a variable of the results."""
 _OF_IMPACTS = ("begin", "end", "approach", "separation", "impulse", "peak", "lost")
 CONTACT_RESULTS = (
     *(f"contact_{key}" for key in ("gap", "force", "lost")), *(f"flank_{key}" for key in ("gap", "torque", "lost")),
@@ -28,45 +27,45 @@ CONTACT_RESULTS = (
     *(f"clearance_{key}" for key in ("x", "y", "angle")), "contact", "flank", "clearance", "eccentricity",
     "state", "last_state", "last_rate",
 )  # fmt: skip
-"""What the results of a scene with contacts have beside its sensors: no sensor of one can be called so."""
+"""Names of further results of a scene with contacts, reserved there."""
 _OF_FRICTION = ("speed", "pressed", "sticks", "lost", "bristles")
 FRICTION_RESULTS = (
     "friction", *(f"friction_{key}" for key in ("force", *_OF_FRICTION)),
     "pin", *(f"pin_{key}" for key in ("torque", *_OF_FRICTION)),
 )  # fmt: skip
-"""The same of a scene with friction."""
+"""Names of further results of a scene with friction, reserved there."""
 RESERVED_NAMES = RESULT_NAMES | {
-    **dict.fromkeys(("t", "pi", "e", *FUNCTIONS), "laws are written with it"),
-    **dict.fromkeys(("ground", "origin", "start", "end", "mid", "chord", "frame"), "a word of addresses"),
-    **dict.fromkeys(("global", "body", "x", "y", "angle", "all", "none", "true", "false"), "a word of the scene file"),
+    **dict.fromkeys(("t", "pi", "e", *FUNCTIONS), "laws use it"),
+    **dict.fromkeys(("ground", "origin", "start", "end", "mid", "chord", "frame"), "addresses use it"),
+    **dict.fromkeys(("global", "body", "x", "y", "angle", "all", "none", "true", "false"), "the scene file uses it"),
 }
-"""What bodies, joints, drives, masses, loads and fixed points can't be called, and why."""
+"""Reserved names of bodies, joints, drives, masses, loads and fixed points, with the reason."""
 
 _SQUARE = 1e-6
-"""Cosine up to which two axes are taken to be at right angles."""
+"""Largest cosine between two axes at right angles."""
 _ROUNDING = 1e-9
-"""Relative; of numbers that a user rounded."""
+"""Relative tolerance for numbers rounded by the user."""
 MOST = 1_000_000_000
-"""Largest count: its bytes alone would fill most memories."""
+"""Largest count; more would exceed most memories."""
 
 
 Vector: TypeAlias = Any
-"""Two numbers in the plane, three in space: which of them, a scene says and no type."""
+"""Vector of two numbers in the plane, three in space; the scene decides which."""
 
 
 def _encodable(text: str) -> str:
-    """Half of a character comes from a command line that is not UTF-8; no file of text could hold it."""
+    """Raise Fault for a lone surrogate, which comes from a command line that is not UTF-8."""
     if any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise Fault("not a text of whole characters", "Write it in UTF-8")
+        raise Fault("not valid text", "Write it in UTF-8")
     return text
 
 
 Words = Annotated[str, AfterValidator(_encodable)]
-"""A text for people."""
+"""Text for people."""
 
 
 class Address(NamedTuple):
-    """A point of a body ("rod.mid"); `body` is "ground" for fixed points."""
+    """Point of a body ("rod.mid"); `body` is "ground" for fixed points."""
 
     body: str
     point: str
@@ -93,7 +92,7 @@ def _positive(dimension: Dimension) -> Any:
 
 
 def either(value: object, *dimensions: Dimension) -> float:
-    """A quantity of one of some dimensions in SI. Raises Fault as the first of them does."""
+    """Quantity of one of some dimensions in SI. Raises Fault as the first of them does."""
     faults = []
     for dimension in dimensions:
         try:
@@ -104,12 +103,12 @@ def either(value: object, *dimensions: Dimension) -> float:
 
 
 def _turning_or_sliding(turning: Dimension, sliding: Dimension) -> Any:
-    """A quantity of a joint that turns or slides; which of them it must be, the scene's check knows."""
+    """Quantity of a rotating or sliding joint; the scene's check decides which."""
 
     def convert(value: object) -> float:
         return either(value, turning, sliding)
 
-    written = f"{turning.name}, {turning.unit}; of a guide {sliding.name}, {sliding.unit}; or a string with a unit"
+    written = f"{turning.name}, {turning.unit}; for a guide {sliding.name}, {sliding.unit}; or a string with a unit"
     schema = {"type": ["number", "string"], "description": written}
     return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema), turning, sliding]
 
@@ -137,7 +136,7 @@ def _unit_vector(value: object) -> tuple[float, ...]:
     components = [to_si(component, units.RATIO) for component in value]
     length = math.hypot(*components)
     if length == 0:
-        raise Fault("a direction without length", "Write two components, like [1, 0], or three in space")
+        raise Fault("a direction must not be zero", "Write two components, like [1, 0], or three in space")
     return tuple(component / length for component in components)
 
 
@@ -152,7 +151,7 @@ def _two_axes(value: object) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def _inertia(value: object) -> float | tuple[float, ...]:
-    """About the one axis of the plane; in space the principal ones about x, y, z, or these and J_xy, J_yz, J_zx."""
+    """Moment of inertia about the plane's axis; in space those about x, y, z, optionally with J_xy, J_yz, J_zx."""
     if not isinstance(value, (list, tuple)):
         number = to_si(value, units.INERTIA)
         if number < 0:
@@ -166,23 +165,23 @@ def _inertia(value: object) -> float | tuple[float, ...]:
 
 
 def _fibre(value: object) -> float | tuple[float, ...]:
-    """Height above the axis; in space y and z of the section."""
+    """Position of a fibre: height above the axis; in space y and z of the section."""
     if not isinstance(value, (list, tuple)):
         return to_si(value, units.LENGTH)
     if len(value) != 2:
-        raise Fault("not a place in a section", "Write y and z, like ['10 mm', 0]")
+        raise Fault("not a position in a section", "Write y and z, like ['10 mm', 0]")
     return tuple(to_si(component, units.LENGTH) for component in value)
 
 
 def _check_inertia(found: tuple[float, ...]) -> None:
-    """Principal moments of any body are not negative, and none is more than the two others together."""
+    """Raise Fault for impossible principal moments: negative, or one above the sum of the two others."""
     import numpy as np
 
     (x, y, z), (xy, yz, zx) = found[:3], found[3:] or (0.0, 0.0, 0.0)
     least, middle, most = np.linalg.eigvalsh([[x, xy, zx], [xy, y, yz], [zx, yz, z]])
     if least < -_ROUNDING * abs(most) or most > (1.0 + _ROUNDING) * (least + middle):
         reason = f"no body has the principal moments {least:.6g}, {middle:.6g} and {most:.6g} kg m^2"
-        raise Fault(reason, "Give moments of which none is negative or more than the two others together")
+        raise Fault(reason, "Give moments that are not negative, none above the sum of the two others")
 
 
 def _address(value: object) -> Address:
@@ -193,7 +192,7 @@ def _address(value: object) -> Address:
         return Address(parts[0], "origin" if parts[0] == "ground" else "start")
     if len(parts) == 2 and all(parts):
         return Address(*parts)
-    raise Fault("not an address", "Write 'body', 'body.point' or 'ground'; any other point goes to the body's points")
+    raise Fault("not an address", "Write 'body', 'body.point' or 'ground'; define other points in the body's points")
 
 
 def _whole_number(value: object) -> int:
@@ -216,7 +215,7 @@ def _ratios(value: object) -> tuple[float, ...] | str:
     values = value if isinstance(value, (list, tuple)) else [value]
     ratios = tuple(to_si(item, units.RATIO) for item in values)
     if not ratios or min(ratios) < 0:
-        raise Fault("a damping ratio is zero or more", "Write one ratio like 0.02, or one for each mode")
+        raise Fault("a damping ratio must not be negative", "Write one ratio like 0.02, or one for each mode")
     return ratios
 
 
@@ -224,7 +223,7 @@ def two(
     kind: type, read: Callable[[object], object], reason: str, cure: str,
     of: str, written: list[str] | str = "string", wrong: Callable[[Any, Any], str] = lambda first, second: "",
 ) -> Any:  # fmt: skip
-    """A list of two values of a kind, each read from how it is ``written``; ``wrong`` says what is of both together."""
+    """List of two values of a kind, each read as ``written``; ``wrong`` describes the error of both together."""
 
     def convert(value: object) -> tuple[object, object]:
         if not isinstance(value, (list, tuple)) or len(value) != 2:
@@ -258,7 +257,7 @@ DriveCoordinate = _turning_or_sliding(units.ANGLE, units.LENGTH)
 DriveSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 DriveSpeeds = two(
     float, lambda item: either(item, units.ANGULAR_SPEED, units.SPEED), "not two speeds",
-    "Write like ['0.1 m/s', '20 rad/s']", "two speeds, of turning or sliding", _WRITTEN,
+    "Write them like ['0.1 m/s', '20 rad/s']", "two speeds, rotating or sliding", _WRITTEN,
 )  # fmt: skip
 JointSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 JointForce = _turning_or_sliding(units.TORQUE, units.FORCE)
@@ -271,7 +270,7 @@ NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
 NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)
 PositiveRatio = _positive(units.RATIO)
 Abscissa = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "of what the table is read against"})
+    float, WithJsonSchema({"type": ["number", "string"], "description": "of the table's abscissa"})
 ]
 Point = _vector(units.LENGTH)
 Velocity = _vector(units.SPEED)
@@ -324,14 +323,14 @@ Ratios = Annotated[
     WithJsonSchema({"anyOf": [{"type": ["number", "array"]}, {"const": "adams"}]}),
 ]
 Radii = two(
-    float, partial(to_si, dimension=units.LENGTH), "not two radii", "Write like ['10 mm', '10.05 mm']", "two radii, m",
+    float, partial(to_si, dimension=units.LENGTH), "not two radii", "Write ['10 mm', '10.05 mm']", "two radii, m",
     _WRITTEN, lambda first, second: "a radius must not be negative" if min(first, second) < 0 else "",
 )  # fmt: skip
 NumberPair = two(
-    float, partial(to_si, dimension=units.RATIO), "not two numbers", "Write like [1, 0]", "two numbers", "number"
+    float, partial(to_si, dimension=units.RATIO), "not two numbers", "Write them like [1, 0]", "two numbers", "number"
 )
 FrequencyPair = two(
     float, partial(to_si, dimension=units.FREQUENCY), "Rayleigh damping is fixed at two frequencies",
-    "Write like at = ['3039 Hz', '4549 Hz']", "two frequencies", _WRITTEN,
-    lambda low, high: "" if 0 < low < high else "the frequencies are not positive and rising",
+    "Write them like at = ['3039 Hz', '4549 Hz']", "two frequencies", _WRITTEN,
+    lambda low, high: "" if 0 < low < high else "the frequencies must be positive and increasing",
 )  # fmt: skip

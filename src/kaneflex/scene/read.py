@@ -1,4 +1,4 @@
-"""From a TOML file, or a shipped scene's name, to a validated `Scene`; every problem is named at once."""
+"""Reading of a TOML file, or a shipped scene by name, into a validated `Scene`; all problems are reported at once."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ SceneLike: TypeAlias = "Scene | kaneflex.Model | kaneflex.Solution | Path | str"
 """A scene, what was made of it, or a shipped scene's name or a file; :func:`scene_from` gives the scene."""
 
 _DEEPEST = 20
-"""Tables within tables at most: no scene has more than six."""
+"""Largest depth of nested tables; scenes have at most six."""
 FILE_KEYS = {"loads": "table", "drives": "table", "bodies": "modal_data", "solve": "file"}
-"""Table of named entries -> the key by which one of them names a file."""
+"""Table of named entries -> the key with which its entries name a file."""
 _SHIPPED = Path(__file__).parent.parent / "scenes"
 
 
@@ -40,13 +40,13 @@ def shipped_scenes() -> dict[str, Path]:
 
 
 def descriptions() -> dict[str, str]:
-    """Name and description of every shipped scene; nothing else of them is validated."""
+    """Name and description of every shipped scene, without further validation."""
     return {name: _read_raw(path, ()).get("description", "") for name, path in shipped_scenes().items()}
 
 
 @takes(name_or_path="path")
 def read_scene(name_or_path: str | Path) -> Scene:
-    """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
+    """Read the scene of a file, or the shipped scene of that name. Raises SceneError with all problems."""
     path = located(name_or_path, Path.cwd(), "scene")
     return _validated(_read_raw(path, ()), path.stem if path.parent == _SHIPPED else path.name)
 
@@ -63,21 +63,21 @@ def scene_from(given: SceneLike) -> Scene:
 
 @takes(given="tables", folder="path")
 def scene_of(given: Mapping[str, Any] | str, folder: str | Path = ".") -> Scene:
-    """The scene of tables, or of a text in TOML: what a file would hold, with the same checks and the same errors.
+    """Make a scene from tables, or from a text in TOML, with the same checks and errors as for a file.
 
     Parameters
     ----------
     given : mapping or str
-        Tables within tables; numbers of NumPy's, arrays and paths stand for what a file could say of them.
+        Nested tables; NumPy's numbers, arrays and paths are converted to plain values.
     folder : path
-        What the files that it names, and scenes that it is ``like``, stand relative to.
+        Folder to which paths of files, and scenes named by ``like``, are relative.
 
     Raises
     ------
     SceneError
-        With every problem found.
+        With all problems found.
     TypeError
-        For what is neither tables nor a text.
+        If it is neither tables nor a text.
     """
     if isinstance(given, str):
         raw = _parsed(given, "text")
@@ -90,13 +90,13 @@ def scene_of(given: Mapping[str, Any] | str, folder: str | Path = ".") -> Scene:
 
 @takes(scene="scene", settings="settings")
 def with_settings(scene: SceneLike, settings: Iterable[str] | Mapping[str, Any]) -> Scene:
-    """The scene with settings, {path: value} or a list of "path=value", validated anew.
+    """Apply settings, {path: value} or a list of "path=value", to a scene and validate it again.
 
-    "rod.elements=1" is short for "bodies.rod.beam.elements=1"; "loads.gas=none" removes what the scene has.
-    Raises SceneError: a path that leads nowhere or to several places, a value the scene cannot have.
+    "rod.elements=1" is short for "bodies.rod.beam.elements=1"; "loads.gas=none" removes an entry. Raises SceneError for
+    an unknown or ambiguous path, or an invalid value.
     """
     if isinstance(settings, str):
-        raise SceneError("settings", settings, "one text, where a list of settings is wanted", f"Write [{settings!r}]")
+        raise SceneError("settings", settings, "a single text instead of a list of settings", f"Write [{settings!r}]")
     scene = scene_from(scene)
     raw = scene.raw
     given = settings.items() if isinstance(settings, Mapping) else map(split_setting, settings)
@@ -106,7 +106,7 @@ def with_settings(scene: SceneLike, settings: Iterable[str] | Mapping[str, Any])
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of a scene file, for editors. Nothing is required: `like` may give any of it."""
+    """JSON Schema of a scene file, for editors. No entry is required, since `like` may give it."""
     schema = _removable(Scene.model_json_schema(by_alias=True))
     for table in (schema, *schema["$defs"].values()):
         table.pop("required", None)
@@ -114,7 +114,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _removable(schema: Any) -> Any:
-    """The schema with "none" allowed for every named table."""
+    """Schema that also allows "none" for every named table."""
     if isinstance(schema, list):
         return [_removable(item) for item in schema]
     if not isinstance(schema, dict):
@@ -125,7 +125,7 @@ def _removable(schema: Any) -> Any:
 
 
 def located(name_or_path: str | Path, folder: Path, key: str) -> Path:
-    """The file of a shipped scene or of a path relative to `folder`; `key` is where it was named."""
+    """File of a shipped scene or of a path relative to `folder`; `key` is the entry that names it."""
     text, shipped = str(name_or_path), shipped_scenes()
     if text in shipped:
         return shipped[text]
@@ -137,30 +137,30 @@ def located(name_or_path: str | Path, folder: Path, key: str) -> Path:
 
 
 def _other_scene(text: str, path: Path, shipped: Iterable[str]) -> str:
-    """What to say to someone who named a scene that isn't there: the nearest file beside it, or shipped scene."""
+    """Advice for a missing scene: the most similar file in its folder, or shipped scene."""
     try:
         neighbours = sorted(path.parent.glob("*.toml"))
-    except (OSError, ValueError):  # no folder can have that name
+    except (OSError, ValueError):  # the name is not valid for a folder
         neighbours = []
     files = {file.stem: str(Path(text).parent / file.name) for file in neighbours}
     close = difflib.get_close_matches(path.stem[:LONGEST_NAME], [*files, *shipped], n=1)
     if close and close[0] in files:
-        return f"There is a file {files[close[0]]!r}"
+        return f"A similar file is {files[close[0]]!r}"
     return nearest(path.stem, shipped).replace("Known", "Shipped scenes")
 
 
 def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
-    """The file's tables over those that `like` names; the paths of CSV tables, modal data and states are absolute."""
+    """Tables of the file merged over those of `like`; paths of tables, modal data and states become absolute."""
     path = path.resolve()
     if path in readers:
         chain = " -> ".join(reader.name for reader in (*readers, path))
-        raise SceneError("like", path.stem, f"scenes start from each other: {chain}", "Break the circle")
+        raise SceneError("like", path.stem, f"scenes refer to each other in a circle: {chain}", "Remove one reference")
     return _whole(_toml(path), path.stem, path.parent, (*readers, path))
 
 
 def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
-    """Tables as :func:`_read_raw` gives them, of what a file in that folder holds."""
-    raw.setdefault("name", visible(name))  # bytes of a file's name need not be text
+    """Tables as :func:`_read_raw` gives them, from the content of a file in that folder."""
+    raw.setdefault("name", visible(name))  # a file's name may not be valid text
     for entry, key in file_entries(raw).values():
         if entry[key] != REMOVED:
             entry[key] = str(beside(folder, entry[key]))
@@ -170,21 +170,21 @@ def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ..
 
 
 def _toml(path: Path) -> dict[str, Any]:
-    """A file's tables. Raises SceneError: unreadable, not TOML, numbers or tables beyond any scene's."""
+    """Tables of a file. Raises SceneError: unreadable, not TOML, numbers or nesting too large."""
     with told("scene", path.name):
         try:
             text = read_text(path)
-        except FileNotFoundError:  # gone since it was looked for
+        except FileNotFoundError:  # deleted in the meantime
             raise Fault("no such file", "Give the path of a scene") from None
     return _parsed(text, path.name)
 
 
 def _parsed(text: str, name: str) -> dict[str, Any]:
-    """The tables of a text in TOML. Raises SceneError: not TOML, numbers or tables beyond any scene's."""
+    """Tables of a text in TOML. Raises SceneError: not TOML, numbers or nesting too large."""
     try:
         raw = tomllib.loads(text)
     except RecursionError:
-        raise SceneError("scene", name, "lists or tables stand too deep in each other", "Flatten them") from None
+        raise SceneError("scene", name, "lists or tables are nested too deeply", "Flatten them") from None
     except tomllib.TOMLDecodeError as error:
         from kaneflex.support.mistakes import toml_advice
 
@@ -202,12 +202,12 @@ def _demand_shallow(raw: dict[str, Any], name: str) -> None:
     for _ in range(_DEEPEST):
         level = [inner for table in level for inner in table.values() if isinstance(inner, dict)]
     if level:
-        raise SceneError("scene", name, f"tables stand more than {_DEEPEST} deep in each other", "Flatten them")
+        raise SceneError("scene", name, f"tables are nested more than {_DEEPEST} deep", "Flatten them")
 
 
 def _plain(value: Any, depth: int = 0) -> Any:
-    """A value as TOML would give it: mappings, sequences, paths and NumPy's numbers become plain ones."""
-    if depth > _DEEPEST:  # which is refused, and may go on without end
+    """Value as TOML would give it: mappings, sequences, paths and NumPy's numbers become plain values."""
+    if depth > _DEEPEST:  # not supported, and possibly endless
         return value
     if isinstance(value, Mapping):
         return {str(key): _plain(each, depth + 1) for key, each in value.items()}
@@ -219,13 +219,13 @@ def _plain(value: Any, depth: int = 0) -> Any:
 
 
 def _longest_number(text: str) -> tuple[int, int]:
-    """Line and digits of the whole number that has most of them; TOML lets underscores stand between them."""
+    """Line and number of digits of the longest integer; TOML permits underscores between digits."""
     numbers = ((line, row) for line, text in enumerate(text.split("\n"), 1) for row in re.findall(r"[0-9_]+", text))
     return max(((line, len(number.replace("_", ""))) for line, number in numbers), key=lambda found: found[1])
 
 
 def file_entries(raw: Mapping[str, Any]) -> dict[str, tuple[dict[str, Any], str]]:
-    """Path of every entry of a scene's tables that names a file -> the table that it stands in, and its key there."""
+    """Path of every entry that names a file -> its table, and its key there."""
     tables = {table: raw.get(table) for table in FILE_KEYS}
     return {
         f"{table}.{name}.{FILE_KEYS[table]}": (entry, FILE_KEYS[table])
@@ -236,13 +236,13 @@ def file_entries(raw: Mapping[str, Any]) -> dict[str, tuple[dict[str, Any], str]
 
 
 def _validated(raw: dict[str, Any], source: str, like: Scene | None = None) -> Scene:
-    """The scene of its tables; those that it shares with another one are not validated again."""
+    """Scene from its tables; those shared with another scene are not validated again."""
     from kaneflex.scene.check import problems_of
 
     try:
         scene = Scene.model_validate(raw if like is None else like.known(raw))
     except ValidationError as error:
-        # A table's default that needs a broken entry is no problem of its own.
+        # A table's default that needs a faulty entry is not a separate problem.
         found = [e for e in error.errors() if e["type"] != "default_factory_not_called"]
         raise SceneError.gather(problem_in(item, raw) for item in found) from None
     scene.remember(raw, source)
@@ -253,7 +253,7 @@ def _validated(raw: dict[str, Any], source: str, like: Scene | None = None) -> S
 
 
 def _place_of(path: list[str], model: type[BaseModel]) -> str | None:
-    """Where a key belongs that stands in the wrong table: in one within that table, around it, or at the top."""
+    """Advice for a key in the wrong table: the matching table within it, around it, or at the top."""
     *table, key = path
     within = [[*table, inner] for inner in known_keys(table, model)]
     around = [table[:depth] for depth in range(len(table) - 1, 1, -1)]
@@ -263,21 +263,21 @@ def _place_of(path: list[str], model: type[BaseModel]) -> str | None:
 
 
 _COUPLINGS = {"gear", "worm", "rack", "screw", "belt", "chain", "cam", "differential", "ratio", "pitch", "lead"}
-"""Words for what ties one joint to another, which there is no key for."""
+"""Words of keys for couplings between joints, which do not exist."""
 
 
 def _coupling(path: list[str]) -> tuple[str, str] | None:
-    """Reason and cure of a key that would couple joints, which only laws of loads do."""
+    """Reason and advice for a key that would couple joints; only laws of loads can."""
     table, key = path[0], path[-1]
     if len(path) != 3 or not ((table == "joints" and key in _COUPLINGS) or (table == "drives" and key == "against")):
         return None
-    what = "no key couples a joint with another one" if table == "joints" else "a drive's table is over the time"
+    what = "there is no key that couples joints" if table == "joints" else "a drive's table is over time"
     cure = "Let the joints be free, and couple them by laws of torques and forces in their coordinates and speeds"
     return f"unknown key: {what}", f"{cure}, as 'Brakes and belts' in docs/scene/loads.md does"
 
 
 def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel] = Scene) -> Problem:
-    """pydantic's description of one error in a file of such a `model` in our terms."""
+    """Problem for one of pydantic's errors in a file of such a `model`."""
     path = [str(part) for part in error["loc"]]
     fault = error.get("ctx", {}).get("error")
     if isinstance(fault, Fault):

@@ -1,4 +1,4 @@
-"""What modal data of a file tell beside motions: stresses and section forces at named places, by each shape."""
+"""Recovery in modal data of a file: stresses and section forces at named places, for each shape."""
 
 from __future__ import annotations
 
@@ -10,26 +10,25 @@ import numpy as np
 from kaneflex.support.errors import Fault
 
 STRESSES = {3: ("xx", "yy", "xy"), 6: ("xx", "yy", "zz", "xy", "yz", "zx")}
-"""Components of stress in the body's axes by their number; in the plane three or six, in space six."""
+"""Names of the stress components in the body's axes, by their number: in the plane three or six, in space six."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """Numbers at ``places``, by their names, for one of each shape: ``rows`` (n_places, n_components, n_shapes)."""
+    """Values at named ``places`` for unit amplitude of each shape: ``rows`` (n_places, n_components, n_shapes)."""
 
     places: tuple[str, ...] = ()
     rows: np.ndarray = field(default_factory=lambda: np.zeros((0, 6, 0)))
 
     def at(self, place: str, modal: np.ndarray) -> np.ndarray:
-        """Components at a place by modal coordinates (n_shapes, n_times) [m], (n_components, n_times).
+        """Components at a place (n_components, n_times) from modal coordinates (n_shapes, n_times) [m].
 
-        What the shapes store is all that is known of the deformation, so they are as good as these (mode displacement
-        method), best where forces enter by shapes of their own.
+        Mode displacement method: accuracy depends on the shapes, and is best if loads act on shapes of their own.
         """
         return self.rows[self.places.index(place)] @ modal
 
     def stresses_at(self, place: str, modal: np.ndarray) -> dict[str, np.ndarray]:
-        """Components of STRESSES and von Mises' stress, "mises", at one of the stress points [Pa]."""
+        """Stress components by the names of STRESSES, and von Mises' stress "mises", at a stress point [Pa]."""
         found = self.at(place, modal)
         s = dict.fromkeys(STRESSES[6], np.zeros(modal.shape[1])) | dict(zip(STRESSES[len(found)], found, strict=True))
         apart = (s["xx"] - s["yy"]) ** 2 + (s["yy"] - s["zz"]) ** 2 + (s["zz"] - s["xx"]) ** 2
@@ -42,8 +41,8 @@ NONE = Recovery()
 
 @dataclass(frozen=True)
 class Recovered:
-    """The two arrays of a recovery in a file: ``planar`` are its possible numbers of components in the plane, which are
-    six in space, and ``of_points`` says whether its places are some of the points."""
+    """Two arrays of a recovery in a file: ``planar`` holds the possible numbers of components in the plane (in space
+    six); ``of_points`` is true if its places are points of the body."""
 
     names: str
     rows: str
@@ -52,7 +51,7 @@ class Recovered:
     of_points: bool
 
     def read(self, found: Mapping[str, np.ndarray], points: tuple[str, ...], shapes: int, spatial: bool) -> Recovery:
-        """What a file has of it, which may be nothing. Raises Fault."""
+        """Recovery of a file; empty without its arrays. Raises Fault."""
         if self.names not in found and self.rows not in found:
             return NONE
         for name in (self.names, self.rows):
@@ -60,7 +59,7 @@ class Recovered:
                 raise Fault(f"the file has no array {name}", f"Give {self.rows} and {self.names}, or neither")
         places = tuple(str(name) for name in np.atleast_1d(found[self.names]))
         if len(set(places)) < len(places):
-            raise Fault(f"{self.names} = {', '.join(places)} has a name twice", "Give each its own")
+            raise Fault(f"{self.names} = {', '.join(places)} has a name twice", "Give each a different name")
         if self.of_points and (unknown := [name for name in places if name not in points]):
             raise Fault(f"{self.names}: there is no point {unknown[0]}", f"Name some of {', '.join(points)}")
         rows = found[self.rows]
@@ -69,19 +68,19 @@ class Recovered:
         return Recovery(places, finite_array(self.rows, rows, (len(places), count, shapes), self.unit))
 
     def written(self, recovery: Recovery) -> dict[str, np.ndarray]:
-        """What a file has of it."""
+        """Recovery of a file."""
         return {self.names: np.array(recovery.places), self.rows: recovery.rows} if recovery.places else {}
 
 
 STRESS = Recovered("stress_points", "stress", (3, 6), "Pa/m", of_points=False)
 SECTION = Recovered("sections", "section_forces", (3,), "N/m", of_points=True)
-"""N, V, M in the plane; N, V_y, V_z, T, M_y, M_z in space: what the part beyond a section exerts."""
+"""Section forces exerted by the part beyond: N, V, M in the plane; N, V_y, V_z, T, M_y, M_z in space."""
 
 
 def finite_array(name: str, array: np.ndarray, shape: tuple[int, ...], unit: str, cure: str = "") -> np.ndarray:
-    """An array of a file as finite numbers of its shape. Raises Fault."""
+    """Array of a file as finite numbers of the required shape. Raises Fault."""
     if array.shape != shape:
         raise Fault(f"{name} has the shape {array.shape}, not {shape}", cure or f"Give a number for each, in {unit}")
     if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
-        raise Fault(f"{name} holds what is no finite number", f"Give it in {unit}")
+        raise Fault(f"{name} contains numbers that are not finite", f"Give it in {unit}")
     return array.astype(float)

@@ -1,4 +1,4 @@
-"""How a body stands in space."""
+"""Orientation of a body in space."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from kaneflex.scene.table import SceneTable
 from kaneflex.support.errors import Fault
 
 _ALONG = 1e-6
-"""Sine of the angle between two directions that count as one."""
+"""Largest sine of the angle between two directions that count as equal."""
 
 
 class Rotation(SceneTable):
-    """The axes of a body, global: by the direction of its `x` axis, and of its `y` axis or a vector in the half-plane
-    of x and y, by default the global y axis, or z where x is along it; or by an `angle` (rad) about an `axis`.
+    """Axes of a body in global axes: by the direction of its `x` axis, and of its `y` axis or a vector in the x-y
+    half-plane (default: global y, or z if x is along y); or by an `angle` (rad) about an `axis`.
     """
 
     x: Direction | None = None
@@ -28,11 +28,11 @@ class Rotation(SceneTable):
     @model_validator(mode="after")
     def _one_way(self) -> Rotation:
         if (self.x is None) == (self.axis is None):
-            raise Fault("neither x nor axis, or both", "Give the direction of x, or an axis with its angle")
+            raise Fault("exactly one of x and axis is required", "Give the direction of x, or an axis with its angle")
         if self.axis is None and "angle" in self.model_fields_set:
             raise Fault("belongs to an axis", "Leave it out, or give the axis", below="angle")
         if self.axis is not None and "angle" not in self.model_fields_set:
-            raise Fault("an axis without an angle turns nothing", "Give it, like angle = '90 deg'", below="angle")
+            raise Fault("the axis has no angle", "Give it, like angle = '90 deg'", below="angle")
         if self.axis is not None and self.y is not None:
             raise Fault("belongs to x", "Leave it out, or give x", below="y")
         if self.x is not None and self.y is not None and len(self.x) == len(self.y) == 3:
@@ -42,7 +42,7 @@ class Rotation(SceneTable):
 
     @cached_property
     def matrix(self) -> np.ndarray:
-        """The axes x, y, z as columns, (3, 3)."""
+        """Axes x, y, z as columns, (3, 3)."""
         if self.axis is not None:
             return about(np.asarray(self.axis), self.angle)
         x = np.asarray(self.x)

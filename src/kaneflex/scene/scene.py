@@ -1,4 +1,4 @@
-"""The scene: everything a user says about a mechanism, validated, in SI."""
+"""Scene: the validated input of a mechanism, in SI."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from kaneflex.support.units import SENSED, to_si
 
 
 def given_value(raw: object, path: Sequence[str]) -> object:
-    """What a user wrote at a path of keys; None for a table, or where nothing is written."""
+    """Text that a user wrote at a path of keys; None for a table or a missing entry."""
     for part in path:
         if isinstance(raw, list) and part.isdigit():
             raw = raw[int(part)]
@@ -39,7 +39,7 @@ def given_value(raw: object, path: Sequence[str]) -> object:
 
 
 def given_vectors(scene: Scene) -> Iterator[tuple[str, tuple[float, ...]]]:
-    """Where a scene gives a vector, and the vector: how many components they have says whether the scene is planar."""
+    """Path of each vector in a scene, and the vector; their number of components tells if the scene is planar."""
     tables: dict[str, SceneTable] = {"": scene}
     for table in ("bodies", "joints", "drives", "loads", "contacts"):
         tables |= {f"{table}.{name}.": entry for name, entry in getattr(scene, table).items()}
@@ -65,7 +65,7 @@ _VECTORS = frozenset((
 
 
 def _as_given(now: Any, read: Any, raw: Any) -> Any:
-    """A changed table as a file could say it: entries that are what was read stay as they were written."""
+    """Changed table as file content: unchanged entries remain as the user wrote them."""
     if isinstance(now, dict):
         kept = read if isinstance(read, dict) else {}
         return {
@@ -78,25 +78,25 @@ def _as_given(now: Any, read: Any, raw: Any) -> Any:
 
 
 def _if_same(now: Any, read: Any, before: Any, given: Any) -> Any:
-    """A scene's table, unchanged since it was read, for what it was read from; else what is given."""
+    """Table of the scene if unchanged since it was read; else the given one."""
     same = isinstance(now, SceneTable) and given is before and now is read and not now.says_a_file
     return now if same else given
 
 
 class Scene(SceneTable):
-    """A mechanism with its drives, loads, sensors and way of solving. Made by `read_scene`; SI throughout.
+    """Mechanism with its drives, loads, sensors and settings, in SI. Made by `read_scene`.
 
-    Tables keep the file's order. `ground` holds further named fixed points (m, global axes). Once a scene is read,
-    what stands for a joint with a clearance is in `contacts`, and no longer in `joints`.
+    Tables keep the file's order. `ground` holds further named fixed points (m, global axes). When a scene is read, a
+    joint with a clearance moves from `joints` to `contacts`.
     """
 
     schema_version: Literal[1] = Field(alias="schema")
     like: str | None = Field(
-        default=None, description="a shipped scene, or a file beside this one, to start from"
+        default=None, description="a shipped scene, or a file in the same folder, to start from"
     )
     name: Words = ""
     description: Words = ""
-    assumptions: dict[Words, Words] = Field(default={}, description="what is assumed, by topic")
+    assumptions: dict[Words, Words] = Field(default={}, description="assumptions, by topic")
     gravity: Acceleration = (0.0, 0.0)
     ground: dict[str, Point] = Field(default={})
     bodies: dict[str, Body] = Field(min_length=1)
@@ -122,7 +122,7 @@ class Scene(SceneTable):
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        """In a notebook: what it is, and the names of what it has."""
+        """HTML view in a notebook: description and names of entries."""
         from kaneflex.support.html import shown
 
         rows = [(table, ", ".join(entries)) for table, entries in self._tables().items()]
@@ -130,14 +130,14 @@ class Scene(SceneTable):
         return shown(heading, ("", ""), [*rows, ("preset", self.solve.preset)])
 
     def _tables(self) -> dict[str, dict[str, Any]]:
-        """Tables of named entries that have some."""
+        """Non-empty tables of named entries."""
         return {name: value for name, value in self if isinstance(value, dict) and value and name != "assumptions"}
 
     @property
     def raw(self) -> dict[str, Any]:
-        """What the file says, after `like`, before units: where `with_settings` starts. Read only.
+        """Content of the file after merging `like`, before units are converted; `with_settings` starts here. Read only.
 
-        What was changed of the scene after it was read, as by `model_copy`, stands there in SI.
+        Changes after reading, as by `model_copy`, are in SI.
         """
         raw, before, tables = self._raw, self._read, self.__dict__
         for name, field in type(self).model_fields.items():
@@ -148,9 +148,9 @@ class Scene(SceneTable):
         return raw
 
     def known(self, raw: dict[str, Any]) -> dict[str, Any]:
-        """Other tables of a scene for the validator: what they share with those that this one was read from is its own.
+        """Prepare other tables of a scene for the validator: entries shared with this scene's input are already valid.
 
-        An entry that is the same object in both was found valid when this scene was read, and is not read again.
+        An entry that is the same object in both was validated when this scene was read, and is reused.
         """
         return {key: self._known(key, given) for key, given in raw.items()}
 
@@ -161,7 +161,7 @@ class Scene(SceneTable):
         return {name: _if_same(now.get(name), read.get(name), before.get(name), entry) for name, entry in given.items()}
 
     def _written(self, table: str, now: Any, read: Any, raw: Any) -> Any:
-        """A changed table as a file could say it; joints with a clearance stand there, and no contacts made of them."""
+        """Changed table as file content, with joints with a clearance and without the contacts made of them."""
         if table == "contacts":
             now = {name: contact for name, contact in now.items() if contact.joint is None}
         found = _as_given(now, read, raw)
@@ -169,13 +169,13 @@ class Scene(SceneTable):
         return found | {name: entry for name, entry in raw.items() if name in loose} if loose else found
 
     def seen(self, **tables: Any) -> Scene:
-        """The scene with other tables, as some equations see it; settings still go over what is written."""
+        """Copy of the scene with other tables for some equations; settings still apply to the original input."""
         found = self.model_copy(update=tables)
         found.remember(self.raw, self._source)
         return found
 
     def with_clearances(self) -> Scene:
-        """The scene as it moves: contacts in the place of the joints with a clearance, beside those with backlash."""
+        """Scene with contacts in place of its joints with clearance; joints with backlash remain."""
         loose = {name: joint for name, joint in self.joints.items() if joint.clearance is not None}
         if not loose:
             return self
@@ -185,32 +185,32 @@ class Scene(SceneTable):
 
     @cached_property
     def frictions(self) -> dict[str, Friction]:
-        """Joint or contact -> its friction."""
+        """Friction by joint or contact."""
         found = {name: joint.friction for name, joint in self.joints.items()}
         found |= {name: contact.friction for name, contact in self.contacts.items()}
         return {name: friction for name, friction in found.items() if friction is not None}
 
     def turns_at(self, name: str) -> bool:
-        """Whether the joint of this name is a pin, so that its friction is a torque."""
+        """True if the joint of this name is a pin, so that its friction is a torque."""
         return name in self.joints and self.joints[name].kind == "revolute"
 
     def remember(self, raw: dict[str, Any], source: str) -> None:
-        """Keep what the scene was read from, and its tables as they are now."""
+        """Store the input of the scene, and its tables as they are now."""
         self._raw, self._source = raw, source
         self._read = {name: dict(v) if isinstance(v, dict) else v for name, v in self.__dict__.items()}
 
     @property
     def source(self) -> str:
-        """What the scene was read from: a shipped scene's name, or the name of a file without its folder."""
+        """Origin of the scene: a shipped scene's name, or the name of a file without its folder."""
         return self._source or self.name
 
     @cached_property
     def is_spatial(self) -> bool:
-        """Whether vectors have three components; what has none of them is planar."""
+        """True if vectors have three components; a scene without vectors is planar."""
         return any(len(value) == 3 for _, value in given_vectors(self))
 
     def vector(self, given: Vector) -> Vector:
-        """A vector with as many components as the scene has dimensions: those of defaults have no z."""
+        """Vector with as many components as the scene has dimensions; defaults have no z."""
         return (*given, 0.0) if self.is_spatial and len(given) == 2 else tuple(given)
 
     def point(self, address: Address) -> Vector:
@@ -229,12 +229,12 @@ class Scene(SceneTable):
         return found + [mass.at for mass in self.masses.values()]
 
     def acted_on(self, body: str) -> tuple[float, ...]:
-        """Distances [m] from a link's start, between its ends, at which section forces jump: where something acts."""
+        """Distances [m] from a link's start, between its ends, at which forces act and section forces jump."""
         places = {self.point(address)[0] for address in self.acting if address.body == body}
         return tuple(sorted(x for x in places if 0.0 < x < (self.bodies[body].length or 0.0)))
 
     def loop_joints(self) -> tuple[str, ...]:
-        """Joints that close a loop: those whose two bodies the joints before them already connect."""
+        """Joints that close a loop: earlier joints already connect their two bodies."""
         group = {name: name for name in ("ground", *self.bodies)}
         closing = []
         for name, joint in self.joints.items():
@@ -246,28 +246,28 @@ class Scene(SceneTable):
 
     @property
     def period(self) -> float | None:
-        """Duration of one cycle in s; None where no drive has a cycle."""
+        """Duration of one cycle in s; None if no drive has a cycle."""
         return next((drive.period for drive in self.drives.values() if drive.period is not None), None)
 
     @property
     def horizon(self) -> float:
-        """What a run covers, in s: `solve.duration`, else one cycle."""
+        """Duration of a run in s: `solve.duration`, else one cycle."""
         return self.solve.duration if self.solve.duration is not None else self.period
 
     @property
     def forces(self) -> dict[str, Load]:
-        """Loads that push a point."""
+        """Loads that are point forces."""
         return {name: load for name, load in self.loads.items() if load.force_on is not None}
 
     @property
     def spreads(self) -> dict[str, Load]:
-        """Loads that are spread along a body."""
+        """Loads that are distributed along a body."""
         return {name: load for name, load in self.loads.items() if load.spread_on is not None}
 
     def pushes(self, body: str) -> list[tuple[str, Load, Address, float]]:
-        """Loads on a rigid body as point forces: name, load, where, share of its size.
+        """Loads on a rigid body as point forces: name, load, address, share of its magnitude.
 
-        One that is spread linearly is statically the same as l (2 p_0 + p_1) / 6 and l (p_0 + 2 p_1) / 6 at its ends.
+        A linear distribution is statically equivalent to l (2 p_0 + p_1) / 6 and l (p_0 + 2 p_1) / 6 at the ends.
         """
         found = [(name, load, load.force_on, 1.0) for name, load in self.forces.items() if load.force_on.body == body]
         for name, load in self.spreads.items():
@@ -279,7 +279,7 @@ class Scene(SceneTable):
 
     @property
     def torques(self) -> dict[str, Load]:
-        """Loads that turn two bodies against each other at a joint."""
+        """Loads that are torques between two bodies at a joint."""
         return {name: load for name, load in self.loads.items() if load.torque_at is not None}
 
     @property
@@ -288,15 +288,15 @@ class Scene(SceneTable):
         return loose_joints(self.contacts)
 
     def slides(self, drive: str) -> bool:
-        """Whether a drive's coordinate is that of a guide [m], and no angle [rad]."""
+        """True if a drive's coordinate is that of a guide [m], not an angle [rad]."""
         return self.joints[drive].kind == "prismatic"
 
     def written_coordinate(self, drive: str, value: float) -> str:
-        """A drive's coordinate [rad or m] for messages and tables, like "90 deg" or "12.5 mm"."""
+        """Text of a drive's coordinate [rad or m], like "90 deg" or "12.5 mm"."""
         return f"{1e3 * value:.6g} mm" if self.slides(drive) else f"{math.degrees(value):.6g} deg"
 
     def written_speed(self, drive: str, speed: float, digits: int = 6) -> str:
-        """A drive's speed [rad/s or m/s] for messages and tables, like "6000 rpm" or "0.5 m/s"."""
+        """Text of a drive's speed [rad/s or m/s], like "6000 rpm" or "0.5 m/s"."""
         return f"{speed:.{digits}g} m/s" if self.slides(drive) else f"{speed * 30.0 / math.pi:.{digits}g} rpm"
 
     @property
@@ -307,62 +307,62 @@ class Scene(SceneTable):
         return loads | {f"{name}.torque": (joint, -1.0) for name, joint in at.items() if joint is not None}
 
     def meaning_of(self, sensor: Sensor) -> str:
-        """What a sensor reads, in one line for people; a joint's coordinate has no axes that it is read in."""
+        """Description of a sensor in one line; without axes for a joint's coordinate."""
         if isinstance(sensor.target, Address) and sensor.target.body in self.joints:
             return f"{sensor.kind} of joint {sensor.target.body}, {'turn' if sensor.component == 'angle' else 'slide'}"
         return sensor.meaning
 
     def level(self, event: Event) -> float:
-        """The value that an event waits for, in its sensor's SI unit. Raises Fault for text in another unit."""
+        """Value of an event in its sensor's SI unit. Raises Fault for text in another unit."""
         unit = self.sensors[event.sensor].unit
         return to_si(event.value, next(dimension for dimension in SENSED if dimension.unit == unit))
 
     @property
     def is_frame(self) -> bool:
-        """Whether this is a structure that doesn't move: its bodies have poses and nothing is driven."""
+        """True for a fixed structure: its bodies have poses and there are no drives."""
         return any(body.pose is not None for body in self.bodies.values())
 
     @property
     def floating(self) -> dict[str, Free]:
-        """Bodies that joints let move freely in the plane, with their places and speeds at first."""
+        """Free bodies, with their initial positions and speeds."""
         return {name: body.free for name, body in self.bodies.items() if body.free is not None}
 
     def law_names(self) -> tuple[str, ...]:
-        """Names that a law may use beside pi: t, each joint's angle (rad; of a guide m) and speed (rad/s; m/s)."""
+        """Names that a law may use besides pi: t, each joint's angle (rad; for a guide m) and speed (rad/s; m/s)."""
         joints = dict.fromkeys((*self.drives, *(name for name, joint in self.joints.items() if joint.kind != "weld")))
         return ("t", *joints, *(f"{name}_speed" for name in joints))
 
     def law(self, load: str) -> Law | None:
-        """The law of a load that has one."""
+        """Law of a load that has one."""
         text = self.loads[load].law
         return None if text is None else parse_law(text, self.law_names())
 
     def argument(self, load: str) -> Law | None:
-        """The law of a load, or as one what its table is read against: whose names its size depends on."""
+        """Law of a load, or the abscissa of its table as a law; its magnitude depends on the names in it."""
         against = self.loads[load].against
         return self.law(load) if against is None else parse_law(against, self.law_names())
 
     @property
     def observed(self) -> tuple[str, ...]:
-        """Joints without a drive on whose coordinates or speeds loads depend."""
+        """Joints without a drive whose coordinates or speeds enter loads."""
         laws = [law for law in map(self.argument, self.loads) if law is not None]
         free = (name for name in self.joints if name not in self.drives)
         return tuple(name for name in free if any(law.uses_any([name]) for law in laws))
 
     def structure(self) -> dict[str, Any]:
-        """What the equations depend on, as plain data (see `kaneflex.scene.structure`)."""
+        """Structure that the equations depend on, as plain data (see `kaneflex.scene.structure`)."""
         from kaneflex.scene.structure import structure
 
         return deepcopy(_STRUCTURES.of(self, lambda: structure(self)))
 
     def structure_hash(self) -> str:
-        """The structure's name: equal structures share one generated module."""
+        """Name of the structure; equal structures share one generated module."""
         from kaneflex.scene.structure import structure_hash
 
         return _HASHES.of(self, lambda: structure_hash(self))
 
     def built_like(self, other: Scene) -> None:
-        """Take the structure's name from a scene that is known to have the same."""
+        """Copy the structure's name from a scene with the same structure."""
         _HASHES.of(self, other.structure_hash)
 
 

@@ -15,7 +15,7 @@ from kaneflex.support.units import LENGTH, RATIO, to_si
 
 
 def _dimensions(*names: str) -> Any:
-    """A field of several lengths above zero, written as a list."""
+    """Field of several positive lengths, written as a list."""
     wanted = f"[{', '.join(names)}]"
 
     def convert(value: object) -> tuple[float, ...]:
@@ -45,7 +45,7 @@ ShearCoefficient = Annotated[
 
 
 class SectionNumbers(NamedTuple):
-    """Area A [m^2], second moment of area I [m^4] and shear coefficient kappa [1], None where nobody knows it."""
+    """Area A [m^2], second moment of area I [m^4] and shear coefficient kappa [1], None if unknown."""
 
     A: float
     I: float
@@ -55,9 +55,8 @@ class SectionNumbers(NamedTuple):
 class SpatialSectionNumbers(NamedTuple):
     """Numbers of a section with its height along y and its width along z, its principal axes.
 
-    Area A [m^2]; I_y = int z^2 dA and I_z = int y^2 dA [m^4]; J, Saint-Venant's constant of torsion [m^4], which is
-    I_y + I_z of round sections alone; k_y, k_z: areas in shear along y and z are k_y A and k_z A, None where nobody
-    knows them.
+    Area A [m^2]; I_y = int z^2 dA and I_z = int y^2 dA [m^4]; J, Saint-Venant's torsion constant [m^4], equal to
+    I_y + I_z for round sections only; k_y A and k_z A are the areas in shear along y and z, with k None if unknown.
     """
 
     A: float
@@ -69,15 +68,15 @@ class SpatialSectionNumbers(NamedTuple):
 
     @property
     def in_plane(self) -> SectionNumbers:
-        """What bending in the plane of the height knows of it."""
+        """Section for bending in the plane of the height."""
         return SectionNumbers(self.A, self.I_z, self.k_y)
 
 
 def torsion_constant(height: float, width: float) -> float:
-    """J [m^4] of a rectangle by Saint-Venant's series, to rounding (Timoshenko & Goodier, Theory of Elasticity, 109).
+    """Torsion constant J [m^4] of a rectangle, Saint-Venant's series (Timoshenko & Goodier, Theory of Elasticity, 109).
 
-    J = a b^3/3 (1 - 192 b/(pi^5 a) sum tanh(n pi a/2b)/n^5) over odd n with a >= b; of the sum what tanh lacks of 1 is
-    left to add up, since sum 1/n^5 = 31/32 zeta(5).
+    J = a b^3/3 (1 - 192 b/(pi^5 a) sum tanh(n pi a/2b)/n^5) over odd n with a >= b. Only tanh - 1 is summed, since
+    sum 1/n^5 = 31/32 zeta(5).
     """
     a, b = max(height, width), min(height, width)
     lacks = sum(2 / (math.exp(min(n * math.pi * a / b, 700.0)) + 1) / n**5 for n in range(1, 16, 2))
@@ -89,7 +88,7 @@ _ODD_FIFTHS = 31 / 32 * 1.0369277551433699
 
 
 def _rectangle(nu: float, height: float, width: float) -> SpatialSectionNumbers:
-    """Shear by Cowper (1966), J. Applied Mechanics 33, 335-340; 5/6 where nu = 0."""
+    """Rectangle; shear by Cowper (1966), J. Applied Mechanics 33, 335-340; 5/6 for nu = 0."""
     k = 10 * (1 + nu) / (12 + 11 * nu)
     J = torsion_constant(height, width)
     return SpatialSectionNumbers(height * width, height * width**3 / 12, width * height**3 / 12, J, k, k)
@@ -100,12 +99,12 @@ def _round(A: float, I: float, k: float) -> SpatialSectionNumbers:
 
 
 def _circle(nu: float, diameter: float) -> SpatialSectionNumbers:
-    """Shear by Cowper (1966)."""
+    """Circle; shear by Cowper (1966)."""
     return _round(math.pi * diameter**2 / 4, math.pi * diameter**4 / 64, 6 * (1 + nu) / (7 + 6 * nu))
 
 
 def _tube(nu: float, diameter: float, wall: float) -> SpatialSectionNumbers:
-    """Shear by Cowper (1966), m the ratio of the inner to the outer radius."""
+    """Tube; shear by Cowper (1966), m is the ratio of the inner to the outer radius."""
     inner = diameter - 2 * wall
     m = inner / diameter
     square = (1 + m**2) ** 2
@@ -114,11 +113,11 @@ def _tube(nu: float, diameter: float, wall: float) -> SpatialSectionNumbers:
 
 
 def _i_section(nu: float, height: float, width: float, flange: float, web: float) -> SpatialSectionNumbers:
-    """A, I_y and I_z are exact, torsion and shear those of thin walls.
+    """I section; A, I_y and I_z are exact, torsion and shear are those of thin walls.
 
-    Along the height shear by Cowper (1966), the height taken between the middles of the flanges; along the width the
-    two flanges alone carry it, each as a rectangle. J is the sum of the strips' length thickness^3/3 (Timoshenko &
-    Goodier, Theory of Elasticity, 110), the web's length taken between the middles of the flanges.
+    Shear along the height by Cowper (1966), with the height between the middles of the flanges; along the width only
+    the two flanges carry it, each as a rectangle. J is the sum of the strips' length thickness^3/3 (Timoshenko &
+    Goodier, Theory of Elasticity, 110), with the web's length between the middles of the flanges.
     """
     clear = height - 2 * flange
     middle = height - flange
@@ -146,7 +145,7 @@ _SHAPES: dict[str, Callable[..., SpatialSectionNumbers]] = {
 
 
 class Shape(SceneTable):
-    """A section by its shape, bent in the plane of its height: exactly one of the four."""
+    """Section by its shape (exactly one of the four), bent in the plane of its height."""
 
     rectangle: _dimensions("height", "width") | None = None
     circle: PositiveLength | None = Field(default=None, description="diameter")
@@ -170,7 +169,7 @@ class Shape(SceneTable):
 
     @property
     def dimensions(self) -> tuple[float, ...]:
-        """The shape's lengths in m, in the order in which they are written."""
+        """Lengths of the shape in m, in the order of the file."""
         found = getattr(self, self.kind)
         return found if isinstance(found, tuple) else (found,)
 
@@ -179,6 +178,6 @@ class Shape(SceneTable):
         return self.spatial_numbers_of(dimensions, nu).in_plane
 
     def spatial_numbers_of(self, dimensions: tuple[float, ...], nu: float | None) -> SpatialSectionNumbers:
-        """The same with those of bending across the height and of torsion; the height lies along y."""
+        """Numbers of the section in space; the height is along y."""
         numbers = _SHAPES[self.kind](nu if nu is not None else 0.0, *dimensions)
         return numbers if nu is not None else numbers._replace(k_y=None, k_z=None)

@@ -1,4 +1,4 @@
-"""Sensors: what a user wants to know of the motion, each a named quantity with its reference and axes."""
+"""Sensors: named quantities of the motion, each with its reference and axes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CONTACT_KINDS = ("contact_force", "contact_gap", *FLANK_KINDS)
 FRICTION_KINDS = ("friction_force", "friction_torque")
 KINDS = (*POINT_KINDS, "stress", "joint_force", *DRIVE_KINDS, *SPRING_KINDS, *CONTACT_KINDS, *FRICTION_KINDS)
 RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
-"""Kinds whose rigid value stands beside them under NAME_rigid."""
+"""Kinds whose rigid value is also written, as NAME_rigid."""
 
 _UNITS = {
     "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "position": "m", "axial_force": "N",
@@ -53,26 +53,25 @@ def _default_reading(data: dict) -> str:
 
 
 class Sensor(SceneTable):
-    """One measured quantity: exactly one kind, with the address it is measured at.
+    """Measured quantity: exactly one kind, with the address that it is measured at.
 
     displacement, velocity, acceleration, position: of a body's point; `component` x, y or angle, in `body`
     axes (the default; global for a position) or `global` ones. A displacement is relative to the body's rigid
     `frame`, to the `chord` through its displaced ends or to its `start`. An acceleration reads as an
     accelerometer would (a - g) in body axes, or `kinematic` (a), the default in global axes. A position may
-    name a joint: its coordinate, or where its second side is in its clearance. axial_force (tension positive),
-    bending_moment, shear_force, strain (at the height `fibre` above the axis): of the section just before the point,
-    or just after it by `cut`, where something acts there between the ends, or the section changes. stress: at a
+    name a joint: its coordinate, or the position of its second side in its clearance. axial_force (tension positive),
+    bending_moment, shear_force, strain (at the height `fibre` above the axis): in the section just before the point,
+    or just after it by `cut`, if a force acts there between the ends, or the section changes. stress: at a
     point at which a body's modal data recover it, von Mises' or a component in the body's axes. joint_force: the force
-    (component angle: moment) of a joint on `body`, by default the joint's second one. drive_torque: what a drive must
-    apply; drive_force: that of a guide's drive.
-    spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
-    turning. In space components are x, y, z, and angle_x, angle_y, angle_z for rotations, angular velocities and
-    accelerations, and moments about these axes; a bending_moment is about the link's y or z, a shear_force along them,
-    there is torsional_moment, about x, and a strain's `fibre` is at y and z of the section.
-    contact_force: the normal force of a contact; contact_gap: how far
-    its sides are apart, below zero where they are in each other. contact_torque, contact_angle: the same of a flank
-    of a joint's backlash. friction_force: what friction exerts on the second side of a contact or a guide, with a
-    line on the point; friction_torque: that of a pin.
+    (component angle: moment) of a joint on `body`, by default the joint's second one. drive_torque: torque that a drive
+    applies; drive_force: force of a guide's drive.
+    spring_force: the tension of a spring and its damper; spring_torque: the torque of a torsional one against the
+    joint's rotation. In space components are x, y, z, and angle_x, angle_y, angle_z for rotations, angular velocities
+    and accelerations, and moments about these axes; a bending_moment is about the link's y or z, a shear_force along
+    them, torsional_moment about x, and a strain's `fibre` is at y and z of the section. contact_force: the normal force
+    of a contact; contact_gap: the distance of its sides, negative for penetration. contact_torque, contact_angle:
+    torque and gap of a flank of a joint's backlash. friction_force: force of friction on the second side of a contact
+    or a guide, or on the point in contact with a line; friction_torque: torque of friction in a pin.
     """
 
     displacement: AddressField | None = None
@@ -118,14 +117,14 @@ class Sensor(SceneTable):
             "fibre": ("strain",),
             "cut": SECTION_KINDS,
         }
-        self.refuse((field for field, kinds in needs.items() if kind not in kinds), f"has no meaning for {kind}")
+        self.refuse((field for field, kinds in needs.items() if kind not in kinds), f"does not apply to {kind}")
         if (kind == "stress") != (self.component in ("mises", *STRESSES[6])):
-            reason = f"no component of a {kind.replace('_', ' ')}"
+            reason = f"not a component of a {kind.replace('_', ' ')}"
             cure = f"Give mises or one of {', '.join(STRESSES[6])}" if kind == "stress" else "Give x, y, z or an angle"
             raise Fault(reason, cure, below="component")
         if kind == "strain" and self.fibre is None:
             raise Fault(
-                "a strain without the fibre it is measured at", "Give fibre, its height above the axis"
+                "the strain's fibre is not given", "Give fibre, its height above the axis"
             )
         return self
 
@@ -135,12 +134,12 @@ class Sensor(SceneTable):
 
     @property
     def target(self) -> Address | str:
-        """The address measured at, or the joint's or drive's name."""
+        """Address measured at, or the joint's or drive's name."""
         return getattr(self, self.kind)
 
     @cached_property
     def meaning(self) -> str:
-        """One line for people: kind, place, component, axes."""
+        """Description in one line: kind, place, component, axes."""
         text = f"{self.kind.replace('_', ' ')} of {self.target}"
         if self.kind in (*MOTION_KINDS, "joint_force"):
             text += f", {self.component}" + ("" if self.component == "angle" else f" in {self.axes} axes")

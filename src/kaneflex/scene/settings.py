@@ -1,4 +1,4 @@
-"""`--set path=value`: from a short path to the place in the scene that it means."""
+"""Resolution of `--set path=value`: from a short path to its entry in the scene."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kaneflex.scene.fields import ANY_NAME, has_entry, known_keys
 from kaneflex.support.errors import SceneError, nearest
 
 _MOST_NAMES = 3
-"""Names that a message lists at most."""
+"""Largest number of names that a message lists."""
 _NAMED = ("bodies", "joints", "drives", "masses", "loads", "springs", "contacts", "sensors", "events")
 """Top-level tables whose entries users name."""
 
@@ -20,14 +20,14 @@ def split_setting(setting: str) -> tuple[str, Any, str]:
     """Path, value and the value's text of "path=value". Raises SceneError without "=" or path."""
     path, equals, text = setting.partition("=")
     if not equals or not path.strip():
-        raise SceneError("setting", setting, "not of the form path=value", "Write like rod.elements=1")
+        raise SceneError("setting", setting, "not of the form path=value", "Write it like rod.elements=1")
     return path.strip(), _value(text.strip()), text.strip()
 
 
 def nested(raw: Mapping[str, Any], path: str, value: Any, text: str | None = None) -> dict[str, Any]:
-    """A setting as nested tables, to be merged over `raw`; an error shows the value as ``text``.
+    """Setting as nested tables, to be merged over `raw`; an error shows the value as ``text``.
 
-    Raises SceneError: a path that leads nowhere, a short path that means several places.
+    Raises SceneError: an unknown path, or an ambiguous short path.
     """
     result = value
     for key in reversed(resolved(raw, path, str(value) if text is None else text)):
@@ -36,17 +36,17 @@ def nested(raw: Mapping[str, Any], path: str, value: Any, text: str | None = Non
 
 
 def _value(text: str) -> Any:
-    """A TOML value, or the text itself, so that quotes may be left out."""
+    """Value in TOML, or the text itself, so that quotes may be left out."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):  # no TOML, or beyond what Python reads
+    except (ValueError, RecursionError):  # not TOML, or too large for Python's parser
         return text
 
 
 def resolved(raw: Mapping[str, Any], path: str, text: str | None = None) -> list[str]:
-    """The keys that a path means, short or whole, in a scene's tables; ``text`` is the value to name in an error.
+    """Full keys of a short or full path in a scene's tables; an error shows the value as ``text``.
 
-    Raises SceneError for a path that leads nowhere, or to several places.
+    Raises SceneError for an unknown or ambiguous path.
     """
     keys = path.split(".")
     if keys[0] in known_keys(()):
@@ -59,7 +59,7 @@ def resolved(raw: Mapping[str, Any], path: str, text: str | None = None) -> list
     fitting = [place for place in places if len(keys) > 1 and has_entry(place)]
     if len(fitting) > 1:
         choices = " or ".join(".".join(place) for place in fitting)
-        raise SceneError(path, text, "means several places", f"Write {choices}")
+        raise SceneError(path, text, "this path is ambiguous", f"Write {choices}")
     if not fitting:
         known = {key for place in places for key in known_keys(place[: 2 + ("beam" in place[2:3])])}
         last = keys[1] if len(keys) > 1 else ""
@@ -71,18 +71,18 @@ def resolved(raw: Mapping[str, Any], path: str, text: str | None = None) -> list
 
 
 def demand_once(given: Iterable[tuple[str, str, Hashable]]) -> None:
-    """Raise SceneError where one place is named twice, in whatever spelling; given are key, name, place."""
+    """Raise SceneError if an entry is given twice, in any spelling; ``given`` holds key, name, place."""
     known: dict[Hashable, tuple[str, str]] = {}
     for key, name, place in given:
         if place in known:
             before = known[place]
-            also = "" if before == (key, name) else f", before as {before[1]} in {before[0]}"
+            also = "" if before == (key, name) else f", first as {before[1]} in {before[0]}"
             raise SceneError(key, name, f"given twice{also}", "Give each entry once")
         known[place] = (key, name)
 
 
 def _drives_of(raw: Mapping[str, Any], body: str) -> list[str]:
-    """The drives of a body's joints, in the order of the scene; the tables may still hold anything."""
+    """Drives of a body's joints, in the order of the scene; the tables are not validated yet."""
     joints = raw.get("joints", {})
     found = []
     for drive in raw.get("drives", {}):
@@ -93,7 +93,7 @@ def _drives_of(raw: Mapping[str, Any], body: str) -> list[str]:
 
 
 def _other_path(raw: Mapping[str, Any], keys: list[str]) -> str:
-    """What to say where nothing has the name that a path begins with: similar names, or what has such an entry."""
+    """Advice for an unknown name at the beginning of a path: similar names, or names with such an entry."""
     names = dict.fromkeys([*(name for table in _NAMED for name in raw.get(table, {})), *known_keys(())])
     close = difflib.get_close_matches(keys[0], names, n=3)
     if len(keys) == 1:
@@ -118,12 +118,12 @@ def _or_rather(close: list[str]) -> str:
 
 
 def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str | None) -> None:
-    """Raise SceneError unless the scene may have an entry at `keys` and has the thing that it belongs to."""
+    """Raise SceneError unless the scene may have an entry at `keys` and contains its owner."""
     for depth in range(1, len(keys) + 1):
         if not has_entry(keys[:depth]):
             cure = nearest(keys[depth - 1], known_keys(keys[: depth - 1]))
             raise SceneError(path, text, f"no key {keys[depth - 1]!r} there", cure)
-    is_new_mass = keys[0] == "masses" and len(keys) == 2  # as a whole, unlike other entries
+    is_new_mass = keys[0] == "masses" and len(keys) == 2  # a whole table, unlike other entries
     if keys[0] in _NAMED and len(keys) > 1 and not is_new_mass and keys[1] not in raw.get(keys[0], {}):
         cure = nearest(keys[1], raw.get(keys[0], {}))
         raise SceneError(path, text, f"the scene has no {keys[1]!r} among its {keys[0]}", cure)

@@ -1,4 +1,4 @@
-"""What a scene in space must satisfy, and what is planar only."""
+"""Checks of spatial scenes, and of entries that only planar or only spatial scenes have."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _SENSORS = (
     "spring_torque",
 )  # fmt: skip
 SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
-"""Kinds of joints with more than one freedom."""
+"""Kinds of joints with more than one degree of freedom."""
 START_SPEEDS = {"cylindrical": "initial_speeds", "universal": "initial_speeds", "spherical": "angular_velocity"}
-"""What says how fast such a joint is at first, where it is free."""
+"""Key of the initial speeds of such a joint, if it is free."""
 
 
 def dimension_problems(scene: Scene) -> list[Problem]:
-    """Vectors of two components beside ones of three, and what belongs to a scene of the other kind."""
+    """Problems of mixed vectors with two and three components, and of entries of the other kind of scene."""
     vectors = list(given_vectors(scene))
     flat = next((key for key, value in vectors if len(value) == 2), None)
     deep = next((key for key, value in vectors if len(value) == 3), None)
     if flat is not None and deep is not None:
         given = given_value(scene.raw, flat.split("."))
         reason = f"two components, where {deep} has three"
-        return [Problem(flat, given, reason, "Give all vectors of a scene as many: three in space")]
+        return [Problem(flat, given, reason, "Give all vectors of a scene three components in space, two in the plane")]
     if scene.is_spatial:
         parts = _planar_only, _joints, _laws, _bodies, _beams, _drives, _sensors
         return [problem for part in parts for problem in part(scene)]
@@ -38,18 +38,18 @@ def dimension_problems(scene: Scene) -> list[Problem]:
 
 
 def refuse_in_space(scene: Scene, key: str, what: str) -> None:
-    """Raise SceneError for a spatial scene that is given to what knows planar ones alone."""
+    """Raise SceneError for a spatial scene where only planar scenes are supported."""
     if scene.is_spatial:
-        raise SceneError(key, scene.name, f"{what} only planar scenes so far", "Take a planar scene")
+        raise SceneError(key, scene.name, f"{what} only planar scenes so far", "Use a planar scene")
 
 
 _ALONG = math.cos(math.radians(10.0))
-"""Cosine of the angle to a body's x axis up to which a line to slide along goes along the body, not across it."""
+"""Smallest cosine of the angle to a body's x axis at which a sliding direction is along the body."""
 _IN_PLANE = "Give vectors three components, or import the body without --space"
 
 
 def _spatial_only(scene: Scene) -> Iterator[Problem]:
-    """What only a scene in space has."""
+    """Problems of entries that only spatial scenes have."""
     cure = "Give vectors three components, or leave it out"
     for name, body in scene.bodies.items():
         if body.modal is not None and body.modal.dimension == 3:
@@ -59,7 +59,7 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
         if isinstance(body.inertia, tuple):
             yield Problem(f"bodies.{name}.inertia", None, "a planar body turns about one axis", cure)
         if body.rotation is not None:
-            yield Problem(f"bodies.{name}.rotation", None, "a planar body turns by its joints alone", cure)
+            yield Problem(f"bodies.{name}.rotation", None, "joints give the angles of planar bodies", cure)
         if body.free is not None and body.free.angular_velocity is not None:
             yield Problem(f"bodies.{name}.free.angular_velocity", None, "a planar body has one", "Give angular_speed")
         for part, sectioned in {} if body.beam is None else body.beam.sections.items():
@@ -94,13 +94,13 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
 
 
 def _planar_only(scene: Scene) -> Iterator[Problem]:
-    """What there is in the plane alone, so far."""
+    """Problems of entries that only planar scenes support so far."""
     reason, cure = "only planar scenes have this so far", "Leave it out"
     for name, body in scene.bodies.items():
         if body.pose is not None:
             yield Problem(f"bodies.{name}.pose", None, reason, cure)
         if body.modal is not None and body.modal.dimension != 3:
-            right = "Import its finite elements with --space, or export it of a scene in space"
+            right = "Import its finite elements with --space, or export it from a scene in space"
             yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file is of a link in the plane", right)
     for name, joint in scene.joints.items():
         for field in ("branch", "near", "clearance", "friction", "relative_angle"):
@@ -116,38 +116,38 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
 
 
 def _laws(scene: Scene) -> Iterator[Problem]:
-    """Laws of loads must be smooth, and know joints with one coordinate alone."""
+    """Problems of laws of loads in space: they must be smooth, and use joints with one coordinate."""
     several = [name for name, joint in scene.joints.items() if joint.kind in SEVERAL_FREEDOMS]
     for name, load in scene.loads.items():
         try:
             law = scene.argument(name)
         except Fault:
-            continue  # named where loads are checked
+            continue  # reported by the check of loads
         key, given = f"loads.{name}.{'law' if load.law else 'against'}", load.law or load.against
         if law is not None and law.uses_any(several):
             known = next(joint for joint in several if law.uses_any([joint]))
-            reason = f"{known} has several freedoms, and no coordinate of its own"
-            yield Problem(key, given, reason, "Take a joint with one coordinate, or t")
+            reason = f"{known} has several degrees of freedom, so no single coordinate"
+            yield Problem(key, given, reason, "Use a joint with one coordinate, or t")
         elif law is not None and law.kinks():
-            reason = f"the slope of {law.kinks()} jumps, which only planar scenes follow so far"
-            yield Problem(key, load.law, reason, "Write it smoothly, like tanh(1000 * x)")
+            reason = f"the slope of {law.kinks()} jumps, which only planar scenes support so far"
+            yield Problem(key, load.law, reason, "Write a smooth law, like tanh(1000 * x)")
 
 
 def _joints(scene: Scene) -> Iterator[Problem]:
     for name, joint in scene.joints.items():
         if joint.kind in ("revolute", "cylindrical") and joint.axis is None:
-            reason = f"in space a {joint.kind} joint turns about an axis"
+            reason = f"in space a {joint.kind} joint needs an axis"
             yield Problem(f"joints.{name}", None, reason, "Give it, like axis = [0, 0, 1]")
         elif joint.kind == "universal" and joint.axes is None:
-            reason = "a universal joint turns about two axes"
+            reason = "a universal joint needs two axes"
             yield Problem(f"joints.{name}", None, reason, "Give them, like axes = [[0, 1, 0], [0, 0, 1]]")
         rail = scene.bodies.get(joint.addresses[0].body)
         way = joint.direction or joint.axis
         slides = joint.kind in ("prismatic", "cylindrical") and scene.solve.preset != "rigid"
         along = way is not None and abs(way[0]) > _ALONG * math.hypot(*way)
         if slides and along and rail is not None and rail.deforms:
-            reason = "it is elastic, and its line to slide along would stay straight as it bends"
-            cure = "Name the other side first, whose line it is then, or weld a rigid body there and let that slide"
+            reason = "the body is elastic, but its sliding line would stay straight"
+            cure = "Name the other side first, so that the line belongs to it, or weld a rigid body there as the slider"
             yield Problem(f"joints.{name}.{joint.kind}", str(joint.addresses[0]), reason, cure)
 
 
@@ -167,20 +167,20 @@ def _bodies(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"masses.{name}.inertia", mass.inertia, reason, "Give [J_x, J_y, J_z]")
         for table in ("bodies", "joints", "loads"):
             if name in getattr(scene, table):
-                yield Problem(f"masses.{name}", None, f"it stands in {table} already", "Choose another name")
+                yield Problem(f"masses.{name}", None, f"{table} has an entry of this name", "Choose another name")
 
 
 def _beams(scene: Scene) -> Iterator[Problem]:
-    """Sections of beams in space have two planes of bending and torsion."""
+    """Problems of sections in space, which bend in two planes and twist."""
     for name, body in scene.bodies.items():
         if body.beam is None:
             continue
         key = f"bodies.{name}.beam"
         if body.beam.axially_rigid:
-            yield Problem(f"{key}.axially_rigid", True, "only planar beams can be so far", "Leave it out")
+            yield Problem(f"{key}.axially_rigid", True, "only planar beams support this so far", "Leave it out")
         if body.beam.shear and not body.beam.rotary:
-            reason = "only planar beams know shear without rotary inertia so far"
-            yield Problem(f"{key}.theory", body.beam.theory, reason, "Take timoshenko")
+            reason = "only planar beams support shear without rotary inertia so far"
+            yield Problem(f"{key}.theory", body.beam.theory, reason, "Use timoshenko")
         for part, sectioned in body.beam.sections.items():
             here, made_of = f"bodies.{name}.{part}", body.beam.made_of(sectioned)
             if sectioned.section is None and sectioned.J is None:
@@ -189,14 +189,14 @@ def _beams(scene: Scene) -> Iterator[Problem]:
             for field in ("A_end", "I_end"):
                 if getattr(sectioned, field) is not None:
                     cure = "Give section and taper by their shapes"
-                    yield Problem(f"{here}.{field}", getattr(sectioned, field), "only planar beams have it", cure)
+                    yield Problem(f"{here}.{field}", getattr(sectioned, field), "only planar beams use it", cure)
             if made_of.G is None:
                 yield Problem(here, None, "a beam in space twists, and needs a shear modulus", "Give nu or G")
         acted = [(f"loads.{load}", each.force_on) for load, each in scene.forces.items()]
         acted += [(f"springs.{spring}", end) for spring, each in scene.springs.items() for end in each.ends]
         for by, at in acted:
             if at is not None and at.body == name and at.point in body.points_all and any(scene.point(at)[1:]):
-                reason = f"{by} acts on it, and on an elastic body it must do so on its axis"
+                reason = f"{by} acts off the axis of an elastic body"
                 key = f"bodies.{name}.points.{at.point}"
                 yield Problem(key, scene.point(at), reason, "Move the point onto the axis")
 
@@ -207,11 +207,11 @@ def _drives(scene: Scene) -> Iterator[Problem]:
         if joint is None:
             continue
         if joint.kind in SEVERAL_FREEDOMS and drive.kind != "free":
-            reason = f"a {joint.kind} joint has more than one freedom to prescribe"
-            yield Problem(f"drives.{name}", None, reason, "Drive a revolute or a prismatic joint, or let it be free")
+            reason = f"a {joint.kind} joint has more than one degree of freedom"
+            yield Problem(f"drives.{name}", None, reason, "Drive a revolute or a prismatic joint, or make it free")
         for field in ("angle", "position") if joint.kind in SEVERAL_FREEDOMS else ():
             if field in drive.model_fields_set:
-                yield Problem(f"drives.{name}.{field}", None, "this joint has several freedoms", "Leave it out")
+                yield Problem(f"drives.{name}.{field}", None, "this joint has several coordinates", "Leave it out")
         right = START_SPEEDS.get(joint.kind, "initial_speed")
         for field in ("initial_speed", "initial_speeds", "angular_velocity"):
             if field != right and field in drive.model_fields_set:
@@ -225,24 +225,24 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"{key}.{sensor.kind}", None, "only planar scenes have this so far", "Leave it out")
         elif sensor.kind in ("shear_force", "bending_moment") and sensor.component not in ("y", "z"):
             what = "bends about" if sensor.kind == "bending_moment" else "is sheared along"
-            yield Problem(f"{key}.component", sensor.component, f"a link in space {what} its y or its z", "Give y or z")
+            yield Problem(f"{key}.component", sensor.component, f"a link in space {what} its y or z", "Give y or z")
         elif sensor.kind == "strain" and not isinstance(sensor.fibre, tuple):
-            reason = "a fibre in space is at y and z of the section"
+            reason = "a fibre in space needs y and z of the section"
             yield Problem(f"{key}.fibre", sensor.fibre, reason, "Give both, like ['10 mm', 0]")
         elif sensor.component == "angle" and joint_read(scene, sensor) is None:
-            yield Problem(f"{key}.component", "angle", "a rotation in space is about an axis", "Write like angle_z")
+            yield Problem(f"{key}.component", "angle", "a rotation in space needs an axis", "Write it like angle_z")
         elif sensor.component.startswith("angle_") and sensor.kind == "position":
             cure = "Measure a velocity or an acceleration, or the position of a joint"
             yield Problem(f"{key}.component", sensor.component, "angles in space don't add up to a position", cure)
         elif (joint := joint_read(scene, sensor)) is not None:
             kind = scene.joints[joint].kind
             if kind in ("universal", "spherical", "weld"):
-                reason = f"a {kind} joint has no coordinate of its own to measure"
+                reason = f"a {kind} joint has no single coordinate to measure"
                 yield Problem(f"{key}.{sensor.kind}", joint, reason, "Measure points of its bodies")
 
 
 def joint_read(scene: Scene, sensor: Sensor) -> str | None:
-    """The joint of which a sensor reads the coordinate, or in space one of its rates."""
+    """Joint whose coordinate, or in space one of its rates, a sensor measures."""
     kinds = ("position", "velocity", "acceleration") if scene.is_spatial else ("position",)
     target = sensor.target
     if sensor.kind in kinds and isinstance(target, Address) and target.point == "start" and target.body in scene.joints:

@@ -1,4 +1,4 @@
-"""Springs with dampers: between two points, at a revolute joint, or in space as bushings of six stiffnesses."""
+"""Springs with dampers: between two points, at a revolute joint, or in space as bushings with six stiffnesses."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from kaneflex.support.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIO
 
 _TYPES = ["number", "string", "array"]
 Stiffness = Annotated[
-    Any,  # a number; of a bushing six
-    WithJsonSchema({"type": _TYPES, "description": "a stiffness, N/m or N m/rad; of a bushing three of each"}),
+    Any,  # a number; six for a bushing
+    WithJsonSchema({"type": _TYPES, "description": "a stiffness, N/m or N m/rad; for a bushing three of each"}),
 ]
 DampingConstant = Annotated[
-    Any, WithJsonSchema({"type": _TYPES, "description": "a damping, N s/m or N m s/rad; of a bushing three of each"})
+    Any, WithJsonSchema({"type": _TYPES, "description": "a damping, N s/m or N m s/rad; for a bushing three of each"})
 ]
 
-IN_THE_PLANE = "In a planar scene write springs between points that are apart, along x and along y"
-"""How planar scenes do without bushings."""
+IN_THE_PLANE = "In a planar scene use two springs between separate points, along x and along y"
+"""Replacement of bushings in planar scenes."""
 
 
 class Spring(SceneTable):
-    """A linear spring with a linear damper beside it: `stiffness` (N/m) and `damping` (N s/m) along the line
-    `between` two points, unstretched at its free `length` (m); or `torsional_at` a revolute joint, N m/rad
-    and N m s/rad, at rest at the `angle` (rad) of the second body against the first. In space also a `bushing` between
-    two points, with three of either along x, y, z of the first body, and three about these.
+    """Linear spring and damper in parallel: `stiffness` (N/m) and `damping` (N s/m) along the line `between` two
+    points, unstretched at its free `length` (m); or `torsional_at` a revolute joint, N m/rad and N m s/rad,
+    unstretched at the `angle` (rad) of the second body relative to the first. In space also a `bushing` between two
+    points, with three of each along x, y, z of the first body, and three about these.
     """
 
     between: AddressPair | None = None
@@ -57,16 +57,16 @@ class Spring(SceneTable):
     def _consistent(self) -> Spring:
         kind = the_one_given(self, ("between", "torsional_at", "bushing"))
         strange = {"between": ("angle",), "torsional_at": ("length",), "bushing": ("length", "angle")}[kind]
-        self.refuse(strange, f"has no meaning for {kind}")
+        self.refuse(strange, f"does not apply to {kind}")
         if not any((*self.stiffnesses, *self.dampings)):
-            raise Fault("neither stiffness nor damping", "Give at least one of them")
+            raise Fault("stiffness and damping are missing", "Give at least one of them")
         if self.ends and self.ends[0].body == self.ends[1].body:
             raise Fault("both ends are on the same body", "Name points of two bodies", below=kind)
         return self
 
     @property
     def ends(self) -> tuple[Address, ...]:
-        """The two points that it joins; none where it is torsional."""
+        """Points that the spring joins; none for a torsional spring."""
         return self.between or self.bushing or ()
 
     @property

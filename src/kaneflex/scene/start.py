@@ -1,4 +1,4 @@
-"""The state that a run starts from, where a scene gives it."""
+"""Initial state of a run, given by a scene."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from kaneflex.support.reading import read_text
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension
 
 STARTS = ("zero", "quasistatic", "periodic")
-_TABLES = "Give tables displacements and velocities, as solution.state() has them"
+_TABLES = "Give tables displacements and velocities, as solution.state() returns them"
 
 
 def _one_of(*dimensions: Dimension) -> Any:
-    """A quantity of one of these kinds, as it is written: which of them it must be is known with its coordinate."""
+    """Quantity of one of these kinds, unconverted: its coordinate decides the kind later."""
 
     def check(value: object) -> object:
         either(value, *dimensions)
@@ -33,10 +33,10 @@ def _one_of(*dimensions: Dimension) -> Any:
 
 
 class Start(SceneTable):
-    """Coordinates of the elastic mechanism at t = 0 and their rates, by name; those that are not given are zero.
+    """Coordinates of the elastic mechanism at t = 0 and their rates, by name; by default zero.
 
-    Under preset coupled they are those of all bodies, and what is not given is as the rigid mechanism has it. Those of
-    a file stand in the tables, too, unless these give them otherwise.
+    Under preset coupled they are those of all bodies, and the defaults are those of the rigid mechanism. The tables
+    override values of a file.
     """
 
     file: str | None = Field(default=None, description="JSON or TOML file of the two tables, relative to the scene")
@@ -45,7 +45,7 @@ class Start(SceneTable):
 
 
 def start_of(value: object) -> object:
-    """A word, or a table as a Start, with what its file says. Raises Fault, or pydantic's error with the place."""
+    """Start as a word, or as a table merged with its file. Raises Fault, or pydantic's error with the path."""
     if isinstance(value, Start) or (isinstance(value, str) and value in STARTS):
         return value
     if isinstance(value, dict):
@@ -57,7 +57,7 @@ def start_of(value: object) -> object:
 
 
 def _of_file(path: Path) -> dict[str, Any]:
-    """The tables of a state's file. Raises Fault: unreadable, neither JSON nor TOML, something else in it."""
+    """Tables of a state's file. Raises Fault: unreadable, neither JSON nor TOML, or other content."""
     try:
         text = read_text(path)
         found = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
@@ -71,9 +71,9 @@ def _of_file(path: Path) -> dict[str, Any]:
         fault = first.get("ctx", {}).get("error")
         reason, cure = (fault.reason, fault.cure) if isinstance(fault, Fault) else (first["msg"].lower(), _TABLES)
         raise Fault(f"{'.'.join(map(str, first['loc'])) or 'the file'}: {reason}", cure) from None
-    except (ValueError, RecursionError) as error:  # JSON's and TOML's own
+    except (ValueError, RecursionError) as error:  # errors of JSON's and TOML's parsers
         kind = "JSON" if path.suffix == ".json" else "TOML"
         raise Fault(f"not {kind}: {error}", _TABLES) from None
     if state.file is not None:
-        raise Fault("names a file in its turn", _TABLES)
+        raise Fault("the state's file names another file", _TABLES)
     return found

@@ -1,7 +1,7 @@
-"""What of a scene its equations depend on: topology, and which numbers are exactly zero (or a direction's
-+-1).
+"""Structure of a scene, on which its equations depend: topology, and numbers that are exactly zero (or +-1 in a
+direction).
 
-Lengths, masses, tables, numbers of elements or modes, integrators, sensors and damping are run-time matters.
+Lengths, masses, tables, numbers of elements or modes, integrators, sensors and damping matter only at run time.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from kaneflex.scene.scene import Scene
 
 ANY = "*"
-"""A number that the equations hold as a parameter."""
+"""Mark of a number that is a parameter of the equations."""
 
 
 def structure(scene: Scene) -> dict[str, Any]:
-    """The structure as plain data, every table in the scene's order: it is derived in that order, whatever names say.
+    """Structure as plain data, every table in the scene's order, which is also the order of derivation.
 
-    Numbers stand as 0, in directions also as 1 and -1, where they are exactly that, else as "*".
+    Numbers that are exactly 0 (in directions also 1 and -1) remain, all others become "*".
     """
     if scene.is_spatial:
         return _in_space(scene)
@@ -47,7 +47,7 @@ def structure(scene: Scene) -> dict[str, Any]:
 
 
 def _in_space(scene: Scene) -> dict[str, Any]:
-    """What is derived of a scene in space: how its drives move, and how large its loads are."""
+    """Structure of a spatial scene: kinds of its drives and loads."""
     observed = {"observed": list(scene.observed)} if scene.observed else {}
     named = {*scene.drives, *scene.observed, *(load.torque_at for load in scene.torques.values())}
     joints = {name: {"kind": joint.kind, "between": ["ground", "ground"], "closes_loop": False}
@@ -61,23 +61,23 @@ def _in_space(scene: Scene) -> dict[str, Any]:
 
 
 def structure_hash(scene: Scene) -> str:
-    """Sixteen hexadecimal digits that name the structure and the format of generated modules."""
+    """Hash of sixteen hexadecimal digits of the structure and the format of generated modules."""
     return _digits({"format": FORMAT, **scene.structure()})
 
 
 def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, ...]]) -> str:
-    """The same of the structure with so many axial and transverse shapes of each elastic link."""
+    """Hash of the structure with these numbers of axial and transverse shapes of each elastic link."""
     counts = {name: list(numbers) for name, numbers in shapes.items()}
     return _digits({"format": FORMAT, "shapes": counts, **scene.structure()})
 
 
 def pruned_hash(scene: Scene, without: Sequence[str]) -> str:
-    """The same of the structure without some groups of terms."""
+    """Hash of the structure without some groups of terms."""
     return _digits({"format": FORMAT, "without": sorted(without), **scene.structure()})
 
 
 def _digits(content: Mapping[str, Any]) -> str:
-    text = json.dumps(content, separators=(",", ":"))  # the order of the tables counts
+    text = json.dumps(content, separators=(",", ":"))  # the order of the tables matters
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -91,7 +91,7 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
 
 
 def _points(scene: Scene) -> dict[str, list[Any]]:
-    """Coordinates of the points that a scene names itself and that joints or loads use."""
+    """Coordinates of the scene's own named points that joints or loads use."""
     used = dict.fromkeys(scene.acting)
     return {str(address): _zeros(scene.point(address)) for address in used if _is_named(scene, address)}
 
@@ -137,7 +137,7 @@ def _load(scene: Scene, name: str) -> dict[str, Any]:
 
 
 def _size(scene: Scene, name: str) -> dict[str, Any]:
-    """How large a load is."""
+    """Magnitude of a load."""
     load = scene.loads[name]
     entry = {} if load.torque_at is None else {"torque_at": load.torque_at}
     if load.kind == "table":
@@ -149,7 +149,7 @@ def _size(scene: Scene, name: str) -> dict[str, Any]:
 
 def _spring(scene: Scene, name: str) -> dict[str, Any]:
     spring = scene.springs[name]
-    if spring.bushing is not None:  # in space alone, where a module knows nothing of springs
+    if spring.bushing is not None:  # only in space, where a module has no springs
         return {"bushing": [str(end) for end in spring.ends]}
     stiffness, damping = _zeros((spring.stiffness, spring.damping))
     entry = {"stiffness": stiffness, "damping": damping}

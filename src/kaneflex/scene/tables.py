@@ -1,10 +1,10 @@
-"""Tables of a CSV file, and the piecewise cubic that the kernels read them as.
+"""Tables of a CSV file, and their piecewise cubics for the kernels.
 
-A table travels to the kernels as one flat block of float64,
+A table is passed to the kernels as one flat block of float64,
 
     [n, period, x_0 .. x_n, c0, c1, c2, c3 of interval 0, .. of interval n - 1]
 
-with y = c0 + d (c1 + d (c2 + d c3)), d = x - x_i, and a period of 0 where the table does not repeat.
+with y = c0 + d (c1 + d (c2 + d c3)), d = x - x_i, and a period of 0 if the table does not repeat.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from kaneflex.support.reading import read_text
 from kaneflex.support.units import ANGLE, FORCE, LARGEST, TIME, Dimension, plain_number, scaled
 
 _ASSUMED = {ANGLE: "deg", TIME: "s"}
-"""Units of abscissae whose heading says none."""
-_OTHER_X = "Say what the first column is, as against = 'NAME_speed' for a speed of a joint, or correct its heading"
+"""Default units of abscissae without a unit in the heading."""
+_OTHER_X = "Give the first column's quantity, like against = 'NAME_speed' for a joint's speed, or correct its heading"
 _OTHER_Y = "Choose another column, give bore or area for a pressure, or correct the heading"
 _FEWEST_ROWS = 4  # a smooth curve is not defined by fewer
 _CLOSEST = 1e-12
-"""Share of a table's span that its rows lie apart: beneath it, slopes between them are rounding."""
-_SPAN = 1e-6  # relative; the table covers its period this exactly
+"""Smallest distance of rows as a share of a table's span; below it slopes are rounding errors."""
+_SPAN = 1e-6  # relative tolerance of the period that the table covers
 _LEAST_GAP, _LARGEST_GAP = 0.5, 1.5
-"""Shares of the shortest and the longest way between two rows within which one row is missing at a period's end."""
+"""Range of the gap at a period's end, as shares of the shortest and the longest interval, taken as one missing row."""
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Ordinates y (SI) over rising abscissae x (SI), both of shape (n + 1,), and what either measures.
+    """Ordinates y (SI) over increasing abscissae x (SI), both of shape (n + 1,), and their dimensions.
 
-    One that was ``closed`` has its first row once more at the end, where the file does not repeat it.
+    ``closed``: the first row was added at the end, since the file does not repeat it.
     """
 
     x: np.ndarray
@@ -50,9 +50,9 @@ class Table:
     closed: bool = False
 
     def over_period(self, period: float, closing: float) -> Table:
-        """This table over `period` once, with its first row at the end, too.
+        """Table over one `period`, with its first row repeated at the end.
 
-        Raises Fault unless it covers that, but for this row, and its ends agree to `closing` of max |y|.
+        Raises Fault unless it covers the period, except for this row, and its ends agree to `closing` of max |y|.
         """
         span, rows = self.x[-1] - self.x[0], np.diff(self.x)
         if _LEAST_GAP * rows.min() < period - span < _LARGEST_GAP * rows.max():
@@ -64,15 +64,15 @@ class Table:
         largest = np.abs(self.y).max()
         gap = abs(self.y[-1] - self.y[0])
         if gap > closing * largest:
-            reason = f"the table does not close: first and last value differ by {gap / largest:.2g} of the largest"
+            reason = f"the table is not periodic: first and last value differ by {gap / largest:.2g} of the largest"
             raise Fault(reason, f"Correct the table, or raise closing from {closing:g}")
         return self
 
     def coefficients(self, period: float | None = None, interpolation: Interpolation = "spline") -> np.ndarray:
-        """The block of a cubic for each interval between two rows.
+        """Block with a cubic for each interval between two rows; read only, computed once.
 
-        With a period it closes through the mean of the first and the last ordinate, as smoothly as elsewhere. Without
-        one it keeps its end values outside: one interval more at each end says so. Read only: it is computed once.
+        With a period the curve closes smoothly through the mean of the first and the last ordinate. Without one an
+        additional interval at each end keeps the end values outside.
         """
         if (period, interpolation) not in self._blocks:
             block = self._blocks[period, interpolation] = self._block(period, interpolation)
@@ -81,7 +81,7 @@ class Table:
 
     @cached_property
     def _blocks(self) -> dict[tuple[float | None, Interpolation], np.ndarray]:
-        """Those that were asked for: the points of a study read the same table."""
+        """Blocks computed so far, since the points of a study read the same table."""
         return {}
 
     def _block(self, period: float | None, interpolation: Interpolation) -> np.ndarray:
@@ -97,7 +97,7 @@ class Table:
 
 
 def _parts(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A block's knots, (n + 1,), and the cubics between them, (n, 4)."""
+    """Knots of a block, (n + 1,), and the cubics between them, (n, 4)."""
     n = int(block[0])
     return block[2 : n + 3], block[n + 3 :].reshape(n, 4)
 
@@ -109,7 +109,7 @@ def largest_of_block(block: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Overshoot:
-    """Where a block goes farthest beyond the two rows of an interval: x, value, and the values of the two rows."""
+    """Largest overshoot of a block: x, value, and the values of the two rows of its interval."""
 
     x: float
     value: float
@@ -121,7 +121,7 @@ class Overshoot:
 
 
 def overshoot_of_block(block: np.ndarray) -> Overshoot:
-    """The farthest of a block beyond the rows on either side of it."""
+    """Find the largest overshoot of a block beyond the rows on either side."""
     return _overshoot(block.tobytes())
 
 
@@ -137,23 +137,23 @@ def _overshoot(block: bytes) -> Overshoot:
 
 @lru_cache(maxsize=64)
 def _extremes(block: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Where each interval's cubic may be largest or smallest, and its values there, (4, n) each; of a block's bytes.
+    """Candidates for extrema of each interval's cubic, and its values there, (4, n) each; from a block's bytes.
 
-    First its two ends, then where its slope c1 + 2 c2 d + 3 c3 d^2 vanishes: an end again where it does nowhere.
+    The two ends, then the zeros of the slope c1 + 2 c2 d + 3 c3 d^2, or an end again without zeros.
     """
     knots, cubics = _parts(np.frombuffer(block))
     c0, c1, c2, c3 = cubics.T
     width = np.diff(knots)
     with np.errstate(all="ignore"):
         root = np.sqrt(c2 * c2 - 3.0 * c1 * c3)
-        share = -(c2 + np.copysign(root, c2))  # without a difference of what is nearly equal
+        share = -(c2 + np.copysign(root, c2))  # avoids cancellation
         places = np.stack((np.zeros_like(width), width, share / (3.0 * c3), c1 / share))
     d = np.clip(np.nan_to_num(places, posinf=0.0, neginf=0.0), 0.0, width)
     return knots[:-1] + d, c0 + d * (c1 + d * (c2 + d * c3))
 
 
 def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
-    """Values of a block at x (any shape), by the arithmetic of the generated modules."""
+    """Values of a block at x (any shape), computed as in the generated modules."""
     (knots, cubics), period = _parts(block), block[1]
     n = len(cubics)
     x = np.asarray(x, dtype=float)
@@ -169,19 +169,19 @@ def read_table(
     path: str | Path, column: str | None, unit: str | None, x_dimensions: Sequence[Dimension],
     dimensions: Sequence[Dimension], assumed: str | None = None,
 ) -> Table:  # fmt: skip
-    """The first column and `column` (default: the second) of a CSV file, in SI.
+    """Read the first column and `column` (default: the second) of a CSV file, in SI.
 
-    Units are those of the columns' headings, and of `column` also `unit`; without either degrees, seconds and
-    `assumed`. They measure one of `x_dimensions` and one of `dimensions`. The first line is a header; lines that start
-    with # are skipped. Raises Fault, with `below` naming the scene's key: file missing or empty, no header, no such
-    column or several, a heading with another unit, cells that are no finite numbers or under no column, abscissae that
-    do not rise. A file is read anew only if it has changed.
+    Units come from the columns' headings, for `column` also from `unit`; the defaults are degrees, seconds and
+    `assumed`. Their dimensions are one of `x_dimensions` and one of `dimensions`. The first line is a header; lines
+    that start with # are skipped. Raises Fault, with `below` naming the scene's key: file missing or empty, no header,
+    column missing or ambiguous, a heading with another unit, cells that are not finite numbers or without a column,
+    abscissae that do not increase. A file is read again only if it has changed.
     """
     try:
         found = Path(path).stat()
         version = (found.st_mtime_ns, found.st_size)
     except (OSError, ValueError):
-        version = None  # reading it says why
+        version = None  # reading it gives the reason
     return _read(Path(path), version, column, unit, tuple(x_dimensions), tuple(dimensions), assumed)
 
 
@@ -197,7 +197,7 @@ def _read(
     for line, row in rows[1:]:
         if any(cell.strip() for cell in row[len(header) :]):
             reason = f"{path.name}, line {line}: {len(row)} cells under {len(header)} columns"
-            raise Fault(reason, "Part cells by commas, and write decimals with a point", below="table")
+            raise Fault(reason, "Separate cells by commas, and write decimals with a point", below="table")
     if len(rows) - 1 < _FEWEST_ROWS:
         reason = f"{path.name} has {len(rows) - 1} rows of numbers"
         raise Fault(reason, f"Give at least {_FEWEST_ROWS}", below="table")
@@ -212,7 +212,7 @@ def _read(
         raise Fault(f"{path.name} spans {span:g} {x_unit} only", "Correct its first column", below="table")
     for (_, before, _), (line, x, _) in pairwise(cells):
         if x - before <= _CLOSEST * span:
-            reason = f"{path.name}, line {line}: {x:g} does not rise above {before:g}"
+            reason = f"{path.name}, line {line}: {x:g} is not above {before:g}"
             raise Fault(reason, "Sort the rows by their first column, each value once", below="table")
     table = Table(
         np.array([scaled(x, x_unit, x_dimension) for _, x, _ in cells]),
@@ -220,12 +220,12 @@ def _read(
         x_dimension, dimension,
     )  # fmt: skip
     for values in (table.x, table.y):
-        values.flags.writeable = False  # one table for all who read the file
+        values.flags.writeable = False  # all readers of the file share one table
     return table
 
 
 def _place(file: str, header: list[str], column: str | None) -> int:
-    """Number of the column of ordinates, by default the second one."""
+    """Index of the column of ordinates, by default the second one."""
     if plain_number(header[0]) is not None:
         raise Fault(f"{file} has no header line", "Name the columns in its first line", below="table")
     if len(header) < 2:
@@ -233,7 +233,7 @@ def _place(file: str, header: list[str], column: str | None) -> int:
     if column is None:
         return 1
     if column not in header:
-        raise Fault(f"{file} has no such column", nearest(column, header), below="column")
+        raise Fault(f"{file} does not have this column", nearest(column, header), below="column")
     if header.count(column) > 1:
         reason = f"{file} has {header.count(column)} columns of that name"
         raise Fault(reason, "Name each column once", below="column")
@@ -241,11 +241,11 @@ def _place(file: str, header: list[str], column: str | None) -> int:
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Every row that holds something, with its line number; at least the header."""
+    """Non-empty rows with their line numbers; at least the header."""
     try:
         text = read_text(path)
     except FileNotFoundError:
-        # a scene file's paths were made absolute when it was read; those of settings were not
+        # paths of a scene file are absolute by now; those of settings are not
         start = "the scene's file" if path.is_absolute() else "the current folder, as a setting's is"
         raise Fault("no such file", f"Give the path of a CSV file, relative to {start}") from None
     lines = [(line, row) for line, row in enumerate(text.split("\n"), 1) if row.strip() and row[0] != "#"]
@@ -257,7 +257,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         for cells in reader:
             line = lines[len(rows)][0]
             if reader.line_num > len(rows) + 1:
-                raise Fault(f"{path.name}, line {line}: its quoted cell has no end", "Correct that line")
+                raise Fault(f"{path.name}, line {line}: a quoted cell is not closed", "Add the closing quote")
             rows.append((line, cells))
     except csv.Error as error:
         reason = f"{path.name}, line {lines[len(rows)][0]}: {error}"

@@ -1,4 +1,4 @@
-"""A scene of the user's own to start from: a commented template, or a shipped scene with the tables that it reads."""
+"""New scene of a user: a commented template, or a copy of a shipped scene with its tables."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ name = "{name}"
 
 
 def new_scene(name: str, like: str | None, path: Path, force: bool = False) -> list[Path]:
-    """Write the template, or the text of a shipped scene with its CSV tables beside it.
+    """Write the template, or the text of a shipped scene with its CSV tables.
 
     Parameters
     ----------
     name : str
-        The new scene's.
+        Name of the new scene.
     like : str or None
-        A shipped scene; None: the template, a slider-crank with an elastic rod.
+        Shipped scene; None: the template, a slider-crank with an elastic rod.
     path : Path
-        The scene's file to be; its tables go into the same folder.
+        New scene file; its tables go into the same folder.
     force : bool
-        Whether files that are there may be replaced. A table that is there with the same content stays.
+        Permission to replace existing files. An existing table with the same content is kept.
 
     Returns
     -------
     list of Path
-        What was written, the scene first.
+        Written files, the scene first.
 
     Raises
     ------
     SceneError
         If there is no shipped scene ``like``, or one is called ``name``.
     OutputError
-        If a file is there already, or can't be written; nothing is written then.
+        If a file exists already, or can't be written; nothing is written then.
     """
     shipped = shipped_scenes()
     if like is not None and like not in shipped:
@@ -73,7 +73,7 @@ def new_scene(name: str, like: str | None, path: Path, force: bool = False) -> l
 
 
 def _tables(text: str) -> list[str]:
-    """CSV files that a scene's text names, each once."""
+    """Names of CSV files in a scene's text, each once."""
     raw = tomllib.loads(text)
     entries = [*raw.get("loads", {}).values(), *raw.get("drives", {}).values()]
     return list(dict.fromkeys(entry["table"] for entry in entries if isinstance(entry, dict) and "table" in entry))

@@ -1,4 +1,4 @@
-"""Settings written into the user's scene file, around which every other line and comment stays."""
+"""Writing of settings into the user's scene file; all other lines and comments are kept."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ _MARK = "\N{BYTE ORDER MARK}".encode()
 
 
 def whole_text(scene: Scene) -> str:
-    """The TOML text of a scene with all that it takes over and all settings; the files that it names by full paths."""
+    """TOML text of a scene with its merged tables and all settings; files have full paths."""
     return tomlkit.dumps({key: value for key, value in scene.raw.items() if key != "like"})
 
 
 def file_to_write(name: str, settings: Sequence[str]) -> Path:
-    """The scene's file, where a choice can be written into it.
+    """File of the scene, if a choice can be written into it.
 
     Raises
     ------
     SceneError
-        For a shipped scene, and where the command line changes the scene: what is chosen is not for the file then.
+        For a shipped scene, and if the command line changes the scene, since the choice is not for the file then.
     """
     if name in shipped_scenes():
         raise SceneError(
-            "--write-back", name, "a shipped scene is not changed", f"Make one of your own: kaneflex new my-{name} "
+            "--write-back", name, "a shipped scene is not changed", f"Make your own copy: kaneflex new my-{name} "
             f"--like {name}",
         )  # fmt: skip
     if settings:
@@ -48,20 +48,20 @@ def file_to_write(name: str, settings: Sequence[str]) -> Path:
 
 
 def write_settings(path: Path, settings: Sequence[str]) -> None:
-    """Lay settings of ``solve`` and of links' elements over a scene's file, atomically; its line ends and mode stay.
+    """Write settings of ``solve`` and of links' elements into a scene's file atomically; line ends and mode are kept.
 
     The new text is read and compared with the scene that the settings give before it replaces the file.
 
     Raises
     ------
     SceneError
-        Where the file is written in a way in which it can't be changed; it names the settings.
+        If the file's layout does not allow the change; it names the settings.
     OutputError
         If the file can't be written.
     """
     before = read_scene(path)
     wanted = with_settings(before, settings)
-    path = path.resolve()  # a link stays one: what it leads to is changed
+    path = path.resolve()  # a symbolic link is kept; its target is changed
     data = path.read_bytes()
     mark, text = data[:3] * data.startswith(_MARK), data.decode("utf-8-sig").replace("\r\n", "\n")
     new = _with_solve(text, before.raw.get("solve", {}), wanted.raw.get("solve", {}))
@@ -70,7 +70,7 @@ def write_settings(path: Path, settings: Sequence[str]) -> None:
             new = _with_elements(new, name, body.beam.elements)
     if not _gives(new, path, wanted):
         raise SceneError(
-            str(path), ", ".join(settings), "the file is written in a way in which it can't be changed",
+            str(path), ", ".join(settings), "the file's layout does not allow this change",
             "Write these settings into it yourself",
         )  # fmt: skip
     lines = new.replace("\n", "\r\n") if b"\r\n" in data else new
@@ -78,7 +78,7 @@ def write_settings(path: Path, settings: Sequence[str]) -> None:
 
 
 def _gives(text: str, path: Path, wanted: Scene) -> bool:
-    """Whether the text, at the file's place, is the scene that is wanted; read from a file beside it."""
+    """True if the text gives the expected scene; checked with a temporary file in the same folder."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=".toml")
     try:
         with open(handle, "w", encoding="utf-8") as file:
@@ -93,7 +93,7 @@ def _gives(text: str, path: Path, wanted: Scene) -> bool:
 
 
 def _with_solve(text: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
-    """The text with its own section [solve] giving the table ``new``, where it gave ``old`` with what it is like."""
+    """Text with a section [solve] that gives the table ``new`` instead of ``old``, which includes `like`."""
     document = tomlkit.parse(text)
     own = tomllib.loads(text).get("solve", {})
     if "solve" not in document:
@@ -113,10 +113,10 @@ def _with_solve(text: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> st
 
 
 def _with_elements(text: str, body: str, count: int) -> str:
-    """The text with so many elements of a body's beam: where it has any, else in a new table."""
+    """Text with this number of elements of a body's beam: at the existing entry, else in a new table."""
     document = tomlkit.parse(text)
     if body not in document.get("bodies", {}):
-        # a table of its own; the tables above it need no headers
+        # a separate table; the tables above it need no headers
         document.setdefault("bodies", tomlkit.table(is_super_table=True))[body] = tomlkit.table(is_super_table=True)
     found = document["bodies"][body]
     if isinstance(found, InlineTable) and "beam" not in found:
@@ -127,7 +127,7 @@ def _with_elements(text: str, body: str, count: int) -> str:
 
 
 def _item(value: Any) -> Any:
-    """A value of ``solve``; a table stays on the line of its key."""
+    """Value of ``solve`` in TOML; a table stays on the line of its key."""
     if not isinstance(value, Mapping):
         return value
     table = tomlkit.inline_table()

@@ -69,8 +69,8 @@ class Fmu:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sensors that are left out, and a missing library."""
-        left = f"left out, as angles of bodies that turn all round are: {', '.join(self.unread)}"
-        missing = "not compiled, as there is no C compiler here: the sources are inside"
+        left = f"left out (angles of bodies that rotate continuously): {', '.join(self.unread)}"
+        missing = "not compiled (no C compiler found); the FMU holds the sources"
         return (left,) * bool(self.unread) + (missing,) * (self.compiled_for is None)
 
     def save(self, path: Path | str) -> None:

@@ -1,1 +1,1 @@
-"""What every room may use: errors, units, files, caches, the terminal, and the contract of generated modules."""
+"""Foundations of all packages: errors, units, files, caches, the terminal, and the contract of generated modules."""

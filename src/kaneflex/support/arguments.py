@@ -1,4 +1,4 @@
-"""Checks of what public functions are called with: a wrong kind of argument is named with the way to the right one."""
+"""Type checks of the arguments of public functions; the error says how to get the right type."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class Kind(NamedTuple):
-    """A kind of argument: its name in a message, whether a value is of it, and how to get one."""
+    """Kind of argument: its name in a message, a test of a value, and how to get one."""
 
     name: str
     fits: Callable[[Any], bool]
@@ -27,8 +27,8 @@ class Kind(NamedTuple):
 def takes(**kinds: str) -> Callable[[Function], Function]:
     """Check arguments by the names of their kinds in KINDS before a function is called.
 
-    What is the argument's default fits, too. Raises TypeError like "load takes a Scene, not str: read_scene(...) makes
-    one".
+        The argument's default is accepted, too. Raises TypeError like "load takes a Scene, not str: read_scene(...)
+    makes one".
     """
 
     def decorate(function: Function) -> Function:
@@ -53,13 +53,13 @@ def takes(**kinds: str) -> Callable[[Function], Function]:
 
 
 def _called(value: object) -> str:
-    """The type of a value; of a list also that of what stands in it."""
+    """Name of the type of a value; for a list also the types of its items."""
     inside = {type(each).__name__ for each in value} if isinstance(value, list | tuple) else ()
     return f"{type(value).__name__} of {' and '.join(sorted(inside))}" if inside else type(value).__name__
 
 
 def _ours(name: str) -> Callable[[Any], bool]:
-    """Whether a value is of our class of this name, which need not be imported for that."""
+    """Test for instances of kaneflex's class of this name, without importing it."""
     return lambda value: any(
         each.__name__ == name and each.__module__.startswith("kaneflex.") for each in type(value).__mro__
     )
@@ -118,7 +118,7 @@ KINDS = {
     "number": Kind("a number", _number, "give it in SI, without a unit"),
     "whole": Kind("a whole number", _whole, "give one like 4"),
     "numbers": Kind("a list of numbers", _numbers, "give them in SI, like [100.0, 200.0]"),
-    "function": Kind("a function", callable, "give one that takes what is told"),
+    "function": Kind("a function", callable, "give a function of one argument"),
     "places": Kind("places of drives", lambda value: isinstance(value, Mapping), "write {'main': 0.5}"),
     "kernels": Kind(
         "a generated module or a mechanism's kernels", _kernels, "kaneflex.generated.engine and model.kernels are such"

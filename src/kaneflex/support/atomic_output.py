@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from kaneflex.support.errors import OutputError
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 text file whole; see `write_bytes`."""
+    """Write a UTF-8 text file atomically; see `write_bytes`."""
     write_bytes(path, text.encode("utf-8"))
 
 
 def write_bytes(path: Path, data: bytes, mode: int | None = None) -> None:
-    """Write a file by renaming a finished temporary one, so that no reader meets half of it.
+    """Write a file by renaming a finished temporary file, so that no reader finds half of it.
 
-    ``mode`` is who may do what with it; left out, what the user's other new files allow.
+    ``mode`` holds the permission bits; by default those of the user's new files.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def write_bytes(path: Path, data: bytes, mode: int | None = None) -> None:
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
-            # a temporary file is the user's alone, a written one need not be
+            # a temporary file is private to the user, the written one need not be
             os.chmod(temporary, 0o666 & ~_umask() if mode is None else mode)
             os.replace(temporary, path)
         except BaseException:
@@ -47,7 +47,7 @@ def _umask() -> int:
 
 
 def refuse_existing(path: Path, force: bool, example: str) -> None:
-    """Raise OutputError for a folder, and unless ``force`` for a file that is there; ``example`` is a good name."""
+    """Raise OutputError for a folder, and unless ``force`` for an existing file; ``example`` is a valid name."""
     if path.is_dir():
         raise OutputError(str(path), None, "is a folder", f"Give the name of a file, like {example}")
     if path.exists() and not force:

@@ -1,4 +1,4 @@
-"""Words that are taken in every text in C."""
+"""Names that are reserved in generated C."""
 
 from __future__ import annotations
 
@@ -13,4 +13,4 @@ _KEYWORDS = """
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
 """
 RESERVED = (*_MATHEMATICS.split(), *_KEYWORDS.split())
-"""What nothing of ours may be called in C."""
+"""Names that no identifier in generated C may have."""

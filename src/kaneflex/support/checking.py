@@ -1,7 +1,7 @@
-"""Generated kernels that look at their arrays before they read and write them.
+"""Wrappers of generated kernels that check their arrays first.
 
-Compiled kernels check nothing: an array that is too short is read beyond its end, silently. These wrappers cost some
-microseconds a call; they are for trying things out, and can't be called from jitted code.
+Compiled kernels do not check array sizes; a short array causes out-of-bounds access. These wrappers cost some
+microseconds per call; use them for trying things out. Jitted code cannot call them.
 """
 
 from __future__ import annotations
@@ -21,41 +21,42 @@ Shape = tuple[int, ...]
 
 
 class MechanismKernels(Protocol):
-    """What is read of ``kaneflex.mechanism.kernels.Kernels``."""
+    """Attributes of ``kaneflex.mechanism.kernels.Kernels`` that are checked here."""
 
     parameters: Any
     shapes: Any
 
 
 _TABLES = ("table", ".seed_c", ".seed_s", ".seed_slide")
-"""Last words of the numbers in p that say where a table begins."""
+"""Name endings of the numbers in p that hold the start of a table."""
 _ROWS = {"tabulate": ("times",), "element_matrices": ("p", "s")}
-"""Kernel -> the arguments of which each row has one in out, by out's axes."""
+"""Kernel -> the arguments with one row per row of out, by out's axes."""
 _PLACES = {"x": "i", "out": "k"}
-"""Argument -> the one that says where in it a kernel's numbers begin, of kernels that have it."""
+"""Argument -> the argument that holds the start of a kernel's numbers in it."""
 
 
 @takes(module="kernels")
 def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
-    """A generated module, or the kernels of a mechanism, that raise where an array does not fit.
+    """Checked kernels of a generated module or a mechanism, which raise for an array of the wrong size.
 
     Parameters
     ----------
     module : ModuleType or Kernels
-        Like ``kaneflex.generated.engine``, ``model.module``, ``model.coupled.module`` or ``model.kernels``.
+        Module or kernels, like ``kaneflex.generated.engine``, ``model.module``, ``model.coupled.module`` or
+        ``model.kernels``.
 
     Returns
     -------
     SimpleNamespace
-        The module's tables, and its kernels by their names. A kernel raises TypeError for what is no array of float64,
-        and ValueError for a wrong shape, or a table in p that reaches beyond it; both name the argument. Of a module's
-        p, a longer one is right; of a mechanism's, only its own.
+        The module's tables, and its kernels by name. A kernel raises TypeError unless the argument is an array of
+        float64, and ValueError for a wrong shape or for a table that ends beyond p; both name the argument. A module
+        accepts a p longer than required, a mechanism only its own p.
 
     >>> from kaneflex.generated import engine
     >>> checked(engine).M(np.zeros(4), np.zeros((6, 6)))
     Traceback (most recent call last):
         ...
-    ValueError: M: p has shape (4,), at least (5,) is wanted
+    ValueError: M: p has shape (4,), at least (5,) is required
     """
     if not isinstance(module, ModuleType):
         return _checked_mechanism(module)
@@ -65,7 +66,7 @@ def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
 
 
 def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
-    """Kernel -> argument -> its shape; -1 for any length."""
+    """Shapes by kernel and argument; -1 stands for any length."""
     count = len(module.ELEMENT_PARAMETERS)
     # displacements and rotations of an element's two nodes; in the plane there is no a_z
     nodes = 12 if "a_z" in {name for name, *_ in module.LINK_SCALARS} else 6
@@ -78,7 +79,7 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
     if not hasattr(module, "PARAMETERS"):  # a module of elements
         return found
     numbers: dict[str, Shape] = {"p": (len(module.PARAMETERS),)}
-    if hasattr(module, "DRIVES"):  # whose kernels share long arrays by places in them
+    if hasattr(module, "DRIVES"):  # its kernels share long arrays by offsets
         prescribed = sum(kind != "free" for kind in module.DRIVES.values())
         return found | {
             "courses": numbers | {"out": (3 * prescribed,)},
@@ -93,7 +94,7 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
 
 
 def _of_laws(module: ModuleType) -> dict[str, Shape]:
-    """Shapes of what a coupled module's magnitudes read of joints, and of what they store."""
+    """Shapes of the joint arrays that a coupled module's kernel of magnitudes reads and writes."""
     switches = len(getattr(module, "SWITCHES", ()))
     joints, loads = len(module.DRIVES) + len(getattr(module, "OBSERVED", ())), len(module.LOADS)
     return {"x": (3 * joints + switches if switches else 2 * joints,), "out": (loads + 2 * switches,)}
@@ -136,14 +137,14 @@ def _of_mechanism(name: str, kernels: MechanismKernels) -> Callable[..., None]:
         given = signature.bind(*arguments).arguments
         p = given["p"]
         if type(p) is not type(own):
-            raise TypeError(f"{name}: p is a {type(p).__name__}, the parameters of the kernels are wanted")
+            raise TypeError(f"{name}: p is a {type(p).__name__}, the parameters of the kernels are required")
         for part, mine in own._asdict().items():
             if isinstance(mine, np.ndarray) and p._asdict()[part].shape != mine.shape:
-                raise ValueError(f"{name}: p is of another mechanism, its {part} have another length")
+                raise ValueError(f"{name}: p belongs to another mechanism: its {part} have another length")
         for argument, shape in kernels.shapes[name].items():
             _check(f"{name}: {argument}", given[argument], shape, longer=False)
             if not given[argument].flags.c_contiguous:
-                raise ValueError(f"{name}: {argument} is not contiguous, an array of its own is wanted")
+                raise ValueError(f"{name}: {argument} is not contiguous, a contiguous copy is required")
         kernel(*arguments)
 
     return call
@@ -152,18 +153,18 @@ def _of_mechanism(name: str, kernels: MechanismKernels) -> Callable[..., None]:
 def _check(what: str, array: object, shape: Shape, longer: bool) -> None:
     if not isinstance(array, np.ndarray) or array.dtype != np.float64:
         kind = f"an array of {array.dtype}" if isinstance(array, np.ndarray) else f"a {type(array).__name__}"
-        raise TypeError(f"{what} is {kind}, an array of float64 is wanted")
+        raise TypeError(f"{what} is {kind}, an array of float64 is required")
     right = array.ndim == len(shape) and all(
         wanted in (-1, size) or (longer and size > wanted) for size, wanted in zip(array.shape, shape, strict=True)
     )
     if not right:
         wanted = str(shape).replace("-1", "any")
-        raise ValueError(f"{what} has shape {array.shape}, {'at least ' if longer else ''}{wanted} is wanted")
+        raise ValueError(f"{what} has shape {array.shape}, {'at least ' if longer else ''}{wanted} is required")
 
 
 def _check_table(what: str, p: np.ndarray, path: str, start: float) -> None:
-    """A block is its number of intervals, the period, the breakpoints and four coefficients an interval."""
+    """Check a table in p: number of intervals, period, breakpoints and four coefficients per interval."""
     first = int(start) if np.isfinite(start) else -1
     count = p[first] if 0 <= first < len(p) else np.nan
     if not (count >= 1 and first + 3 + 5 * count <= len(p)):
-        raise ValueError(f"{what} does not hold the table of {path}, which begins at {start:g} of {len(p)} numbers")
+        raise ValueError(f"{what} does not hold the whole table of {path}: it begins at {start:g} of {len(p)} numbers")

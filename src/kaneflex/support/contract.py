@@ -1,13 +1,13 @@
-"""The contract between the generator and the runtime: what a generated module holds, in which order, under which names.
+"""Contract between the generator and the runtime: content, order and names of a generated module.
 
-Both sides import this file and nothing else of each other, so a name can't drift on one side only.
+The two sides share this file only, so that a name can't change on one side alone.
 """
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
 FORMAT = 3
-"""Version of the generated modules' layout. It enters the structure hash: a new layout never meets an old module."""
+"""Version of the generated modules' layout, part of the structure hash: old modules are not used with a new layout."""
 
 LINK_SCALARS = (
     ("omega", "rad/s", "angular velocity of the link frame"),
@@ -42,10 +42,10 @@ ELEMENT_PARAMETERS = (
 """Parameters of one uniform Euler-Bernoulli element, in the order in which every element kernel reads its ``p``."""
 
 ROTARY_PARAMETERS = (("rho_I", "kg m", "rotary inertia per length"),)
-"""Behind those before where a link of the scene is a Rayleigh or a Timoshenko beam."""
+"""Parameters added if a link of the scene is a Rayleigh or a Timoshenko beam."""
 
 SHEAR_PARAMETERS = (("phi_s", "1", "flexibility in shear against bending, 12 E I / (kappa G A length^2)"),)
-"""Behind those where a link is a Timoshenko beam."""
+"""Parameters added if a link is a Timoshenko beam."""
 
 VARYING_PARAMETERS = (
     ("rho_A_rise", "kg/m", "growth of rho_A over the element, of which rho_A is then the mean"),
@@ -54,19 +54,19 @@ VARYING_PARAMETERS = (
     ("m_0", "kg", "mass of the link before the element"),
     ("S_0", "kg m", "first moment of that mass about the link's origin"),
 )
-"""Behind ELEMENT_PARAMETERS where a section varies along a link."""
+"""Parameters added to ELEMENT_PARAMETERS if a section varies along a link."""
 
 VARYING_ROTARY_PARAMETERS = (("rho_I_rise", "kg m", "growth of rho_I over the element"),)
-"""Behind ROTARY_PARAMETERS there."""
+"""Parameters added to ROTARY_PARAMETERS if a section varies along a link."""
 
 
 def element_parameters(rotary: bool, shear: bool, varying: bool) -> tuple[tuple[str, str, str], ...]:
-    """Name, unit and meaning of a module's element parameters, for what the scene's links require."""
+    """Name, unit and meaning of a module's element parameters, as the scene's links require."""
     found = ELEMENT_PARAMETERS + VARYING_PARAMETERS * varying + ROTARY_PARAMETERS * rotary
     return found + VARYING_ROTARY_PARAMETERS * (varying and rotary) + SHEAR_PARAMETERS * shear
 
 COURSES = ("angle_table", "speed_table", "acceleration_table")
-"""Parameters that say where p holds the courses of a free joint, which the runtime integrates first."""
+"""Parameters with the place in p of a free joint's motion, which the runtime integrates first."""
 
 ELEMENT_KERNELS = ("M", "K_s", "K_d", "K_g", "C", "F")
 """Kernels of an element, in the order in which ``element_matrices`` stores what they compute for many elements."""
@@ -86,8 +86,8 @@ ELEMENT_TERMS = (
     ("tension_spin", "geometric", "K_g", ("omega", "omega")),
     ("viscous", "damping", "", ()),
 )
-"""The affine form of every element: name, group, the kernel that the term is a part of, factors of the scalar before
-its constant matrix. A structure's module names those that it requires. The damping mu int N^T N dx has no kernel of its
+"""Terms of every element's affine form: name, group, kernel that contains the term, factors of the scalar before its
+constant matrix. A structure's module names those that it requires. The damping mu int N^T N dx has no kernel of its
 own: it is the M of translation in K_d, with mu for rho A."""
 
 BEAMS = {
@@ -101,7 +101,7 @@ BEAMS = {
 
 
 def beam_module(rotary: bool, shear: bool, varying: bool) -> str:
-    """The leanest of BEAMS that has all of this."""
+    """Smallest of BEAMS that has all of this."""
     theory = "timoshenko" if shear else "rayleigh" if rotary else "euler_bernoulli"
     return f"beam_{theory}{'_varying' * varying}"
 
@@ -125,10 +125,10 @@ SPATIAL_ATTRIBUTES = (
 
 
 class Slot(NamedTuple):
-    """Numbers that stand together in a block: their name there, their axes, and what they are made of.
+    """Numbers stored together in a block: name, axes and origin.
 
-    Axes: s axial shapes, w transverse ones, a all, axial ones first; row by row, of a symmetric matrix all of it. They
-    are the sum of the moments ``of``, less those of ``less``, by the names of ``scene.modal_data.ARRAYS``.
+    Axes: s axial shapes, w transverse shapes, a all, axial first; row by row, symmetric matrices in full. Values are
+    the sum of the moments ``of`` minus those of ``less``, by the names of ``scene.modal_data.ARRAYS``.
     """
 
     name: str
@@ -165,12 +165,12 @@ POINT_BLOCK = (
     Slot("PSI", "w", ("psi",)),
     Slot("PH", "ww", ("H",)),
 )
-"""The same of a point of a body, or of a load spread over it: its place and the shapes there.
+"""Numbers of a point of a body, or of a distributed load: its place and the shapes there.
 
-The share of a point is 1. Of a spread load all of them are summed with its profile: share = int p dX [m]."""
+The share of a point is 1. For a distributed load all are integrated with its profile: share = int p dX [m]."""
 
 
 def block_shapes(block: Iterable[Slot], axial: int, transverse: int) -> dict[str, tuple[int, ...]]:
-    """Slot -> shape of its array, in the order of the block, for so many axial and transverse shapes."""
+    """Shape of each slot's array, in the order of the block, for these numbers of axial and transverse shapes."""
     counts = {"s": axial, "w": transverse, "a": axial + transverse}
     return {slot.name: tuple(counts[axis] for axis in slot.axes) for slot in block}

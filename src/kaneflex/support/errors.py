@@ -1,6 +1,6 @@
-"""Errors that a user can cause, each naming the thing, its value, the reason and the cure.
+"""Errors that a user can cause, each with the entry, its value, the reason and what to do.
 
-`Fault` is raised deep inside, where only reason and cure are known; the boundary that knows the key turns it
+`Fault` is raised where only reason and `cure` (what to do) are known; the caller that knows the key turns it
 into a `Problem`, and all problems of one file are raised together as one `SceneError`.
 """
 
@@ -13,14 +13,13 @@ from dataclasses import dataclass
 
 _LONGEST_VALUE = 200  # characters of a value that a message repeats
 LONGEST_NAME = 100
-"""Characters of a name at most; what is longer has no nearest one."""
+"""Largest length of a name; no nearest name is searched for a longer one."""
 
 
 class Fault(ValueError):
-    """Something wrong with a value whose key is not known here: `reason` and `cure`, both without a full
-    stop.
+    """Error in a value whose key is not known here: `reason` and `cure` (what to do), without full stops.
 
-    `below` is a path, relative to the key that the boundary knows, where it can be told more precisely.
+    `below` is an optional path of the faulty entry, relative to the key that the caller knows.
     """
 
     def __init__(self, reason: str, cure: str, below: str = "") -> None:
@@ -32,7 +31,7 @@ class Fault(ValueError):
 
 @contextmanager
 def within(key: str) -> Iterator[None]:
-    """Faults of what stands below a key, as its owner tells them."""
+    """Prefix the paths of Faults with a key."""
     try:
         yield
     except Fault as fault:
@@ -41,7 +40,7 @@ def within(key: str) -> Iterator[None]:
 
 @contextmanager
 def told(key: str, value: object) -> Iterator[None]:
-    """Faults of a value become a SceneError with its key."""
+    """Turn Faults of a value into a SceneError with its key."""
     try:
         yield
     except Fault as fault:
@@ -50,7 +49,7 @@ def told(key: str, value: object) -> Iterator[None]:
 
 @contextmanager
 def installed(said: str, extra: str, *modules: str, instead: str = "") -> Iterator[None]:
-    """Around the import of a package that an extra of kaneflex brings, a Fault where it is missing.
+    """Raise a Fault if the import of an optional package fails.
 
     Parameters
     ----------
@@ -58,9 +57,9 @@ def installed(said: str, extra: str, *modules: str, instead: str = "") -> Iterat
         Name of the package in the message.
     extra : str
     *modules : str
-        What is imported; another module that these lack is raised as it is.
+        Imported modules; an ImportError of any other module is raised unchanged.
     instead : str
-        What else the user can do.
+        Alternative for the user.
     """
     try:
         yield
@@ -73,7 +72,7 @@ def installed(said: str, extra: str, *modules: str, instead: str = "") -> Iterat
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong: where (`key`), what stands there (`value`), why it is wrong and what to do."""
+    """Error in one entry: its path (`key`), its `value`, the `reason` and what to do (`cure`)."""
 
     key: str
     value: object
@@ -92,7 +91,7 @@ def failed(name: str, message: str) -> Problem:
 
 
 class UserError(ValueError):
-    """Base of the errors that a user can cure; its attributes are those of the first of its `problems`."""
+    """Base of the errors that a user can cause; its attributes are those of the first of its `problems`."""
 
     def __init__(self, key: str, value: object, reason: str, cure: str) -> None:
         self._set((Problem(key, value, reason, cure),))
@@ -116,14 +115,14 @@ class SceneError(UserError):
 
 
 def refuse(*rules: tuple[object, str, object, str, str]) -> None:
-    """Raise SceneError by the first broken rule: each says whether it is, then key, value, reason and cure."""
+    """Raise SceneError for the first rule whose condition holds; rules are (condition, key, value, reason, advice)."""
     for broken, key, value, reason, cure in rules:
         if broken:
             raise SceneError(key, value, reason, cure)
 
 
 class StoppedEarly(SceneError):
-    """A run that ended before its time, where a whole one is needed."""
+    """Run that stopped early, where a complete run is needed."""
 
 
 class OutputError(UserError):
@@ -131,11 +130,11 @@ class OutputError(UserError):
 
 
 class ValidityWarning(UserWarning):
-    """What to know before trusting the numbers of a run that came out without an error."""
+    """Warning about the validity of a run's results."""
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """What to say to someone who wrote `name` where one of `known` was wanted: the nearest, or the list."""
+    """Advice for an unknown `name`: the nearest of the `known` ones, or their list."""
     known = sorted(known)
     close = difflib.get_close_matches(name[:LONGEST_NAME], known, n=1, cutoff=0.6)
     if close:

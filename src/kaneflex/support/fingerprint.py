@@ -1,9 +1,9 @@
-"""What compiled code is made of, so that a cache of it can't go stale.
+"""Fingerprints of source files in numba's cache keys, so that the cache of a compiled function can't go stale.
 
-numba looks at the caller's file alone: a cached function that calls one of another file would keep the old callee after
-that file was edited. The values that a function encloses are part of the key under which it is cached: one made of
-other files encloses a number for their text, and every edit of them compiles it anew. (A default argument would be part
-of the key, too, but numba's dispatcher takes all omitted whole numbers for the same type.)
+numba checks the caller's file only: a cached function that calls a function of another file would keep the old callee
+after an edit of that file. Closure values are part of the cache key. A function made of other files therefore
+encloses a number that depends on their text, and every edit of them compiles it again. (A default argument would be
+part of the key, too, but numba's dispatcher gives all omitted integers the same type.)
 """
 
 import zlib
@@ -15,7 +15,7 @@ from typing import Any
 
 
 def made_of(*files: str) -> Callable[[Any], Any]:
-    """A decorator, below numba's: the function encloses a number for the text of these files."""
+    """Decorator, placed below numba's: the function encloses a number that depends on the text of these files."""
     cell = CellType(zlib.crc32(b"".join(Path(file).read_bytes() for file in files)))
 
     def enclosing(function: FunctionType) -> FunctionType:

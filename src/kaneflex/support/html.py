@@ -1,4 +1,4 @@
-"""What a notebook shows of a value: a heading, notes and a table, as HTML."""
+"""HTML view of a value in notebooks: a heading, notes and a table."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from kaneflex.support.escaping import html
 
 
 def shown(heading: str, head: Sequence[str], rows: Iterable[Sequence[object]], notes: Iterable[str] = ()) -> str:
-    """A heading, notes below it, and a table; every text is escaped.
+    """HTML of a heading, notes and a table; every text is escaped.
 
-    Numbers in the rows are written with five digits, to the right; texts to the left.
+    Numbers have five digits and are aligned right; texts are aligned left.
     """
     said = "".join(f"<div><b>Warning:</b> {html(note)}</div>" for note in notes)
     above = "".join(f"<th style='text-align:left'>{html(text)}</th>" for text in head)

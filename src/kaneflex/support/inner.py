@@ -1,4 +1,4 @@
-"""How those functions are compiled that only other compiled functions call."""
+"""Compilation of functions that only other compiled functions call."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kaneflex.support import quick_compiling, shipped_kernels
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class _Registered(LoweringPass):
-    """Let other functions call this one, for which no machine code of its own was made."""
+    """Let other functions call this one, which has no machine code of its own."""
 
     _name = "registered_for_callers"
 
@@ -31,9 +31,9 @@ class _Registered(LoweringPass):
 
 
 class Inner(CompilerBase):
-    """numba's compiler without its last stage.
+    """Compiler of numba without its last stage.
 
-    numba optimises every function by itself, with all that it calls, and makes machine code of it that nothing enters.
+    By default numba optimises every function separately, with its callees, and makes machine code that nobody calls.
     """
 
     def define_pipelines(self):
@@ -51,14 +51,14 @@ PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "no_rewrites": Tru
 
 
 def once(dispatcher):
-    """Compile a function once for all integers, where numba does so for every constant that a caller gives it."""
+    """Compile a function once for all integers; by default numba compiles it for every constant integer argument."""
     of_types = dispatcher.get_call_template
     dispatcher.get_call_template = lambda args, kws: of_types(tuple(map(types.unliteral, args)), kws)
     return dispatcher
 
 
 _NOT_NEEDED = (InlineClosureLikes, InlineOverloads)
-"""Passes for functions within functions, of which there are none."""
+"""Compiler pass for nested functions, which are not used."""
 
 
 shipped_kernels.use()

@@ -1,13 +1,13 @@
-"""Piecewise cubics through the rows of a table: four ways from one row to the next.
+"""Piecewise cubic interpolation of a table by four methods.
 
-All of them pass through the rows, and all are one cubic an interval, so that kernels need one look-up.
+All pass through the rows and have one cubic per interval, so that kernels need one look-up.
 
 - "linear": straight from row to row.
-- "pchip": monotone between two rows, so never beyond them (Fritsch & Butland 1984, SIAM J. Sci. Stat. Comput. 5);
+- "pchip": monotone between two rows, without overshoot (Fritsch & Butland 1984, SIAM J. Sci. Stat. Comput. 5);
   continuous slope.
-- "akima": slopes from the nearest five rows (Akima 1970, J. ACM 17); it may go a little beyond them.
-- "spline": continuous curvature (de Boor 1978, ch. IV), fourth order on what is smooth; where a table changes from flat
-  to steep it swings beyond the rows.
+- "akima": slopes from the nearest five rows (Akima 1970, J. ACM 17); may overshoot the rows slightly.
+- "spline": continuous curvature (de Boor 1978, ch. IV), fourth order for smooth functions; it overshoots where a table
+  changes from flat to steep.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ import numpy as np
 Interpolation = Literal["linear", "pchip", "akima", "spline"]
 INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
 _BEYOND = 4
-"""Rows that a periodic table is continued by at either end: Akima's slope at a row depends on two on each side."""
+"""Rows added at each end of a periodic table: Akima's slope at a row depends on two rows on each side."""
 
 
 def cubics_through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, periodic: bool) -> np.ndarray:
     """Coefficients c0 .. c3, (n, 4), of the cubics c0 + d (c1 + d (c2 + d c3)), d = x - x_i, through n + 1 rows.
 
-    A periodic table ends where it starts, y[0] = y[-1]. Otherwise the ends of a spline are straight (natural), and
-    slopes at the others' ends are of one side.
+    A periodic table has y[0] = y[-1]. Otherwise a spline has natural ends (no curvature), and the other methods use
+    one-sided slopes at the ends.
     """
     match interpolation:
         case "linear":
@@ -50,14 +50,14 @@ def _scipy_cubics(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) ->
 
 
 def _cubics(x: np.ndarray, y: np.ndarray, m: np.ndarray) -> np.ndarray:
-    """c0 .. c3 of every interval, (n, 4), from the curvatures m at the knots (de Boor 1978, ch. IV)."""
+    """Coefficients c0 .. c3 of every interval, (n, 4), from the curvatures m at the knots (de Boor 1978, ch. IV)."""
     h = np.diff(x)
     slopes = np.diff(y) / h - h * (2 * m[:-1] + m[1:]) / 6
     return np.column_stack([y[:-1], slopes, m[:-1] / 2, np.diff(m) / (6 * h)])
 
 
 def _curvatures_natural(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Curvatures, none at the ends: h_i-1 m_i-1 + 2 (h_i-1 + h_i) m_i + h_i m_i+1 = 6 (jump of slope)."""
+    """Curvatures of a natural spline: h_i-1 m_i-1 + 2 (h_i-1 + h_i) m_i + h_i m_i+1 = 6 (jump of slope)."""
     h = np.diff(x)
     jumps = 6 * np.diff(np.diff(y) / h)
     inner = _solve_tridiagonal(h[1:-1], 2 * (h[:-1] + h[1:]), jumps)
@@ -65,7 +65,7 @@ def _curvatures_natural(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _curvatures_periodic(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The same with the last knot on the first: the two corner entries h_n-1 as a rank-one change.
+    """Curvatures of a periodic spline: the two corner entries h_n-1 are a rank-one change.
 
     A = T + g w w^T with w = (1, 0 .. 0, 1), g = h_n-1; Sherman and Morrison 1950.
     """
@@ -82,7 +82,7 @@ def _curvatures_periodic(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _solve_tridiagonal(beside: np.ndarray, diagonal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solution (n,) or (n, k) for a symmetric tridiagonal matrix whose diagonal dominates, as that of a spline does.
+    """Solution (n,) or (n, k) for a symmetric, diagonally dominant tridiagonal matrix, as of a spline.
 
     Cyclic reduction (Hockney 1965, J. ACM 12): every other unknown is eliminated at once, until one is left. scipy's
     solver would take 0.2 s to import.
@@ -93,7 +93,7 @@ def _solve_tridiagonal(beside: np.ndarray, diagonal: np.ndarray, right: np.ndarr
     if not len(pivots):
         return right / diagonal[:, None]
     inner, share = diagonal[::2].copy(), right[::2].copy()
-    lower, upper = before / pivots, after / pivots[: len(after)]  # of odd rows in the even ones beside
+    lower, upper = before / pivots, after / pivots[: len(after)]  # coupling of odd rows to their even neighbours
     inner[: len(before)] -= lower * before
     inner[1:][: len(after)] -= upper * after
     share[: len(before)] -= lower[:, None] * right[1::2]

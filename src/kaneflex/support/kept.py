@@ -1,4 +1,4 @@
-"""What is computed of an object that does not change, kept as long as that lives."""
+"""Cache of values computed from immutable objects, for the lifetime of the object."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ Made = TypeVar("Made")
 
 
 class Kept(Generic[Owner, Made]):
-    """One thing for each object: made once, given again while the object lives, whether it can be hashed or not."""
+    """Cache of one value per object, for the object's lifetime; objects need not be hashable."""
 
     def __init__(self) -> None:
         self._made: dict[int, tuple[weakref.ref, Made]] = {}
 
     def of(self, owner: Owner, make: Callable[[], Made]) -> Made:
-        """What was made of the object; by ``make`` where it is asked for the first time."""
+        """Value of the object; ``make`` computes it at the first request."""
         kept = self._made.get(id(owner))
         if kept is None or kept[0]() is not owner:
             key = id(owner)

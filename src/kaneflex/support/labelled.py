@@ -1,6 +1,6 @@
-"""Labelled arrays as plain data: xarray's dataset of them, and netCDF files written without importing xarray.
+"""Labelled arrays as plain data, as an xarray dataset, and as netCDF files written without importing xarray.
 
-What xarray imports (pandas, and Dask and pint where they are installed) takes longer than the engine takes to solve.
+Importing xarray (with pandas, and Dask and pint if installed) takes longer than solving the scene engine.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ if TYPE_CHECKING:
     from scipy.io import netcdf_file
 
 Entry = tuple[str | tuple[str, ...], np.ndarray] | tuple[str | tuple[str, ...], np.ndarray, Mapping[str, Any]]
-"""Dimensions, values and, if there are any, attributes: what xarray.Variable takes."""
+"""Arguments of xarray.Variable: dimensions, values and optional attributes."""
 
 
 class Labelled(NamedTuple):
-    """What xarray.Dataset takes: variables and coordinates by name, and attributes of the whole."""
+    """Arguments of xarray.Dataset: variables and coordinates by name, and global attributes."""
 
     variables: Mapping[str, Entry]
     coordinates: Mapping[str, Entry]
     attributes: Mapping[str, Any]
 
     def dataset(self) -> xarray.Dataset:
-        """The same as xarray has it. Raises SceneError where xarray is not installed."""
+        """Dataset of xarray. Raises SceneError if xarray is not installed."""
         with needing_xarray("dataset"):
             import xarray
         return xarray.Dataset(*self)
 
     def to_csv(self, path: Path, along: str) -> None:
-        """Write what lies along one dimension as CSV: a column an entry, its unit in the head, digits as they are.
+        """Write the entries along one dimension as CSV: one column per entry, units in the header, all digits.
 
-        The dimension's own coordinate comes first, then the others, then the variables.
+        The dimension's own coordinate comes first, then the other coordinates, then the variables.
         """
         entries = {**self.coordinates, **self.variables}
         columns = {name: entry for name, entry in entries.items() if entry[0] in (along, (along,))}
@@ -57,13 +57,13 @@ class Labelled(NamedTuple):
     def to_netcdf(self, path: Path) -> None:
         """Write netCDF 3 (64-bit offset), which ``xarray.open_dataset`` reads with scipy alone.
 
-        The file is the one that xarray writes of :meth:`dataset`, but that integers beyond 32 bits, which netCDF 3
-        does not have, become doubles.
+        The file equals the one that xarray writes of :meth:`dataset`, except that integers beyond 32 bits, which
+        netCDF 3 does not have, become doubles.
         """
         entries = {**self.variables, **self.coordinates}
         dims = {name: (entry[0],) if isinstance(entry[0], str) else tuple(entry[0]) for name, entry in entries.items()}
         auxiliary = sorted(name for name in self.coordinates if dims[name] != (name,))
-        # CF-1.11, section 5: which coordinates a variable has beside those of its dimensions
+        # CF-1.11, section 5: coordinates of a variable in addition to those of its dimensions
         beside = {
             name: [other for other in auxiliary if set(dims[other]) <= set(dims[name])] for name in self.variables
         }
@@ -77,15 +77,15 @@ class Labelled(NamedTuple):
 
 @contextmanager
 def needing_xarray(asked: str) -> Iterator[None]:
-    """Around the import of xarray, a SceneError that names what was asked for where it is not installed."""
+    """Raise a SceneError that names the requested entry if xarray is not installed."""
     with told(asked, None), installed("xarray", "tables", "xarray", "pandas"):
         yield
 
 
 def read_dataset(path: Path, names: Collection[str] = ()) -> xarray.Dataset:
-    """A written dataset, or those of its variables that have these names.
+    """Read a dataset, or its variables of these names, with xarray.
 
-    Raises Fault for what is none, or damaged; SceneError where xarray is not installed.
+    Raises Fault for a damaged file or another format; SceneError if xarray is not installed.
     """
     with needing_xarray("dataset"):
         import xarray
@@ -94,9 +94,9 @@ def read_dataset(path: Path, names: Collection[str] = ()) -> xarray.Dataset:
 
 
 def read_labelled(path: Path, names: Collection[str] = ()) -> Labelled:
-    """What a written dataset holds, or those of its variables that have these names; coordinates among the variables.
+    """Read a dataset, or its variables of these names; coordinates are among the variables.
 
-    netCDF is read without xarray. Raises Fault for what is no dataset, or damaged.
+    netCDF is read without xarray. Raises Fault for a damaged file or another format.
     """
     if _is_zarr(path):
         found = read_dataset(path, names)
@@ -113,22 +113,22 @@ def _is_zarr(path: Path) -> bool:
 
 @contextmanager
 def _reading(path: Path) -> Iterator[None]:
-    """Turn whatever a damaged file makes the libraries raise into a Fault."""
+    """Turn any exception of the libraries about a damaged file into a Fault."""
     try:
         if not _is_zarr(path):
             check_file(path, sys.maxsize)
         yield
     except FileNotFoundError:
-        raise Fault("there is no such file", "Give the path of a readable one") from None
+        raise Fault("the file does not exist", "Give the path of a readable file") from None
     except Fault:
         raise
     except Exception as error:
         said = next(iter(str(error).splitlines()), "") or type(error).__name__
-        raise Fault(f"it is damaged or no dataset: {said}", "Restore it from a copy, or make it anew") from error
+        raise Fault(f"damaged or not a dataset: {said}", "Restore it from a copy, or write it again") from error
 
 
 def _read(file: netcdf_file, names: Collection[str]) -> Labelled:
-    """Copies of the variables' values, texts as such, in the byte order of the machine, and the file's attributes."""
+    """Copies of the variables' values, in the machine's byte order and with decoded texts, and global attributes."""
     entries: dict[str, Entry] = {}
     for name in names or file.variables:
         if name in file.variables:
@@ -143,7 +143,7 @@ def _read(file: netcdf_file, names: Collection[str]) -> Labelled:
 
 
 def _encoded(dims: tuple[str, ...], values: np.ndarray) -> Variable:
-    """A variable of netCDF 3, and the attributes that say of which type its values were."""
+    """Variable of netCDF 3, with attributes for the original type of its values."""
     if values.dtype.kind == "U":
         encoded = np.char.encode(values, "utf-8")
         length = encoded.dtype.itemsize

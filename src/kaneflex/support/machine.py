@@ -6,7 +6,7 @@ import os
 
 
 def installed() -> int | None:
-    """The machine's memory [bytes], where the system tells it."""
+    """Memory of the machine [bytes]; None if unknown."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
@@ -14,5 +14,5 @@ def installed() -> int | None:
 
 
 def gib(size: float) -> str:
-    """A number of bytes as text."""
+    """Number of bytes as text in GiB."""
     return f"{size / 2**30:.3g} GiB"

@@ -1,4 +1,4 @@
-"""Advice for common mistakes in scene files: broken TOML, and units that are misspelled. Imported only for an error."""
+"""Advice for common mistakes in scene files: invalid TOML and misspelled units. Imported only for an error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NUMBER = r"[-+]?\d+(?:\.\d+)?"
 
 
 def unit_advice(unit: str, known: Iterable[str]) -> str:
-    """Unit that was probably meant, or the known ones."""
+    """Advice for an unknown unit: the unit that was probably meant, or the known units."""
     if re.match(r",\d", unit):
         return "Write a point, as 50.5 mm, where a comma separates decimals"
     word = re.sub(r"[^a-z]", "", unit.lower())
@@ -28,7 +28,7 @@ def unit_advice(unit: str, known: Iterable[str]) -> str:
 
 
 def toml_advice(problem: str, text: str) -> tuple[str, str]:
-    """Reason and cure of a text that is no TOML, by the parser's message."""
+    """Reason and advice for invalid TOML, from the parser's message."""
     place = re.search(r"at line (\d+)", problem)
     lines = text.splitlines()
     number = int(place[1]) if place else len(lines)

@@ -1,7 +1,7 @@
-"""The folder of modules that kaneflex derived for the user: private, and nothing in it is run unseen.
+"""Private cache folder of the modules that kaneflex derived for the user.
 
-A module is code. What is found in the folder is run only if it and the file are the user's alone to write, and if the
-text has the digest that was written behind it: what was cut off, changed or put there is derived anew.
+A module is code. It is imported only if nobody else can write the folder and the file, and if its text matches the
+digest at its end. Modified or incomplete files are regenerated.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _NAME = re.compile(r"[0-9a-f]{16}\.py")
 
 
 def cache_folder() -> Path:
-    """Where modules that kaneflex derived for the user are kept: a folder for each state of the generator.
+    """Folder of the modules that kaneflex derived for the user, one for each state of the generator.
 
-    Made if need be, for the user alone; where it can't be written, or is another's, a temporary one takes its place.
+    Made private if missing; replaced by a temporary folder if it can't be written or belongs to another user.
     """
     import platformdirs
 
@@ -40,12 +40,12 @@ def cache_folder() -> Path:
 
 
 def _why_not(folder: Path) -> str | None:
-    """Make a folder private, as far as it is ours; what stands against that, if something does."""
+    """Make an own folder private; return the reason if that fails."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = folder.stat()
         if not _ours(found):
-            return "it is another user's"
+            return "it belongs to another user"
         if found.st_mode & _OTHERS:
             folder.chmod(0o700)
         tempfile.TemporaryFile(dir=folder).close()
@@ -63,22 +63,22 @@ def _temporary(root: str, reason: str) -> Path:
     folder = Path(tempfile.mkdtemp(prefix="kaneflex-modules-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     log_warning(
-        f"derived equations can't be kept in {root} ({reason}), so they are derived anew in every run; "
-        "set XDG_CACHE_HOME to a folder of your own that can be written"
+        f"derived equations can't be kept in {root} ({reason}), so every run derives them again; "
+        "set XDG_CACHE_HOME to a writable folder of your own"
     )
     return folder
 
 
 @cache
 def _generator() -> str:
-    """Digest of the generator's sources, those of the rooms below it that it reads a scene by, and the modules that
-    what it makes imports from."""
+    """Digest of the generator's sources, of the packages that it reads a scene with, and of the modules that
+    generated modules import."""
     return _digest(*(f"kaneflex.{room}" for room in ("derive", "generated", "mechanism", "scene", "support")))[:12]
 
 
 @cache
 def sources_digest() -> str:
-    """Digest of all of kaneflex's sources: results of two states of them are not put together."""
+    """Digest of all sources of kaneflex, so that results of different states are not combined."""
     return _digest("kaneflex", "kaneflex.derive", "kaneflex.generated")[:16]
 
 
@@ -93,24 +93,24 @@ def _digest(*packages: str) -> str:
 
 
 def sealed(text: str) -> bytes:
-    """A module's text with its digest behind it."""
+    """Text of a module with its digest appended."""
     data = text.encode()
     return data + f"\n# sha256 {hashlib.sha256(data).hexdigest()}\n".encode()
 
 
 def is_sealed(data: bytes) -> bool:
-    """Whether a module is as it was derived."""
+    """True if a module's text matches its digest."""
     found = _SEAL.search(data)
     return found is not None and hashlib.sha256(data[: found.start()]).hexdigest().encode() == found[1]
 
 
 def keep(path: Path, data: bytes) -> None:
-    """Write a file that its owner alone may read and write."""
+    """Write a file that only its owner may read and write."""
     write_bytes(path, data, mode=0o600)
 
 
 def kept(path: Path) -> bytes | None:
-    """A module that was kept, if it is there, the user's own and whole."""
+    """Cached module; None unless it exists, belongs to the user and matches its digest."""
     try:
         with path.open("rb") as file:
             found, data = os.fstat(file.fileno()), file.read()
@@ -120,5 +120,5 @@ def kept(path: Path) -> bytes | None:
 
 
 def is_module(name: str, data: bytes) -> bool:
-    """Whether something sent is a module by a name of ours, as it was derived."""
+    """True if received data is an unmodified module with a valid name."""
     return _NAME.fullmatch(name) is not None and is_sealed(data)

@@ -1,7 +1,7 @@
-"""netCDF 3 files with 64-bit offsets: a header, then the numbers of one variable after the other, big-endian.
+"""Writer of netCDF 3 files with 64-bit offsets: a header, then the numbers of one variable after the other, big-endian.
 
-The format: NetCDF Classic and 64-bit Offset Format, Unidata (OGC 10-092r3). Reading is left to xarray and scipy, whose
-import takes longer than the engine takes to solve.
+Format: NetCDF Classic and 64-bit Offset Format, Unidata (OGC 10-092r3). Reading is left to xarray and scipy, whose
+import takes longer than solving the scene engine.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from pathlib import Path
 import numpy as np
 
 Variable = tuple[tuple[str, ...], np.ndarray, Mapping[str, str | float]]
-"""Names of its dimensions, values in one of the types of netCDF 3, attributes."""
+"""Variable: names of its dimensions, values in one of the types of netCDF 3, attributes."""
 _TYPES = {"i1": 1, "S1": 2, "i2": 3, "i4": 4, "f4": 5, "f8": 6}
 _CHARACTERS, _DOUBLE, _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 2, 6, 10, 11, 12
 _LARGEST = 2**32 - 1
-"""Size in the header of a variable that is larger than this many bytes."""
+"""Size written into the header for a variable of this many bytes or more."""
 
 
 def write_netcdf(path: Path, variables: Mapping[str, Variable], attributes: Mapping[str, str | float]) -> None:
-    """Write variables and the attributes of the whole. Variables that share a dimension have one length along it."""
+    """Write variables and global attributes. Variables that share a dimension have the same length along it."""
     lengths: dict[str, int] = {}
     for dims, values, _ in variables.values():
         lengths |= dict(zip(dims, values.shape, strict=True))

@@ -1,4 +1,4 @@
-"""A place for numba's compiled kernels on machines where the usual places can't be written."""
+"""Cache folder for numba's compiled kernels on machines where the usual folders can't be written."""
 
 import atexit
 import os
@@ -26,7 +26,7 @@ def ensure_cache_folder() -> Path:
         return Path(chosen)
     if _writable(HERE):
         return HERE
-    import platformdirs  # only here: an ordinary import needs nothing but the two checks above
+    import platformdirs  # imported here: an ordinary import needs only the two checks above
 
     user_wide = Path(platformdirs.user_cache_dir("numba", appauthor=False))
     if _writable(user_wide):
@@ -35,7 +35,7 @@ def ensure_cache_folder() -> Path:
 
 
 def _writable(folder: Path) -> bool:
-    """Whether a file can be made in `folder`: the question that numba itself asks, by trying."""
+    """True if a file can be made in `folder`; tries it, as numba does."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
@@ -51,10 +51,10 @@ def _temporary_folder() -> Path:
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:  # it read the environment when it was imported
         sys.modules["numba"].config.CACHE_DIR = str(folder)
-    from kaneflex.support.terminal import log_warning  # only here, as above
+    from kaneflex.support.terminal import log_warning  # imported here, as above
 
     log_warning(
-        "no folder for compiled kernels can be written, so they are compiled anew in every run; "
+        "no folder for compiled kernels can be written, so every run compiles them again; "
         "set NUMBA_CACHE_DIR to a writable folder to keep them"
     )
     return folder

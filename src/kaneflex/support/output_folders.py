@@ -1,4 +1,4 @@
-"""Folders that appear whole or not at all."""
+"""Atomic writing of folders."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from pathlib import Path
 from kaneflex.support.errors import OutputError
 
 _JUST_NOW = 2.0
-"""Seconds in which a folder that is being made gets its lock."""
+"""Time within which a new folder gets its lock [s]."""
 LONGEST_STEM = 50
-"""Letters of a scene's name in the name of a file: of four bytes each at most, where 255 bytes are a name."""
+"""Letters of a scene's name in a file name: at most four bytes each, of 255 bytes for a name."""
 
 
 def file_stem(name: str) -> str:
-    """A scene's name as the beginning of a file's: letters, digits and "._- ", of one folder and not hidden.
+    """Scene's name as the beginning of a file name: letters, digits and "._- ", no path and not hidden.
 
-    Letters that the system has no bytes for in names of files are left out, too.
+    Letters that the file system cannot encode are left out.
     """
     known = name.encode(sys.getfilesystemencoding(), "replace").decode(sys.getfilesystemencoding())
     plain = "".join(letter if letter.isalnum() or letter in "._- " else "_" for letter in known)
@@ -32,17 +32,17 @@ def file_stem(name: str) -> str:
 
 @contextmanager
 def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
-    """A temporary folder beside ``path`` to write into, which becomes ``path`` when the block ends without an error.
+    """Temporary folder next to ``path`` to write into; it becomes ``path`` when the block ends without an error.
 
-    It is made at once, so that a place that can't be written is known before anything is computed. A block that
-    raises leaves ``path`` as it was and nothing beside it. What a process that was killed left there goes, too.
+    It is made at once, so that a place that can't be written is known before anything is computed. After an error
+    ``path`` is unchanged and the temporary folder removed. Folders of killed processes are removed, too.
 
     Parameters
     ----------
     path : Path
-        The folder to be; missing parents are made.
+        Final folder; missing parents are made.
     mark : str
-        File by which an earlier folder of the same making is known: only such a one is replaced.
+        File that identifies an earlier folder of the same kind; only such a folder is replaced.
     force : bool
         Whether an existing folder may be replaced.
 
@@ -77,7 +77,7 @@ def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """What the system says against writing, as an OutputError that names ``path``."""
+    """Turn OSError into an OutputError that names ``path``."""
     try:
         yield
     except OSError as error:
@@ -86,9 +86,9 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def _locked(folder: Path) -> int | None:
-    """A lock on a folder, which the system lifts when this process ends, however it does; None where another has it.
+    """Lock on a folder, released by the system when this process ends; None if another process has it.
 
-    Windows has no such lock on folders.
+    Windows has no locks on folders.
     """
     if sys.platform == "win32":
         return None
@@ -104,9 +104,9 @@ def _locked(folder: Path) -> int | None:
 
 
 def _remove_abandoned(path: Path) -> None:
-    """Remove unfinished folders beside ``path`` whose process has ended; an old one that was never replaced returns.
+    """Remove unfinished folders of ended processes next to ``path``; restore a folder that was not replaced.
 
-    One that has just been made is not locked yet: it is left to the next time.
+    A new folder may not be locked yet; it is left for the next time.
     """
     known = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}(\.old)?")
     for folder in [entry for entry in path.parent.glob(".*") if known.fullmatch(entry.name)]:
@@ -130,14 +130,14 @@ def _refuse_existing(path: Path, mark: str, force: bool) -> None:
     if not entries:
         return
     if mark not in entries:
-        reason = f"the folder holds other things and no {mark}: it is not replaced"
+        reason = f"the folder holds other files and no {mark}, so it is not replaced"
         raise OutputError(str(path), None, reason, "Choose another name")
     if not force:
         raise OutputError(str(path), None, "the folder exists", "Choose another name, or replace it with --force")
 
 
 def _replace(path: Path, partial: Path) -> None:
-    """``partial`` becomes ``path``; what stood there goes when the new one is in place."""
+    """Rename ``partial`` to ``path``; then remove the earlier folder."""
     if not path.exists():
         partial.rename(path)
         return

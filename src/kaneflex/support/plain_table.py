@@ -1,9 +1,9 @@
-"""What a file of results says of one thing, field by field."""
+"""Base of the tables in result files."""
 
 from pydantic import BaseModel, ConfigDict
 
 
 class PlainTable(BaseModel):
-    """A table of ``summary.json``; its fields say in their descriptions what they are."""
+    """Table of ``summary.json``; its fields have descriptions."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -1,11 +1,10 @@
-"""How numba compiles faster: what it does over and over meanwhile is done once, or less often.
+"""Faster compilation by numba, with the same result: repeated work is done once, or less often.
 
-What is compiled is the same. Half of numba's own work is finding out, at every place in a text, what an operator is of
-its types, by asking all that numba knows of the operator until one answers; and the collector of garbage goes through
-objects that live as long as the compiler does again and again.
+Half of numba's own work is the search for the signature of each operator: it tries all known implementations until
+one matches. In addition, garbage collection repeatedly searches objects that live as long as the compiler.
 
 A compiled function of kaneflex is read from numba's cache without preparing numba to compile, which takes longer than
-reading ten of them. The compiler prepares itself when it has something to compile.
+reading ten functions. The compiler is prepared when it first compiles.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from typing import Any
 
 @cache
 def use() -> None:
-    """Have numba compile so from now on: once in a process."""
+    """Make numba compile this way from now on; once per process."""
     from numba.core import caching, event
 
     event.register("numba:compile", _while_compiling(event.Listener))
@@ -27,7 +26,7 @@ def use() -> None:
 
 @cache
 def prepare() -> None:
-    """Change how numba compiles: before the first function that a process compiles."""
+    """Prepare numba before the first function that a process compiles."""
     from numba import types
     from numba.core.dispatcher import Dispatcher
 
@@ -40,11 +39,11 @@ def prepare() -> None:
 
 
 def _reading_only(load: Any) -> Any:
-    """``load(cache, sig, context)``, numba's reading of a compiled function, without ``context.refresh()``.
+    """Replace numba's ``load(cache, sig, context)`` of a compiled function by one without ``context.refresh()``.
 
-    The refresh imports and registers all that numba can compile. Of this a compiled function needs the symbols of
-    numba's runtime alone, and its caller the type of functions by address, the one type that numba knows only then.
-    Functions of other packages may need more and are read as numba reads them.
+    The refresh imports and registers everything that numba can compile. A compiled function needs only the symbols
+    of numba's runtime, and its caller the type of functions by address, which only the refresh registers. Functions
+    of other packages may need more and are read as numba reads them.
     """
     import numba.experimental.function_type  # noqa: F401
     from numba.core.runtime import rtsys
@@ -60,10 +59,10 @@ def _reading_only(load: Any) -> Any:
 
 
 def _compile_parts_within_callers(dispatcher: Any) -> None:
-    """Have generated kernels that a compiled function calls compiled as parts of it, see :mod:`support.inner`.
+    """Compile generated kernels as parts of the compiled functions that call them, see :mod:`support.inner`.
 
-    By itself a kernel is optimised and cached as well, and gets an entry from Python: twice the work, for nothing
-    unless Python calls it, too. Then it is compiled for that.
+    By default a kernel is also optimised and cached separately, with an entry for Python: twice the work. A kernel
+    that Python calls is compiled for Python then.
     """
     from kaneflex.support.inner import PART
 
@@ -80,10 +79,10 @@ def _compile_parts_within_callers(dispatcher: Any) -> None:
 
 
 def _remembering(find: Any) -> Any:
-    """``find(function, context, args, kws)``, numba's search for a signature, once for numbers, arrays and tuples.
+    """Cache numba's ``find(function, context, args, kws)``, its search for a signature, for numbers, arrays and tuples.
 
-    Only what numba has of its own is remembered, by the function's own key: what it compiles for a call depends on more
-    than types. The key is said anew, as a search does, for another search may have said another since.
+    Only numba's own implementations are cached, by the function's key: functions compiled for a call depend on more
+    than types. Each hit stores the key again, as a search does, since another search may have overwritten it.
     """
     from numba import types
 
@@ -111,7 +110,7 @@ def _remembering(find: Any) -> Any:
 
 
 def _while_compiling(listener: Any) -> Any:
-    """A listener that prepares numba, and changes the collector's thresholds while numba compiles."""
+    """Make a listener that prepares numba, and raises the thresholds of garbage collection while numba compiles."""
 
     class WhileCompiling(listener):
         deep = 0
@@ -132,4 +131,4 @@ def _while_compiling(listener: Any) -> Any:
 
 
 _SELDOM = 50_000, 20, 100
-"""Objects more after which the youngest are gone through, and so on: as seldom, and no more memory is taken."""
+"""Thresholds of garbage collection (new objects for each generation) that do not increase the memory in use."""

@@ -1,4 +1,4 @@
-"""Files that a user names: found and bounded before they are read, or refused by a Fault."""
+"""Reading of files that a user names; existence and size are checked first. Raises Fault."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 from kaneflex.support.errors import Fault
 
 LARGEST_FILE = 64 * 2**20
-"""Bytes of a scene or a table at most, and of what an archive of arrays unpacks to."""
+"""Largest size of a scene, a table or an unpacked archive of arrays [bytes]."""
 _MIB = 2**20
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a regular file; no for a name that no file can have."""
+    """True for a regular file; False also for a name that no file can have."""
     try:
         return path.is_file()
     except (OSError, ValueError):  # too long for a name; a zero byte
@@ -21,17 +21,17 @@ def is_file(path: Path) -> bool:
 
 
 def beside(folder: Path, name: str) -> Path:
-    """The absolute path of a file named relative to `folder`; as it stands where there can be no such file."""
+    """Absolute path of a file named relative to `folder`; unchanged if no such file can exist."""
     try:
         return (folder / name).resolve()
-    except (OSError, ValueError, RuntimeError):  # reading it says why
+    except (OSError, ValueError, RuntimeError):  # reading it gives the reason
         return folder / name
 
 
 def check_file(path: Path, largest: int = LARGEST_FILE) -> None:
-    """Raise Fault unless a path leads to a regular file of so many bytes at most.
+    """Raise Fault unless a path leads to a regular file of at most this many bytes.
 
-    A pipe would be waited for, and a device read, without end. FileNotFoundError passes through.
+    Reading a pipe or a device might never end. FileNotFoundError passes through.
     """
     try:
         found = path.stat()
@@ -47,13 +47,13 @@ def check_file(path: Path, largest: int = LARGEST_FILE) -> None:
 
 
 def check_size(size: int, largest: int = LARGEST_FILE) -> None:
-    """Raise Fault if a file has more than so many bytes."""
+    """Raise Fault if a file has more than this many bytes."""
     if size > largest:
-        raise Fault(f"holds {size / _MIB:.0f} MiB, more than {largest / _MIB:.0f} MiB", "Give a smaller file")
+        raise Fault(f"has {size / _MIB:.0f} MiB, the limit is {largest / _MIB:.0f} MiB", "Give a smaller file")
 
 
 def read_text(path: Path) -> str:
-    """The text of a UTF-8 file, without its byte-order mark. Raises Fault; FileNotFoundError passes through."""
+    """Text of a UTF-8 file, without its byte-order mark. Raises Fault; FileNotFoundError passes through."""
     check_file(path)
     try:
         return path.read_text(encoding="utf-8-sig")

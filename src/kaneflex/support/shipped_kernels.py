@@ -1,12 +1,11 @@
-"""Kernels that an installation brings compiled, so that its first runs don't wait for numba.
+"""Precompiled kernels of an installation, so that its first runs need no compilation.
 
-Each function is shipped twice: as machine code, which is used where the processor has the same instructions as the one
-that made it, and as LLVM's bitcode of the optimised function, which depends on the platform alone. On other processors
-machine code is made of the bitcode, in a tenth of the time that compiling takes. numba keeps either as if it had
-compiled the function.
+Each function is shipped twice: as machine code, used if the processor has the same instructions as the one that made
+it, and as LLVM bitcode of the optimised function, which depends on the platform only. On other processors machine
+code is made from the bitcode, in a tenth of the compile time. numba caches either as if it had compiled the function.
 
-An archive is for one platform and for the versions of Python, numba and llvmlite in its name, and it says of which
-sources it was made. Where anything differs, or nothing was shipped, as in a checkout, functions are compiled.
+An archive is for one platform and for the versions of Python, numba and llvmlite in its name, and contains a digest
+of its sources. If anything differs, or without an archive, as in a checkout, functions are compiled.
 """
 
 from __future__ import annotations
@@ -24,19 +23,19 @@ from typing import Any
 
 PACKAGE = Path(__file__).parents[1]
 _SOURCES = "sources"
-"""Member of an archive that holds the digest of what it was made of."""
+"""Member of an archive that holds the digest of its sources."""
 _LOG = logging.getLogger(__name__)
 
 
 def use() -> None:
-    """Have numba look here before it compiles a function of kaneflex; where nothing fitting was shipped, do nothing."""
+    """Make numba search the archive before it compiles kaneflex's functions; without a matching archive do nothing."""
     if _archive_here().is_file():
         _look_here()
 
 
 @contextmanager
 def recording(archive: Path) -> Iterator[None]:
-    """Keep all functions of kaneflex that are compiled meanwhile, with nothing in numba's cache, in a new archive."""
+    """Store kaneflex's functions that are compiled within the block in a new archive; numba's cache must be empty."""
     from numba.core.caching import FunctionCache
     from numba.core.serialize import dumps
 
@@ -77,7 +76,7 @@ def _archive_here() -> Path:
 
 @cache
 def _look_here() -> None:
-    """Once in a process."""
+    """Read and install the archive, once per process."""
     from numba.core.caching import FunctionCache
 
     load = FunctionCache._load_overload
@@ -92,7 +91,7 @@ def _look_here() -> None:
 
 
 def _made(kept: Any, sig: Any, context: Any) -> Any:
-    """A function that was shipped, and kept by numba; None where it was not shipped, or can't be read."""
+    """Shipped function, stored in numba's cache; None if it was not shipped or can't be read."""
     from llvmlite.binding import parse_bitcode
 
     codegen = context.codegen()
@@ -108,15 +107,15 @@ def _made(kept: Any, sig: Any, context: Any) -> Any:
         found = kept._impl.rebuild(context, payload)
         kept._impl.locator.ensure_cache_path()
         kept._cache_file.save(kept._index_key(sig, codegen), payload)
-    except Exception as error:  # of a damaged archive, of LLVM: then it is compiled
-        _LOG.info("%s is compiled, since what was shipped of it can't be used: %s", kept._name, error)
+    except Exception as error:  # a damaged archive, or an error of LLVM: compile instead
+        _LOG.info("%s is compiled, since its precompiled form can't be used: %s", kept._name, error)
         return None
     return found
 
 
 @cache
 def _open() -> zipfile.ZipFile | None:
-    """The archive, if it was made of these sources."""
+    """Archive, if it was made from these sources."""
     archive = zipfile.ZipFile(_archive_here())
     return archive if archive.read(_SOURCES) == _sources() else None
 
@@ -134,7 +133,7 @@ def _ours(kept: Any) -> bool:
 
 
 def _key(kept: Any, sig: Any, codegen: Any) -> str:
-    """Name of a function, of what it encloses and of the types it is called with."""
+    """Name of a function with its closure values and argument types."""
     function, enclosed = kept._py_func, kept._index_key(sig, codegen)[-1]
     said = "\0".join((function.__module__, function.__qualname__, str(sig), *enclosed))
     return hashlib.sha256(said.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Sparse matrices by rows that are read without importing scipy, which takes longer than the engine takes to solve."""
+"""Sparse matrices by rows, read without importing scipy, which takes longer than solving the scene engine."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SparseRows:
 
     @cached_property
     def matrix(self) -> csr_array:
-        """The matrix to compute with."""
+        """Matrix of scipy to compute with."""
         from scipy.sparse import csr_array
 
         return csr_array((self.data, self.indices, self.indptr), shape=self.shape)
@@ -33,5 +33,5 @@ class SparseRows:
 
 
 def rows_of(matrix: SparseRows | csr_array) -> np.ndarray:
-    """The row of each stored number."""
+    """Row of each stored number."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))

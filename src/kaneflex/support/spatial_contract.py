@@ -1,7 +1,7 @@
-"""The contract of elements in space: parameters, scalars of the motion and terms, beside the plane's in ``contract``.
+"""Contract of spatial elements: parameters, scalars of the motion and terms; ``contract`` has the planar ones.
 
 A node has the coordinates u, v, w, theta_x, theta_y, theta_z in link axes: x along the link, y and z the principal axes
-of its sections. theta_z = v' and theta_y = -w' where sections stay normal to the axis.
+of its sections. theta_z = v' and theta_y = -w' if sections stay normal to the axis.
 """
 
 from itertools import combinations_with_replacement
@@ -49,7 +49,7 @@ _VARYING = (
 def spatial_element_parameters(shear: bool, varying: bool) -> tuple[tuple[str, str, str], ...]:
     """Name, unit and meaning of an element's parameters, in the order in which its kernels read them.
 
-    Of a varying one the numbers that grow are the means.
+    For a varying section, parameters with a growth are means over the element.
     """
     return _DENSITIES + _RIGIDITIES + _UNIFORM + _VARYING * varying + _SHEAR * shear
 
@@ -75,18 +75,18 @@ SPATIAL_ELEMENT_TERMS = (
     *((f"tension_spin_{i}{i}", "geometric", "K_g", _omega(i, i)) for i in "yz"),
     ("viscous", "damping", "", ()),
 )
-"""The affine form of every element in space: name, group, kernel, factors of the scalar, as ``ELEMENT_TERMS``."""
+"""Affine form of every spatial element: name, group, kernel, factors of the scalar, as ``ELEMENT_TERMS``."""
 
 SPATIAL_BEAMS = {
     f"spatial_beam_{theory}{'_varying' * varying}": {"shear": shear, "varying": varying}
     for varying in (False, True)
     for theory, shear in (("euler_bernoulli", False), ("timoshenko", True))
 }
-"""Module of an element in ``kaneflex.generated`` -> the element that it is printed from. Of a Rayleigh beam it is that
-with shear, whose phi_y and phi_z are 0."""
+"""Module of an element in ``kaneflex.generated`` -> the element that it is printed from. A Rayleigh beam uses the
+element with shear, with phi_y and phi_z = 0."""
 
 
 def spatial_beam_module(rotary: bool, shear: bool, varying: bool) -> str:
-    """The leanest of SPATIAL_BEAMS that has all of this."""
+    """Smallest of SPATIAL_BEAMS that has all of this."""
     theory = "timoshenko" if rotary or shear else "euler_bernoulli"
     return f"spatial_beam_{theory}{'_varying' * varying}"

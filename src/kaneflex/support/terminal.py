@@ -1,4 +1,4 @@
-"""What a person sees while waiting, on stderr, and only where waiting lasts."""
+"""Output on the terminal, and progress on stderr of stages that take long."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from kaneflex.support.escaping import terminal
 LOG = logging.getLogger("kaneflex")
 
 _PATIENCE = 1.0
-"""Seconds that a stage may take before anything is shown of it."""
+"""Time after which a stage is shown [s]."""
 
 
 def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
-    """Print a text, by which no terminal is told what to do, in letters that it has. No command prints otherwise."""
+    """Print a text without control sequences, in letters of the terminal's encoding. All commands print with it."""
     import click
 
     Waiting.wipe()
@@ -28,27 +28,27 @@ def echo(text: str = "", err: bool = False, nl: bool = True) -> None:
 
 
 def log_warning(text: str) -> None:
-    """Warn of the machine's state, like a folder that can't be written, by the logger "kaneflex".
+    """Warn about the machine's state, like a folder that can't be written, through the logger "kaneflex".
 
-    Python's `warnings` are for what the calling code can change, and would show a line of ours. Where nobody has
-    configured logging, what stands on stderr is this line alone, as the commands' other warnings.
+    Python's `warnings` are for faults of the calling code and would show a source line of kaneflex. Without
+    configured logging, stderr shows this line only, like the commands' other warnings.
     """
     Waiting.wipe()
     LOG.warning("Warning: %s", text)
 
 
 def silent(stage: object) -> None:
-    """Progress that nobody asked for."""
+    """Ignore the progress."""
 
 
 def share_of(progress: Callable[[str], None], name: str) -> Callable[[float], None]:
-    """Begin a stage; what then takes its finished share, 0 to 1, where ``progress`` is one to tell, as Waiting is."""
+    """Begin a stage; return the function to report its finished share (0 to 1) to, if ``progress`` is a Waiting."""
     progress(name)
     return progress.share_of(name) if isinstance(progress, Waiting) else lambda done: None
 
 
 def block(title: str, entries: Mapping[str, str]) -> str:
-    """Names and what is said of them, indented under a bold title; nothing where there are none."""
+    """Names and their texts, indented under a bold title; empty without names."""
     if not entries:
         return ""
     import click
@@ -60,14 +60,14 @@ def block(title: str, entries: Mapping[str, str]) -> str:
 
 
 class Waiting:
-    """Names the stage that is under way, once it has lasted a second.
+    """Show the current stage on stderr after it has lasted a second; a context manager.
 
-    A terminal shows one line, which says the finished share and vanishes at the end; anything else gets a line a stage.
-    Where the logger "kaneflex" is to tell (level INFO), it says of every finished stage how long it took, and nothing
-    else is shown; where its own level is higher, nothing is. To be used in a ``with`` statement.
+    A terminal shows one line with the finished share, which is removed at the end; other outputs get one line per
+    stage. With the logger "kaneflex" at level INFO, the duration of every finished stage is logged and nothing else
+    is shown; at a higher level of its own, nothing is shown.
     """
 
-    _line = ""  # what stands on the terminal's last line, of whichever Waiting is under way
+    _line = ""  # text on the terminal's last line, shared by all Waiting
     _lock = threading.RLock()
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class Waiting:
         self.stage(name)
 
     def stage(self, name: str) -> None:
-        """The stage before, if any, is over; ``name`` begins."""
+        """End the previous stage, if any, and begin stage ``name``."""
         self._finish_stage()
         self._name, self._began = name, time.perf_counter()
         if LOG.level:
@@ -96,7 +96,7 @@ class Waiting:
         self._timer.start()
 
     def share_of(self, name: str) -> Callable[[float], None]:
-        """What takes the finished share of a stage, 0 to 1; its first call begins the stage ``name``."""
+        """Function to report the finished share (0 to 1) of a stage to; its first call begins the stage ``name``."""
 
         def share(done: float) -> None:
             if self._name != name:
@@ -129,14 +129,14 @@ class Waiting:
 
     @classmethod
     def wipe(cls) -> None:
-        """Take the line off the terminal, so that something else can be written there."""
+        """Clear the line on the terminal, so that other text can be written."""
         with cls._lock:
             if cls._line:
                 cls._draw("")
 
     @classmethod
     def _draw(cls, text: str) -> None:
-        """Write a text over the terminal's last line, with spaces over what is left of the longer one before."""
+        """Overwrite the terminal's last line, with spaces over the rest of a longer text."""
         text = terminal(text, sys.stderr.encoding)[: shutil.get_terminal_size().columns - 1]
         if text != cls._line:
             end = "" if text else "\r"

@@ -1,7 +1,7 @@
-"""Numbers and strings with units ("137 mm", "6000 rpm") to SI floats.
+"""Conversion of numbers and strings with units ("137 mm", "6000 rpm") to SI floats.
 
-pint knows the units; the ones that scenes use all the time stand in a table here, because importing pint
-takes 0.3 s (a test compares the table with pint).
+pint converts the units; frequent units are in a table here, because importing pint takes 0.3 s (a test compares
+the table with pint).
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from tokenize import TokenError
 from kaneflex.support.errors import Fault
 
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-"""A number as texts may have it: Python's float() also reads 1_000, digits of other scripts, nan and inf."""
+"""Pattern of a number: float() also accepts 1_000, digits of other scripts, nan and inf."""
 NUMBER_WITH_UNIT = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*\Z")
 LARGEST = 1e60
-"""Numbers beyond it, or below its reciprocal, leave the range of double precision when a few are multiplied."""
+"""Largest magnitude; products of a few larger numbers, or of numbers below the reciprocal, leave double precision."""
 _LONGEST = 200
-"""Characters of a number with its unit at most."""
+"""Largest length of a number with its unit."""
 _UNIT_TEXT = re.compile(r"[\w%°^*/().·\s-]+\Z")
 _UNIT_NUMBER = re.compile(r"(?P<power>(?:\^|\*\*)\s*-?\s*)?(?<![\w.])(?P<digits>[0-9][\w.]*)")
-"""A number in a unit: an exponent, or the 1 of "1/s"."""
+"""Pattern of a number in a unit: an exponent, or the 1 of "1/s"."""
 _POWER_OF_POWER = re.compile(r"(\^|\*\*)[\s0-9.-]*(\^|\*\*)")
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """A physical quantity: its name with article, its SI unit and an example for messages."""
+    """Physical quantity: its name with article, its SI unit and an example for messages."""
 
     name: str
     unit: str
@@ -64,7 +64,7 @@ SENSED = (
     Dimension("an angular acceleration", "rad/s^2", "5 rad/s^2"), Dimension("a strain", "1", "0.001"),
     Dimension("a stress", "Pa", "100 MPa"),
 )  # fmt: skip
-"""What sensors measure."""
+"""Quantities that sensors measure."""
 
 _SI_OF_COMMON = {  # unit: (SI unit, factor); factors below one are the reciprocals of exact numbers
     "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6),
@@ -85,11 +85,11 @@ def to_si(value: object, dimension: Dimension) -> float:
     Raises Fault: not a number, not finite, too large or small to be computed with, unknown unit, wrong dimension.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise Fault(f"{dimension.name} is wanted", _how_to_write(dimension))
+        raise Fault(f"{dimension.name} is required", _how_to_write(dimension))
     if isinstance(value, str):
         match = NUMBER_WITH_UNIT.match(value) if len(value) <= _LONGEST else None
         if match is None:
-            raise Fault(f"not a number with a unit; {dimension.name} is wanted", _how_to_write(dimension))
+            raise Fault(f"not a number with a unit; {dimension.name} is required", _how_to_write(dimension))
         if math.isinf(float(match[1])):
             raise Fault("not a finite number", _how_to_write(dimension))
         number = scaled(float(match[1]), match[2], dimension)
@@ -98,13 +98,13 @@ def to_si(value: object, dimension: Dimension) -> float:
     if not math.isfinite(number):
         raise Fault("not a finite number", _how_to_write(dimension))
     if number and not 1 / LARGEST <= abs(number) <= LARGEST:
-        reason = f"outside {1 / LARGEST:g} to {LARGEST:g}, where products of a few numbers leave double precision"
+        reason = f"outside {1 / LARGEST:g} to {LARGEST:g}: products of such numbers exceed double precision"
         raise Fault(reason, _how_to_write(dimension))
     return number
 
 
 def plain_number(text: str) -> float | None:
-    """The finite number that a text holds without a unit; None for any other text."""
+    """Finite number in a text without a unit; None for any other text."""
     number = float(text) if re.fullmatch(NUMBER, text.strip()) else math.inf
     return number if math.isfinite(number) else None
 
@@ -112,12 +112,12 @@ def plain_number(text: str) -> float | None:
 def _as_float(number: float) -> float:
     try:
         return float(number)
-    except OverflowError:  # a whole number beyond them
+    except OverflowError:  # an integer beyond them
         return math.inf
 
 
 def scaled(number: float, unit: str, dimension: Dimension) -> float:
-    """`number` in `unit`, in SI; divides by a reciprocal factor, so that 137 mm is exactly 0.137 m."""
+    """Convert `number` in `unit` to SI; divides by a reciprocal factor, so that 137 mm is exactly 0.137 m."""
     factor = unit_factor(unit, dimension)
     inverse = round(1 / factor) if factor else 0
     return number / inverse if factor < 1 and math.isclose(inverse * factor, 1, rel_tol=1e-15) else number * factor
@@ -125,7 +125,7 @@ def scaled(number: float, unit: str, dimension: Dimension) -> float:
 
 @cache
 def unit_factor(unit: str, dimension: Dimension) -> float:
-    """The factor from `unit` to the SI unit of `dimension`. Raises Fault: unknown unit, wrong dimension."""
+    """Factor from `unit` to the SI unit of `dimension`. Raises Fault: unknown unit, wrong dimension."""
     if unit in _SI_OF_COMMON:
         si, factor = _SI_OF_COMMON[unit]
         if si != dimension.unit:
@@ -133,13 +133,14 @@ def unit_factor(unit: str, dimension: Dimension) -> float:
         return factor
     if not unit:
         if dimension.unit:
-            raise Fault(f"no unit; {dimension.name} is wanted", _how_to_write(dimension))
+            raise Fault(f"no unit; {dimension.name} is required", _how_to_write(dimension))
         return 1.0
     return _factor_by_pint(unit, dimension)
 
 
 def _factor_by_pint(unit: str, dimension: Dimension) -> float:
-    """Compares root units, not dimensions: pint's radian has none, and 1 Hz would silently become 1 rad/s."""
+    """Factor from `unit` to `dimension` by pint. Root units are compared, not dimensions: pint's radian has none, and
+    1 Hz would silently become 1 rad/s."""
     from pint.errors import PintError
 
     registry = _registry()
@@ -179,7 +180,7 @@ def _registry():
 
 
 def _spelled_otherwise(unit: str, dimension: Dimension) -> str | None:
-    """The common unit of `dimension` that differs from `unit` in capitals only, like rpm from RPM."""
+    """Common unit of `dimension` that differs from `unit` in capitals only, like rpm from RPM."""
     folded = unit.casefold()
     common = (name for name, (si, _) in _SI_OF_COMMON.items() if si == dimension.unit)
     return next((name for name in common if name.casefold() == folded and name != unit), None)
