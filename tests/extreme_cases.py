@@ -67,7 +67,7 @@ def _speeds() -> list[Case]:
             "speed", f"{share:g} of the critical speed without K_g", "rotating-cantilever",
             (f"shaft.speed={share * critical!r}", "solve.start=periodic"), ended, 0.0,
             accurate=("radau", "newmark", "generalised-alpha", *(stepped if share < 1 else ())),
-            named={} if share < 1 else dict.fromkeys(stepped, "unstable: the motion grows beyond all bounds"),
+            named={} if share < 1 else dict.fromkeys(stepped, "unstable: the motion grows without bound"),
         )
         for share in (0.99, 1.01)
     ]  # fmt: skip

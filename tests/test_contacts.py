@@ -288,11 +288,11 @@ def test_one_way_presets_refuse_contacts_and_say_which_one_takes_them(preset):
     scene = written(('preset = "coupled"', f'preset = "{preset}"'))
     with pytest.raises(SceneError) as caught:
         resolve_options(scene)
-    assert str(caught.value) == f"contacts.stop: preset {preset} does not support a contact. Take preset coupled."
+    assert str(caught.value) == f"contacts.stop: preset {preset} does not support a contact. Use preset coupled."
     with pytest.raises(SceneError) as caught:
         resolve_options(with_settings(scene, ["contacts.stop=none"]))
     expected = f"joints.wrist.clearance: preset {preset} does not support a joint with a clearance. "
-    assert str(caught.value) == f"{expected}Take preset coupled."
+    assert str(caught.value) == f"{expected}Use preset coupled."
 
 
 def test_a_scene_is_told_with_the_restitution_that_its_laws_return():

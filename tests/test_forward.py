@@ -130,5 +130,5 @@ def test_a_forward_table_without_use_is_said(scene, settings, why):
 def test_a_motion_that_is_too_fast_for_its_duration_is_refused(monkeypatch):
     """A hundred thousand seconds of a double pendulum would take half an hour, in silence."""
     monkeypatch.setattr("kaneflex.integrate.by_scipy._MOST", 2000)
-    with pytest.raises(SceneError, match=r"20[0-9]{2} evaluations bring it to t = [\d.]+ s of 100000 s\. Shorten"):
+    with pytest.raises(SceneError, match=r"20[0-9]{2} evaluations reach only t = [\d.]+ s of 100000 s\. Shorten"):
         model("double-pendulum", "solve.duration=1e5 s", "solve.steps=7")

@@ -202,7 +202,7 @@ def test_an_elastic_rod_loose_at_both_ends_parts_as_slowly_as_the_other_end_make
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        (["solve.preset=rigid"], r"bodies\.bar\.free: preset rigid does not support a free body.*Take preset coupled"),
+        (["solve.preset=rigid"], r"bodies\.bar\.free: preset rigid does not support a free body.*Use preset coupled"),
         (["solve.preset=stiffened"], r"bodies\.bar\.free: preset stiffened does not support a free body"),
         (["solve.start=quasistatic"], r"solve\.start = 'quasistatic': bodies\.bar is free, so there is no equilibrium"),
         (["bodies.bar.pose.angle=0"], r"bodies\.bar\.free: bodies with poses don't move"),
@@ -217,7 +217,7 @@ def test_what_is_free_is_said_once_and_moves_by_preset_coupled(tmp_path, setting
 
 def test_a_body_that_joints_hold_is_not_free(tmp_path):
     pinned = THROWN.replace("[sensors]", '[joints]\npin = {revolute = ["ground", "bar"]}\n[sensors]')
-    with pytest.raises(SceneError, match=r"bodies\.bar\.free: joints and drives say already .*Leave free out"):
+    with pytest.raises(SceneError, match=r"bodies\.bar\.free: joints and drives determine .*Leave free out"):
         load(scene_of(tmp_path, pinned))
 
 
@@ -226,6 +226,6 @@ def test_free_bodies_are_counted_and_not_built_in_the_peer(tmp_path):
     path.write_text(THROWN)
     shown = cli("show", path, "-o", tmp_path / "thrown.png")
     assert "free bodies    -3  bar" in shown.output
-    assert "left            0  the forces drive what is free" in shown.output
+    assert "left            0  forces drive the free joints" in shown.output
     command = ("compare", path, "--with", "exudyn", "-o", tmp_path / "out")
     refused(cli(*command), "bodies.bar.free", "a body that moves freely is not built in the peer")

@@ -324,5 +324,5 @@ def test_modulus_is_said_of_complex_multipliers_only(multiplier, modulus):
 def test_growth_that_rounding_explains_is_not_called_unstable():
     multipliers = np.array([1.00001, 0.5], dtype=complex)
     outcome, message = _verdict(multipliers, blur=1e-4)
-    assert outcome is Outcome.NO_PERIODIC_STATE and "take integrator generalised-alpha" in message
+    assert outcome is Outcome.NO_PERIODIC_STATE and "use integrator generalised-alpha" in message
     assert _verdict(multipliers, blur=1e-8)[0] is Outcome.UNSTABLE

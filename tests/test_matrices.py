@@ -171,13 +171,13 @@ def grid_points(K):
     "write, message",
     [
         (constrained, "job_STIF2.mtx has rows from 1 to 14, with 5 nodes"),
-        (halves, "job_STIF2.mtx holds a row that is no whole number"),
+        (halves, "job_STIF2.mtx contains a row that is not a whole number"),
         (grid_points, "job.pch has no DMIG card. Have the matrices written by"),
-        (held, "job_STIF1.mtx holds no direction 2 of node 112"),
-        (turning, "job_STIF1.mtx holds the rotation of node 25"),
-        (orphan, "there is no job.dof"),
-        (others, "job.sti and job.dof don't belong together"),
-        (two, "job.op4 holds KGG, KFF"),
+        (held, "job_STIF1.mtx has no direction 2 of node 112"),
+        (turning, "job_STIF1.mtx contains the rotation of node 25"),
+        (orphan, "job.dof does not exist"),
+        (others, "job.sti and job.dof do not fit together"),
+        (two, "job.op4 contains KGG, KFF"),
         (junk, "job.op4"),
     ],
 )
@@ -214,7 +214,7 @@ def test_large_punched_matrices_are_refused(monkeypatch):
 
 
 def test_a_node_that_is_not_listed(stiffness):
-    with pytest.raises(Fault, match=r"job_STIF1\.mtx holds node 25"):
+    with pytest.raises(Fault, match=r"job_STIF1\.mtx contains node 25"):
         read_matrix(abaqus(stiffness), NUMBERS[:-1], "k")
 
 

@@ -100,7 +100,7 @@ def test_peaucelliers_pen_draws_a_straight_line_though_an_arm_of_it_is_a_beam():
     assert solution["x"].values == pytest.approx((0.3**2 - 0.12**2) / 0.2, abs=1e-12)
     assert np.ptp(solution["y"].values) > 0.15
     errors, why = solution.errors
-    assert not errors and "far_d and pen hold it between rigid bodies" in why and "Take" not in why
+    assert not errors and "far_d and pen hold it between rigid bodies" in why and "Use preset" not in why
 
 
 def test_show_does_not_advise_the_preset_that_is_taken(tmp_path, monkeypatch):
@@ -109,7 +109,7 @@ def test_show_does_not_advise_the_preset_that_is_taken(tmp_path, monkeypatch):
     for preset, warns in (("coupled", False), ("stiffened", True)):
         path.write_text(PEAUCELLIER.replace("PRESET", preset))
         shown = cli("show", str(path), "-o", str(tmp_path / f"{preset}.png"))
-        assert ("Take preset coupled" in shown.stderr) == warns, shown.stderr
+        assert ("Use preset coupled" in shown.stderr) == warns, shown.stderr
     assert "minimum at main = -28.6479 deg" in shown.stdout  # which swings, and is never at 331 deg
 
 

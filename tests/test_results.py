@@ -211,7 +211,7 @@ def test_a_run_from_python_warns_of_what_the_terminal_and_the_summary_say():
         found = simulate(model)
     assert [str(each.message) for each in said] == [found.message, *found.warnings]
     assert all(Path(each.filename) == Path(__file__) for each in said)
-    assert found.message.startswith("unstable: the motion grows beyond all bounds, at t = ")
+    assert found.message.startswith("unstable: the motion grows without bound, at t = ")
     assert any("because of the spin" in text for text in found.warnings)
     assert summarise(found).warnings == list(found.warnings)
     with warnings.catch_warnings():

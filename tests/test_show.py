@@ -192,7 +192,7 @@ def test_counts_and_verdicts(tmp_path):
     assert engine.constraints == {"main": 2, "pin": 2, "wrist": 2, "bore": 2}
     pendulum = count_freedom(mechanism_of(read_scene("double-pendulum")))
     assert (pendulum.mobility, pendulum.left, pendulum.free) == (2, 0, ("pivot", "elbow"))
-    assert pendulum.verdict == "the forces drive what is free"
+    assert pendulum.verdict == "forces drive the free joints"
     bare = ["drives=none", "loads=none", "sensors=none", "solve.duration=1 s", "solve.start=zero"]
     undriven = count_freedom(mechanism_of(with_settings(read_scene("engine"), bare)))
     assert undriven.left == 1 and undriven.verdict.startswith("1 too many")

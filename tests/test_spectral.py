@@ -251,7 +251,7 @@ def test_a_load_that_jumps_has_too_many_harmonics():
         return rows
 
     orbit = periodic_orbit(system, jumping, 0.0, PERIOD, 1e-8)
-    assert "die away too slowly" in orbit.reason
+    assert "decay too slowly" in orbit.reason
     found = integrate(Run(system, jumping, 0.0, PERIOD / 90, 90, "spectral", "periodic", 90, tolerance=1e-8))
     assert found.solver.startswith("radau, in steps: its harmonics") and found.outcome is Outcome.COMPLETED
 

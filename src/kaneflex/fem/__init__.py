@@ -1,1 +1,1 @@
-"""Elastic links: finite elements, coordinates, joints' releases, reduction, modes."""
+"""Elastic links: finite elements, coordinates, releases at joints, reduction, modes."""

@@ -1,14 +1,14 @@
-"""From parts in their own axes to the equations of the mechanism.
+"""Assembly of parts in their own axes into the equations of the mechanism.
 
-With q = L(t) z of each part,
+With q = L(t) z for each part,
 
     M_z = sum L^T M L
     C_z = sum L^T C L + 2 L^T M L'
     K_z = sum L^T K L + L^T C L' + L^T M L''
     F_z = sum L^T F
 
-where L turns with the bodies. The paper drops L' and L''; kept, they cancel the spin and Coriolis terms of
-whatever inertia is isotropic, as they must.
+where L rotates with the bodies. The paper drops L' and L''; here they cancel the spin and Coriolis terms of isotropic
+inertia, as they must.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 
 Placed = tuple[Part, Affine]
-"""A part and its L."""
+"""Part with its map L."""
 
 
 @dataclass(frozen=True)
 class ElasticEquations:
-    """M z'' + (C_s + C_d) z' + (K_s + K_d + K_c + K_g) z = F in the mechanism's coordinates, affine in the motion.
+    """Equations M z'' + (C_s + C_d) z' + (K_s + K_d + K_c + K_g) z = F of the mechanism, affine in the motion.
 
-    K_c = L^T C_s L' is the share of the material damping that turns with the links: it comes and goes with C_s.
+    K_c = L^T C_s L' is the share of the material damping that rotates with the links; it vanishes without C_s.
     """
 
     coordinates: tuple[str, ...]
@@ -55,11 +55,11 @@ class ElasticEquations:
         return {name: getattr(self, name) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")}
 
     def fixed(self, constants: Mapping[str, float]) -> ElasticEquations:
-        """The same with the scalars that a structure fixes at their values: what they make zero is left out."""
+        """Equations with the scalars that a structure fixes replaced by their values; terms that vanish are omitted."""
         return replace(self, **{name: affine.fixed(constants) for name, affine in self.matrices().items()})
 
     def in_basis(self, basis: np.ndarray, coordinates: tuple[str, ...]) -> ElasticEquations:
-        """The same equations projected on z = B a with a constant basis."""
+        """Equations projected on z = B a with a constant basis."""
         projected = {
             name: affine.projected(basis) if name == "F" else affine.congruent(basis)
             for name, affine in self.matrices().items()
@@ -68,7 +68,7 @@ class ElasticEquations:
 
 
 def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[float, float], gravity) -> Part:
-    """A rigid mass at a point of a body, coordinates its global displacement x, y and the turn.
+    """Rigid mass at a point of a body; coordinates are its global displacement x, y and rotation.
 
     M = diag(m, m, J) is constant; F = (-m (a - g), -J epsilon) with a = a_O + epsilon S R r - omega^2 R r.
     """
@@ -105,7 +105,7 @@ def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
 
 
 def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> list[Placed]:
-    """The carried rigid bodies and the loads on them."""
+    """Add the carried rigid bodies and the loads on them."""
     placed = []
     for name in carried:
         body = scene.bodies[name]
@@ -123,13 +123,13 @@ def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> l
 
 
 def _along(name: str, load: Load, body: str) -> Affine:
-    """A load's size along its direction, global (2 x 1)."""
+    """Global vector of a load (2 x 1)."""
     direction = Affine.term((name,), np.array(load.direction)[:, None])
     return direction if load.axes == "global" else to_link_axes(body).T @ direction
 
 
 def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
-    """Torques at joints, on the rotation of the second side against the first."""
+    """Add torques at joints, which act on the rotation of the second side relative to the first."""
     placed = []
     for name, load in scene.torques.items():
         relative = Affine.zero(1, len(frame.coordinates))
@@ -148,7 +148,7 @@ def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, P
 
 
 def place_masses(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
-    """Lumped masses on links and on carried rigid bodies, each once and in global axes."""
+    """Add lumped masses on links and on carried rigid bodies, each once and in global axes."""
     placed = []
     for name, mass in scene.masses.items():
         at = scene.point(mass.at)
@@ -163,15 +163,15 @@ def place_masses(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Pa
 
 
 def empty_part(name: str, size: int) -> Part:
-    """A part without any matrix."""
+    """Part without any matrix."""
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
     return Part(name, tuple(f"{name}.{k}" for k in range(size)), matrices, {})
 
 
 def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
-    """K_g of a carried body that turns: the forces on it keep their direction while their arms turn.
+    """Geometric stiffness K_g of a rotating carried body: forces keep their direction while their arms rotate.
 
-    A force F at the arm a = R (r - r_0) from the point that the body turns about does second-order work
+    A force F at the arm a = R (r - r_0) from the body's centre of rotation does second-order work
     -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
     """
     part = empty_part(f"{name}.arms", 3)
@@ -223,7 +223,7 @@ def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective:
 
 
 def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Mapping[str, Affine], Affine]]:
-    """The matrices of the parts that move by the same L, added up."""
+    """Sum of the matrices of parts with the same L."""
     found: dict[int, tuple[Mapping[str, Affine], Affine]] = {}
     for part, L in placed:
         before = found.get(id(L), (None, L))[0]
@@ -233,5 +233,5 @@ def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Mapping[str, Affine],
 
 
 def spin_or_euler(monomial: Monomial) -> str:
-    """Which complete group a term of K_d belongs to: "euler" if proportional to epsilon, else "spin"."""
+    """Name of the complete group that a term of K_d belongs to: "euler" if proportional to epsilon, else "spin"."""
     return "euler" if any(name.rpartition(".")[2].startswith("epsilon") for name in monomial) else "spin"

@@ -1,8 +1,8 @@
-"""The mechanism's elastic coordinates z, and the map q = L z of every part.
+"""Elastic coordinates z of the mechanism, and the map q = L z of every part.
 
-Displacements of joints are global coordinates shared by the bodies that meet there; rotations are released at a
-revolute joint and shared at a weld; rigid bodies that elastic links carry have a slide, a turn, or a displacement and a
-turn of their own. All other coordinates are a link's own, in its own axes.
+Displacements of joints are global coordinates shared by the connected bodies; rotations are released at a revolute
+joint and shared at a weld; rigid bodies carried by elastic links have a slide, a rotation, or a displacement and a
+rotation. All other coordinates belong to one link, in its axes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ IDENTITY, TURN = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 @dataclass(frozen=True)
 class Frame:
-    """Names of the coordinates z, and what moves with them.
+    """Names of the coordinates z, and maps of links and carried bodies.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ def guide_direction(scene: Scene, joint_name: str) -> Affine:
 
 
 class _Columns:
-    """Coordinates in the order in which they are met."""
+    """Coordinates in the order of their first use."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
@@ -110,7 +110,7 @@ def build_frame(
 
 
 def _name_coordinates(part: Part, carried, interfaces: Interfaces, columns: _Columns) -> list[tuple[int, int]]:
-    """Pairs (local row, coordinate) of what is a link's own, or a shared rotation; names the others on the way."""
+    """Pairs (local row, coordinate) of a link's own coordinates and shared rotations; also names the others."""
     pairs = []
     # All nodes of an axially rigid link share a row: it is that of the node at a joint, which comes last.
     nodes = sorted(part.place, key=lambda node: (part.name, node) in interfaces.displaced)
@@ -177,10 +177,10 @@ def _selector(rows: int, at, columns, size: int) -> Matrix:
 
 
 def _lift(rows: int, at: list[int]) -> Affine:
-    """Puts len(at) components into rows ``at`` of a longer vector."""
+    """Matrix that puts len(at) components into rows ``at`` of a longer vector."""
     return Affine.constant(_selector(rows, at, range(len(at)), len(at)))
 
 
 def _pick(columns: int, at: list[int]) -> Affine:
-    """Takes components ``at`` of a longer vector."""
+    """Matrix that takes components ``at`` of a longer vector."""
     return Affine.constant(_selector(len(at), range(len(at)), at, columns))

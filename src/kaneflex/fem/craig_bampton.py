@@ -1,16 +1,16 @@
-"""A foreign link's modal data: Craig and Bampton's shapes of it in its floating frame, and their sums over its mass.
+"""Modal data of an imported link: Craig and Bampton's shapes in its floating frame, and their integrals over its mass.
 
-Shapes are the static ones of the points, the modes with the points held (Craig & Bampton 1968), in the plane those of a
-moment on each point (attachment modes, Hintz 1975), and what the inertia of the link as a whole bends it by, the points
-held: what is left of a static answer to these otherwise converges slowly in forces and stresses (Craig 1981, ch. 15).
-Without the moments a weld, which holds a turn, is a quarter too stiff however many modes there are. Those across have
-the ends on the chord, those along are without displacement in the mean. A point's own motion is what it is held by,
-B x = (u or v of each point); static answers and modes come of one factorisation,
+Shapes are the constraint modes of the points and the modes with fixed points (Craig & Bampton 1968). In the plane
+attachment modes of a moment on each point are added (Hintz 1975); without them a weld, which constrains a rotation, is
+a quarter too stiff with any number of modes. Static responses to the link's inertia with fixed points are added, too:
+otherwise forces and stresses converge slowly (Craig 1981, ch. 15). Transverse shapes have the ends on the chord, axial
+shapes no mean displacement. The motion of a point is constrained, B x = (u or v of each point); static responses and
+modes use one factorisation,
 
     [K B^T; B 0] [x; f] = [load; displacement].
 
-What a beam's sections do is here what each particle does: the turn psi of a section is the -u / Y of its fibres, so
-that the integrals of X psi dJ become those of -Y u, and a shape's kinetic energy is that of all of its displacements.
+Particles replace a beam's sections: the rotation psi of a section is the -u / Y of its fibres, so that the integrals
+of X psi dJ become those of -Y u, and a shape's kinetic energy is that of all of its displacements.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from kaneflex.scene.modal_data import FORMAT, ModalData, checked_data, symmetris
 from kaneflex.support.errors import Fault
 
 DEGREE, _PIECES = 5, 12
-"""Of the spline that is the mean line."""
+"""Degree of the spline of the mean line."""
 _FEW = 100
-"""Coordinates of which all modes are found at once."""
-_LOOSE = "the stiffness leaves a motion free that no point holds"
-_LOOK = "Look for nodes without elements, and parts that hang on others by hinges or not at all"
+"""Largest number of coordinates whose modes are all computed at once."""
+_LOOSE = "the stiffness matrix is singular with all points fixed"
+_LOOK = "Check for nodes without elements, and for parts that are hinged or not connected"
 _NEGATIVE = (
-    "the mass matrix is not positive definite: a motion of the link has no kinetic energy, or one below zero",
-    "Look for masses below zero, and nodes without any",
+    "the mass matrix is not positive definite",
+    "Check for negative masses and nodes without mass",
 )
 _NOTHING = 1e-9
-"""Share of the largest stiffness, or of a shape's mass, that is none."""
+"""Share of the largest stiffness, or of a shape's mass, that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,16 +95,16 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     try:
         dynamic = eigsh(K, modes, M, sigma=0.0, OPinv=answer, v0=first)[1] if modes else np.zeros((count, 0))
     except ArpackError as error:
-        raise Fault(f"the modes were not found: {error}", "Look at the matrices, or ask for fewer") from None
+        raise Fault(f"the modes were not found: {error}", "Check the matrices, or ask for fewer") from None
     return _orthogonal(link, motion, T @ np.hstack([static, _residual(pushed, dynamic, M), dynamic]))
 
 
 def _residual(pushed: np.ndarray, modes: np.ndarray, M: csc_array) -> np.ndarray:
-    """Static answers to loads, less what modes of unit mass have of them, their largest entries one (Rubin 1975).
+    """Static responses to loads without the share of modes of unit mass, scaled to largest entry 1 (Rubin 1975).
 
-    What is left, however small, is what the modes don't know of the flexibility there.
+    However small, they contain the flexibility that the modes lack.
     """
-    for least in (0.0, _NOTHING):  # the second time for what rounding left of it (Parlett 1998, 6-9)
+    for least in (0.0, _NOTHING):  # the second pass removes rounding errors (Parlett 1998, 6-9)
         size = abs(pushed).max(axis=0)
         pushed = pushed[:, size > least] / size[size > least]
         pushed = pushed - modes @ (modes.T @ (M @ pushed))
@@ -112,13 +112,13 @@ def _residual(pushed: np.ndarray, modes: np.ndarray, M: csc_array) -> np.ndarray
 
 
 def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
-    """Shapes that span the same without rigid motions, orthogonal in mass and stiffness, their largest entries one."""
+    """Shapes of the same span without rigid motions, orthogonal in mass and stiffness, scaled to largest entry 1."""
     if motion != "transverse":  # in the mean over the mass
         whole = np.column_stack([link.field(1.0, 0.0)] if motion == "axial" else list(link.whole.values()))
         carried = link.M @ whole
         inertia = whole.T @ carried
         if np.linalg.eigvalsh(inertia)[0] <= _NOTHING * inertia[0, 0]:
-            reason = "the mass resists no turn about the axis: it lies on one line"
+            reason = "the mass has no moment of inertia about the axis: it lies on one line"
             raise Fault(reason, "Give the mass of its sections, with their rotary inertia")
         shapes = shapes - whole @ np.linalg.solve(inertia, carried.T @ shapes)
     mass, stiffness = (shapes.T @ (A @ shapes) for A in (link.M, link.K))
@@ -142,21 +142,21 @@ def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
 
 
 def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
-    """A link's modal data, with its points, its sections and their forces.
+    """Modal data of a link, with its points, its sections and their forces.
 
     Parameters
     ----------
     modes : int
-        Transverse ones with the points held; of axial ones there are half as many.
+        Number of transverse modes with fixed points; the number of axial modes is half of it.
     rigid : bool
-        Whether the nodes of a point move as one, or it moves as the mean of them.
+        True: the nodes of a point move as one body; False: the point moves as their mean.
     damping : float
-        Ratio of every shape's.
+        Damping ratio of every shape.
 
     Raises
     ------
     Fault
-        Where the mesh isn't symmetric, or has fewer modes.
+        If the mesh isn't symmetric, or has fewer modes.
     """
     along = reduced(link, "axial", (modes + 1) // 2, rigid)
     across = reduced(link, "transverse", modes, rigid)
@@ -164,7 +164,7 @@ def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float =
     x, y = link.nodes[:, 0], link.nodes[:, 1]
     X, Y, X_across, Y_along = link.field(x, 0.0), link.field(0.0, y), link.field(0.0, x), link.field(y, 0.0)
     on_u, on_v = link.field(1.0, 0.0), link.field(0.0, 1.0)
-    lifted = on_v[:, None] * w  # what of the shapes goes across
+    lifted = on_v[:, None] * w  # transverse part of the shapes
     across_alone = symmetrised(lifted.T @ M @ lifted, "ww")
     turned = np.zeros_like(s)
     turned[0::d], turned[1::d] = -s[1::d], s[0::d]
@@ -185,13 +185,13 @@ def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float =
 
 
 def _points(link: Foreign, s: np.ndarray, w: np.ndarray, line: MeanLine) -> dict[str, np.ndarray]:
-    """POINT_ARRAYS of the link's points, and of its sections' on the mean line."""
+    """Arrays of the link's points, and of its sections on the mean line, by the names of POINT_ARRAYS."""
     names, X = list(link.points), np.array([link.X(name) for name in link.points])
     means = [link.means(name) for name in link.points]
     rows = zip(*means, strict=True)
     moved = [np.array(part) @ shapes for part, shapes in zip(rows, (s, w, w), strict=True)]
     for k, name in enumerate(link.points):
-        if len(link.points[name]) == 1:  # a node alone has no turn but that of the mean line
+        if len(link.points[name]) == 1:  # a single node has the rotation of the mean line
             moved[2][k] = line.slope(X[k])
     if link.sections:
         places = np.array(list(link.sections.values()))
@@ -223,7 +223,7 @@ class MeanLine:
 
     @classmethod
     def of(cls, link: Foreign, s: np.ndarray, lifted: np.ndarray, carried: np.ndarray) -> MeanLine:
-        """Of the shapes (n_nodes d, n); ``carried`` (n_nodes,): the mass [kg] at each node."""
+        """Mean displacements of the shapes (n_nodes d, n); ``carried`` (n_nodes,) is the mass [kg] at each node."""
         x, d = link.nodes[:, 0], link.axes
         knots, at_nodes = splines(x)
 
@@ -236,11 +236,11 @@ class MeanLine:
         return cls(fitted(s, 0), across, across.derivative(), (x, carried))
 
     def shortening(self, x: np.ndarray) -> np.ndarray:
-        """H (n_places, n, n) [1/m]: the integral of w_j' w_k' up to each place, less its mean over the mass."""
+        """Matrices H (n_places, n, n) [1/m]: integral of w_j' w_k' up to each place, minus its mean over the mass."""
         return np.stack([self.shortened(x[k : k + 1], np.ones(1)) for k in range(len(x))])
 
     def shortened(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """H (n, n) of places, summed with weights (n_places,)."""
+        """Matrix H (n, n), summed over places with weights (n_places,)."""
         return grown((self.slope,), x, weights) - weights.sum() * self._mean
 
     @cached_property
@@ -250,8 +250,8 @@ class MeanLine:
 
 
 def grown(slopes: Iterable[BSpline], x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """The integral of s_j s_k from a link's first section up to each place x [m], summed with weights (n_places,):
-    (n, n) [1/m], added up over the slopes s of lines of DEGREE.
+    """Integral of s_j s_k from a link's first section up to each place x [m], summed with weights (n_places,): (n, n)
+    [1/m], summed over the slopes s of lines of DEGREE.
 
     Gauss's rule of DEGREE points is exact between neighbours among knots and places.
     """

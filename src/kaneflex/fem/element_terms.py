@@ -1,6 +1,6 @@
-"""An element's terms as numbers: the constant matrix before each product of the motion's scalars, of many elements.
+"""Numerical terms of many elements: the constant matrix of each product of the motion's scalars.
 
-What is here reads a generated module of elements and its TERMS, of the plane or of space.
+They come from a generated module of planar or spatial elements and its TERMS.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ MATRIX_OF_GROUP = {
     "inertia": "M", "gyroscopic": "C_d", "elastic": "K_s", "spin": "K_d", "euler": "K_d", "geometric": "K_g",
     "damping": "C_s", "load": "F",
 }  # fmt: skip
-"""Where a term of the generated module belongs in M q'' + (C_s + C_d) q' + (K_s + K_d + K_g) q = F."""
+"""Matrix of M q'' + (C_s + C_d) q' + (K_s + K_d + K_g) q = F that a term of the generated module belongs to."""
 
 Parameters = Mapping[str, np.ndarray]
-"""Every parameter of an element by its name in the contract, (elements,) each."""
+"""Parameters of elements by their names in the contract, (elements,) each."""
 
 
 def element_size(module: ModuleType) -> int:
@@ -30,11 +30,11 @@ def element_size(module: ModuleType) -> int:
 
 
 class Blocks:
-    """Matrices of elements before the monomials of TERMS, taken apart by the module's own kernels.
+    """Matrices of the monomials of TERMS, extracted from the module's kernels.
 
-    A kernel is linear in the monomials. So with one scalar at 1 it gives the matrix before that scalar and its square,
-    of which an entry never has both; with two at 1, less what it gives where one of them is -1, twice the matrix before
-    their product: what does not hold the product is the same number in both and cancels to the last bit.
+    A kernel is linear in the monomials. With one scalar at 1 it gives the matrix of that scalar or its square (no entry
+    has both). With two at 1, minus the result with one of them at -1, it gives twice the matrix of their product; all
+    other terms are equal in both and cancel exactly.
     """
 
     def __init__(self, module: ModuleType, parameters: Parameters) -> None:
@@ -48,7 +48,7 @@ class Blocks:
         self._found = self._at(parameters)
 
     def before(self, kernel: str, factors: Sequence[str]) -> np.ndarray:
-        """The matrices (elements, n, n) of a kernel before this monomial, of F the loads (elements, n, 1)."""
+        """Matrices (elements, n, n) of a kernel for this monomial; for F loads (elements, n, 1)."""
         if len(set(factors)) > 1:
             one, other = factors
             blocks = (self._values(kernel, {one: 1.0, other: 1.0}) - self._values(kernel, {one: 1.0, other: -1.0})) / 2
@@ -57,10 +57,10 @@ class Blocks:
         return blocks[:, 0, :, None] if kernel == "F" else blocks
 
     def of_unit_density(self) -> np.ndarray:
-        """int N^T N dx (elements, n, n), by what K_d holds before the squares of omega's components.
+        """Integral of N^T N dx (elements, n, n), from K_d's matrices of the squares of omega's components.
 
-        With rho A = -1 and no rotary inertia each is int N^T N dx of the displacement across its axis: in the plane
-        that is all of it, in space their sum is twice.
+        With rho A = -1 and no rotary inertia each is the integral for the displacement across its axis: in the plane
+        it is complete, in space their sum is twice the result.
         """
         turning = [name for name in self._names if name.startswith("omega")]
         none = np.zeros_like(self._parameters["rho_A"])
@@ -100,7 +100,7 @@ def terms_of_elements(
 def chain(
     terms: Iterable[tuple[tuple[str, Monomial], np.ndarray]], place: Mapping[int, Sequence[int]], size: int
 ) -> dict[str, Affine]:
-    """M, C_s, C_d, K_s, K_d, K_g and F of a chain of elements, whose node i has the rows place[i]."""
+    """Matrices M, C_s, C_d, K_s, K_d, K_g and F of a chain of elements; node i has the rows place[i]."""
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
     for (key, monomial), blocks in terms:
         matrices[key] += Affine.term(monomial, _overlapped(blocks, place, size))

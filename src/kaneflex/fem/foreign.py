@@ -1,14 +1,13 @@
-"""A body's finite elements from another program: matrices, nodes, and what of them moves in the plane or in space.
+"""Finite elements of a body from another program: matrices, nodes, and their motions in the plane or in space.
 
-The matrices are those of the whole link, nothing of it held: translations of the nodes, two or three at each, in space
-with or without rotations, in the order of the nodes. A link of the plane is its own mirror image in that plane and
-across its axis, as beams are: then its motions part into axial ones, u even and v odd in Y, and transverse ones, u odd
-and v even, both with w odd in Z. What matrices lack of that symmetry is averaged over, which is a Ritz approximation
-like the mesh itself.
+The matrices are those of the free link: two or three translations per node, in space with or without rotations, in
+the order of the nodes. A planar link must be symmetric about that plane and about its axis, as beams are. Then its
+motions separate into axial (u even and v odd in Y) and transverse ones (u odd and v even), both with w odd in Z.
+Deviations of the matrices from the symmetry are averaged, which is a Ritz approximation like the mesh itself.
 
-In space nothing is asked of a body's form: all its motions are one kind.
+In space a body may have any form: all its motions are one kind.
 
-Of a link whose stiffness only its modes know, displacements are those of the modes and of the link as a whole.
+If only modes are known, displacements are those of the modes and of the link as a rigid body.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from kaneflex.scene.modal_data import CROSS
 from kaneflex.support.errors import Fault
 
 OPPOSITE = 1e-6
-"""Share of the link's length by which a node may miss its mirror image, and the ends the plane."""
+"""Tolerance for mirror images of nodes, and for ends off the plane, as a share of the link's length."""
 TURNS = 6
-"""Motions of a node that turns."""
+"""Motions of a node with rotations."""
 ALIKE = 1e-6
 """Share of the largest displacement that is another one's rounding."""
 _SPEEDS, _DENSEST = (300.0, 20e3), 25e3
-"""Of waves along a bar that can't contract, in anything from foam to diamond [m/s]; kg/m^3."""
+"""Plausible speeds of longitudinal waves without contraction, from foam to diamond [m/s]; densities [kg/m^3]."""
 _PARITY = {"axial": ((1, 1), (-1, 1), (1, -1)), "transverse": ((-1, 1), (1, 1), (-1, -1))}
 """Signs of u, v, w under the mirrors Y -> -Y and Z -> -Z."""
 
@@ -43,7 +42,7 @@ Motion = Literal["axial", "transverse", "any"]
 
 @dataclass(frozen=True, eq=False)
 class Projected:
-    """The stiffness [N/m] of what a displacement has of some modes.
+    """Stiffness [N/m] of a displacement's share in some modes.
 
     ``onto`` (n_modes, n_nodes d): how much of each mode is in it, by the mass; ``stiffness`` (n_modes, n_modes);
     ``normal``: whether they are normal modes, none of them a static shape.
@@ -74,14 +73,14 @@ class Foreign:
     Attributes
     ----------
     M, K : csc_array (n_nodes d, n_nodes d)
-        Mass [kg] and stiffness [N/m], d motions a node: two or three translations, or three and three rotations; the
+        Mass [kg] and stiffness [N/m], d motions per node: two or three translations, or three and three rotations; the
         latter :class:`Projected` where only modes are known.
     nodes : ndarray (n_nodes, 2 or 3)
         Places from the start [m].
     points : mapping of str
         Name of each point -> the nodes that belong to it; `start` and `end` are among them.
     spatial : bool
-        Whether it moves in space.
+        True if it moves in space.
     span : ndarray (n_nodes d, m) or None
         Displacements that all others are sums of, where modes are all there is.
     turn : ndarray (3, 3)
@@ -89,7 +88,7 @@ class Foreign:
     sections : mapping of str
         Name of each further point, which is on the mean line -> its distance from the start [m].
     stresses : Stresses or None
-        Where the other program told them.
+        Stresses, if the other program gives them.
     """
 
     M: csc_array
@@ -104,7 +103,7 @@ class Foreign:
 
     @property
     def motions(self) -> int:
-        """Of a node: d."""
+        """Motions of a node: d."""
         return self.M.shape[0] // len(self.nodes)
 
     @property
@@ -114,7 +113,7 @@ class Foreign:
 
     @cached_property
     def turning(self) -> np.ndarray:
-        """Which nodes turn about all axes, (n_nodes,): those of solid elements don't, beside others that bend."""
+        """Flags of nodes with rotations about all axes, (n_nodes,): nodes of solid elements have none."""
         if self.motions < TURNS:
             return np.zeros(len(self.nodes), bool)
         assert not isinstance(self.K, Projected)  # whose nodes have translations alone
@@ -135,7 +134,7 @@ class Foreign:
 
     @property
     def whole(self) -> dict[str, np.ndarray]:
-        """Motions of the whole link (n_nodes d,), by what they are called; turns by one over its length."""
+        """Rigid motions of the link (n_nodes d,) by name; rotations by one over its length."""
         if not self.spatial:
             x, y = self.nodes[:, 0], self.nodes[:, 1]
             turn = self.field(-y, x) / self.length
@@ -159,7 +158,7 @@ class Foreign:
         return [*found.reshape(2 * len(kept), -1), *about]
 
     def field(self, u: np.ndarray | float, v: np.ndarray | float) -> np.ndarray:
-        """A displacement (n_nodes d,) with components u along and v across, (n_nodes,) each."""
+        """Displacement (n_nodes d,) with components u along and v across, (n_nodes,) each."""
         found = self._still()
         found[:, 0], found[:, 1] = u, v
         return found.ravel()
@@ -180,22 +179,22 @@ class Foreign:
 
     @property
     def doubts(self) -> list[str]:
-        """What no material is like: then a unit is wrong, most often.
+        """Warning of values outside the range of materials, mostly caused by a wrong unit.
 
-        A link that is stretched by one over its length stores energy as a bar does: E = k L / A, and E/rho = k L^2 / m.
+        A link stretched by one over its length stores energy like a bar: E = k L / A, and E/rho = k L^2 / m.
         """
         stretched, along = self.field(self.nodes[:, 0], 0.0), self.field(1.0, 0.0)
         mass, found = float(along @ self.M @ along), []
         speed = math.sqrt(max(float(stretched @ (self.K @ stretched)), 0.0) / mass)
         if not _SPEEDS[0] < speed < _SPEEDS[1]:
-            found.append(f"waves would run along it at {speed:.3g} m/s, which no material does")
+            found.append(f"the speed of sound would be {speed:.3g} m/s, outside the range of materials")
         around = float(np.prod(np.ptp(self.nodes, axis=0)))
         if around > 0.0 and self.axes == 3 and not mass < _DENSEST * around:
-            found.append(f"it would weigh {mass / around:.3g} kg/m^3 at least, which no material does")
+            found.append(f"the density would be at least {mass / around:.3g} kg/m^3, outside the range of materials")
         return found
 
     def held(self, point: str, motion: Motion) -> np.ndarray:
-        """Rows (m, n_nodes d) of what a point is held by: u, v, or in space its displacement and its turn.
+        """Constraint rows (m, n_nodes d) of a point: u, v, or in space its displacement and its rotation.
 
         A point of one node, or of nodes on a line, turns as these do in the mean where all of them turn. Raises Fault
         where nodes that don't turn lie on one line, which leaves a turn open.
@@ -214,7 +213,7 @@ class Foreign:
         if len(at) == 1:  # which has no turn of its own
             return found[:3].reshape(3, -1)
         if on_line:
-            raise Fault(f"the nodes of {point} lie on one line, about which its turn is open", "Give nodes around it")
+            raise Fault(f"the nodes of {point} lie on one line: its rotation is not determined", "Give nodes around it")
         lever = np.einsum("cab,na->cnb", CROSS, place)
         found[3:, at, :3] = np.linalg.solve(inertia, lever.reshape(3, -1)).reshape(lever.shape)
         return found.reshape(6, -1)
@@ -223,8 +222,8 @@ class Foreign:
         """Displacements of that symmetry, (n_nodes d, m), orthogonal; ``rigid``: a point's nodes move as one (RBE2)."""
         if self.span is not None:
             if rigid:
-                raise Fault("modes know how the nodes of a point move, not that they move as one",
-                            "Take --coupling averaged")  # fmt: skip
+                raise Fault("modes do not give rigid motion of the nodes of a point",
+                            "Use --coupling averaged")  # fmt: skip
             return self._spanned(motion)
         found = self._moving() if motion == "any" else self._symmetric(motion)
         if not rigid:
@@ -243,13 +242,13 @@ class Foreign:
         return csc_array(hstack([loose, coo_array(np.array(own).T)]))
 
     def _moving(self) -> csc_array:
-        """What resists being moved or turned: nodes of solid elements beside those that bend don't turn."""
+        """Rows with stiffness: nodes of solid elements have no rotations."""
         assert not isinstance(self.K, Projected)  # whose motions are spanned
         there = np.asarray(abs(self.K).sum(axis=0)).ravel() > 0.0
         return csc_array(eye_array(len(there), format="csc")[:, np.flatnonzero(there)])
 
     def _spanned(self, motion: Motion) -> csc_array:
-        """The part of that symmetry of what the modes span."""
+        """Part of the modes' span with that symmetry."""
         assert self.span is not None  # or there is no need to ask
         whole = self.span.reshape(len(self.nodes), self.axes, -1)
         for mirror, own in ((1, 0), (2, 1))[: 0 if motion == "any" else self.axes - 1]:
@@ -279,7 +278,7 @@ class Foreign:
         return csc_array(found[:, kept] / sizes[kept])
 
     def _mirrored(self, axis: int) -> np.ndarray:
-        """Which node is the image of each. Raises Fault where there is none."""
+        """Index of the mirror image of each node. Raises Fault if there is none."""
         flip = np.ones(self.axes)
         flip[axis] = -1.0
         away, image = cKDTree(self.nodes).query(self.nodes * flip)
@@ -287,13 +286,13 @@ class Foreign:
         if away[worst] > OPPOSITE * self.length:
             plane = "axis" if axis == 1 else "plane of motion"
             raise Fault(
-                f"the link is not its own mirror image in its {plane}: no node lies opposite the one at "
+                f"the link is not symmetric about its {plane}: there is no mirror image of the node at "
                 f"{self._told(worst)}",
-                "Give points and a normal that are in its symmetry, and a mesh that has it",
+                "Give points and a normal in the symmetry planes, and a symmetric mesh",
             )
         if (twice := np.bincount(image) > 1).any():
-            reason = f"several nodes are at {self._told(int(twice.argmax()))}: their mirror images can't be told apart"
-            raise Fault(reason, "Merge them, or take --space")
+            reason = f"several nodes are at {self._told(int(twice.argmax()))}: their mirror images are ambiguous"
+            raise Fault(reason, "Merge them, or use --space")
         return np.asarray(image)
 
     def _told(self, node: int) -> str:
@@ -301,7 +300,7 @@ class Foreign:
 
 
 def _together(place: np.ndarray, motion: Motion, motions: int) -> list[np.ndarray]:
-    """Motions of nodes as one, (n, d) each, ``place`` (n, 2 or 3) from their middle."""
+    """Rigid motions of nodes, (n, d) each, with ``place`` (n, 2 or 3) from their middle."""
     axes = np.eye(place.shape[1])
     if motion == "any":
         turned = [np.hstack([np.cross(axis, place), np.tile(axis, (len(place), 1))])[:, :motions] for axis in axes]

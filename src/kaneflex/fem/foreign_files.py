@@ -1,4 +1,4 @@
-"""A body's finite elements from the files of another program."""
+"""Reading of a body's finite elements from files of another program."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from kaneflex.support.errors import Fault
 from kaneflex.support.units import plain_number
 
 _NONE = 1e-9
-"""Share of its entries that a mass adds up to at least."""
+"""Smallest total mass, as a share of the sum of absolute entries."""
 _STILL = 1e-6
-"""Share of the stiffness by which a rigid motion may be resisted."""
+"""Largest stiffness of a rigid motion, as a share of the largest entry."""
 
 
 def read_foreign(
@@ -43,9 +43,9 @@ def read_foreign(
     units : pair of float
         The files' unit of length [m] and of mass [kg]; their unit of time is the second.
     normal : triple of float
-        Of the plane of motion, in the axes of the files; in space Z is nearest to it.
+        Normal of the plane of motion, in the axes of the files; in space approximate direction of Z.
     spatial : bool
-        Whether the body moves in space.
+        True if the body moves in space.
     sections : mapping of str
         Name of a further point on the mean line -> its distance from the start, in the files' unit of length. There
         always is `mid`, half-way.
@@ -86,30 +86,30 @@ def read_foreign(
 
 
 def _check_masses(M: csc_array, path: str, numbers: np.ndarray) -> None:
-    """Raise Fault where a node has a mass below zero."""
+    """Raise Fault if a node has a negative mass."""
     if M.diagonal().min() < 0.0:
         node = numbers[M.diagonal().argmin() // (M.shape[0] // len(numbers))]
-        raise Fault(f"{path} has a mass below zero at node {node}", "Export it anew")
+        raise Fault(f"{path} has a negative mass at node {node}", "Export it again")
 
 
 def _check_points(points: Mapping[str, np.ndarray], numbers: np.ndarray) -> None:
-    """Raise Fault where an end is missing, or two points have a node in common."""
+    """Raise Fault if an end is missing, or two points have a node in common."""
     for name in ("start", "end"):
         if name not in points:
             raise Fault(f"no point {name}", f"Give the nodes of its {name}, like {name}=nodes.txt")
     for one, other in combinations(points, 2):
         if len(both := np.intersect1d(points[one], points[other])):
-            raise Fault(f"{one} and {other} have node {numbers[both[0]]} in common", "Give every point its own nodes")
+            raise Fault(f"{one} and {other} have node {numbers[both[0]]} in common", "Give every point separate nodes")
 
 
 def check_name(name: str, where: str = "") -> None:
-    """Raise Fault unless scenes can call a point so."""
+    """Raise Fault unless the name of a point is valid in scenes."""
     if not (name.isidentifier() and name.isascii()):
         raise Fault(f"{where}{name!r} is not a name", "Use letters, digits and underscores, a letter first")
 
 
 def _with_turns(matrix: csc_array, nodes: int) -> csc_array:
-    """A matrix of translations as one of translations and rotations."""
+    """Matrix of translations extended by zero rotations."""
     each = matrix.shape[0] // nodes
     if each == TURNS:
         return matrix
@@ -122,7 +122,7 @@ def _sections(link: Foreign, given: Mapping[str, float], length: float) -> dict[
     """Further points on the mean line, by their distance from the start [m], with `mid`. Raises Fault."""
     for name, x in given.items():
         if name in link.points:
-            raise Fault(f"section {name} is a point by its nodes, too", "Give it another name")
+            raise Fault(f"a point by nodes is also called {name}", "Give the section another name")
         if name == "mid" and abs(length * x - link.length / 2) > OPPOSITE * link.length:
             raise Fault(f"section mid at {x:g} is not half-way", "Give it another name")
         if not 0.0 < length * x < link.length:
@@ -137,7 +137,7 @@ def _of_modes(link: Foreign, modes: Modes, path: str, numbers: np.ndarray, turne
     rows = {int(number): row for row, number in enumerate(modes.numbers)}
     absent = [number for number in numbers.tolist() if number not in rows]
     if absent:
-        raise Fault(f"{path} does not say how node {absent[0]} moves", "Give the modes of all nodes")
+        raise Fault(f"{path} has no motion of node {absent[0]}", "Give the modes of all nodes")
     order = [rows[number] for number in numbers.tolist()]
     own = replace(modes, numbers=numbers, shapes=modes.shapes[order])
     stiffness = own.stiffness_by(turned.T @ link.M @ turned)
@@ -158,16 +158,16 @@ def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
     numbers = table[:, 0].astype(np.int64)
     if (wrong := numbers != table[:, 0]).any():
         number = f"{table[wrong][0, 0]:g}"
-        raise Fault(f"{path}: {number} is no number of a node", "Give whole numbers in the first column")
+        raise Fault(f"{path}: {number} is not a node number", "Give whole numbers in the first column")
     each, count = np.unique(numbers, return_counts=True)
     if len(each) < len(numbers):
-        cure = "Give each node a number of its own; of an Abaqus input, write it without parts and assemblies"
-        raise Fault(f"{path}: node {each[count > 1][0]} is there twice", cure)
+        cure = "Give each node a different number; write an Abaqus input without parts and assemblies"
+        raise Fault(f"{path}: node {each[count > 1][0]} occurs twice", cure)
     return numbers, np.pad(table[:, 1:], ((0, 0), (0, 4 - table.shape[1])))
 
 
 _ELSEWHERE = ("NGEN", "NCOPY", "NFILL", "NMAP", "INCLUDE")
-"""Keywords of Abaqus and CalculiX that make nodes, or read them of another file."""
+"""Keywords of Abaqus and CalculiX that generate nodes, or read them from another file."""
 
 
 def _input_nodes(path: str) -> np.ndarray:
@@ -188,7 +188,7 @@ def _input_nodes(path: str) -> np.ndarray:
             words = [word.strip() or "0" for word in line.split(",")]
             row = [number for word in [*words, "0", "0", "0"][:4] if (number := plain_number(word)) is not None]
             if len(row) < 4:
-                raise Fault(f"{path}: {line.strip()} is no node", "Give its number, then its coordinates")
+                raise Fault(f"{path}: {line.strip()} is not a node", "Give its number, then its coordinates")
             rows.append(row)
     if not rows:
         raise Fault(f"{path} has no nodes below *NODE", "Give an input of Abaqus or CalculiX, or a text file of nodes")
@@ -196,13 +196,13 @@ def _input_nodes(path: str) -> np.ndarray:
 
 
 def _chosen(path: str, numbers: np.ndarray) -> np.ndarray:
-    """Where the nodes that a file lists are among all."""
+    """Indices of the nodes that a file lists."""
     wanted = read_table(path).ravel()
     order = np.argsort(numbers)
     at = np.minimum(np.searchsorted(numbers[order], wanted), len(numbers) - 1)
     unknown = wanted[numbers[order][at] != wanted]
     if len(unknown):
-        raise Fault(f"{path}: there is no node {unknown[0]:g}", "Give numbers that the file of nodes has")
+        raise Fault(f"{path}: there is no node {unknown[0]:g}", "Give numbers from the file of nodes")
     return np.unique(order[at])
 
 
@@ -213,36 +213,36 @@ def _frame(
     start, end = (at[points[name]].mean(axis=0) for name in ("start", "end"))
     span, size = np.linalg.norm(end - start), np.linalg.norm(normal)
     if span == 0.0 or size == 0.0:
-        raise Fault("start and end are in one place" if size else "the normal is zero", "Give two ends, and a normal")
+        raise Fault("start and end coincide" if size else "the normal is zero", "Give two ends, and a normal")
     x, z = (end - start) / span, normal / size
     if spatial:
-        # Where the normal is along the link, the axis nearest to being across it serves as well.
+        # If the normal is along the link, the axis nearest to being perpendicular to it replaces it.
         z = z if np.linalg.norm(np.cross(x, z)) > OPPOSITE else np.eye(3)[abs(x).argmin()]
         z = np.cross(x, np.cross(z, x))
         z /= np.linalg.norm(z)
     elif abs(x @ z) > OPPOSITE:
         lean = np.degrees(np.arcsin(min(1.0, abs(x @ z))))
-        raise Fault(f"start and end lean out of the plane of motion by {lean:.3g} deg", "Give the plane's own normal")
+        raise Fault(f"the line from start to end is off the plane of motion by {lean:.3g} deg", "Give another normal")
     turn = np.array([x, np.cross(z, x), z])
     return (at - start) @ turn.T, turn
 
 
 def _check(found: Foreign, mass: str, stiffness: str) -> None:
-    """Raise Fault unless the link has mass, and nothing resists its rigid motions."""
+    """Raise Fault unless the link has mass, and no stiffness against rigid motions."""
     along = found.field(1.0, 0.0)
     total = along @ found.M @ along
-    if not total > _NONE * abs(found.M).sum():  # a stiffness resists no motion of the whole
+    if not total > _NONE * abs(found.M).sum():  # a stiffness matrix has no forces in rigid motions
         raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give the mass first, then the stiffness")
     if isinstance(found.K, Projected):  # which motions of the whole link are no part of
         return
     stretched = found.field(found.nodes[:, 0], 0.0)
     if not stretched @ (found.K @ stretched) > 0.0:
-        raise Fault(f"{stiffness} does not resist a stretch of the link", "Give the stiffness, with its own sign")
+        raise Fault(f"{stiffness} does not resist a stretch of the link", "Give the stiffness with a positive sign")
     scale = abs(found.K).max()
     for name, motion in found.whole.items():
         left = abs(found.K @ motion).max()
         if left > _STILL * scale:
             raise Fault(
-                f"{stiffness} resists a motion of the whole link {name} by {left / scale:.2g} of its largest entry",
+                f"{stiffness} resists a rigid motion {name} by {left / scale:.2g} of its largest entry",
                 "Export the link free, without supports, in the order of the nodes",
             )

@@ -1,4 +1,4 @@
-"""Where elastic links meet other bodies, and what the joints there let them share."""
+"""Interfaces of elastic links with other bodies, and coordinates shared through joints."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Interfaces:
     fixed, clamped : frozenset of int
         Groups whose displacement, or rotation, is prescribed.
     carrier : mapping of int to Address
-        Group -> the point of a carried rigid body that it moves with.
+        Group -> point of the carried rigid body that it moves with.
     turned_body : mapping of int to str
-        Group -> the carried rigid body that it turns with.
+        Group -> carried rigid body that it rotates with.
     joint : mapping of int to str
-        Group of displacements -> the joint that names it.
+        Group of displacements -> joint that names it.
     """
 
     displaced: Mapping[Node, int]
@@ -129,13 +129,13 @@ def _carriers(scene: Scene, displaced: Mapping[Node, int], held: list[tuple[str,
             raise SceneError(
                 f"joints.{joint}", [str(side) for side in scene.joints[joint].addresses],
                 f"the point of {node[0]} carries {known.body} already, and can't carry {address.body}, too",
-                f"Join {address.body} to {known} instead, give one of these two a beam, or take preset coupled",
+                f"Join {address.body} to {known} instead, give one of these two a beam, or use preset coupled",
             )  # fmt: skip
     return carrier
 
 
 def _side(scene: Scene, links: Mapping[str, Link], prescribed: set[str], address: Address) -> Node | str:
-    """A node of a link, or the name of a rigid body ("prescribed" for all that the drives place)."""
+    """Node of a link, or name of a rigid body ("prescribed" for all that the drives place)."""
     if address.body in links:
         x, y = scene.point(address)
         node = links[address.body].node_at(x) if y == 0 else None

@@ -18,7 +18,7 @@ from kaneflex.mechanism.floating_frames import forced_points, mesh
 from kaneflex.scene import Scene
 
 _SAME = 1e-9
-"""Points closer than this share of a link's length are one."""
+"""Distance below which points coincide, as a share of a link's length."""
 
 DOFS = ("u", "v", "theta")
 """Coordinates of a node: axial and transverse displacement [m], rotation [rad]."""
@@ -26,19 +26,19 @@ DOFS = ("u", "v", "theta")
 
 @dataclass(frozen=True)
 class Part:
-    """A body of the elastic stage with its matrices in its own axes.
+    """Body of the elastic stage with its matrices in its own axes.
 
     Attributes
     ----------
     name : str
-        The body's.
+        Name of the body.
     coordinates : tuple of str
         Names of the local coordinates.
     matrices : mapping
         M, C_s, C_d, K_s, K_d, K_g (n x n) and F (n x 1), affine in the motion's scalars.
     place : mapping of int to tuple of int or None
-        Node -> rows of u, v, theta, in space of u, v, w, theta_x, theta_y, theta_z; None where a reduction has absorbed
-        a rotation.
+        Node -> rows of u, v, theta, in space of u, v, w, theta_x, theta_y, theta_z; None for a rotation that a
+        reduction has eliminated.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Link:
-    """An elastic link: its mesh, its section and its finite-element matrices in link axes.
+    """Elastic link: its mesh, its section and its finite-element matrices in link axes.
 
     Attributes
     ----------
@@ -107,12 +107,12 @@ class Link:
 
     @cached_property
     def _shapes(self) -> dict[tuple[int, float], np.ndarray]:
-        """Those that were asked for: sensors ask at the same places, and the points of a study share a link."""
+        """Cached results, since sensors share places, and the points of a study share a link."""
         return {}
 
     def sums(self, kept: tuple[bool, ...], alpha: float, beta: float) -> Mapping[tuple[str, Monomial], np.ndarray]:
-        """By "M", "C", "K" or "F" and monomial the sums of the element terms that are kept, and of alpha M + beta K_s
-        in C; (elements, 6, 6 or 1) each."""
+        """Sums of the element terms in use by "M", "C", "K" or "F" and monomial, with alpha M + beta K_s in C;
+        (elements, 6, 6 or 1) each."""
         if (kept, alpha, beta) not in self._sums:
             found: dict[tuple[str, Monomial], np.ndarray] = {}
             for (key, monomial, blocks), here in zip(self.element_terms, kept, strict=True):
@@ -125,11 +125,11 @@ class Link:
 
     @cached_property
     def _sums(self) -> dict[tuple, Mapping[tuple[str, Monomial], np.ndarray]]:
-        """Those that were asked for: the points of a study share a link."""
+        """Cached results, since the points of a study share a link."""
         return {}
 
     def rigid_motion(self, x: float) -> np.ndarray:
-        """Displacements and rotations at x when the link moves as a rigid one by those of its start, (dofs, dofs)."""
+        """Displacements and rotations at x in rigid motions of the link, by those of its start, (dofs, dofs)."""
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
 
     def at_nodes(self, coordinates: np.ndarray) -> np.ndarray:
@@ -155,9 +155,9 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     known = {scalar for scalar, *_ in module.SCALARS}
     tensioned = sums.get(("K_g", (f"{name}.link.P_0",)))  # none in a module without the geometric stiffness
     for point, x in forced_points(scene, name).items():
-        if tensioned is None or f"{name}.link.jump_{point}" not in known:  # nothing acts along the link there
+        if tensioned is None or f"{name}.link.jump_{point}" not in known:  # no axial load there
             continue
-        # Beyond a force between the ends P is higher by a constant: the same matrix as for P_0, from there on.
+        # Beyond a force between the ends P increases by a constant: the matrix is that of P_0, from there on.
         beyond = nodes[:-1] > x - _SAME * body.length
         key = "K_g", (f"{name}.link.jump_{point}",)
         sums[key] = tensioned * beyond[:, None, None]
@@ -170,13 +170,13 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
 
 
 _GAUSS = np.polynomial.legendre.leggauss(4)
-"""Exact for v'^2 of a cubic under an axial force that grows with the square of x."""
+"""Quadrature that is exact for v'^2 of a cubic under an axial force that grows with the square of x."""
 
 
 def spread_sums(
     scene: Scene, name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of a load of unit size that is spread along and across a link, for each element: its nodes' shares, K_g.
+    """Nodal loads and K_g of each element, for unit distributed loads along and across a link.
 
     (elements, 6, 1) twice, (elements, 6, 6): int u^T p dx, int v^T p dx and, of the load along the link, the geometric
     stiffness of P(X) = -int_0^X p dX, with the element's own shape functions.
@@ -200,10 +200,10 @@ def spread_sums(
 def _spread_terms(
     scene: Scene, link: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
 ) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
-    """Terms of the loads that are spread along a link, with a matrix for each element.
+    """Terms of the loads distributed along a link, with a matrix for each element.
 
     F holds int N^T q dx with the element's own shape functions; K_g the growth of the axial force that q's axial part
-    brings, P(X) = P_0 - int_0^X q dX. A structure that stands still has no known P_0, and none of its growth either.
+    brings, P(X) = P_0 - int_0^X q dX. A fixed structure has no known P_0, and no such growth.
     """
     for name, load in scene.spreads.items():
         if load.spread_on != link:
@@ -221,7 +221,7 @@ def _spread_terms(
 
 
 def _scalar(link: str, factor: str) -> str:
-    """omega and epsilon of the link are those of the body; the others belong to the link's frame."""
+    """Scalars of the link: omega and epsilon are those of the body; the others belong to the link's frame."""
     return f"{link}.{factor}" if factor in ("omega", "epsilon") else f"{link}.link.{factor}"
 
 
@@ -274,7 +274,7 @@ def craig_bampton(
     names = [part.coordinates[row] for row in held]
     names += [f"{part.name}.mode_{k + 1}" for k in range(basis.shape[1] - len(held))]
     row_of = {row: k for k, row in enumerate(held)}
-    # a node has its place where its displacement across the link is held; of its rotations some may be absorbed
+    # an interface node keeps its transverse displacement; some of its rotations may be eliminated
     place = {node: tuple(row_of.get(row) for row in rows) for node, rows in part.place.items() if rows[1] in row_of}
     return Part(part.name, tuple(names), matrices, place), basis
 

@@ -1,6 +1,6 @@
-"""Matrices of finite elements as their programs write them, in the order of a link's nodes.
+"""Reading of finite-element matrices from other programs' files, in the order of a link's nodes.
 
-A file says by its first lines or its ending what it is:
+The first lines or the ending of a file give its format:
 
 - Matrix Market, the translations of the nodes one after the other in the order of the nodes;
 - Abaqus ``*MATRIX OUTPUT``: with ``FORMAT=MATRIX INPUT`` lines of node, direction, node, direction, value; with
@@ -28,16 +28,16 @@ from kaneflex.support.errors import Fault, installed
 from kaneflex.support.reading import check_file
 
 LARGEST = 2**31
-"""Bytes of a file of matrices at most."""
+"""Largest size of a file of matrices [bytes]."""
 SAME = 1e-6
-"""Share of the largest entry by which a matrix may miss its symmetry."""
+"""Tolerance for the symmetry of a matrix, as a share of the largest entry."""
 _DIRECTIONS = 6
 """Motions of a node that programs number: translations, then rotations."""
 _EACH = (2, 3, _DIRECTIONS)
 """Motions of a node that a matrix may have."""
 _COPIES = 3
-"""Arrays of a full matrix that reading it takes at once: what its reader makes, what is kept, and the comparison of
-both triangles."""
+"""Number of arrays in memory while a full matrix is read: the reader's, the result, and the comparison of both
+triangles."""
 
 Labels = tuple[np.ndarray, np.ndarray]
 """Number of the node and direction, from 1, of each row."""
@@ -55,14 +55,14 @@ def read_matrix(path: str, numbers: np.ndarray, first: str, turning: bool = Fals
     numbers : ndarray of int (n_nodes,)
         Of the nodes, in their order.
     first : {"m", "k"}
-        With what the name of the matrix begins in a file of several, as MGG and KGG do.
+        First letter of the matrix's name in a file of several, as in MGG and KGG.
     turning : bool
-        Whether nodes may have rotations.
+        True if nodes may have rotations.
 
     Returns
     -------
     csc_array (n_nodes d, n_nodes d)
-        In the units of the file, d motions a node; rotations that none of the elements has are zero.
+        Matrix in the units of the file, d motions per node; rotations without stiffness are zero.
 
     Raises
     ------
@@ -75,15 +75,15 @@ def read_matrix(path: str, numbers: np.ndarray, first: str, turning: bool = Fals
     except OSError as error:
         raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a file of a matrix") from None
     if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
-        raise Fault(f"{path} holds what is no finite number", "Export it anew")
+        raise Fault(f"{path} contains numbers that are not finite", "Export it again")
     found = _in_order(path, csc_array(found), labels, numbers, turning)
     if abs(found - found.T).max() > SAME * abs(found).max():
-        raise Fault(f"{path} is not symmetric", "Export the whole matrix, or one that says that it is symmetric")
+        raise Fault(f"{path} is not symmetric", "Export the whole matrix, or one marked as symmetric")
     return found.astype(float)
 
 
 def read_lines(path: str) -> list[str]:
-    """The lines of a text file. Raises Fault."""
+    """Lines of a text file. Raises Fault."""
     try:
         check_file(Path(path), LARGEST)
         return Path(path).read_text(encoding="utf-8-sig", errors="replace").splitlines()
@@ -94,7 +94,7 @@ def read_lines(path: str) -> list[str]:
 
 
 def read_table(path: str) -> np.ndarray:
-    """Numbers of a text file, lines side by side; commas and spaces part them. Raises Fault."""
+    """Numbers of a text file, one row per line, separated by commas or spaces. Raises Fault."""
     lines = read_lines(path)
     try:
         with warnings.catch_warnings():
@@ -102,9 +102,9 @@ def read_table(path: str) -> np.ndarray:
             found = np.loadtxt((line.replace(",", " ") for line in lines), ndmin=2)
     except ValueError as error:
         reason = str(error).partition(";")[0].rstrip(".")  # what else numpy says is for who calls it
-        raise Fault(f"{path} is no table of numbers: {reason}", "Give lines of numbers, and # before words") from None
+        raise Fault(f"{path} is not a table of numbers: {reason}", "Give lines of numbers, # before words") from None
     if not found.size or not np.isfinite(found).all():
-        raise Fault(f"{path} holds no finite numbers", "Give lines of numbers")
+        raise Fault(f"{path} contains no finite numbers", "Give lines of numbers")
     return found
 
 
@@ -126,7 +126,7 @@ def read_market(path: str, shapes: Collection[tuple[int, int]] = (), wanted: str
         if shapes and (rows, columns) not in shapes:
             raise Fault(f"{path} has the shape {(rows, columns)}, {wanted}", _FREE)
         if field == "complex":
-            raise Fault(f"{path} holds complex numbers", "Export real ones")
+            raise Fault(f"{path} contains complex numbers", "Export real numbers")
         if layout == "array":
             _check_full(path, rows * columns)
         with Path(path).open(encoding="utf-8", errors="replace") as file, warnings.catch_warnings():
@@ -138,7 +138,7 @@ def read_market(path: str, shapes: Collection[tuple[int, int]] = (), wanted: str
     except (ValueError, TypeError, OverflowError) as error:
         if isinstance(error, Fault):
             raise
-        raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
+        raise Fault(f"{path} is not a Matrix Market file: {error}", "Export it again") from None
 
 
 def _of_market(
@@ -159,7 +159,7 @@ def _of_market(
             raise ValueError(f"lines of {body.shape[1]} numbers")
         at = body[:, :2]
         if (at != at.round()).any() or at.min(initial=1) < 1 or (at > shape).any():
-            raise ValueError("a row or a column is none of the matrix")
+            raise ValueError("a row or column is outside the matrix")
         rows, columns = at.T.astype(np.int64) - 1
         values = np.ones(len(at)) if pattern else body[:, 2]
     if len(values) != entries:
@@ -190,12 +190,12 @@ def _abaqus(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labe
     if table.shape[1] not in (3, 5):
         raise Fault(
             f"{path} has {table.shape[1]} columns",
-            "Give a Matrix Market file, or what Abaqus writes: lines of node, direction, node, direction, value, or of "
+            "Give a Matrix Market file, or one of Abaqus: lines of node, direction, node, direction, value, or of "
             "row, column, value",
         )
     ends = table[:, :-1].astype(np.int64)
     if (ends != table[:, :-1]).any():
-        raise Fault(f"{path} holds a row that is no whole number", "Give what *MATRIX OUTPUT of Abaqus writes")
+        raise Fault(f"{path} contains a row that is not a whole number", "Give a file of *MATRIX OUTPUT of Abaqus")
     if table.shape[1] == 3:
         count, largest = len(numbers), int(ends.max())
         if ends.min() < 1 or largest not in [each * count for each in _EACH]:
@@ -212,11 +212,11 @@ def _calculix(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, La
         words = [line.split(".") for line in names.read_text(encoding="utf-8").split()]
         rows = np.array(words, dtype=np.int64)
     except FileNotFoundError:
-        raise Fault(f"there is no {names}", f"Put it beside {path}: CalculiX writes both") from None
+        raise Fault(f"{names} does not exist", f"Put it next to {path}: CalculiX writes both") from None
     except ValueError:
-        raise Fault(f"{names} is no list of node.direction", "Give the one that CalculiX wrote") from None
+        raise Fault(f"{names} is not a list of node.direction", "Give the one that CalculiX wrote") from None
     if table.shape[1] != 3 or table[:, :2].min() < 1 or table[:, :2].max() > len(rows):
-        raise Fault(f"{path} and {names} don't belong together", "Give the files of one run of CalculiX")
+        raise Fault(f"{path} and {names} do not fit together", "Give the files of one run of CalculiX")
     at = table[:, :2].astype(np.int64) - 1
     return _halved(at[:, 0], at[:, 1], table[:, 2], len(rows)), (rows[:, 0], rows[:, 1])
 
@@ -225,7 +225,7 @@ def _lumped(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labe
     found = read_modes(path)
     if found.lumped is None:
         cure = "Give a file of the mass matrix, or of MBDyn with record group 11"
-        raise Fault(f"{path} holds modes and no mass of its nodes", cure)
+        raise Fault(f"{path} contains modes and no mass of its nodes", cure)
     return csc_array(diags_array(found.lumped.ravel())), _one_after_the_other(found.numbers, _DIRECTIONS)
 
 
@@ -247,7 +247,7 @@ def _punched(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Lab
     _check_full(path, columns**2)
     frame = _nastran(path, first, lambda nastran: nastran.rddmig(path, square=True, follow_includes=False))
     if frame.shape[0] != frame.shape[1]:
-        raise Fault(f"{path} holds a matrix of the shape {frame.shape}", "Give a square one, of all grid points")
+        raise Fault(f"{path} contains a matrix of the shape {frame.shape}", "Give a square matrix of all grid points")
     labels = (frame.index.get_level_values(level).to_numpy(np.int64) for level in ("id", "dof"))
     return csc_array(frame.to_numpy()), tuple(labels)
 
@@ -259,12 +259,12 @@ def _nastran(path: str, first: str, read: Callable):
         from pyyeti import nastran
     try:
         found = read(nastran)
-    except Exception as error:  # whatever its readers stumble over
-        raise Fault(f"{path} can't be read by pyYeti: {error}", "Export it anew") from None
+    except Exception as error:  # any error of its readers
+        raise Fault(f"{path} can't be read by pyYeti: {error}", "Export it again") from None
     wanted = [name for name in found if len(found) == 1 or name.lower().startswith(first)]
     if len(wanted) != 1:
         there = ", ".join(name.upper() for name in found) or "no matrix"
-        raise Fault(f"{path} holds {there}", f"Give a file with one matrix whose name begins with {first.upper()}")
+        raise Fault(f"{path} contains {there}", f"Give a file with one matrix whose name begins with {first.upper()}")
     return found[wanted[0]]
 
 
@@ -286,13 +286,13 @@ def _in_order(path: str, found: csc_array, labels: Labels, numbers: np.ndarray, 
     """With the nodes as they are listed, and their translations alone unless they turn. Raises Fault."""
     nodes, directions = labels
     moving = np.asarray(abs(found).sum(axis=0)).ravel() > 0.0
-    in_space = "Take --space, or mesh the link by solid elements, whose nodes have none"
+    in_space = "Use --space, or mesh the link by solid elements, whose nodes have no rotations"
     for wrong, what, cure in (
         (moving & (directions > 3) & (not turning), "the rotation of", in_space),
-        (moving & ~np.isin(nodes, numbers), "", "List it with its place in the file of nodes"),
+        (moving & ~np.isin(nodes, numbers), "", "List it with its coordinates in the file of nodes"),
     ):
         if wrong.any():
-            raise Fault(f"{path} holds {what} node {nodes[wrong][0]}".replace("  ", " "), cure)
+            raise Fault(f"{path} contains {what} node {nodes[wrong][0]}".replace("  ", " "), cure)
     axes = int(directions[moving].max(initial=2))
     axes = axes if axes <= 3 else _DIRECTIONS
     order = np.argsort(numbers)
@@ -304,7 +304,7 @@ def _in_order(path: str, found: csc_array, labels: Labels, numbers: np.ndarray, 
     if lacking.any():
         absent = int(np.flatnonzero(lacking)[0])
         raise Fault(
-            f"{path} holds no direction {absent % axes + 1} of node {numbers[absent // axes]}",
+            f"{path} has no direction {absent % axes + 1} of node {numbers[absent // axes]}",
             "Export the link free, without supports, with all of its nodes",
         )
     here, kept = np.flatnonzero(rows >= 0), rows[rows >= 0]

@@ -1,4 +1,4 @@
-"""Flexibility at the points of a link that its modes leave out, where modes are all that is known of its stiffness.
+"""Missing flexibility at the points of a link whose stiffness is given by modes only.
 
 A load P at a point moves mode r, of unit mass, by (P phi_r) / omega_r^2. Attachment modes hold what the modes left out
 add to the point's own flexibility sum (P phi_r)^2 / omega_r^2 (MacNeal 1971; Rubin 1975). They take the stiffness
@@ -33,8 +33,8 @@ _SPACE = (*(f"displacement along {axis}" for axis in "xyz"), *(f"turn about {axi
 
 @dataclass(frozen=True)
 class Missing:
-    """The point's motion of which modes know least, its share of the flexibility that they lack, and the lowest
-    frequency [Hz] of the link welded at its start by them, and with what they lack."""
+    """Motion of the point with the largest missing share of flexibility, this share, and the lowest frequency [Hz] of
+    the link welded at its start, by the modes and with the missing flexibility."""
 
     point: str
     motion: str
@@ -44,9 +44,9 @@ class Missing:
 
     def __str__(self) -> str:
         return (
-            f"modes without attachment modes lack some {self.share:.0%} of the flexibility at {self.point} "
+            f"modes without attachment modes lack about {self.share:.0%} of the flexibility at {self.point} "
             f"({self.motion}): welded at its start, the link's lowest frequency is {self.by_modes:.4g} Hz by them and "
-            f"some {self.expected:.3g} Hz with all of it"
+            f"about {self.expected:.3g} Hz with the full flexibility"
         )
 
 
@@ -78,7 +78,7 @@ def missing_flexibility(link: Foreign) -> Missing | None:
 
 
 def _free_modes(link: Foreign) -> tuple[np.ndarray, np.ndarray]:
-    """omega^2 and modes (n_nodes d, m) of unit mass within what the given ones span, ascending."""
+    """Values omega^2 and modes (n_nodes d, m) of unit mass in the span of the given ones, ascending."""
     kinds: tuple[Motion, ...] = ("any",) if link.spatial else ("axial", "transverse")
     span = np.hstack([link.basis(kind, rigid=False).toarray() for kind in kinds])
     mass, stiffness = span.T @ (link.M @ span), span.T @ (link.K @ span)
@@ -87,7 +87,7 @@ def _free_modes(link: Foreign) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _rows(link: Foreign, point: str) -> np.ndarray:
-    """How a point moves: in space displacement and turn, in the plane u, v and its turn."""
+    """Motion of a point: displacement and rotation, in the plane u, v and its rotation."""
     rows = link.held(point, "any") if link.spatial else np.array(link.means(point))
     return rows[abs(rows).any(axis=1)]
 

@@ -1,4 +1,4 @@
-"""Degrees of freedom, counted from a scene alone: the rigid mechanism by Gruebler's formula, and what is elastic."""
+"""Degrees of freedom of a scene: the rigid mechanism by Gruebler's formula, and elastic coordinates."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Freedom:
-    """The count 3 bodies - constraints - drives of a planar mechanism (Gruebler; e.g. Norton, Design of Machinery).
+    """Mobility 3 bodies - constraints - drives of a planar mechanism (Gruebler; e.g. Norton, Design of Machinery).
 
     Attributes
     ----------
     bodies : int
     constraints : mapping of str to int
-        What each joint takes away.
+        Constraints of each joint.
     prescribed, free : tuple of str
         Joints whose motion a drive prescribes, and those that follow the forces.
     floating : tuple of str
-        Bodies that move freely in the plane, each with three degrees of freedom.
+        Free bodies, each with three degrees of freedom.
     still : bool
-        Whether this is a structure whose bodies stand in given poses.
+        True for a fixed structure, whose bodies have given poses.
     """
 
     bodies: int
@@ -48,24 +48,24 @@ class Freedom:
 
     @property
     def mobility(self) -> int:
-        """Degrees of freedom of the rigid mechanism, drives left out."""
+        """Degrees of freedom of the rigid mechanism, not counting drives."""
         return 3 * self.bodies - sum(self.constraints.values())
 
     @property
     def left(self) -> int:
-        """What neither drives, free joints nor free bodies account for; below zero where constraints are redundant."""
+        """Degrees of freedom without drives, free joints or free bodies; negative for redundant constraints."""
         return self.mobility - len(self.prescribed) - len(self.free) - 3 * len(self.floating)
 
     @property
     def verdict(self) -> str:
-        """What ``left`` means, in words."""
+        """Meaning of ``left`` as text."""
         if self.still:
-            return "a structure: its bodies stand in the given poses, and only deform"
+            return "a fixed structure: its bodies have given poses, and only deform"
         if self.left > 0:
-            return f"{self.left} too many: drive or join something more, or leave a joint free"
+            return f"{self.left} too many: add a drive or a joint, or make a joint free"
         if self.left < 0:
-            return f"{-self.left} constraints too many: leave a drive or a joint out"
-        return "the forces drive what is free" if self.free or self.floating else "the drives determine the motion"
+            return f"{-self.left} redundant constraints: leave a drive or a joint out"
+        return "forces drive the free joints" if self.free or self.floating else "the drives determine the motion"
 
 
 def count_freedom(mechanism: Mechanism) -> Freedom:
@@ -81,8 +81,8 @@ def count_freedom(mechanism: Mechanism) -> Freedom:
 
 
 def mobility_by_rank(mechanism: NumericMechanism, courses: Courses) -> int:
-    """Freedoms that the joints leave the bodies where they stand, drives left out: 3 bodies less the largest rank of
-    the constraints' Jacobian at some instants of a motion."""
+    """Degrees of freedom by rank, not counting drives: 3 bodies minus the largest rank of the constraints' Jacobian at
+    some instants of a motion."""
     bodies, joints = [*mechanism.bodies], [*mechanism.joints]
     if not joints:
         return 3 * len(bodies)
@@ -96,7 +96,7 @@ def mobility_by_rank(mechanism: NumericMechanism, courses: Courses) -> int:
 
 
 _HELD = 1e-7
-"""Share of the largest singular value below which rows of joints say the same where the bodies were placed."""
+"""Smallest singular value of independent rows at the given position, as a share of the largest."""
 _IN_WORDS = {
     "force_x": "across x", "force_y": "across y", "moment": "in rotation", "normal": "across its guide",
     "drive": "by its drive",
@@ -105,12 +105,12 @@ _RATES = ("v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 
 
 def in_joints(mechanism: Mechanism, spare: Sequence[str], open_unknowns: Sequence[str]) -> tuple[str, str]:
-    """What is redundant and what is open in a mechanism's equations, and the cure, in words of joints and bodies.
+    """Error for redundant constraints and undetermined motions, with advice, in terms of joints and bodies.
 
     Parameters
     ----------
     spare : sequence of str
-        Rows that are too many, "<joint>.<row>".
+        Redundant rows, "<joint>.<row>".
     open_unknowns : sequence of str
         Symbols that no equation determines, "<quantity>_<body>" or "<joint>_<row>".
     """
@@ -122,7 +122,7 @@ def in_joints(mechanism: Mechanism, spare: Sequence[str], open_unknowns: Sequenc
 def _in_words(
     mechanism: Mechanism, spare: Sequence[str], loose: Sequence[str], loaded: Sequence[str]
 ) -> tuple[str, str]:
-    """Reason and cure: rows too many, bodies whose motion is open, joints whose force is."""
+    """Reason and advice from redundant rows, bodies with undetermined motion, and joints with undetermined force."""
     reasons, cures = [], []
     if spare:
         rows: dict[str, list[str]] = {}
@@ -131,33 +131,33 @@ def _in_words(
             rows.setdefault(joint, []).append(_IN_WORDS.get(row, row))
         held = ", ".join(f"{joint} {' and '.join(words)}" for joint, words in rows.items())
         many = "a constraint" if len(spare) == 1 else f"{len(spare)} constraints"
-        reasons.append(f"{many} too many, redundant as other joints and drives hold that already: {held}")
-        cures.append("leave a joint or a drive out, or give every body a pose where nothing is to move")
+        reasons.append(f"{many} too many (redundant with other joints and drives): {held}")
+        cures.append("leave a joint or a drive out, or give every body a pose for a fixed structure")
     if loose:
         reasons.append(f"nothing determines the motion of {', '.join(loose)}")
-        cures.append("join or drive what is open; a drive may be free, and under preset coupled a body, too")
+        cures.append("join or drive them; a drive may be free, and under preset coupled also a body")
     if loaded:
         reasons.append(f"nothing determines the force in {', '.join(loaded)}")
     count = count_freedom(mechanism)
     taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
     driven = f", drives {len(mechanism.drives)}" if mechanism.drives else ""
-    cure = "; ".join(cures) or "compare with what `kaneflex show` counts"
+    cure = "; ".join(cures) or "compare with the count of `kaneflex show`"
     reasons.append(f"of {3 * count.bodies} degrees of freedom the joints take {taken}{driven}")
     return "; ".join(reasons), cure[:1].upper() + cure[1:]
 
 
 def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[str, ...]:
-    """What is redundant or open in a mechanism, whatever its lengths are, named before anything is derived.
+    """Check the mechanism's topology for redundant constraints and undetermined motions, before anything is derived.
 
-    ``twice``: whether joints may hold what others hold already. Returns the rows "<joint>.<row>" of those that do.
+    ``twice``: redundant constraints are permitted. Returns the redundant rows "<joint>.<row>".
 
-    The constraints' Jacobian at places drawn by chance, where only guides and welds hold their angles, has at least the
-    rank that it has where the mechanism closes: what is dependent here is so everywhere.
+    The constraints' Jacobian at random positions, with only guides and welds keeping their angles, has at least the
+    rank of closed positions: rows dependent here are dependent everywhere.
 
     Raises
     ------
     SceneError
-        Naming the redundant joints or drives, and the bodies that nothing determines.
+        With the redundant joints or drives, and the undetermined bodies.
     """
     if mechanism.frame:
         return ()
@@ -178,17 +178,17 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
         return ()
     order = list(range(len(names)))
     if held < len(names) and len(_independent(jacobian[:held])) == jacobian.shape[1]:
-        # The joints alone let nothing move: of them the last ones are redundant, not the drives.
+        # The joints alone permit no motion: the last joints are redundant, not the drives.
         closing = {f"{name}.{row}" for name in mechanism.loop_joints for row in mechanism.joints[name].rows}
         order.sort(key=lambda k: names[k] in closing)
     kept = {order[k] for k in _independent(jacobian[order])}
     spare = [name for k, name in enumerate(names) if k not in kept]
     if held_free := [name for name in spare if name.endswith(".free")]:
         raise SceneError(
-            f"bodies.{held_free[0]}", None, "joints and drives say already how the body moves, in part at least",
-            "Leave free out: joints that are free give coordinates and speeds at their drives",
+            f"bodies.{held_free[0]}", None, "joints and drives determine the body's motion, at least in part",
+            "Leave free out: free joints give coordinates and speeds at their drives",
         )  # fmt: skip
-    # What moves in the null space is open.
+    # Motions in the null space are undetermined.
     _, sizes, shapes = np.linalg.svd(jacobian)
     free = shapes[int((sizes > _DEPENDENT * sizes[0]).sum()) :]
     loose = [body for k, body in enumerate(bodies) if abs(free[:, 3 * k : 3 * k + 3]).max(initial=0.0) > 1e-6]
@@ -196,34 +196,34 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
     if loose or (spare and not (twice and not drives)):
         reason, cure = _in_words(mechanism, spare, loose, ())
         if spare and not loose and not drives:
-            cure += "; preset coupled moves bodies that are held twice where their joints agree"
+            cure += "; preset coupled accepts redundant constraints that are consistent"
         key = f"drives.{drives[-1]}" if drives and len(drives) == len(spare) else "joints"
         raise SceneError(key, None, reason, cure)
     return tuple(spare)
 
 
 def check_held_twice(mechanism: NumericMechanism, placement: Placement, spare: Sequence[str]) -> None:
-    """Joints that hold something twice must leave the mechanism as many degrees of freedom as it has drives.
+    """Raise SceneError unless redundant joints leave the mechanism as many degrees of freedom as it has drives.
 
     Raises
     ------
     SceneError
-        Naming the rows ``spare`` where the joints lock the mechanism at its first place.
+        With the rows ``spare``, if the joints lock the mechanism at its start.
     """
     free = mobility_by_rank(mechanism, {name: pose[:, None] for name, pose in placement.poses.items()})
     if free < len(mechanism.drives):
         reason, cure = _in_words(mechanism, spare, (), ())
-        raise SceneError("joints", None, f"{reason}; where it starts they let nothing move", cure)
+        raise SceneError("joints", None, f"{reason}; at the start they permit no motion", cure)
 
 
 _REGULAR = 1e-6
-"""Share of the largest singular value that the least one has where none of the rows is taken for dependent."""
+"""Smallest singular value of certainly independent rows, as a share of the largest."""
 _DEPENDENT = 1e-9
-"""Share of a row, or of the largest singular value, below which rounding is what is left."""
+"""Share of a row, or of the largest singular value, that counts as rounding."""
 
 
 def _by_chance(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
-    """Poses drawn by chance, the same each time, with the angles that guides and welds give two bodies."""
+    """Reproducible random poses, with the angles that guides and welds prescribe between two bodies."""
     random = np.random.default_rng(0)
     spread = [mechanism.size, mechanism.size, math.pi]
     poses = {GROUND: np.zeros(3)} | {name: random.uniform(-1.0, 1.0, 3) * spread for name in mechanism.bodies}
@@ -242,14 +242,14 @@ def _by_chance(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
 
 
 def _scaled(jacobian: np.ndarray, size: float) -> np.ndarray:
-    """Rows of one length, with angles in sizes of the mechanism: ranks then do not depend on the unit of length."""
+    """Normalised rows, with angles scaled by the mechanism's size: ranks do not depend on the unit of length."""
     jacobian[..., 2::3] /= size
     lengths = np.linalg.norm(jacobian, axis=-1, keepdims=True)
     return jacobian / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def _is_regular(rows: np.ndarray) -> bool:
-    """Whether there are as many rows as columns, and by far no row is a combination of others."""
+    """True for a square matrix that is clearly regular."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     if rows.shape[0] != rows.shape[1] or not lengths.all():
         return False
@@ -258,7 +258,7 @@ def _is_regular(rows: np.ndarray) -> bool:
 
 
 def _independent(rows: np.ndarray) -> list[int]:
-    """Rows that those before them don't already span (Gram and Schmidt, twice for rounding)."""
+    """Rows that are independent of earlier ones (Gram and Schmidt, twice for rounding)."""
     basis, kept = np.zeros((0, rows.shape[1])), []
     for k, row in enumerate(rows):
         rest = row - basis.T @ (basis @ row)
@@ -275,7 +275,7 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     Raises
     ------
     SceneError
-        If the elastic stage can't be set up as the scene asks.
+        If the elastic stage can't be set up for the scene.
     """
     from kaneflex.fem.coordinate_map import build_frame
     from kaneflex.fem.interface_coordinates import find_interfaces
@@ -300,7 +300,7 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
 
 
 def _mesh_of(scene: Scene, name: str, elements: int) -> Link:
-    """A link with its nodes and coordinates alone: the matrices would need the derived element."""
+    """Link with only nodes and coordinates, since matrices need the derived element."""
     from kaneflex.fem.links import Link, Part, node_coordinates
     from kaneflex.mechanism.floating_frames import mesh
 

@@ -1,4 +1,4 @@
-"""Modes of a link as other programs write them: MBDyn's modal files, and the universal files of modal tests.
+"""Reading of a link's modes from other programs: MBDyn's modal files, and universal files of modal tests.
 
 - MBDyn's `.fem` (its input manual, "FEM File Format"): record groups of nodes, shapes, modal stiffness and the diagonal
   of a lumped mass;
@@ -19,7 +19,7 @@ from kaneflex.support.errors import Fault, installed
 from kaneflex.support.reading import check_file
 
 LARGEST = 2**31
-"""Bytes of a file at most."""
+"""Largest size of a file [bytes]."""
 _NODES, _X, _SHAPES, _STIFFNESS, _LUMPED = 2, 5, 8, 10, 11
 """Record groups of a file of MBDyn; y and z follow x."""
 _NORMAL_MODE = 2
@@ -56,7 +56,7 @@ class Modes:
         return self.shapes[:, :axes].reshape(-1, self.shapes.shape[2])
 
     def stiffness_by(self, M: csc_array) -> np.ndarray:
-        """The modal stiffness; of normal modes it is omega^2 times the modal masses of M (n_nodes axes)^2."""
+        """Modal stiffness; for normal modes omega^2 times the modal masses of M (n_nodes axes)^2."""
         if self.stiffness is not None:
             return self.stiffness
         assert self.omega is not None  # or the file has a stiffness
@@ -65,12 +65,12 @@ class Modes:
 
 
 def has_modes(path: str) -> bool:
-    """Whether a file's ending says that it holds modes."""
+    """True if a file's ending is that of a file of modes."""
     return Path(path).suffix.lower() in _READERS
 
 
 def read_modes(path: str) -> Modes:
-    """The modes of a file. Raises Fault: it names the file, and what is wrong with it."""
+    """Read the modes of a file. Raises Fault with the file and the problem."""
     try:
         check_file(Path(path), LARGEST)
         found = _READERS[Path(path).suffix.lower()](path)
@@ -78,9 +78,9 @@ def read_modes(path: str) -> Modes:
         raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a file of modes") from None
     parts = (found.nodes, found.shapes, found.stiffness, found.omega, found.lumped)
     if not all(np.isfinite(part).all() for part in parts if part is not None):
-        raise Fault(f"{path} holds what is no finite number", "Export it anew")
+        raise Fault(f"{path} contains numbers that are not finite", "Export it again")
     if len(np.unique(found.numbers)) < len(found.numbers):
-        raise Fault(f"{path} has two nodes of one number", "Export it anew")
+        raise Fault(f"{path} has two nodes of one number", "Export it again")
     return found
 
 
@@ -99,9 +99,9 @@ def _mbdyn(path: str) -> Modes:
         try:
             return np.array(" ".join(groups[group]).replace("D", "E").split(), float)
         except KeyError:
-            raise Fault(f"{path} has no record group {group}, {name}", "Have the file written with it") from None
+            raise Fault(f"{path} has no record group {group}, {name}", "Write the file with it") from None
         except ValueError as error:
-            raise Fault(f"{path}, record group {group}: {error}", "Export it anew") from None
+            raise Fault(f"{path}, record group {group}: {error}", "Export it again") from None
 
     labels = numbers(_NODES, "nodes").astype(np.int64)
     count = len(labels)
@@ -113,7 +113,7 @@ def _mbdyn(path: str) -> Modes:
         stiffness = resisting.reshape(len(shapes), len(shapes))
         lumped = None if masses is None else masses.reshape(count, 6)
     except ValueError:
-        raise Fault(f"{path}: its record groups don't fit {count} nodes", "Export it anew") from None
+        raise Fault(f"{path}: its record groups don't fit {count} nodes", "Export it again") from None
     return Modes(labels, nodes, shapes[:, :, :3].transpose(1, 2, 0), (stiffness + stiffness.T) / 2, lumped=lumped)
 
 
@@ -131,7 +131,7 @@ def _universal(path: str) -> Modes:
         where = {int(node): row for row, node in enumerate(at)}
         absent = [node for node in labels.tolist() if node not in where]
         if absent:
-            raise Fault(f"{path}: mode {k + 1} does not say how node {absent[0]} moves", "Export it for all nodes")
+            raise Fault(f"{path}: mode {k + 1} has no motion of node {absent[0]}", "Export it for all nodes")
         shapes[:, :, k] = values[[where[node] for node in labels.tolist()]]
     return Modes(labels, nodes, shapes, omega=2.0 * np.pi * np.array([frequency for *_, frequency in modes]))
 
@@ -141,8 +141,8 @@ def _sets(path: str) -> list[dict[str, Any]]:
         import pyuff
     try:
         found = pyuff.UFF(path).read_sets()
-    except Exception as error:  # whatever its readers stumble over
-        raise Fault(f"{path} can't be read by pyuff: {error}", "Export it anew") from None
+    except Exception as error:  # any error of its readers
+        raise Fault(f"{path} can't be read by pyuff: {error}", "Export it again") from None
     return [found] if isinstance(found, dict) else list(found)
 
 
@@ -150,7 +150,7 @@ def _mode(path: str, given: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, 
     """Numbers of the nodes, their translations (n_nodes, 3), and the frequency [Hz] of a normal mode."""
     if given.get("analysis_type") != _NORMAL_MODE:
         kind = f"an analysis of kind {given.get('analysis_type')}"
-        raise Fault(f"{path} holds {kind} in data set {given['type']}", "Export normal modes, which are real (kind 2)")
+        raise Fault(f"{path} has {kind} in data set {given['type']}", "Export normal modes, which are real (kind 2)")
     at = np.asarray(given["node_nums"])
     if given["type"] == 55:
         parts, frequency = [given.get(f"r{k}") for k in (1, 2, 3)], given["freq"]
@@ -160,7 +160,7 @@ def _mode(path: str, given: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, 
         for row, own in enumerate(given["data_at_node"]):
             values[row, : min(3, len(own))] = own[:3]
     if np.iscomplexobj(values) and abs(values.imag).max() > 0.0:
-        raise Fault(f"{path} holds complex modes", "Export normal modes, which are real (kind 2)")
+        raise Fault(f"{path} contains complex modes", "Export normal modes, which are real (kind 2)")
     return at, values.real.astype(float), float(frequency)
 
 

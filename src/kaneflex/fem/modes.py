@@ -1,4 +1,4 @@
-"""Undamped natural modes of mass and stiffness matrices, and the damping ratios that a scene gives them."""
+"""Undamped natural modes of mass and stiffness matrices, and damping ratios from a scene."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def lowest_modes(stiffness: Matrix, mass: Matrix, count: int) -> tuple[np.ndarra
     stiffness, mass : ndarray or sparse (n, n)
         Symmetric; mass positive definite.
     count : int
-        Modes wanted, at most n.
+        Number of modes, at most n.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def lowest_modes(stiffness: Matrix, mass: Matrix, count: int) -> tuple[np.ndarra
     Raises
     ------
     ValueError
-        If more modes are asked for than there are degrees of freedom.
+        If more modes are requested than there are degrees of freedom.
     """
     size = stiffness.shape[0]
     if count > size:
@@ -60,10 +60,10 @@ def symmetric_modes(stiffness: np.ndarray, mass: np.ndarray, count: int) -> tupl
 
 
 def damping_ratios(given: tuple[float, ...] | str, omega: np.ndarray) -> np.ndarray:
-    """The damping ratio of each mode from `damping.modal.ratio`.
+    """Damping ratio of each mode from `damping.modal.ratio`.
 
-    One for each mode from the lowest frequency up, the last one for the rest; or "adams": by frequency, as MSC Adams
-    damps a flexible body unless told otherwise (Adams/Flex, default of the flexible body's damping ratio).
+    One for each mode from the lowest frequency up, the last one for the rest; or "adams": by frequency, as the
+    default of MSC Adams for a flexible body (Adams/Flex, damping ratio of the flexible body).
 
     Parameters
     ----------
@@ -85,6 +85,6 @@ def _signs(shapes: np.ndarray) -> np.ndarray:
 
 
 def rayleigh_coefficients(ratio: float, f_1: float, f_2: float) -> tuple[float, float]:
-    """alpha [1/s] and beta [s] of C = alpha M + beta K with one damping ratio at two frequencies [Hz]."""
+    """Coefficients alpha [1/s] and beta [s] of C = alpha M + beta K with one damping ratio at two frequencies [Hz]."""
     w_1, w_2 = 2 * math.pi * f_1, 2 * math.pi * f_2
     return 2 * ratio * w_1 * w_2 / (w_1 + w_2), 2 * ratio / (w_1 + w_2)

@@ -1,4 +1,4 @@
-"""What another program's finite elements tell beside motions: forces in their sections, and stresses by its matrix."""
+"""Recovery from another program's finite elements: section forces, and stresses by a matrix."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from kaneflex.support.errors import Fault
 from kaneflex.support.reading import check_file
 
 _STILL = 1e-6
-"""Share of what its entries add up to that a motion of the whole link may leave of a stress."""
+"""Largest stress in rigid motions, as a share of the sum of its entries."""
 _LAYER = 1e-6
-"""Share of the link's length within which a node is in a section."""
+"""Distance within which a node is in a section, as a share of the link's length."""
 IN_PLANE = (0, 1, 5)
 """N, V, M among the six in space; u, v, theta of a node, too."""
 _AT = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in STRESSES[6]}
 
 
 def with_recovery(link: Foreign, shapes: np.ndarray, data: ModalData) -> ModalData:
-    """A link's data with the forces in its sections and its stresses, by the shapes (n_nodes d, n) of the data.
+    """Data of a link with section forces and stresses, for the shapes (n_nodes d, n) of the data.
 
-    Of a link whose stiffness only its modes know no forces are known in sections.
+    If the stiffness is given by modes only, section forces are not available.
     """
     stresses = link.stresses
     if stresses is not None:
@@ -48,10 +48,10 @@ def with_recovery(link: Foreign, shapes: np.ndarray, data: ModalData) -> ModalDa
 def section_forces(nodes: np.ndarray, forces: np.ndarray, x: float, over: float = 0.0) -> np.ndarray:
     """N, V_y, V_z, T, M_y, M_z of each shape at x [m] from the start, (6, n).
 
-    What deforms the link pushes the nodes by K times the shape. Elements that lie before the section push each other
-    alone; so the sum over the nodes before it is what elements across it exert. Of nodes in the section half is
-    before it, at the start all, at the end none. Loads of an element stand in its nodes: the mean of the sections
-    ``over`` its length [m] is free of that. ``nodes`` (n_nodes, 3), ``forces`` (n_nodes, 3, n), with moments 6.
+    Nodal forces are K times the shape. Forces between elements before the section cancel, so the sum over the nodes
+    before it is the force of elements across it. Nodes in the section count half, at the start fully, at the end not.
+    Element loads are in its nodes: the mean of the sections ``over`` its length [m] removes this error. ``nodes``
+    (n_nodes, 3), ``forces`` (n_nodes, 3, n), with moments 6.
     """
     along, first, last = nodes[:, 0], nodes[:, 0].min(), nodes[:, 0].max()
     near = _LAYER * (last - first)
@@ -81,24 +81,24 @@ def _reach(link: Foreign, x: float) -> float:
 
 
 def padded(array: np.ndarray, columns: Sequence[int], count: int) -> np.ndarray:
-    """An array (n_nodes, ...) whose second axis stands in some of ``count`` columns, the others zero."""
+    """Array (n_nodes, ...) whose second axis is expanded to ``count`` columns, the others zero."""
     found = np.zeros((len(array), count, *array.shape[2:]))
     found[:, list(columns)] = array
     return found
 
 
 def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, float] = (1.0, 1.0)) -> Stresses:
-    """A matrix of stresses for unit displacements of another program, in the axes of its files.
+    """Stresses for unit displacements from another program's matrix, in the axes of its files.
 
     Parameters
     ----------
     link : Foreign
-        Whose displacements are its columns, in the order of the nodes.
+        Link whose displacements are the columns, in the order of the nodes.
     path : str
         Matrix Market file: xx, yy, zz, xy, yz, zx of one place after the other; of links whose nodes have two
         translations xx, yy, xy.
     names : str
-        Text file with the name of a place a line.
+        Text file with the name of one place per line.
     units : pair of float
         As of :func:`kaneflex.fem.foreign_files.read_foreign`; a stress is in mass / (length s^2).
 
@@ -117,7 +117,7 @@ def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, floa
         reason = f"{path} has the shape {found.shape}, with {len(places)} names in {names} not {shape}"
         raise Fault(reason, f"Give {', '.join(STRESSES[count])} of every place, by all motions of the nodes")
     if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
-        raise Fault(f"{path} holds what is no finite number", "Export it anew")
+        raise Fault(f"{path} contains numbers that are not finite", "Export it again")
     length, mass = units
     into = link.turn[: link.axes, : link.axes]
     if link.motions == TURNS:
@@ -128,7 +128,7 @@ def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, floa
         left, size = abs(S @ motion), abs(S) @ abs(motion)
         if (left > _STILL * size.max()).any():
             place = places[int(left.argmax()) // count]
-            reason = f"{path}: a motion of the whole link {name} leaves a stress at {place}"
+            reason = f"{path}: a rigid motion {name} gives a stress at {place}"
             raise Fault(reason, "Give its columns in the order of the nodes, in the units and axes of the other files")
     return Stresses(places, S)
 
@@ -140,18 +140,18 @@ def _names(path: str) -> tuple[str, ...]:
     except OSError as error:
         raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a text file of names") from None
     except UnicodeDecodeError:
-        raise Fault(f"{path} is no text", "Give a text file of names, one a line") from None
+        raise Fault(f"{path} is not a text file", "Give a text file of names, one per line") from None
     if not found:
-        raise Fault(f"{path} has no name", "Give the name of each place, one a line")
+        raise Fault(f"{path} is empty", "Give the name of each place, one per line")
     for name in found:
         check_name(name, f"{path}: ")
         if found.count(name) > 1:
-            raise Fault(f"{path}: {name} is there twice", "Give each place a name of its own, like fillet")
+            raise Fault(f"{path}: {name} occurs twice", "Give each place a different name, like fillet")
     return found
 
 
 def _rotation(turn: np.ndarray, components: Sequence[str]) -> np.ndarray:
-    """What makes components in the link's axes of those in the file's."""
+    """Matrix from components in the file's axes to components in the link's axes."""
     found = np.zeros((len(components),) * 2)
     for k, name in enumerate(components):
         a, b = _AT[name]

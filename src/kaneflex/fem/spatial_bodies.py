@@ -1,4 +1,4 @@
-"""A rigid body in space whose small displacements follow what deforms.
+"""Rigid body in space with small displacements, carried by elastic bodies.
 
 Its coordinates are the displacement u, v, w [m] of its start and its rotation theta_x, theta_y, theta_z [rad], in its
 axes as the rigid mechanism carries them: these move with the start's acceleration less gravity, a, with omega and
@@ -26,7 +26,7 @@ from kaneflex.support.spatial_contract import AXES, SPATIAL_NODE
 
 PAIRS = tuple(f"{i}{j}" for i, j in combinations_with_replacement(AXES, 2))
 ARMS = tuple(f"arms_{pair}" for pair in PAIRS)
-"""Scalars of a body's motion beside those of a link: the symmetric part of sum f p^T over what acts at p [N m]."""
+"""Additional scalars of a body's motion: the symmetric part of sum f p^T over forces f at p [N m]."""
 
 
 def skew(v: np.ndarray) -> np.ndarray:

@@ -22,25 +22,25 @@ from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import CROSS, ModalData, spatial_modal_data
 
 _BESIDE = 1e-3
-"""Of a link's length, at which a turn of a node counts like a displacement of it."""
+"""Length, as a share of the link's, at which a node's rotation counts like a displacement."""
 
 
 def spatial_foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
-    """A body's modal data in space, with its points, its sections and their forces.
+    """Modal data of a body in space, with its points, its sections and their forces.
 
     Parameters
     ----------
     modes : int
-        With all points held, of any kind.
+        Number of modes with all points fixed, of any kind.
     rigid : bool
-        Whether the nodes of a point move as one, or it moves as the mean of them.
+        True: the nodes of a point move as one body; False: the point moves as their mean.
     damping : float
-        Ratio of every shape's.
+        Damping ratio of every shape.
 
     Raises
     ------
     Fault
-        Where the mesh has fewer modes, or a point's turn is open.
+        If the mesh has fewer modes, or a point's rotation is not determined.
     """
     found, d = reduced(link, "any", modes, rigid), link.motions
     moved = found.shapes.reshape(len(link.nodes), d, -1)
@@ -87,7 +87,7 @@ def _turning(link: Foreign, shapes: np.ndarray, of_particles: Mapping[str, np.nd
 def _points(
     link: Foreign, shapes: np.ndarray, sections: MeanSections
 ) -> tuple[list[str], dict[str, np.ndarray]]:
-    """The body's points, and its sections' on the mean line, with their SPATIAL_POINT_ARRAYS.
+    """Points of the body, and of its sections on the mean line, with their SPATIAL_POINT_ARRAYS.
 
     ``shapes`` (n_nodes, d, n).
     """
@@ -108,7 +108,7 @@ def _points(
 
 @dataclass(frozen=True, eq=False)
 class MeanSections:
-    """How the sections of a link move in the mean: splines over X by least squares over its mass.
+    """Mean motion of the sections of a link: splines over X by least squares over its mass.
 
     line : u, v, w of each shape; turning : theta_x, theta_y, theta_z; each of them of (n_places, n).
     """
@@ -119,7 +119,7 @@ class MeanSections:
 
     @classmethod
     def of(cls, link: Foreign, m: csc_array, shapes: np.ndarray) -> MeanSections:
-        """Of the shapes (n_nodes, d, n); ``m`` (n_nodes, n_nodes) [kg]: the mass of the particles.
+        """Mean motion of the shapes (n_nodes, d, n); ``m`` (n_nodes, n_nodes) [kg] is the mass of the particles.
 
         A particle at (X, Y, Z) goes along with its section: u - Y theta_z + Z theta_y, v - Z theta_x, w + Y theta_x.
         Where nodes turn they do as their section does, which counts little beside that and alone on a line of nodes.

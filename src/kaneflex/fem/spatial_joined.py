@@ -1,12 +1,12 @@
-"""How joints tie the parts of a mechanism in space: their rows J q = 0, and coordinates that depend on the others.
+"""Linearised constraints J q = 0 of joints in space, and elimination of dependent coordinates.
 
-About the rigid motion every joint ties the small displacements and rotations of its two points by the rows
-J(t) q = 0 of its elementary constraints, those of ``kaneflex.mechanism.spatial``; a drive holds its joint's freedom
-besides. Of all coordinates some are chosen as dependent, and
+Relative to the rigid motion every joint constrains the small displacements and rotations of its two points by the rows
+J(t) q = 0 of its elementary constraints, those of ``kaneflex.mechanism.spatial``; a drive also constrains its joint's
+degree of freedom. Some coordinates are chosen as dependent, and
 
     J L = 0,   J L' = -J' L,   J L'' = -J'' L - 2 J' L'
 
-with the others' rows of L a unit matrix. J and its rates follow from how the bodies turn.
+with a unit matrix in the others' rows of L. J and its rates follow from the rotation of the bodies.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
 from kaneflex.support.errors import SceneError
 
 ZERO = 1e-10
-"""Coefficient, in rad or sizes of the mechanism, that counts as none."""
+"""Coefficient, in rad or sizes of the mechanism, that counts as zero."""
 _NEAR = 0.9
-"""Share of the largest from which one is as good: the same choice on every machine."""
+"""Share of the largest pivot above which candidates count as equal, so that the choice is the same on every machine."""
 _LEAST = 1e-4
 """Least of a coordinate's column, at any instant, beside those of the dependent ones: these would grow past all
 measure."""
 
 APART = ("along", "x", "y", "z")
-"""How far the ends of a spring part by the deformation: along the spring, and along global axes [m]."""
+"""Relative displacements of a spring's ends by the deformation: along the spring, and along global axes [m]."""
 
 
 def held_nodes(mechanism: SpatialMechanism, link: Link) -> dict[int, list[str]]:
@@ -109,14 +109,14 @@ class Joined:
 
     @cached_property
     def tied(self) -> np.ndarray:
-        """Which coordinates are at a point of some joint or spring, in their order: no other one enters any row."""
+        """Indices of coordinates at points of joints or springs, in order; no others enter the rows."""
         sides = [side for joint in self.mechanism.joints.values() for side in joint.sides]
         sides += [side for name in self.springs for side in self.mechanism.springs[name].sides]
         points = map(self.point, sides)
         return np.unique(np.concatenate([np.zeros(0, int), *(point[0] for point in points if point is not None)]))
 
     def places(self, columns: np.ndarray) -> np.ndarray:
-        """Where among :attr:`tied` some of them are."""
+        """Indices of some coordinates within :attr:`tied`."""
         return np.searchsorted(self.tied, columns)
 
     def rows(self, motion: RigidMotion, joints: Collection[str] | None = None) -> tuple[Rates3, dict[str, slice]]:
@@ -185,7 +185,7 @@ class Joined:
         return first, second
 
     def parting(self, motion: RigidMotion) -> Rates3:
-        """How far the ends of springs part by the coordinates, :data:`APART` of each, (3, n_times, rows, tied).
+        """Relative displacements of springs' ends by the coordinates, :data:`APART` of each, (3, n_times, rows, tied).
 
         The direction of a spring turns with its rigid points, one that needs none has none.
         """
@@ -207,7 +207,7 @@ class Joined:
         return found
 
     def _held(self, joint: SpatialJoint) -> list[tuple[str, np.ndarray]]:
-        """What is held of a joint besides, by axes of its first body."""
+        """Degrees of freedom of a joint that are held in addition, by axes of its first body."""
         if joint.name not in self.held:
             return []
         if joint.kind in ("spherical", "universal"):
@@ -239,9 +239,9 @@ class Joined:
         furthest, left = _apart_at_all(J[:, used])
         if left.any():
             raise SceneError(
-                "joints", ", ".join(self._named(used[left])), "with elastic bodies between them they don't hold the "
-                "mechanism in one way over the whole run: it passes a dead centre there",
-                "Limit the drives' range, or hold it otherwise",
+                "joints", ", ".join(self._named(used[left])), "the mechanism passes a dead centre with elastic bodies "
+                "there, where these joints do not determine it",
+                "Limit the drives' range, or change the joints",
             )  # fmt: skip
         furthest = np.sort(furthest)
         if len(used) > len(furthest):
@@ -294,8 +294,8 @@ class Joined:
         return [name for name, own in self.where.items() if ((rows >= own.start) & (rows < own.stop)).any()]
 
     def tied_maps(self, motion: RigidMotion, choice: Choice, columns: np.ndarray) -> Rates3:
-        """L and its rates at the instants of a motion: what of it is tied, springs' ends below, and of the independent
-        coordinates these columns, (3, n_times, rows, columns)."""
+        """Map L and its rates at the instants of a motion: rows of tied coordinates, then springs' ends; columns of
+        these independent coordinates, (3, n_times, rows, columns)."""
         independent, tied = choice.independent[columns], self.tied
         rows = np.concatenate([np.zeros(0, int), *(block.rows for block in choice.blocks)])
         J = self.rows(motion, self._named(rows))[0] * self.measure[tied]
@@ -327,7 +327,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Which coordinates depend on which others, and how they follow from these."""
+    """Choice of dependent coordinates, and their relation to the independent ones."""
 
     blocks: tuple[Block, ...]
     dependent: np.ndarray
@@ -357,5 +357,5 @@ def _apart_at_all(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unit(label: str, size: float) -> float:
-    """What counts as one in a coordinate: the mechanism's size, or 1 rad."""
+    """Scale of a coordinate: the mechanism's size, or 1 rad."""
     return 1.0 if label.rpartition(".")[2].startswith("theta") else size

@@ -29,11 +29,11 @@ _VARYING = ("rho_A", "rho_I_y", "rho_I_z", "E_I_y", "E_I_z")
 
 
 class SpatialProperties(NamedTuple):
-    """Of a beam at one place.
+    """Numbers of a beam's section in space.
 
-    rho_A mass per length [kg/m], rho_I_y and rho_I_z rotary inertias per length [kg m], E_A axial, E_I_y and E_I_z
-    bending, G_J torsional stiffness [N, N m^2, N m^2], G_A_y and G_A_z stiffnesses in shear along y and z [N], inf
-    where the theory knows no shear.
+    rho_A mass per length [kg/m], rho_I_y and rho_I_z rotary inertias per length [kg m]; E_A axial, E_I_y and E_I_z
+    bending, G_J torsional stiffness [N, N m^2, N m^2]; G_A_y and G_A_z stiffnesses in shear along y and z [N], inf for
+    theories without shear.
     """
 
     rho_A: float
@@ -50,12 +50,12 @@ class SpatialProperties(NamedTuple):
 def spatial_properties(
     section: SpatialSectionNumbers, E: float, G: float, rho: float, shear: bool = False
 ) -> SpatialProperties:
-    """Of a section of one material: E and G [Pa], rho [kg/m^3]; ``shear``: whether the theory knows it.
+    """Numbers of a section of one material: E and G [Pa], rho [kg/m^3]; ``shear``: true if the theory includes it.
 
     Raises
     ------
     ValueError
-        With shear, for a section whose coefficients of shear nobody knows.
+        With shear, for a section with unknown shear coefficients.
     """
     A, I_y, I_z, J, k_y, k_z = section
     if not shear:
@@ -66,7 +66,7 @@ def spatial_properties(
 
 
 def spatial_element_parameters_of(at: Callable[[float], SpatialProperties], nodes: np.ndarray) -> dict[str, np.ndarray]:
-    """Every parameter of a link's elements by its name in ``kaneflex.support.spatial_contract``, (elements,) each.
+    """Parameters of a link's elements by their names in ``kaneflex.support.spatial_contract``, (elements,) each.
 
     A varying property is the linear function that is nearest to it in the mean square over the element, as in the
     plane; those that the element holds constant take their means. Sections must not jump but at nodes [m].
@@ -129,15 +129,15 @@ def link_of_scene(scene: Scene, name: str, elements: int) -> SpatialLink:
 
 
 def spread_scalar(link: str, load: str, axis: str) -> str:
-    """The name of what a load spread along a link is per length, in its axes [N/m], before its profile."""
+    """Name of the scalar of a distributed load per length, in the link's axes [N/m], without its profile."""
     return f"{link}.link.{load}_{axis}"
 
 
 def _spread_terms(
     scene: Scene, link: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
 ) -> list[tuple[str, Monomial, np.ndarray]]:
-    """Of the loads spread along a link, as in the plane: F with the elements' own shape functions, and K_g of the axial
-    force that grows by them, P(X) = P_0 - int_0^X p dX, torsion's share of it by Wagner included."""
+    """Terms of the loads distributed along a link: F with the elements' shape functions, and K_g of the axial force
+    that they cause, P(X) = P_0 - int_0^X p dX, torsion's share of it by Wagner included."""
     found: list[tuple[str, Monomial, np.ndarray]] = []
     for name, load in scene.spreads.items():
         if load.spread_on != link:

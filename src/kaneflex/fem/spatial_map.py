@@ -1,7 +1,7 @@
-"""How the parts of a mechanism in space hang together: their coordinates q = L(t) z from independent ones.
+"""Map q = L(t) z from independent coordinates to those of all parts of a spatial mechanism.
 
-L follows from the rows of the joints (``kaneflex.fem.spatial_joined``). What joints hold to the ground by drives alone
-comes out as not moving at all; the entries of L that vary are scalars of the motion like others.
+L follows from the rows of the joints (``kaneflex.fem.spatial_joined``). Coordinates held by joints and drives to the
+ground are zero; the entries of L that vary are scalars of the motion like others.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _AT_ONCE = 256
 
 @dataclass(frozen=True, eq=False)
 class SpatialMap:
-    """L of a mechanism by what of it is constant and what varies.
+    """Map L of a mechanism: its constant part and its varying entries.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class SpatialMap:
 
     @property
     def scalars(self) -> list[tuple[str, str, str]]:
-        """Name, unit and meaning of what varies, each entry with its two rates."""
+        """Name, unit and meaning of the varying entries, each with its two rates."""
         found = []
         for name, row, column in self._entries():
             labels = self.joined.labels[row], self.joined.labels[self.choice.independent[column]]
@@ -103,9 +103,9 @@ class SpatialMap:
 
 
 def map_of(joined: Joined, motion: RigidMotion) -> SpatialMap:
-    """The map by instants spread over the run, at which is seen what varies.
+    """Build the map; instants spread over the run show which entries vary.
 
-    What drives alone hold does not move: its coordinates and the rows that hold them are left out then.
+    Coordinates that drives alone hold do not move; they and their rows are left out.
     """
     choice = joined.choose(motion)
     L, rows, columns = _of_tied(joined, motion, choice)

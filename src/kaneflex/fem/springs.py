@@ -15,7 +15,7 @@ from kaneflex.scene.quantities import Address
 
 
 def place_springs(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
-    """Every spring whose ends the deformation can move."""
+    """Springs whose ends can move by the deformation."""
     found = (place_spring(scene, links, parts, frame, name) for name in scene.springs)
     return [(part, L) for part, L in found if L.terms]
 

@@ -1,4 +1,4 @@
-"""Long chains as their own loop reads them: narrow bands in slices of eight nodes.
+"""Storage of long chains for their loop: narrow bands in slices of eight nodes.
 
 Unknown 3 a + r is number r of node a, and a slice is NODES nodes in a row: what entries (i, i + d) of one r and one d
 hold in a slice is a *run*, one vector register. Runs without an entry are left out, so that only numbers that are not

@@ -1,4 +1,4 @@
-"""Solutions by scipy's methods, with progress and a limit, and the Jacobian that its implicit methods need."""
+"""Solution by scipy's methods, with progress and a limit, and the Jacobian for its implicit methods."""
 
 from __future__ import annotations
 
@@ -10,24 +10,23 @@ import numpy as np
 from kaneflex.support.errors import UserError
 
 IMPLICIT = ("Radau", "BDF", "LSODA")
-"""Methods of scipy that use one."""
+"""Implicit methods of scipy, which use a Jacobian."""
 _NUDGE = float(np.sqrt(np.finfo(float).eps))
-"""Share of a variable, or of its size, by which it is changed for a difference quotient."""
+"""Relative step of difference quotients."""
 
 MOST_EVALUATIONS = 1_000_000
-"""Evaluations of the rates in one solution: one to two minutes."""
+"""Largest number of evaluations of the rates in one solution: one to two minutes."""
 
 _MOST = 5_000_000
-"""Evaluations of the rates in one motion of free joints: some minutes."""
+"""Largest number of evaluations of the rates in one motion of free joints: some minutes."""
 _WINDOW, _STALLED = 50_000, 1e-4
-"""Evaluations after which a motion that moved on by less than a share of its duration stands still: _MOST of them would
-not bring it to a hundredth of it."""
+"""Number of evaluations after which the progress is checked: _MOST of them must reach a hundredth of the duration."""
 SLOW = 'Shorten the duration, raise solve.forward.tolerance, or set solve.forward.method = "Radau"'
-"""Advice where they bring a motion to no end."""
+"""Advice if a motion is too slow."""
 _STEPS = 500
-"""Steps of an explicit method between which it is looked at for stiffness."""
+"""Steps of an explicit method between checks for stiffness."""
 _DECAYS = 1e5
-"""Times of the fastest decay in a run beyond which it is stiff from its start."""
+"""Number of time constants of the fastest decay in a run above which it is stiff from its start."""
 
 Rates = Callable[[float, np.ndarray], np.ndarray]
 Progress = Callable[[float], None]
@@ -54,9 +53,9 @@ def solution(
         if before[0] > MOST_EVALUATIONS:
             raise UserError(
                 "solve.integrator", "scipy",
-                f"{MOST_EVALUATIONS} evaluations bring it to t = {t:.4g} s of {span[1]:.4g} s: its steps follow the "
-                "fastest vibrations",
-                "Take radau or gauss, or shorten solve.duration",
+                f"{MOST_EVALUATIONS} evaluations reach only t = {t:.4g} s of {span[1]:.4g} s: the steps follow "
+                "the fastest vibrations",
+                "Use radau or gauss, or shorten solve.duration",
             )  # fmt: skip
         return rates(t, y)
 
@@ -76,13 +75,13 @@ def solution(
 
 
 class Pace:
-    """The work of a motion of free joints, counted: where it is too much, and where an implicit method takes less."""
+    """Counter of the work of a motion of free joints, and tests for a limit and for stiffness."""
 
     def __init__(self, duration: float) -> None:
         self.duration, self.evaluations, self.steps, self.seen = duration, 0, 0, (0, 0.0)
 
     def too_slow(self, t: float) -> bool:
-        """Whether the evaluations so far bring it to no end."""
+        """True if the evaluations so far show that the motion takes too long."""
         stalled = False
         if self.evaluations - self.seen[0] > _WINDOW:
             stalled, self.seen = t - self.seen[1] < _STALLED * self.duration, (self.evaluations, t)
@@ -91,16 +90,16 @@ class Pace:
     def message(self, t: float) -> str:
         """Problem of a motion that is too slow at t [s]."""
         return (
-            f"its motion is so fast beside the duration that {self.evaluations} evaluations bring it to t = {t:.6g} s "
+            f"the motion is too fast for the duration: {self.evaluations} evaluations reach only t = {t:.6g} s "
             f"of {self.duration:.6g} s"
         )
 
     def stiff(self, solver, sizes: np.ndarray) -> bool:
-        """Whether what decays fast, not accuracy, sets the steps of an explicit solver of scipy's.
+        """True if a fast decay, not accuracy, limits the steps of an explicit solver of scipy.
 
-        Looked at before the first step and after every _STEPS. An explicit step h is stable for h lambda of some
-        units (3.3 for RK45, 6 for DOP853), with the fastest decay lambda; a step that only accuracy binds resolves it,
-        with h lambda below 1. The first step is none of these: there it counts how often 1/lambda fits the run.
+        Checked before the first step and after every _STEPS. An explicit step h is stable up to some value of h lambda
+        (3.3 for RK45, 6 for DOP853), with the fastest decay lambda; a step limited by accuracy resolves it, with
+        h lambda below 1. Before the first step the number of time constants 1/lambda in the run decides.
         """
         looked, step = self.steps % _STEPS == 0, solver.step_size if self.steps else self.duration / _DECAYS
         self.steps += 1
@@ -115,11 +114,10 @@ class Pace:
 
 
 def jacobian_of(rates: Rates, sizes: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
-    """The derivatives of ``rates`` at (t, y) by y, (n, n), from differences by shares of ``sizes`` (n,).
+    """Jacobian of ``rates`` at (t, y) by y, (n, n), from differences with steps relative to ``sizes`` (n,).
 
-    scipy's own differences grow tenfold each time where the rates don't depend on a variable, as on an angle, a
-    dependent coordinate or a work integral, until the rates are no numbers. A variable of size 0 counts as one of
-    these.
+    scipy's own differences grow tenfold each time if the rates don't depend on a variable, like an angle, a dependent
+    coordinate or a work integral, until the rates are not finite. A variable of size 0 counts as such.
     """
 
     def jacobian(t: float, y: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The methods, as data."""
+"""Methods of integration, as data."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Method:
-    """A method of integration.
+    """Method of integration.
 
-    order: of convergence in the step; None where the method chooses its steps itself
-    description: one line for people, with the source
-    nodes: where a step reads the table, in steps from its start; the end of the step comes on top
+    order: of convergence in the step; None if the method chooses its steps itself
+    description: one line with the source
+    nodes: positions at which a step reads the table, in steps from its start, besides its end
     state_vectors: vectors that go from step to step: 2 for z and v, 3 with the method's own accelerations
-    stepper: name of its compiled loop in `kaneflex.integrate.steppers`; None where there is none
+    stepper: name of its compiled loop in `kaneflex.integrate.steppers`, or None
     coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes
     still: of those coefficients, the ones of a step of no length: z and v stay, the true accelerations are found
     lanes: whether that loop goes in lanes, too
@@ -68,8 +68,8 @@ def _generalised_alpha(system: AffineSystem, row: np.ndarray, step: float, rho_i
     # Chung and Hulbert 1993, eqs. (17), (18), (25)
     if not 0.0 <= rho_infinity <= 1.0:
         raise UserError(
-            "rho_infinity", rho_infinity, "the spectral radius at infinite frequency lies between 0 and 1",
-            "Give 1 for no damping of the highest frequencies, 0 to extinguish them in one step",
+            "rho_infinity", rho_infinity, "the spectral radius at infinite frequency must be between 0 and 1",
+            "Give 1 for no damping of the highest frequencies, 0 for full damping in one step",
         )  # fmt: skip
     alpha_m = (2.0 * rho_infinity - 1.0) / (rho_infinity + 1.0)
     alpha_f = rho_infinity / (rho_infinity + 1.0)
@@ -78,7 +78,7 @@ def _generalised_alpha(system: AffineSystem, row: np.ndarray, step: float, rho_i
 
 
 def tableau(stages: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-    """a_sr and b_r of the collocation method with nodes c_s (Hairer and Wanner 1996, section IV.5).
+    """Coefficients a_sr and b_r of the collocation method with nodes c_s (Hairer and Wanner 1996, section IV.5).
 
     They integrate 1, t, t^2 ... exactly from 0 to c_s, and to 1.
     """
@@ -128,11 +128,11 @@ METHODS = {
     method.name: method
     for method in (
         Method(
-            "radau", 5, "three-stage Radau IIA (Hairer and Wanner 1996): order 5, damps what steps don't resolve",
+            "radau", 5, "three-stage Radau IIA (Hairer and Wanner 1996): order 5, damps unresolved vibrations",
             (0.0, *_RADAU[:2]), 2, "collocation", _collocation(*_RADAU), _still(), True, stages=3,
         ),
         Method(
-            "newmark", 2, "Newmark, average acceleration (Newmark 1959): no damping of its own",
+            "newmark", 2, "Newmark, average acceleration (Newmark 1959): no numerical damping",
             (0.0,), 2, "newmark", _average_acceleration, _still(3), True,
         ),
         Method(
@@ -140,7 +140,7 @@ METHODS = {
             (0.0,), 3, "newmark", _generalised_alpha, _still(2), True,
         ),
         Method(
-            "gauss", 4, "two-stage Gauss-Legendre (Hairer and Wanner 1996): order 4, no damping of its own",
+            "gauss", 4, "two-stage Gauss-Legendre (Hairer and Wanner 1996): order 4, no numerical damping",
             (0.0, *_GAUSS), 2, "collocation", _collocation(*_GAUSS), _still(), True, stages=2,
         ),
         Method(
@@ -148,17 +148,17 @@ METHODS = {
             (0.0,), 2, "exact_modal", _exact_modal, _still_modal,
         ),
         Method(
-            "spectral", None, "Fourier collocation over a cycle: periodic motions, by as many harmonics as they need",
+            "spectral", None, "Fourier collocation over a cycle: periodic motions, with as many harmonics as needed",
             (0.0,), 2, None, None, None,
         ),
         Method("scipy", None, "scipy.integrate.solve_ivp: slow, an independent check", (0.0,), 2, None, None, None),
     )
 }  # fmt: skip
-"""The methods by name."""
+"""Methods by name."""
 
 
 def method_named(name: str) -> Method:
-    """The method called `name`; UserError where there is none."""
+    """Method of this name. Raises UserError if there is none."""
     if name not in METHODS:
-        raise UserError("integrator", name, "there is no such integrator", nearest(name, METHODS))
+        raise UserError("integrator", name, "unknown integrator", nearest(name, METHODS))
     return METHODS[name]

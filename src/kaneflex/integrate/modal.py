@@ -16,16 +16,15 @@ def transition(system: AffineSystem, row: np.ndarray, step: float) -> np.ndarray
     z'' = (8) F - (9) v - (10) z.
 
     With F = F_0 + (F_1 - F_0) tau, tau = t / step, the vector (z, v / sigma, F, dF/dtau) obeys a linear
-    equation with constant matrix, whose exponential holds them all, whether a mode oscillates, creeps or is
-    free (no case is singled out, so none loses digits next to another). sigma = max(frequency, 1 / step)
-    balances the matrix; the relative error is about its norm, step * frequency, times the rounding unit, as
-    that of any phase is.
+    equation with constant matrix, whose exponential gives all coefficients. It covers oscillating, overdamped
+    and free modes without cases, so no digits are lost between them. sigma = max(frequency, 1 / step) balances
+    the matrix; the relative error is about its norm, step * frequency, times the unit roundoff, as for any phase.
     """
     from scipy.linalg import expm
 
     mass, damping, stiffness = (_diagonal(system, name, row) for name in ("M", "C", "K"))
     if not np.all(mass > 0.0):
-        raise _not_decoupled("a mode has no positive mass")
+        raise _not_decoupled("the mass of a mode is not positive")
     rate, square = damping / mass, stiffness / mass
     sigma = np.maximum(np.sqrt(np.abs(square)), 1.0 / step)
     matrix = np.zeros((system.n, 4, 4))

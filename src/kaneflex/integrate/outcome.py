@@ -1,4 +1,4 @@
-"""How a run ended, and what it gave."""
+"""Outcome of a run, and its results."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Floquet = np.ndarray | Callable[[], np.ndarray] | None
 
 
 class Outcome(Enum):
-    """How a run ended; the value is what a user reads."""
+    """Outcome of a run; the value is the text for the user."""
 
     COMPLETED = "completed"
-    UNSTABLE = "unstable: the motion grows beyond all bounds"
+    UNSTABLE = "unstable: the motion grows without bound"
     SINGULAR = "singular step: a pivot of its equations vanishes"
     NO_PERIODIC_STATE = "no periodic state: a Floquet multiplier equals one"
     CASCADE = "cascade: contacts close and open without end at one instant"
@@ -29,12 +29,12 @@ class Trajectory:
 
     times: shape (n_out,), in s
     z, v, a: shape (n_out, n), displacements, velocities, accelerations; they satisfy the equation
-    outcome, message: how it ended; the message adds time and reason
-    floquet: the multipliers, or what computes them: eigenvalues that not everybody reads
+    outcome, message: outcome; the message adds time and reason
+    floquet: the multipliers, or a function that computes them on demand
     ns_per_step: wall time of a step in the compiled loop, without compiling and without the table, in ns
-    solver: what solved the equations, and why that, in words; empty where nothing was chosen
+    solver: method used and the reason, as text; empty without a choice
 
-    A run that stopped early holds what came before; where no periodic state could be found it holds nothing.
+    A run that stopped early holds the steps before; without a periodic state it is empty.
     """
 
     times: np.ndarray
@@ -63,6 +63,6 @@ class Trajectory:
     def multipliers(self) -> np.ndarray | None:
         """Complex, shape (2 n,), Floquet multipliers of the *discrete* equations by decreasing modulus.
 
-        None where none were computed.
+        None if not computed.
         """
         return self.floquet() if callable(self.floquet) else self.floquet

@@ -1,4 +1,4 @@
-"""The motion that repeats itself, from one cycle of every unit state."""
+"""Periodic motion, from one cycle of every unit state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kaneflex.integrate.streams import TimeSegments
 from kaneflex.support.errors import SceneError
 
 Maps = tuple[TimeSegments, np.ndarray, np.ndarray]
-"""The segments of a cycle, and what each makes of a state, x -> A x + b: shapes (LANES, size, size), (LANES, size)."""
+"""Segments of a cycle, and the map x -> A x + b of each: shapes (LANES, size, size), (LANES, size)."""
 
 _GROWS = 1e6  # in a cycle, of which rounding becomes 1e-10
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
@@ -22,14 +22,13 @@ _MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
 _FOR_A_STEP, _MOST_OPERATIONS = 300, 1.5e12  # by n^2: of all 2 n states (engine: 4e10 in 6.5 s of a core); of a cycle
 LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
 _SHARE, _MOST_CYCLES = 1e-4, 100
-"""Of what a cycle leaves of a state, that its correction may leave, and cycles that may take."""
+"""Relative residual of the periodic state after its correction, and largest number of cycles for it."""
 _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the root of the rounding error
 
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """State at the start of a run, but for its accelerations (None where there is none), the Floquet multipliers, and
-    what to say.
+    """State at the start of a run, without accelerations (None if there is none), Floquet multipliers, and message.
 
     segments: of a periodic motion, if its cycle was cut
     """
@@ -43,9 +42,9 @@ class Beginning:
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """Monodromy matrix of a cycle, what the loads add to a state in it (None where it broke off), and what to say.
+    """Monodromy matrix of a cycle, contribution of the loads (None if it stopped), and message.
 
-    segments: where the cycle was cut
+    segments: of a divided cycle
     """
 
     monodromy: np.ndarray | None
@@ -66,7 +65,7 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
     n = setup.system.n
     if (work := _FOR_A_STEP * period_steps * float(n) ** 2) > _MOST_OPERATIONS:
         reason = f"its {n} coordinates in {period_steps} steps are {2 * n} states a cycle: {work:.1g} operations"
-        cure = "Set solve.reduction = 'craig-bampton' and some solve.modes, take fewer elements, or start from zero"
+        cure = "Set solve.reduction = 'craig-bampton' and solve.modes, use fewer elements, or start from zero"
         raise SceneError("solve.start", "periodic", reason, cure)
     cycle = over_a_cycle(setup, period_steps)
     if cycle.outcome is not Outcome.COMPLETED:
@@ -83,7 +82,7 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
 def corrected_state(
     setup: Setup, period_steps: int, z: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """The periodic state near (z, v), by what a cycle leaves of it: (I - Phi) d = S(x) - x, S(x) after a cycle.
+    """Periodic state near (z, v), from the residual after a cycle: (I - Phi) d = S(x) - x, S(x) after a cycle.
 
     d is found by generalised minimal residuals (Saad and Schultz 1986), a cycle an iteration: as many as there are
     disturbances that last a cycle. None where these are too many, or a cycle goes wrong.
@@ -114,10 +113,10 @@ def corrected_state(
 
 
 def over_a_cycle(setup: Setup, period_steps: int) -> Cycle:
-    """Where a cycle moves every unit state, and zero; all share one factorisation a step.
+    """Final states of a cycle from every unit state and from zero, with one factorisation per step.
 
-    Segments of the cycle go side by side where they can, and their matrices are multiplied. What goes wrong in one of
-    them is left to the cycle in one piece, which says when.
+    If possible, segments of the cycle run side by side and their matrices are multiplied. After a failure in a segment
+    the whole cycle runs in one piece, which gives the time of the failure.
     """
     if can_be_cut(setup, period_steps):
         segments = TimeSegments(setup.stream.cycle(), len(setup.method.nodes), setup.stream.step)
@@ -141,7 +140,7 @@ def over_a_cycle(setup: Setup, period_steps: int) -> Cycle:
 def repeated(setup: Setup, beginning: Beginning) -> tuple[Stored, float] | None:
     """One cycle of a periodic motion by its segments, side by side: rows 0 to period_steps - 1, and ns per step.
 
-    None where the cycle was not cut, or a segment goes wrong.
+    None if the cycle was not divided, or a segment fails.
     """
     if beginning.segments is None:
         return None
@@ -161,7 +160,7 @@ def repeated(setup: Setup, beginning: Beginning) -> tuple[Stored, float] | None:
 
 
 def _segment_maps(lanes: Setup) -> tuple[np.ndarray, np.ndarray] | None:
-    """What every segment makes of a state, shapes (LANES, size, size) and (LANES, size); None where one goes wrong."""
+    """Maps of all segments, shapes (LANES, size, size) and (LANES, size); None if one fails."""
     segments = lanes.stream
     state, load_factor = unit_states(lanes, LANES)
     if not lanes.consistent(state, load_factor):
@@ -179,14 +178,14 @@ def _segment_maps(lanes: Setup) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _after(first: tuple[np.ndarray, np.ndarray], then: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Two segments, each x -> A x + b, one after the other."""
+    """Composition of two segments, each x -> A x + b."""
     return then[0] @ first[0], then[0] @ first[1] + then[1]
 
 
 def can_be_cut(setup: Setup, period_steps: int) -> bool:
-    """Whether the method goes in lanes, there is a step for each, and all unit states of all lanes fit the memory.
+    """True if the method supports lanes, there is a step for each, and all unit states of all lanes fit into memory.
 
-    Where steps are many times longer than the fastest vibrations, the segments' matrices hold little but rounding.
+    With steps many times longer than the fastest vibrations, the segments' matrices would be mostly rounding.
     """
     numbers = 2 * len(State._fields) * setup.system.n**2 * LANES
     fits = setup.method.lanes and period_steps >= LANES and numbers <= _MOST_NUMBERS
@@ -194,7 +193,7 @@ def can_be_cut(setup: Setup, period_steps: int) -> bool:
 
 
 def unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
-    """A column for each unit state x, free of loads, and one from zero that is loaded; factors on the load_factor."""
+    """Columns of all unit states x without loads, and of zero with loads; and the load factors."""
     size = setup.system.n * len(setup.scales)
     x = np.zeros((size + 1, size))
     x[:size] = np.eye(size)
@@ -204,12 +203,12 @@ def unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
 
 
 def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
-    """The 2 n multipliers of largest modulus, largest first."""
+    """Multipliers of largest modulus (2 n of them), largest first."""
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")][: 2 * n].astype(complex)
 
 
 def states_of(setup: Setup, x: np.ndarray) -> State:
-    """States of the vectors x, shape (columns, size) and maybe lanes; accelerations are still to be found."""
+    """States of the vectors x, shape (columns, size), optionally with lanes; without accelerations."""
     n = setup.system.n
     state = State(*(np.zeros((x.shape[0], n, *x.shape[2:])) for _ in State._fields))
     for part, scale in enumerate(setup.scales):
@@ -218,13 +217,13 @@ def states_of(setup: Setup, x: np.ndarray) -> State:
 
 
 def vectors_of(setup: Setup, state: State) -> np.ndarray:
-    """The inverse of `states_of`."""
+    """Inverse of `states_of`."""
     scales = setup.scales
     return np.concatenate([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)], axis=1)
 
 
 def _blur(setup: Setup, period_steps: int) -> float:
-    """What rounding may do to a multiplier of modulus one in a cycle.
+    """Error by rounding, per cycle, of a multiplier of modulus one.
 
     A step of h multiplies a vibration of frequency omega by a number of modulus one, which balances terms in
     (omega h)^2: where a step is thousands of periods long, little of that balance is left.
@@ -240,18 +239,18 @@ def _verdict(multipliers: np.ndarray, blur: float) -> tuple[Outcome, str]:
         return outcome, f"{outcome.value}: {_multiplier_text(closest)}; {cure}"
     largest = multipliers[0]
     if 1.0 + _UNSTABLE < abs(largest) < 1.0 + blur:
-        outcome, cure = Outcome.NO_PERIODIC_STATE, "take integrator generalised-alpha, preset quasistatic or more steps"
+        outcome, cure = Outcome.NO_PERIODIC_STATE, "use integrator generalised-alpha, preset quasistatic or more steps"
         reason = f"{_multiplier_text(largest)}, to the rounding of steps that are far longer than the fastest periods"
         return outcome, f"{outcome.value}: {reason}; {cure}"
     if abs(largest) > 1.0 + _UNSTABLE:
         return Outcome.UNSTABLE, exceeds_one(largest)
     if abs(largest) > 1.0 - _UNSTABLE:
-        return Outcome.COMPLETED, "neutrally stable: the slowest disturbance neither grows nor dies in these steps"
+        return Outcome.COMPLETED, "neutrally stable: the slowest disturbance neither grows nor decays in these steps"
     return Outcome.COMPLETED, ""
 
 
 def exceeds_one(multiplier: complex) -> str:
-    """What is said of a cycle with such a Floquet multiplier."""
+    """Message about a cycle with this Floquet multiplier."""
     modulus = f" of modulus {abs(multiplier):.9g}" if multiplier.imag else ""
     return f"{Outcome.UNSTABLE.value}: Floquet multiplier {_multiplier_text(multiplier)}{modulus} exceeds one"
 

@@ -1,4 +1,4 @@
-"""Integrate: from a system, the table of its scalars and a method to a trajectory."""
+"""Integration of a system with the table of its scalars by a method."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from kaneflex.integrate.streams import CoefficientStream, Table, one_after_the_o
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
 
-LEFT = "; what is shown is the periodic motion, which any disturbance leaves"
-"""Said of a cycle that repeats, and whose disturbances grow."""
+LEFT = "; the result is the unstable periodic motion"
+"""Message about a periodic motion whose disturbances grow."""
 _CLEAR, _SQUARED = 0.5, 4
-"""What is left of a disturbance after a cycle from which on held equations don't tell whether it grows; as often the
-matrix of a cycle is squared to see it."""
+"""Smallest growth per cycle for which piecewise constant equations do not decide on stability; number of squarings of
+the monodromy matrix."""
 Start = str | tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What is integrated, from where, how far and how.
+    """Input of an integration: system, table, start, steps and method.
 
     table: scalars of the motion, shape (n_times, n_scalars), at an array of times in s; asked once for a
         cycle if `period_steps` is given, else for one piece of the run after the other.
@@ -72,9 +72,9 @@ def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
 
     progress: called with the finished share of the work, first of the periodic start, then of the run.
 
-    A run that grows beyond all bounds or meets a singular step stops there with a named outcome; so does a
-    periodic start without a periodic state. One that repels its neighbours is shown for its cycle, with that outcome.
-    Raises UserError for arguments that can't be used, and for a table that holds a number that is not finite.
+    A run that grows without bound or has a singular step stops there with a named outcome, as does a periodic start
+    without a periodic state. An unstable periodic motion is returned for its cycle, with that outcome. Raises UserError
+    for invalid arguments, and for a table with numbers that are not finite.
     """
     chosen = method_named(run.method)
     check_arguments(run)
@@ -97,7 +97,7 @@ def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
 
 
 def _spectral(run: Run, progress: Progress | None) -> Trajectory:
-    """The periodic motion by its harmonics; by steps of radau where it has too many of them."""
+    """Periodic motion by its harmonics, or by steps of radau if too many harmonics are needed."""
     started, steps = time.perf_counter(), _steps_of_cycle(run)
     period = run.step * steps
     orbit = periodic_orbit(run.system, run.table, run.t0, period, run.tolerance)
@@ -108,7 +108,7 @@ def _spectral(run: Run, progress: Progress | None) -> Trajectory:
         message += LEFT
     elif outcome is not Outcome.COMPLETED:
         found = integrate(replace(run, method="radau"), progress)
-        return replace(found, solver="radau, in steps: they leave open whether the motion is stable")
+        return replace(found, solver="radau, in steps: stability is uncertain with harmonics")
     message = "; ".join(filter(None, ("" if outcome is Outcome.UNSTABLE else outcome.value, message)))
     at = run.every * np.arange(run.n_steps // run.every + 1)
     z, v, a = np.ascontiguousarray(orbit.at(steps).swapaxes(1, 2)).take(at, axis=1, mode="wrap")
@@ -118,14 +118,14 @@ def _spectral(run: Run, progress: Progress | None) -> Trajectory:
 
 
 def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome, str, Floquet]:
-    """Whether disturbances of a periodic motion grow, what to say of it, and the Floquet multipliers.
+    """Stability of a periodic motion: whether disturbances grow, a message, and the Floquet multipliers.
 
-    By steps that hold the equations still, or by those of radau where these leave a doubt. Of vibrations far faster
-    than any of them, as in a machine that hardly moves, they say nothing.
+    By steps with constant equations, or by radau if these are uncertain. They give no information about vibrations much
+    faster than the steps, as in a machine that hardly moves.
     """
     steps, grid = _steps_of_cycle(run), orbit.grid
     if run.step * steps / FEWEST * grid.fastest > LONGEST_STEP:
-        return Outcome.COMPLETED, "whether disturbances grow is not known: the steps are too long to tell", None
+        return Outcome.COMPLETED, "the stability is unknown: the steps are too long", None
     moved = monodromy(grid)
     if dies_away(moved):
         return Outcome.COMPLETED, "", partial(_eigenvalues, moved)
@@ -135,9 +135,9 @@ def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome,
 
 
 def dies_away(moved: np.ndarray) -> bool:
-    """Whether what a cycle makes of disturbances leaves no doubt that they do.
+    """True if a monodromy matrix certainly damps disturbances.
 
-    The root of a power's norm is no less than its spectral radius, and not much more.
+    The root of a power's norm is an upper bound of the spectral radius, and close to it.
     """
     power = moved
     for _ in range(_SQUARED):
@@ -158,7 +158,7 @@ def cycle_map(
     system: AffineSystem, table: Table, t0: float, period: float, steps: int, method: str = "radau",
     rho_infinity: float = 0.8,
 ) -> Cycle:  # fmt: skip
-    """What `steps` steps of a method over one period [s] make of every state: its discrete monodromy matrix.
+    """Discrete monodromy matrix of `steps` steps of a method over one period [s].
 
     Arguments otherwise as `Run` has them; not for the method "scipy". Raises UserError as `integrate` does.
     """
@@ -169,7 +169,7 @@ def cycle_map(
 
 
 def periodic_near(run: Run) -> tuple[np.ndarray, np.ndarray] | None:
-    """Where the motion begins that repeats itself after all steps of a run from a state near that; None if not found.
+    """Start of a periodic motion near a given state, with all steps of a run as its cycle; None if not found.
 
     For methods with fixed steps that carry z and v alone. Raises UserError as `integrate` does.
     """
@@ -179,7 +179,7 @@ def periodic_near(run: Run) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _naming_the_steps(found: Beginning, run: Run) -> Beginning:
-    """What a growing cycle says where it is the steps that grow, not the machine: in as many of radau nothing does."""
+    """Message for growth caused by the steps, not the machine: with the same steps of radau nothing grows."""
     if found.outcome is not Outcome.UNSTABLE or run.method == "radau" or found.multipliers is None:
         return found
     steps = _steps_of_cycle(run)
@@ -188,14 +188,14 @@ def _naming_the_steps(found: Beginning, run: Run) -> Beginning:
         return found
     growth = abs(found.multipliers[0])
     message = (
-        f"unstable steps: those of {run.method} let a disturbance grow by {growth:.4g} in a cycle, the "
-        "machine does not; take integrator radau, or more steps"
+        f"unstable steps: with {run.method} a disturbance grows by {growth:.4g} in a cycle, in the "
+        "machine it does not; use integrator radau, or more steps"
     )
     return replace(found, state=None, message=message)
 
 
 def set_up(run: Run, progress: Progress | None = None) -> Setup:
-    """What a run of a method with fixed steps reads; raises UserError as `integrate` does."""
+    """Setup of a run with fixed steps; raises UserError as `integrate` does."""
     method, system = method_named(run.method), run.system
     if method.lanes:
         read, constant = partial(one_after_the_other, nodes=len(method.nodes)), None
@@ -211,9 +211,9 @@ def set_up(run: Run, progress: Progress | None = None) -> Setup:
 
 
 def _scales(system: AffineSystem, row: np.ndarray, step: float, state_vectors: int) -> tuple[float, ...]:
-    """Powers of a time: a step, or the fastest vibration's 1 / omega where a step takes longer.
+    """Powers of a time: a step, or the fastest vibration's 1 / omega if a step is longer.
 
-    Products of a cycle's matrices would lose what is small beside velocities times a long step.
+    Products of a cycle's matrices would lose small numbers compared with velocities times a long step.
     """
     diagonal = slice(system.half_bandwidth, None, 2 * system.half_bandwidth + 1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -252,7 +252,7 @@ def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int) -> Trajec
     if advanced.outcome is not Outcome.COMPLETED:
         at = t0 + advanced.steps * step
         message = f"{advanced.outcome.value}, at t = {at:.9g} s, step {advanced.steps} of {n_steps}"
-        # the step that failed is not shown, nor what is not a number before it
+        # without the failed step, and without earlier numbers that are not finite
         rows = max(advanced.steps - 1, 0) // every + 1
         rows = int(np.logical_and.accumulate(np.isfinite(np.hstack(stored)[:rows]).all(axis=1)).sum())
     times = t0 + step * (every * np.arange(rows))
@@ -279,13 +279,13 @@ def check_arguments(run: Run) -> None:
         if value is not None and value < 1:
             raise UserError(name, value, "there must be at least one step", "Give a whole number from 1 on")
     if isinstance(start, str) and start not in ("zero", "periodic"):
-        raise UserError("start", start, "there is no such start", "Give zero, periodic or a state")
+        raise UserError("start", start, "unknown start", "Give zero, periodic or a state")
     if start == "periodic" and run.period_steps is None:
         raise UserError("start", start, "the motion has no cycle", "Give the drive a speed and a cycle")
     if start != "periodic" and run.method == "spectral":
-        raise UserError("start", start, "the integrator spectral finds periodic motions alone", "Take radau")
+        raise UserError("start", start, "the integrator spectral finds periodic motions only", "Use radau")
     if start == "periodic" and run.method == "scipy":
-        raise UserError("start", start, "scipy finds no cycle", "Start from a state that radau found")
+        raise UserError("start", start, "scipy can't find a periodic start", "Start from a state that radau found")
 
 
 _RELATIVE, _ABSOLUTE = 1e-11, 1e-16  # tolerances: near the best that the methods of solve_ivp reach

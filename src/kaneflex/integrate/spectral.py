@@ -1,4 +1,4 @@
-"""Periodic motions by their harmonics: Fourier collocation, corrected through the mean of the equations.
+"""Periodic motions by their harmonics: Fourier collocation, with corrections by the mean equations.
 
 M(t) z'' + C(t) z' + K(t) z = F(t) is to hold at N instants of a cycle, with z a trigonometric polynomial through its
 values there (Hill's method in time, as in the alternating frequency/time scheme of Cameron and Griffin 1989). With
@@ -31,7 +31,7 @@ from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.machine_code import Kernel
 
 FEWEST, MOST = 64, 8192
-"""Instants of a cycle that are tried."""
+"""Smallest and largest number of instants per cycle."""
 _TELLING = 1024
 """Instants from which on the harmonics' decay says how many would be needed: below, it is that of resonances."""
 _FAR = 30.0
@@ -41,15 +41,15 @@ _NEAR = 3.0
 _MOST_NUMBERS = 4e7
 """In each of the matrices, at all instants: 320 MB."""
 MODES = 16
-"""Of the mean equations whose harmonics are solved for; what is left of larger systems follows its loads."""
+"""Largest number of modes of the mean equations; further modes of larger systems respond quasi-statically."""
 _SUBSPACE, SPARE, _SAMPLES = 4, 4, 16
 """Iterations that find these modes, vectors beyond them, and instants whose mean they are of."""
 _CORRECTIONS = 40
-"""On one grid, at most."""
+"""Largest number of corrections on one grid."""
 _SLOWEST, _SLOWEST_ESTIMATE = 0.85, 0.97
 """Contraction of a correction, over some of them, from which time steps are cheaper, and an estimate too dear."""
 _OVER_TAIL = 0.2
-"""Of what the grid leaves out: a remainder that is worth no further correction on it."""
+"""Share of the grid's truncation error below which corrections on it end."""
 SURE = 0.02
 """Share of a motion's error to which it is estimated."""
 
@@ -119,7 +119,7 @@ class Grid:
         self, start: np.ndarray | None, tolerance: float, share: float = 0.0, over_tail: float = _OVER_TAIL,
         slowest: float = _SLOWEST,
     ) -> Orbit:  # fmt: skip
-        """The motion on this grid, from one that is near if there is any: as far as this grid is worth it.
+        """Motion on this grid, to the accuracy of the grid, optionally from an approximate motion.
 
         start: at the instants of this grid or of a coarser one, in lanes, (N / LANES, n, LANES)
         share: of the first remainder, that is enough
@@ -205,7 +205,7 @@ class Orbit:
 
     @property
     def said(self) -> str:
-        """How it was found, in words."""
+        """Description of the solution."""
         corrections = "1 correction leaves" if (n := sum(dict(self.grids).values())) == 1 else f"{n} corrections leave"
         left = f"{self.last:.1e} of the motion, its highest harmonics {self.tail:.1e}"
         return f"spectral: {self.grid.instants} instants of the cycle, {corrections} {left}"
@@ -271,7 +271,7 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
             times = 4.0 / 3.0 if instants % 3 == 0 else 1.5
         if math.log2(instants) + more > math.log2(MOST) or 2 * grid.sums.size > 3 * _MOST_NUMBERS:
             share = f"{found.tail:.1g} of the motion is in the highest quarter of {instants // 2}"
-            reason = f"its harmonics die away too slowly: {share}"
+            reason = f"its harmonics decay too slowly: {share}"
             found = replace(found, reason=reason)
             break
         near, before, instants = found.lanes, found.tail, round(times * instants)

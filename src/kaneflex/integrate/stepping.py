@@ -1,4 +1,4 @@
-"""Drive a compiled loop over a run, piece by piece, so that Python can show progress and be interrupted."""
+"""Control of a compiled loop over a run, piece by piece, so that Python can show progress and be interrupted."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Stored(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """How far the compiled loop advanced, how it ended, and the nanoseconds a step took in it."""
+    """Progress of the compiled loop, its outcome, and the time per step [ns]."""
 
     steps: int
     outcome: Outcome
@@ -102,7 +102,7 @@ class Setup:
 
     @property
     def stages(self) -> Layout:
-        """Of the matrix that a step factorises: every coordinate as often as the method has stages."""
+        """Size of the matrix that a step factorises: every coordinate once per stage of the method."""
         return layout_of(self.system.n, self.system.half_bandwidth, max(self.method.stages, 1))
 
     def loop(self, state: State, coefficients: np.ndarray) -> Callable[..., tuple[int, int]]:

@@ -1,4 +1,4 @@
-"""The equations that are integrated: linear, second order, coefficients affine in a table of scalars."""
+"""Linear second-order equations for integration, with coefficients affine in a table of scalars."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MATRICES = ("M", "C", "K")
 
 
 class Layout(NamedTuple):
-    """Where the entries of a banded matrix lie: (i, j) at ``base[i] + j`` for ``first[i] <= j < last[i]``."""
+    """Layout of a banded matrix: entry (i, j) at ``base[i] + j`` for ``first[i] <= j < last[i]``."""
 
     n: int
     n_slots: int
@@ -103,7 +103,7 @@ class AffineSystem:
 
     @cached_property
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where the terms of each slot of M, then C, then K, then F end, their scalars and their numbers."""
+        """Ends of the terms of each slot of M, then C, then K, then F, with their scalars and numbers."""
         matrices = [getattr(self, name) for name in (*_MATRICES, "F")]
         before = np.cumsum([0, *(matrix.data.size for matrix in matrices)])
         each = [matrix.indptr[1:] + first for matrix, first in zip(matrices, before[:-1], strict=True)]

@@ -77,7 +77,7 @@ _BOTH_ALIKE = ("mass_N_N",)
 """Arrays that are symmetric under exchange of components and shapes together."""
 _SAME = 1e-9
 """Relative tolerance for equal numbers of a file."""
-_EXPORT = "Compare the file with what kaneflex modes --export writes"
+_EXPORT = "Compare it with a file of kaneflex modes --export"
 
 
 @dataclass(frozen=True, eq=False)

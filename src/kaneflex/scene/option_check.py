@@ -58,17 +58,17 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
     for name, contact in scene.contacts.items() if dynamics != "coupled" else ():
         what = "a contact" if contact.joint is None else "a joint with a clearance"
         reason = f"preset {scene.solve.preset} does not support {what}"
-        raise SceneError(contact.stands(name), None, reason, "Take preset coupled")
+        raise SceneError(contact.stands(name), None, reason, "Use preset coupled")
     for name in scene.floating:
         if dynamics != "coupled":
             reason = f"preset {scene.solve.preset} does not support a free body"
-            raise SceneError(f"bodies.{name}.free", None, reason, "Take preset coupled")
+            raise SceneError(f"bodies.{name}.free", None, reason, "Use preset coupled")
         if scene.solve.start in ("quasistatic", "periodic"):
             reason = f"bodies.{name} is free, so there is no equilibrium or periodic motion"
             raise SceneError("solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
     for name in scene.frictions if dynamics != "coupled" else ():
         reason = f"preset {scene.solve.preset} does not support friction"
-        raise SceneError(f"joints.{name}.friction", None, reason, "Take preset coupled")
+        raise SceneError(f"joints.{name}.friction", None, reason, "Use preset coupled")
     if scene.solve.integrator == "scipy":
         reason = "it would step over the events there"
         refuse_contacts(scene, "solve.integrator", "scipy", reason, "Use radau or gauss")
