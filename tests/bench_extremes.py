@@ -52,7 +52,7 @@ RULES = """
   stays accurate.
 - **Elements**: rounding grows with about the fourth power of their number, to 1e-4 with 1024.
 - **Dead centres**: positions are accurate even if the rod is longer than the crank by only 1e-9; a loop that reaches
-  its dead centre is rejected ("the loop can't close").
+  its dead centre is rejected ("the loop cannot close").
 """
 CYCLES_HEAD = f"""
 ## A million cycles

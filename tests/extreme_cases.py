@@ -123,7 +123,7 @@ def _dead_centres() -> list[Case]:
     return found + [
         Case(
             "rod to crank", f"{ratio:g}: out of reach", "engine", (f"rod.length={CRANK * ratio!r}",), ended, 0.0,
-            accurate=(), named=dict.fromkeys(METHODS, "the loop can't close"), slow=METHODS if ratio < 1 else (),
+            accurate=(), named=dict.fromkeys(METHODS, "the loop cannot close"), slow=METHODS if ratio < 1 else (),
         )
         for ratio in (1.0, 0.9)
     ]  # fmt: skip

@@ -115,7 +115,7 @@ BAD = {
     ("run", "engine", "--set", "rod.lenght=1"): ("rod.lenght", "'length'"),
     ("run", "engine", "--set", "rod"): ("'rod'", "path=value"),
     ("run", "engine", "--set", "rod.length=137 kg"): ("bodies.rod.length", "137 kg"),
-    ("run", "engine", "--set", "rod.length=30 mm"): ("can't close", "main = "),
+    ("run", "engine", "--set", "rod.length=30 mm"): ("cannot close", "main = "),
     ("run", "engine", "--set", "solve.modes=99"): ("solve.modes = 99",),
     ("run", "engine", "--set", "solve.integrator=scipy"): ("solve.integrator = 'scipy'", "solve.start=quasistatic"),
     ("run", "engine", "--set", "engin.speed=3"): ("no 'engin'. Write main.speed.",),
@@ -123,7 +123,7 @@ BAD = {
     ("run", "engine", "--set", "mian.speed=3"): ("The nearest known one is 'main'.",),
     ("run", "engine", "--set", "gas.table=nix.csv"): ("'nix.csv': no such file", "relative to the current folder"),
     ("check", "engine", "--set", "rod.elements=0"): ("elements", "0"),
-    ("check", "engine", "--set", "rod.length=30 mm"): ("can't close", "main = "),
+    ("check", "engine", "--set", "rod.length=30 mm"): ("cannot close", "main = "),
     ("modes", "engine", "--at", "pin=0"): ("--at = 'pin=0'", "no drive 'pin'", "main"),
     ("modes", "engine", "--at", "90deg"): ("--at = '90deg'", "DRIVE=ANGLE"),
     ("modes", "engine", "--at", "main=inf"): ("--at = 'main=inf'", "not a number with a unit"),
@@ -134,7 +134,7 @@ BAD = {
     ("run", "engine", "--set", "rod.length=1_0 mm"): ("bodies.rod.length", "unknown unit '_0 mm'"),
     ("run", "engine", "--set", "rod.I=7008 mm^\uff14"): ("bodies.rod.beam.I", "unknown unit"),
     ("modes", "engine", "--at", "main=5 mm"): ("--at = 'main=5 mm'", "angle"),
-    ("modes", "engine", "--preset", "rigid"): ("nothing is elastic",),
+    ("modes", "engine", "--preset", "rigid"): ("no body is elastic",),
     ("modes", "engine", "--count", "99"): ("count = 99", "12 degrees of freedom"),
     ("derive", "engin", "-o", "module.py"): ("scene = 'engin'",),
 }
@@ -199,7 +199,7 @@ def test_check_warns_of_a_table_whose_curve_overshoots(tmp_path):
     table.write_text("deg,F\n" + "".join(f"{row},{1e5 * (90 < row < 450):g}\n" for row in range(0, 721, 30)))
     settings = ("--set", f"gas.table={table}", "--set", "gas.column=F")
     (line,) = cli("check", "engine", *settings).stderr.splitlines()
-    assert line.startswith("Warning: loads.gas: its spline goes to ") and "interpolation = 'pchip'" in line
+    assert line.startswith("Warning: loads.gas: its spline reaches ") and "interpolation = 'pchip'" in line
     assert cli("check", "engine", *settings, "--set", "gas.interpolation=pchip").stderr == ""
 
 
@@ -282,7 +282,7 @@ def test_what_is_open_is_named_by_its_body():
     scene = read_scene("engine")
     reason, cure = in_joints(mechanism_of(scene), (), ("v_x_rod", "omega_rod"))
     assert reason.startswith("nothing determines the motion of rod; of 9 degrees of freedom the joints take main 2")
-    assert cure == "Join or drive what is open; a drive may be free, and under preset coupled a body, too"
+    assert cure == "Join or drive them; a drive may be free, and under preset coupled also a body"
     assert in_joints(mechanism_of(scene), (), ("pin_force_x",))[0].startswith("nothing determines the force in pin;")
 
 

@@ -329,7 +329,7 @@ def test_a_motion_that_repeats_is_drawn_also_if_disturbances_of_it_grow(monkeypa
     unrendered(monkeypatch)
     result = cli("run", "pulsating-strut", "--set", "clock.speed=2517 rpm", "--set", "solve.modes=1", "--frames", 2,
                  "-o", "out")
-    assert result.exit_code == 3 and "what is shown is the periodic motion" in result.stderr, result.output
+    assert result.exit_code == 3 and "the result is the unstable periodic motion" in result.stderr, result.output
     assert Path("out/mechanism.png").exists() and "mechanism" in Path("out/report.html").read_text(encoding="utf-8")
 
 

@@ -119,7 +119,7 @@ def test_a_table_whose_curve_overshoots_is_named(tmp_path):
     rows = [*range(0, 370, 5), 370, 370.05, 370.1, 370.15, 370.2, *range(375, 721, 5)]
     spike = spiked(tmp_path / "spike.csv", np.array(rows), 370.1)
     (said,) = (text for text in model("engine", *spike).warnings if "rows" in text)
-    assert said.startswith("loads.gas: its spline goes to ") and "interpolation = 'pchip'" in said
+    assert said.startswith("loads.gas: its spline reaches ") and "interpolation = 'pchip'" in said
     assert not any("rows" in text for text in model("engine", *spike, "gas.interpolation=pchip").warnings)
     assert not any("rows" in text for text in model("engine").warnings)
 

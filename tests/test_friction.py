@@ -394,14 +394,14 @@ def test_the_one_way_presets_name_what_has_friction():
 
 
 @pytest.mark.parametrize(("scene", "written", "instead", "says"), [
-    (BLOCK, "mu = 0.3", "mu = 0.3, radius = 0.1", "friction.radius.*no meaning at a prismatic joint"),
+    (BLOCK, "mu = 0.3", "mu = 0.3, radius = 0.1", "friction.radius.*does not apply to a prismatic joint"),
     (BLOCK, "mu = 0.3", "mu = 0.3, mu_static = 0.2", "mu_static.*below mu = 0.3"),
     (BLOCK, "mu = 0.3", "mu = -0.3", "must not be negative"),
     (BLOCK, "mu = 0.3", "preload = '3 N m'", "preload.*force"),
     (BLOCK, "mu = 0.3", "law = 'stribeck', mu = 0.3", "needs a stribeck_speed"),
-    (BLOCK, "mu = 0.3", "law = 'viscous', mu = 0.3", "law viscous has none"),
-    (BLOCK, "mu = 0.3", "", "nothing resists"),
-    (HINGE, ', radius = "10 mm"', "", "arm in a pin isn't known"),
+    (BLOCK, "mu = 0.3", "law = 'viscous', mu = 0.3", "law viscous does not use it"),
+    (BLOCK, "mu = 0.3", "", "there is no friction"),
+    (HINGE, ', radius = "10 mm"', "", "lever arm in the pin is missing"),
     (HINGE, "0.005 N m", "5 N", "preload.*torque"),
     (HINGE, "friction_torque", "friction_force", "Measure its friction_torque"),
 ])  # fmt: skip

@@ -143,7 +143,7 @@ def test_masses_without_turns():
     lumped[[0, -1]] /= 2
     mmwrite("lumped.mtx", np.diag(np.repeat(lumped, 3)))
     more = ["--space", "--normal", "1", "0", "0", "-o", "lumped.npz"]
-    refused(cli("import", "lumped.mtx", *IMPORT[2:], *more), "the mass resists no turn about the axis: it lies on one")
+    refused(cli("import", "lumped.mtx", *IMPORT[2:], *more), "the mass has no moment of inertia about the axis")
     mmwrite("lumped.mtx", np.diag(np.outer(lumped, [1, 1, 1, 0, J / A, 0]).ravel()))  # Y of the files is its axis
     assert cli("import", "lumped.mtx", *IMPORT[2:], *more).exit_code == 0
     found = read_modal_data("lumped.npz")
@@ -154,7 +154,7 @@ def test_masses_without_turns():
 
 
 def test_in_the_plane_they_are_refused():
-    refused(cli(*IMPORT, "-o", "plane.npz"), "holds the rotation of node 1. Take --space, or mesh the link by solid")
+    refused(cli(*IMPORT, "-o", "plane.npz"), "contains the rotation of node 1. Use --space, or mesh the link by solid")
 
 
 def test_what_hangs_nowhere_is_refused():

@@ -192,7 +192,7 @@ def test_where_nothing_can_be_kept_a_run_goes_on_and_says_so(tmp_path, found, mo
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file" / "below"))
     path, _ = found()
-    assert re.search("can't be kept in .* set XDG_CACHE_HOME to a folder of your own", caplog.messages[0])
+    assert re.search("can't be kept in .* set XDG_CACHE_HOME to a writable folder of your own", caplog.messages[0])
     assert path.exists() and not path.is_relative_to(tmp_path)
 
 

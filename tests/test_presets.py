@@ -76,7 +76,7 @@ def test_rigid_has_no_coordinates_and_no_deformation():
 
 
 def test_a_structure_that_stands_still_has_no_rigid_model():
-    with pytest.raises(SceneError, match=r"solve\.preset = 'rigid': a structure that stands still has no rigid motion"):
+    with pytest.raises(SceneError, match=r"solve\.preset = 'rigid': a fixed structure has no rigid motion"):
         model("pin-ended-cross", "solve.preset=rigid")
 
 

@@ -270,7 +270,7 @@ def test_newtons_law_refuses_what_has_no_meaning_for_rigid_sides():
             solved(BALL.replace('law = "newton"', f'law = "newton", {key} = {value}'))
     with pytest.raises(SceneError, match="law newton needs a restitution"):
         solved(BALL.replace(", restitution = 0.5", ""))
-    with pytest.raises(SceneError, match=r"floor\.contact\.restitution = 1.5: more would come back"):
+    with pytest.raises(SceneError, match=r"floor\.contact\.restitution = 1.5: the impact would gain energy"):
         solved(BALL, "floor.contact.restitution=1.5")
 
 

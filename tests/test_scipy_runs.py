@@ -77,6 +77,6 @@ def test_a_second_opinion_reports_its_progress_and_ends(scene, settings, most, m
     model = load(with_settings(read_scene(scene), [*settings, "solve.integrator=scipy", "solve.errors=none"]))
     shares = []
     monkeypatch.setattr(by_scipy, "MOST_EVALUATIONS", most)
-    with pytest.raises(UserError, match=rf"solve\.integrator = 'scipy': {most} evaluations bring it to .* radau or"):
+    with pytest.raises(UserError, match=rf"solve\.integrator = 'scipy': {most} evaluations reach only .* radau or"):
         solve(model, shares.append)
     assert len(shares) > 10 and shares == sorted(shares) and 0.0 < shares[0] < shares[-1] < 1.0

@@ -370,8 +370,8 @@ def test_stiff_vibrations_set_no_steps():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ('integrator = "gauss"', r"solve\.integrator = 'gauss': .* in space are integrated by radau alone"),
-        ('bounded = ["speeds"]', r"solve\.bounded = \['speeds'\]: in space solve\.tolerance bounds"),
+        ('integrator = "gauss"', r"solve\.integrator = 'gauss': .* spatial scenes are integrated by radau only"),
+        ('bounded = ["speeds"]', r"solve\.bounded = \['speeds'\]: in space solve\.tolerance applies"),
     ],
 )
 def test_what_the_integration_in_space_does_not_know_is_refused(setting, message):
@@ -477,7 +477,7 @@ def test_twist_is_measured_in_radians_whatever_the_size():
 def test_modes_that_the_elements_do_not_have_are_warned_of(modes):
     settings = ["solve.preset=coupled", "bodies.rod.beam.elements=2", f"solve.modes={modes}"]
     model = kaneflex.load(kaneflex.with_settings(kaneflex.read_scene("spatial-slider-crank-elastic"), settings))
-    said = [warning for warning in model.warnings if "modes of bending" in warning]
+    said = [warning for warning in model.warnings if "bending modes" in warning]
     if modes == 2:
         assert said == []
     else:

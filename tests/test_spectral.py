@@ -216,7 +216,7 @@ def test_what_corrections_cannot_find_is_left_to_time_steps():
 def test_a_cycle_that_repels_is_shown_and_called_unstable():
     """Mathieu's equation with a force: its forced motion exists beside a multiplier of -4.156."""
     scene = with_settings(kaneflex.read_scene("mathieu"), ["solve.start=periodic", "drives.clock.speed=2 rad/s"])
-    with pytest.warns(kaneflex.ValidityWarning, match="exceeds one; what is shown is the periodic motion"):
+    with pytest.warns(kaneflex.ValidityWarning, match="exceeds one; the result is the unstable periodic motion"):
         found = simulate(load(scene))
     assert found.outcome is Outcome.UNSTABLE and len(found.times) == found.model.options.steps + 1
     assert found.trajectory.multipliers[0] == pytest.approx(-4.156, abs=1e-3)
@@ -238,7 +238,7 @@ def test_it_wants_a_cycle():
     with pytest.raises(kaneflex.UserError, match="start = 'zero': the integrator spectral finds periodic motions"):
         integrate(Run(system, table, 0.0, PERIOD / 60, 60, "spectral"))
     settings = ["solve.integrator=spectral", "solve.start=zero"]
-    with pytest.raises(kaneflex.SceneError, match=r"solve\.integrator = 'spectral': it finds periodic motions"):
+    with pytest.raises(kaneflex.SceneError, match=r"solve\.integrator = 'spectral': this integrator finds periodic"):
         load(with_settings(kaneflex.read_scene("engine"), settings))
 
 

@@ -448,7 +448,7 @@ def test_a_large_load_in_space_is_balanced_or_refused_with_what_helps():
 
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "paper"])
 def test_presets_that_integrate_from_no_state_refuse_one(preset):
-    with pytest.raises(SceneError, match=r"solve\.start = .*Take preset linear, stiffened or coupled"):
+    with pytest.raises(SceneError, match=r"solve\.start = .*Use preset linear, stiffened or coupled"):
         model("rotating-cantilever", f"solve.preset={preset}", "solve.start={velocities = {'blade.8.v' = 1}}")
 
 

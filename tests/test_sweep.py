@@ -123,7 +123,7 @@ def test_coordinates_carry_the_studys_unit_and_can_be_unstacked(swept):
 def test_a_point_that_fails_has_its_reason_and_stops_nothing(swept):
     _, found = swept
     assert list(found["outcome"].values) == ["completed", "completed", "refused"] * 3
-    assert "the loop can't close" in str(found["reason"].values[2]) and str(found["reason"].values[0]) == ""
+    assert "the loop cannot close" in str(found["reason"].values[2]) and str(found["reason"].values[0]) == ""
     assert np.isnan(found["crank_torque"].values[2]).all() and not np.isnan(found["crank_torque"].values[3]).any()
 
 
@@ -367,7 +367,7 @@ def test_a_point_whose_drive_stands_still_is_refused_and_the_dataset_can_be_read
     text = SECTION.replace('"3000 rpm", "6000 rpm", "-6000 rpm"', '"0 rpm"').replace("3, d", "2, d")
     sweep(plan_of(tmp_path, text), tmp_path / "out")
     found = dataset(tmp_path / "out")
-    assert found.outcome.values.tolist() == ["refused"] and "no drive that turns" in str(found.reason.values[0])
+    assert found.outcome.values.tolist() == ["refused"] and "no rotating drive" in str(found.reason.values[0])
     assert not [name for name in found.data_vars if str(name).endswith("_series")]
 
 

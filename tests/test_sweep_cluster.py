@@ -177,4 +177,4 @@ def test_where_no_scheduler_answers(tmp_path, plan, peer, monkeypatch):
     address = "tcp://127.0.0.1:1"
     refused(cli("sweep", tmp_path / "study.toml", "--scheduler", address), "--scheduler", "no scheduler answers")
     both = cli("sweep", tmp_path / "study.toml", "--scheduler", address, "--workers", 2)
-    refused(both, "--workers = 2", "workers of its own")
+    refused(both, "--workers = 2", "its own workers")

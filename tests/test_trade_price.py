@@ -130,7 +130,7 @@ def test_the_command_writes_its_folder(tmp_path):
     (part,) = about["parts"]
     assert (row["part"], row["sensor"]) == ("clearance of wrist", "slide")
     assert float(row["rms_with"]) == part["sensors"][0]["rms_with"]
-    assert "two motions that knock may part however alike they begin" in result.stdout
+    assert "motions with impacts diverge" in result.stdout
     assert "drives.bore=none" in part["without"]
     (shown,) = (line.split() for line in result.stdout.splitlines() if line.split()[:2] == ["slide", "mm"])
     found, keys = part["sensors"][0], ("peak_without", "peak_with", "rms_without", "rms_with")

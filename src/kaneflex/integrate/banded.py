@@ -95,7 +95,7 @@ def _factors(system, scalars, block, band_rows, good_rows):
 
 @inlined
 def _multiply(table, scalars, block, row, vector, column, products):
-    """What runs of -C or -K are multiplied by: scalar times the vector."""
+    """Factors of the runs of -C or -K: scalar times the vector."""
     for k in range(table.shape[0]):
         scalar = scalars[block, table[k, 0], row]
         source = table[k, 1]

@@ -1,4 +1,4 @@
-"""Compiled parts of the spectral solver: corrections of a motion, by what the mean equations answer to its remainder.
+"""Compiled parts of the spectral solver: corrections of a motion, as responses of the mean equations to its residual.
 
 Arrays are as in `kaneflex.integrate.instants`.
 """
@@ -56,9 +56,9 @@ def _fill_gains(modes, omega, circle, gains):
 
 @compiled
 def _answer(n, w, factor, shapes, gains, circle, across, rest, taken, signals):
-    """What the mean equations answer to the loads `rest`, in y, in their place.
+    """Response of the mean equations to the loads `rest`, in y, in place.
 
-    Those modes of them that are not in `shapes`, (n, m), answer at once, as if they had no mass.
+    Modes that are not in `shapes`, (n, m), respond quasi-statically, without mass.
     """
     stay_apart()
     blocks, m = len(rest), shapes.shape[1]
@@ -247,15 +247,15 @@ def corrected(
     n, w, sums, factor, shapes, modes, circle, across, omega, tolerance, share, over_tail, slowest, start, its_circle,
     vectors, taken, signals, small, history,
 ):
-    """The motion on one grid, as far as this grid is worth it, in place of vectors[0], (blocks, n, LANES).
+    """Motion on one grid, to the accuracy of the grid, in place of vectors[0], (blocks, n, LANES).
 
-    By GMRES (Saad and Schultz 1986, algorithm 4), each vector of its basis what the mean equations answer to the forces
-    of the one before.
+    By GMRES (Saad and Schultz 1986, algorithm 4); each vector of its basis is the response of the mean equations to the
+    forces of the previous one.
 
     shapes: of the modes of the mean, (n, m); modes: their mass, damping and stiffness, (3, m)
     circle, across: as `kaneflex.integrate.fourier.turns` has them
-    share: of the first remainder, that is enough
-    over_tail: of what the grid leaves out, that is worth no further correction
+    share: of the first residual, that is enough
+    over_tail: share of the grid's truncation error below which corrections end
     slowest: what PATIENCE corrections may leave, or they are given up
     start, its_circle: a motion that is near, on this grid or a coarser one, without instants where there is none
     vectors, taken, signals: work, of VECTORS, one for each correction and one more, of (blocks, m, LANES), and of

@@ -1,10 +1,10 @@
-"""What a cycle makes of every disturbance, by steps that hold the equations still at the instants of a grid.
+"""Monodromy matrix of a cycle, by steps with constant equations at the instants of a grid.
 
-A step from half an interval before an instant to half of one after it takes M, C and K for constant. Its exponential is
-that of the three-stage Radau IIA method, R(x) = (1 + 2 x / 5 + x^2 / 20) / (1 - 3 x / 5 + 3 x^2 / 20 - x^3 / 60)
-(Hairer and Wanner 1996, section IV.5), by the partial fractions of R: one real matrix of n unknowns and one complex one
-where the method itself has 3 n. What the equations change within a step is left out, to the second order of its length
-(Magnus 1954): they change with the motion, disturbances with the vibrations, which are much faster.
+A step from half an interval before to half an interval after an instant treats M, C and K as constant. Its exponential
+is that of the three-stage Radau IIA method, R(x) = (1 + 2 x / 5 + x^2 / 20) / (1 - 3 x / 5 + 3 x^2 / 20 - x^3 / 60)
+(Hairer and Wanner 1996, section IV.5), by the partial fractions of R: one real and one complex matrix of n unknowns
+instead of 3 n unknowns. Changes of the equations within a step are neglected, to the second order of its length
+(Magnus 1954): they vary with the motion, disturbances with the vibrations, which are much faster.
 """
 
 import math
@@ -17,7 +17,7 @@ from kaneflex.integrate.spectral import Grid
 from kaneflex.support.machine_code import Kernel
 
 FEWEST, MOST, PER_PERIOD = 256, 1024, 4
-"""Steps of a cycle, at least and at most, and in a period of the slowest vibration: R is off by a hundredth there."""
+"""Smallest and largest number of steps per cycle, and number per period of the slowest vibration (error of R 1e-2)."""
 _POLES = np.roots([-1.0 / 60.0, 3.0 / 20.0, -3.0 / 5.0, 1.0])
 _POLES = np.array([_POLES[abs(_POLES.imag) < 1e-9][0].real, _POLES[_POLES.imag > 1e-9][0]])
 _SHARES = (1.0 + 0.4 * _POLES + 0.05 * _POLES**2) / (-0.6 + 0.3 * _POLES - 0.05 * _POLES**2) * (1.0, 2.0)

@@ -70,7 +70,7 @@ def _has_lanes(array, place):
 
 
 def address(context, builder, kinds, array, place):
-    """Where the number, or the lanes, of a contiguous array lie at a place: an index, or (row, index)."""
+    """Address of the number, or the lanes, of a contiguous array at an index, or (row, index)."""
     kind, where = kinds
     values = context.make_array(kind)(context, builder, array)
     if isinstance(where, types.BaseTuple):
@@ -205,7 +205,7 @@ def stay_apart(typing):
 
 
 def _unary(name):
-    """What LLVM calls `name` of a number, in each lane."""
+    """LLVM intrinsic `name` of a number, in each lane."""
 
     def lower(context, builder, sig, args):
         which = f"llvm.{name}.v{LANES}f64" if sig.args[0] == _lanes else f"llvm.{name}.f64"
@@ -242,7 +242,7 @@ def less(typing, small, large):
 
 @intrinsic
 def everywhere(typing, true):
-    """Whether that is so in every lane."""
+    """True if the condition holds in every lane."""
 
     def lower(context, builder, sig, args):
         if sig.args[0] == types.boolean:

@@ -43,7 +43,7 @@ def _place_of(z, position):
 
 
 def rows_read(z, lanes):
-    """What steps read of the array (slots, LANES): it, as (1, slots, LANES), or empty_lanes for its transpose."""
+    """View of the array (slots, LANES) for steps: as (1, slots, LANES), or empty_lanes for its transpose."""
 
 
 @overload(rows_read)
@@ -54,7 +54,7 @@ def _rows_of(z, lanes):
 
 
 def hand_over(lanes, rows):
-    """What was prepared in lanes, to those who read it."""
+    """Copy data prepared in lanes to its readers."""
 
 
 @overload(hand_over)
@@ -97,7 +97,7 @@ def affine_sum(packed, scalars, row, sums, begin):
 
 @inlined
 def weights(c):
-    """Those of `kaneflex.integrate.methods.newmark_weights`, in their order."""
+    """Weights of `kaneflex.integrate.methods.newmark_weights`, in their order."""
     return (
         load(c, 0), load(c, 1), load(c, 2), load(c, 3), load(c, 4),
         load(c, 5), load(c, 6), load(c, 7), load(c, 8), load(c, 9),

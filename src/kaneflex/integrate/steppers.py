@@ -1,7 +1,7 @@
-"""The compiled loops. One specialisation of each serves every scene, a second one eight segments of time at once.
+"""Compiled loops. One specialisation of each serves every scene, a second one eight segments of time at once.
 
-Their parts are in `kaneflex.integrate.matrices` and `kaneflex.integrate.lanes`. Newmark's steps one after the other go
-faster in loops for small systems and for long chains: `kaneflex.integrate.dense`, `kaneflex.integrate.banded`.
+Their parts are in `kaneflex.integrate.matrices` and `kaneflex.integrate.lanes`. Faster loops of Newmark's steps for
+small systems and for long chains are in `kaneflex.integrate.dense` and `kaneflex.integrate.banded`.
 
 Arguments of the loops `newmark`, `collocation` and `exact_modal`:
 
@@ -15,7 +15,7 @@ load_factor   shape (columns,): factor on F for each column (1 for a motion, 0 f
 state         z, v, a, q, each of shape (columns, n): displacements, velocities, the method's own and the true
               accelerations; overwritten. Several columns share one factorisation a step.
 done, every   steps taken before this call; the first column is stored after every `every` steps
-bound         largest sum of squares of z that is still believed
+bound         largest permitted sum of squares of z
 stored        z, v, true accelerations, each of shape (rows, n): row k belongs to step k * every
 
 They return the number of completed steps and a status.
@@ -62,7 +62,7 @@ _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrap
 
 @inlined
 def _store_row(stored, out, z, v, q):
-    """Row `out` of what is kept: the first column."""
+    """Store the first column in row `out`."""
     out_z, out_v, out_a = stored
     for i in range(z.shape[1]):
         store(out_z, (out, i), load(z, (0, i)))
@@ -72,7 +72,7 @@ def _store_row(stored, out, z, v, q):
 
 @compiled
 def _newmark_matrices(packed, scalars, row, c_weight, k_weight, sums, lu, scale, good):
-    """All sums, and M + c_weight C + k_weight K factorised."""
+    """Compute all sums, and factorise M + c_weight C + k_weight K."""
     layout = packed.layout
     n_slots = layout.n_slots
     affine_sum(packed, scalars, row, sums, ZERO)
@@ -93,12 +93,12 @@ def newmark(packed, scalars, period, position, n_steps, coefficients, load_facto
 
     With p = (alpha_f q_0 - alpha_m a_0) / (1 - alpha_m), known, and kappa = (1 - alpha_f) / (1 - alpha_m):
 
-        a_1 = p + kappa q_1
-        v_1 = v_0 + h ((1 - gamma) a_0 + gamma a_1)
-        z_1 = z_0 + h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1)
+        a_1 = p + kappa q_1;
+        v_1 = v_0 + h ((1 - gamma) a_0 + gamma a_1);
+        z_1 = z_0 + h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1);
         (M + gamma h kappa C + beta h^2 kappa K) q_1 = F - C v_p - K z_p  at the end of the step,
 
-    v_p and z_p being v_1 and z_1 less their share of q_1 (Arnold and Bruels 2007, section 2, whose
+    where v_p and z_p are v_1 and z_1 without their share of q_1 (Arnold and Bruels 2007, section 2, whose
     accelerations satisfy the equation of motion; for constant M it is the method of Chung and Hulbert 1993).
     """
     layout, (z, v, a, q) = packed.layout, state
@@ -280,7 +280,7 @@ def _gathered(part, column, block):
 
 @compiled
 def _scattered(numbers, lanes, part, row, block):
-    """The inverse of `_gathered`; `lanes` is empty_lanes for it."""
+    """Inverse of `_gathered`; `lanes` is empty_lanes for it."""
     store(lanes, 0, numbers)
     for i in range(min(LANES, part.shape[1] - block * LANES)):
         part[row, block * LANES + i] = lanes[0, i]
