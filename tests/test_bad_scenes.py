@@ -189,7 +189,7 @@ BAD = {
         "joints.pin.branch = '+': this joint closes no loop. Give branch at bore."),
     "branch where a joint is missing": (
         'wrist = {revolute = ["rod.end", "piston"]}\n', "",
-        "joints.bore.branch = '+': no loop is closed: rod hangs at pin alone, piston hangs at bore alone. "
+        "joints.bore.branch = '+': no loop is closed: rod has only joint pin, piston has only joint bore. "
         "Add the missing joint, like pin = {revolute = [\"rod.end\", \"piston\"]}, or leave branch out."),
     "branch that is none": (
         'branch = "+"', 'branch = "up"',

@@ -68,8 +68,8 @@ MISTAKES = {  # what is replaced by what in the template; how the answer begins 
     ),
     "name twice": (
         "torque = {drive_torque", "pin_force = {drive_torque",
-        'Error: scene = \'mine.toml\': line 40 is not TOML: pin_force = {drive_torque = "main"}, whose key has '
-        "a value already",
+        'Error: scene = \'mine.toml\': line 40 is not TOML: pin_force = {drive_torque = "main"} '
+        "(the key already has a value)",
         "Give each key once",
     ),
     "colon for equals": (
@@ -161,7 +161,7 @@ MISTAKES = {  # what is replaced by what in the template; how the answer begins 
     "drive of the dependent joint": (
         'main = {speed = "1500 rpm", cycle = "360 deg"}',
         'main = {speed = "1500 rpm", cycle = "360 deg"}\nwrist = {speed = "10 rpm"}',
-        "Error: drives.wrist", "Leave a joint or a drive out, or give every body a pose where nothing is to move",
+        "Error: drives.wrist", "Leave a joint or a drive out, or give every body a pose for a fixed structure",
     ),
     "drive without motion": (
         'main = {speed = "1500 rpm", cycle = "360 deg"}', 'main = {cycle = "360 deg"}',
@@ -234,7 +234,7 @@ MISTAKES = {  # what is replaced by what in the template; how the answer begins 
     ),
     "damping above one": (
         'ratio = "1 %"', "ratio = 5",
-        "Warning: damping.rayleigh.ratio = 5", "per cents are written with their sign, like '2 %'",
+        "Warning: damping.rayleigh.ratio = 5", "write per cent with the sign, like '2 %'",
     ),
     "two parts not joined": (
         'wrist = {revolute = ["rod.end", "slider"]}\n', "",

@@ -142,7 +142,7 @@ def test_a_cylinder_that_dwells_is_followed():
 
 
 def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given():
-    said = "branch chooses in loops of two bodies only. Choose one, like near = {boom = '6 deg'}:\n  boom 6"
+    said = "branch applies to loops of two bodies only. Choose one, like near = {boom = '6 deg'}:\n  boom 6"
     with pytest.raises(SceneError, match=re.escape(said)):
         place(scene_of(BOOM.replace("WAY", 'branch = "+"')))
 

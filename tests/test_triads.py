@@ -239,7 +239,7 @@ def test_show_places_the_same_assembly():
     [
         (
             (', near = {platform = "16 deg"}', ""),
-            "joints.right_knee.near: the loop closes in 4 ways at the start, and branch chooses in loops of two bodies "
+            "joints.right_knee.near: the loop closes in 4 ways at the start, and branch applies to loops of two bodies "
             "only. Choose one, like near = {rod = '",
         ),
         (

@@ -150,7 +150,7 @@ def _no_loop(scene: Scene, closing: tuple[str, ...]) -> tuple[str, str]:
 
 
 def _free_point(scene: Scene, name: str) -> str:
-    """An end of a body that no joint is at."""
+    """Free end of a body, without a joint."""
     if scene.bodies[name].length is None:
         return name
     used = {str(side) for joint in scene.joints.values() for side in joint.addresses}
@@ -318,7 +318,7 @@ def _horizon(scene: Scene) -> Iterator[Problem]:
         key = f"drives.{name}.{'cycle' if drive.cycle else 'period'}"
         given = given_value(scene.raw, key.split("."))
         if drive.cycle and not _is_multiple(drive.cycle, math.tau):
-            reason = "the mechanism repeats after whole turns only"
+            reason = "the mechanism repeats only after whole turns"
             plain = "" if isinstance(given, str) else "; plain numbers are in rad"
             yield Problem(key, given, reason, f"Give a multiple of 360 deg{plain}")
         if not math.isclose(drive.period, scene.period, rel_tol=1e-9):

@@ -39,7 +39,7 @@ def toml_advice(problem: str, text: str) -> tuple[str, str]:
         name = ".".join(re.findall(r"'(.*?)'", twice[1]))
         return f"line {number} defines {name} a second time", "Rename one of them, or write their keys under one header"
     if "Cannot overwrite a value" in problem:
-        return f"{reason}, whose key has a value already", "Give each key once"
+        return f"{reason} (the key already has a value)", "Give each key once"
     if re.search(rf"[=\[,]\s*{_NUMBER}\s*(?:[^\W\d_]|%)", line):
         return reason, 'Write a number with a unit in quotes, like "50 mm"'
     if re.search(rf"=\s*{_NUMBER},\d", line):
