@@ -94,7 +94,7 @@ class Setup:
 
     @cached_property
     def banded(self) -> BandedSystem | None:
-        """What the loop for long chains reads of the system; None where that loop does not take it, or not faster."""
+        """System in the storage of the loop for long chains; None if that loop does not take it, or not faster."""
         if self.method.stepper != "newmark" or self.system.n < _LONG or self.system.half_bandwidth > BAND:
             return None
         found = banded_system(self.system, *self.coefficients[4:6])

@@ -22,7 +22,7 @@ class Products:
 
     @classmethod
     def of(cls, monomials: Sequence[Monomial], column: Mapping[str, int]) -> Products:
-        """Of scalars that have a column in the motion's table."""
+        """Monomials of scalars that have a column in the motion's table."""
         places = [sorted(column[name] for name in monomial) for monomial in monomials]
         ends = np.cumsum([len(each) for each in places])
         return cls(len(places), np.concatenate([ends, *places]).astype(np.uint64))
