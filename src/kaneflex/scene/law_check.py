@@ -36,7 +36,7 @@ def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
     for _, call, _ in law.calls("atan2"):
         t = _first_jump(call, times)
         if t is not None:
-            reason = f"{call.text} has kinks, where the speed would jump: its point (x, y) crosses y = 0 at x <= 0, "
+            reason = f"{call.text} has kinks, at which the speed would jump: its point (x, y) crosses y = 0 at x <= 0, "
             cure = "Write a law whose point does not cross the negative x axis"
             raise Fault(f"{reason}at t = {t:.6g} s", cure)
     for _, call, (argument,) in law.calls("asin", "acos"):
