@@ -14,14 +14,7 @@ import click
 import numpy as np
 
 from kaneflex.report.presentation import modelled, printed
-from kaneflex.report.tables import (
-    ending,
-    more_tables,
-    run_lines,
-    sensor_cells,
-    unit_and_factor,
-    when,
-)
+from kaneflex.report.tables import ending, more_tables, run_lines, sensor_cells, unit_and_factor
 from kaneflex.response.thinning import thinned
 from kaneflex.support.arguments import takes
 from kaneflex.support.escaping import html, script_data
@@ -89,13 +82,10 @@ def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) ->
         "modelled": _text(printed(solution.model.scene, modelled(solution.model))),
         "cost": _text(run_lines(summary)),
         "choice": _choice(summary),
-        "first": "",
-        "pictures": "",
-        "data": script_data(_as_json(_data(solution, summary))),
+        "data": script_data(_as_json(_data(solution, summary, head))),
     }
     template = _TEMPLATE.read_text(encoding="utf-8")
-    room = _LARGEST - len(template.encode()) - len("".join(filled.values()).encode())
-    filled["first"], filled["pictures"] = _pictures(pictures, room)
+    filled["first"], filled["pictures"] = _pictures(pictures, len("".join([template, *filled.values()]).encode()))
     return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], template)
 
 
@@ -136,8 +126,8 @@ def _choice(summary: Summary) -> str:
     return f"<h2>Why this model</h2><p>Chosen: {settings}</p><table><thead><tr>{head}</tr></thead>{tried}</table>"
 
 
-def _pictures(files: Sequence[Path], room: int) -> tuple[str, str]:
-    """Pictures of so many bytes at most: the mechanism's; the others, and the names of those that are too large."""
+def _pictures(files: Sequence[Path], taken: int) -> tuple[str, str]:
+    """Pictures that fit beside the bytes taken: the mechanism's; the others, then the names of those too large."""
     first, shown, large = "", "", list[str]()
     for file in files:
         if file.suffix not in _KINDS or file.stem == _DRAWN_HERE:
@@ -146,10 +136,10 @@ def _pictures(files: Sequence[Path], room: int) -> tuple[str, str]:
         name = html(file.stem.replace("_", " "))
         source = f"data:{_KINDS[file.suffix]};base64,{data}"
         figure = f'<figure><img alt="{name}" src="{source}"><figcaption>{name}</figcaption></figure>'
-        if len(figure.encode()) > room:
+        if taken + len(figure.encode()) > _LARGEST:
             large.append(html(file.name))
             continue
-        room -= len(figure.encode())
+        taken += len(figure.encode())
         if file.stem == _AT_TOP:
             first = figure
         else:
@@ -157,15 +147,14 @@ def _pictures(files: Sequence[Path], room: int) -> tuple[str, str]:
     return first, shown + f"<p>Too large for this page: {', '.join(large)}.</p>" * bool(large)
 
 
-def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
+def _data(solution: Solution, summary: Summary, head: Sequence[str]) -> dict[str, Any]:
     """Curves in the table's units for the page's script: axes, which the table has, sensors, rigid companions."""
     series = {name: solution.series[name] for name in summary.sensors}
     kept = _instants(solution, len(series))
     axes = [{"label": "time [s]", "values": _numbers(solution.times[kept])}]
     for drive, at in solution.drive_angles.items():
-        slides = solution.model.scene.slides(drive)
-        label = f"{drive} [m]" if slides else f"{drive} [deg]"
-        axes.append({"label": label, "values": _numbers((at if slides else np.degrees(at))[kept])})
+        unit, shown = ("m", at) if solution.model.scene.slides(drive) else ("deg", np.degrees(at))
+        axes.append({"label": f"{drive} [{unit}]", "values": _numbers(shown[kept])})
     own: dict[str, Any] = {}
     for name, each in series.items():
         beside, found = series.get(f"{name}_rigid"), summary.sensors[name]
@@ -174,8 +163,7 @@ def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
             "unit": unit, "meaning": each.meaning, "values": _numbers(factor * each.values[kept]),
             "rigid": None if beside is None else _numbers(factor * beside.values[kept]),
         }  # fmt: skip
-    over_angle = bool(series) and when(summary) == "deg" and len(axes) > 1
-    return {"axes": axes, "axis": int(over_angle), "sensors": own}
+    return {"axes": axes, "axis": int("at deg" in head and len(axes) > 1), "sensors": own}
 
 
 def _instants(solution: Solution, curves: int) -> np.ndarray:

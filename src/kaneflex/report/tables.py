@@ -57,18 +57,13 @@ def summary_table(summary: Summary) -> str:
 
 def sensor_cells(summary: Summary) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Head and rows of that table."""
-    at = f"at {when(summary)}"
+    at = "at s" if any(entry.at_min.drive_deg is None for entry in summary.sensors.values()) else "at deg"
     head = ("sensor", "unit", "min", at, "max", at, "mean", "rms")
     rows = [_sensor_row(name, entry) for name, entry in summary.sensors.items()]
     if all(entry.plus_minus is None for entry in summary.sensors.values()):
         return head, rows
     off = map(_plus_minus, summary.sensors.values())
     return (*head, "+-"), [(*row, by) for row, by in zip(rows, off, strict=True)]
-
-
-def when(summary: Summary) -> str:
-    """Unit of the instants in the table: "deg" of the only drive, else "s"."""
-    return "s" if any(entry.at_min.drive_deg is None for entry in summary.sensors.values()) else "deg"
 
 
 def _plus_minus(entry: SensorSummary) -> str:
