@@ -230,7 +230,8 @@ def _section() -> emit.Printed:
 _ABOUT = f"""
 A particle at r of the body stands in its axes at r + N_j q_j + 1/2 G_jk q_j q_k; sums over the mass are in SINGLE for
 every shape, in PAIR for every two of them in either order. Behind the pairs are the third derivatives of the strain
-energy, halved, of three shapes each. A section turns by angles that are linear in q. Axes are called
+energy that are not zero: how many, then of each its three shapes and its half. A section turns by angles that are
+linear in q. Axes are called
 {', '.join(XYZ)}; equations are Kane's, by SymPy's KanesMethod, less those of the rigid body
 (kaneflex.generated.spatial), which a body of no shapes is.
 """
@@ -252,9 +253,11 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
             jl = o + 12 * count + {stride} * (count * j + l)
             q_l, v_l, b_l = q[i + l], u[s + l], du[s + l]
 {pair}
-            for g in range(count):
-                row += p[o + {stride} * count * count + 12 * count + count * (count * j + l) + g] * q_l * q[i + g]
         h[r + j] += row
+    third = o + 12 * count + {stride} * count * count
+    for e in range(int(p[third])):
+        at = third + 1 + 4 * e
+        h[r + int(p[at])] += p[at + 3] * q[i + int(p[at + 1])] * q[i + int(p[at + 2])]
     out[n] += f_x
     out[n + 1] += f_y
     out[n + 2] += f_z

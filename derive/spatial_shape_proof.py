@@ -3,6 +3,8 @@ left between them and what KanesMethod derives of a body with as many shapes."""
 
 from __future__ import annotations
 
+from itertools import product
+
 import sympy as sm
 
 from kaneflex.derive.body_proof import Comparisons, demand_equal, functions
@@ -54,7 +56,9 @@ def _block(count: int) -> tuple[list[sm.Expr], sm.Matrix, sm.Matrix]:
         for l in range(count):
             found += [pair(name, j, l) for name in PAIR]
             found += [K[j, l], C[j, l]]
-    found += [_cubic(j, l, k) for j in range(count) for l in range(count) for k in range(count)]
+    found.append(count**3)
+    for shapes in product(range(count), repeat=3):
+        found += [*shapes, _cubic(*shapes)]
     return found, K, C
 
 

@@ -4,9 +4,9 @@ Format 3, SymPy 1.14; made by: make derive
 
 A particle at r of the body stands in its axes at r + N_j q_j + 1/2 G_jk q_j q_k; sums over the mass are in SINGLE for
 every shape, in PAIR for every two of them in either order. Behind the pairs are the third derivatives of the strain
-energy, halved, of three shapes each. A section turns by angles that are linear in q. Axes are called x, y, z;
-equations are Kane's, by SymPy's KanesMethod, less those of the rigid body (kaneflex.generated.spatial), which a body
-of no shapes is.
+energy that are not zero: how many, then of each its three shapes and its half. A section turns by angles that are
+linear in q. Axes are called x, y, z; equations are Kane's, by SymPy's KanesMethod, less those of the rigid body
+(kaneflex.generated.spatial), which a body of no shapes is.
 Operations of section, written out -> with shared subexpressions: 600 -> 124.
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
@@ -188,9 +188,11 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
                 + p[jl + 3] * (y24 + y4) + p[jl + 4] * (b_l - y28) + p[jl + 5] * (-y18 - y21) + p[jl + 6] * (-y10 - y33)
                 + p[jl + 7] * (y21 + y29) + p[jl + 8] * (b_l - y37) + p[jl + 9] * y47 + p[jl] * (b_l - y13)
             )
-            for g in range(count):
-                row += p[o + 23 * count * count + 12 * count + count * (count * j + l) + g] * q_l * q[i + g]
         h[r + j] += row
+    third = o + 12 * count + 23 * count * count
+    for e in range(int(p[third])):
+        at = third + 1 + 4 * e
+        h[r + int(p[at])] += p[at + 3] * q[i + int(p[at + 1])] * q[i + int(p[at + 2])]
     out[n] += f_x
     out[n + 1] += f_y
     out[n + 2] += f_z

@@ -177,7 +177,8 @@ def sums(dm, N, G, stiffness, damping, cubic):
         for k in pairs:
             both += [integral(name, j, k) for name in spatial_shapes.PAIR[:-2]]
             both += [stiffness[j] * (j == k), damping[j, k]]
-    return [*single, *both, *cubic.ravel()]
+    thirds = [[*shapes, value] for shapes, value in np.ndenumerate(cubic)]
+    return [*single, *both, len(thirds), *np.ravel(thirds)]
 
 
 @pytest.mark.parametrize("count", [2, 3])

@@ -127,7 +127,8 @@ def test_a_body_with_one_shape_by_hand():
     """Forces of any motion, mass matrix and stiffness; an entry that is off by a thousandth is seen."""
     m, elastic = 1.7, (61.0, 2.9, 5.3)
     shape = [m * over_the_cube(name) for name in spatial_shapes.SINGLE + spatial_shapes.PAIR[:-2]]
-    p = np.array([m, 0.5, 0.5, 0.5, m / 6, m / 6, m / 6, 0.0, 0.0, 0.0, *shape, *elastic])
+    stiffness, damping, third = elastic
+    p = np.array([m, 0.5, 0.5, 0.5, m / 6, m / 6, m / 6, 0.0, 0.0, 0.0, *shape, stiffness, damping, 1, 0, 0, 0, third])
     for q, v, b, *numbers in [*np.random.default_rng(48).uniform(-1, 1, (4, 12)), [0.3] + [0.0] * 11]:
         modal, rates, accelerations, w = np.array([q]), np.array([v]), np.array([b]), np.array(numbers)
         found, matrix = np.zeros(7), np.zeros(43)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.tables import IN_ORDER, OPTIONS, apart, magnitude
+from kaneflex.multibody.tables import IN_ORDER, OPTIONS, apart, magnitude, together
 from kaneflex.support.inner import once
 
 _DEFINITE = 1e-13
@@ -82,6 +82,29 @@ def factorise_definite(a, at, n):
             for j in range(k):
                 total -= a[at + n * i + j] * a[row + j] * a[at + n * j + j]
             a[at + n * i + k] = total
+    return True
+
+
+@once
+@njit(**OPTIONS)
+def factorise_wide(a, at, n, x):
+    """The same of a matrix with both triangles, from the upper one by whole rows; a column of room is at x."""
+    together()
+    for k in range(n):
+        a[x + k] = a[at + n * k + k]
+    for k in range(n):
+        row = at + n * k
+        pivot = a[row + k]
+        if not pivot > _DEFINITE * a[x + k] or not pivot < 1e300:
+            return False
+        inverse = 1.0 / pivot
+        for i in range(k + 1, n):
+            factor = a[row + i] * inverse
+            if factor != 0.0:
+                for j in range(i, n):
+                    a[at + n * i + j] -= factor * a[row + j]
+            a[at + n * i + k] = a[row + i]
+        a[row + k] = inverse
     return True
 
 

@@ -43,4 +43,6 @@ class ShapeMoments:
             self.N_N.reshape(square), self.G, self.r_G.reshape(square), stiffness[None], damping[None],
         ])  # fmt: skip
         assert len(singles) == len(SINGLE) and len(pairs) == len(PAIR)
-        return np.concatenate([singles.T.ravel(), pairs.transpose(1, 2, 0).ravel(), cubic.ravel()])
+        third = np.argwhere(cubic)
+        thirds = np.column_stack([third, cubic[tuple(third.T)]])
+        return np.concatenate([singles.T.ravel(), pairs.transpose(1, 2, 0).ravel(), [len(third)], thirds.ravel()])

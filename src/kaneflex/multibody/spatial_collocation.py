@@ -5,9 +5,10 @@ unknowns of a simplified Newton iteration
 
     (M + h mu C + h^2 mu^2 K) x = M r        (Hairer & Wanner 1996, IV.8, for second-order equations)
 
-with the residual r of the equations of motion, M reduced by the partial velocities in the middle of the step, and K, C
-of shapes, springs and loads' laws: all stiff terms. The step size follows the defect of the polynomial at its start, as
-a displacement. Quaternions of balls and dependent coordinates follow from their rates at the stages by the same
+with M r the residual of the equations of motion: r follows by the mass matrix of each stage, factorised at its first
+iteration. M, K and C on the left are reduced by the partial velocities in the middle of the step; K and C of shapes,
+springs and loads' laws: all stiff terms. The step size follows the defect of the polynomial at its start, as a
+displacement. Quaternions of balls and dependent coordinates follow from their rates at the stages by the same
 quadrature.
 """
 
@@ -20,10 +21,10 @@ from numba import njit
 from kaneflex.multibody import dense_lu
 from kaneflex.multibody.coefficients import basis
 from kaneflex.multibody.spatial_bushings import ANGLE, MOST
-from kaneflex.multibody.spatial_dynamics import coordinate_rates
-from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, TOO_SMALL, project
+from kaneflex.multibody.spatial_dynamics import coordinate_rates, missed
+from kaneflex.multibody.spatial_instant import DONE, GROWN, MASSLESS, OVERTURNED, TOO_SMALL, stand
 from kaneflex.multibody.spatial_steps import EVALUATIONS, GROWTH, LENGTH, LONGEST, OUTCOME, ROW, WANTED
-from kaneflex.multibody.spatial_stiffness import powers, reduce
+from kaneflex.multibody.spatial_stiffness import powers, reduce, reduced
 from kaneflex.multibody.spatial_tables import BALL, COORDINATE, KIND, SPEED
 from kaneflex.multibody.tables import OPTIONS, apart, larger, smaller
 
@@ -77,11 +78,13 @@ def _stand(choice, k, s, h, c, a_1, a_2):
 
 
 @njit(**OPTIONS)
-def _projected(m, choice, k, law, s, t):
-    """Project the state of ``_stand`` at t; returns an outcome code."""
+def _residual(m, choice, k, law, s, t, with_mass, out):
+    """Residual of the equations of motion in the state of ``_stand`` at t; returns an outcome code."""
     apart()
     s.control[EVALUATIONS] += 1.0
-    outcome = project(m, choice, k, law, t)
+    outcome = stand(m, choice, k, law, t)
+    if outcome == DONE:
+        missed(m, k, choice, k.u, k.du, k.sizes, with_mass, out)
     for n in range(len(k.bushings)):
         if outcome == DONE and k.bushings[n, ANGLE] > MOST:
             outcome = OVERTURNED
@@ -89,16 +92,38 @@ def _projected(m, choice, k, law, s, t):
 
 
 @njit(**OPTIONS)
-def _stage(m, choice, k, law, s, h, i):
-    """Residual of stage i; returns an outcome code."""
+def _factorise_mass(choice, k, s, factors, i):
+    """Factors of a stage's reduced mass matrix; False where it is singular: shapes of the first order can take more
+    inertia than there is."""
     apart()
-    table, f = s.table, len(choice.independent)
+    f = len(s.M)
+    mass = factors[: f * f].reshape(f, f)
+    reduced(choice, k.M, mass, choice.step)
+    if i == 1:
+        for e in range(f):
+            for n in range(f):
+                s.M[e, n] = mass[e, n]
+    return dense_lu.factorise_wide(factors, 0, f, f * f)
+
+
+@njit(**OPTIONS)
+def _stage(m, choice, k, law, s, h, i, with_mass):
+    """Residual of stage i, as accelerations; returns an outcome code."""
+    apart()
+    table = s.table
     _stand(choice, k, s, h, table.nodes[i], table.a_1[i], table.a_2[i])
-    outcome = _projected(m, choice, k, law, s, s.t[0] + table.nodes[i] * h)
+    for e in range(len(choice.independent)):
+        k.du[choice.independent[e]] = s.A[i, choice.independent[e]]
+    outcome = _residual(m, choice, k, law, s, s.t[0] + table.nodes[i] * h, with_mass, s.r[i])
     coordinate_rates(m, k.q, k.u, s.D[i])
+    if outcome == DONE and with_mass and not _factorise_mass(choice, k, s, s.masses[i], i):
+        return MASSLESS
+    f = len(s.M)
     for e in range(f):
-        n = choice.independent[e]
-        s.r[i, e] = k.du[n] - s.A[i, n]
+        s.masses[i, f * f + e] = s.r[i, e]
+    dense_lu.substitute_definite(s.masses[i], 0, f, f * f)
+    for e in range(f):
+        s.r[i, e] = s.masses[i, f * f + e]
     return outcome
 
 
@@ -133,6 +158,7 @@ def _improve(choice, s, h):
         for i in range(3):
             d = out[0, i].real * s.real[at + e] + 2.0 * (out[1, i] * s.pair[at + e]).real
             s.A[i, n] += d
+            s.powers[i, 1] += s.drives[e] * d
             change = larger(change, h * h * abs(d) / s.scale[n])
     return change
 
@@ -160,7 +186,7 @@ def _iterate(m, choice, k, law, s, h):
         for i in range(3):
             for n in range(len(s.old)):
                 s.old[n] = s.D[i, n]
-            outcome = _stage(m, choice, k, law, s, h, i)
+            outcome = _stage(m, choice, k, law, s, h, i, iteration == 0)
             if outcome != DONE:
                 return outcome
             if iteration > 0:
@@ -236,7 +262,7 @@ def _finish(m, choice, k, law, s, h, end):
     apart()
     b_1 = s.table.b_1
     _stand(choice, k, s, h, 1.0, b_1, s.table.b_2)
-    outcome = _projected(m, choice, k, law, s, end)
+    outcome = stand(m, choice, k, law, end)
     if outcome != DONE:
         return outcome
     for n in range(len(m.nodes)):

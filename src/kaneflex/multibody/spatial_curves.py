@@ -30,6 +30,10 @@ class Curve(ABC):
         """
         return np.array([self.system.row(self(t)) for t in times.tolist()])
 
+    def moved(self, times: np.ndarray) -> np.ndarray:
+        """The same, where accelerations and what joints exert are not read."""
+        return self.rows(times)
+
 
 class Standing(Curve):
     """Curve of a mechanism at rest at its start."""

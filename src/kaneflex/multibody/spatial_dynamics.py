@@ -160,7 +160,7 @@ def close(m, q, k, choice):
 def tie(k, choice, u, column, less):
     """Fill dependent entries of u to satisfy J u + c = 0 in the independent rows, c a column of the rows (-1: none).
 
-    ``less``: prescribed entries count in c already.
+    ``less``: all other entries count in c already.
     """
     apart()
     count, A = len(choice.dependent), choice.room
@@ -170,7 +170,7 @@ def tie(k, choice, u, column, less):
         A[first + i] = -k.rows[row, column] if column >= 0 else 0.0
         for n in range(0 if less else len(choice.prescribed)):
             A[first + i] -= k.J[row, choice.prescribed[n]] * u[choice.prescribed[n]]
-        for n in range(len(choice.independent)):
+        for n in range(0 if less else len(choice.independent)):
             A[first + i] -= k.J[row, choice.independent[n]] * u[choice.independent[n]]
     dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
     for i in range(count):
@@ -250,10 +250,37 @@ def accelerations(m, k, choice, u, du, sizes):
     if not dense_lu.factorise_definite(A, at, free):
         return False
     dense_lu.substitute_definite(A, at, free, x)
+    for s in range(speeds):
+        choice.step[s] = 0.0
     for i in range(free):
         for s in range(speeds):
-            du[s] += A[x + i] * B[i, s]
+            choice.step[s] += A[x + i] * B[i, s]
+    for s in range(speeds):
+        du[s] += choice.step[s]
+        for n in range(speeds):
+            k.h[s] += k.M[s, n] * choice.step[n]
     return True
+
+
+@njit(**OPTIONS)
+def missed(m, k, choice, u, du, sizes, with_mass, out):
+    """Residual -B h of the equations of the independent speeds by given rates of these and of prescribed ones, with
+    closed loops and dependent speeds. Fills the rates of dependent speeds, and M where wanted."""
+    apart()
+    move(m, u, k)
+    for n in range(len(choice.dependent)):
+        du[choice.dependent[n]] = 0.0
+    accelerate(m, u, du, k)
+    if len(choice.dependent):
+        tie(k, choice, du, 2, True)
+        accelerate(m, u, du, k)
+    demand(m, k, sizes, with_mass)
+    if len(choice.dependent) or with_mass:
+        basis(k, choice)
+    for e in range(len(choice.independent)):
+        out[e] = -k.h[choice.independent[e]]
+        for n in range(len(choice.dependent)):
+            out[e] -= choice.basis[e, choice.dependent[n]] * k.h[choice.dependent[n]]
 
 
 @njit(**OPTIONS)

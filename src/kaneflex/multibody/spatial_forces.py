@@ -151,10 +151,13 @@ def deforming(m, k):
                 k.deforming[0] += 0.5 * k.u[u + i] * I[36 + 6 * shapes + shapes * i + j] * k.u[u + j]
                 k.deforming[1] += 0.5 * k.q[q + i] * m.p[pair + _PAIR - 2] * k.q[q + j]
                 k.deforming[3] += k.u[u + i] * m.p[pair + _PAIR - 1] * k.u[u + j]
-                for l in range(shapes):
-                    cubic = m.nodes[n, BODY] + _OWN + 12 * shapes + _PAIR * shapes * shapes
-                    cubic += shapes * (shapes * i + j) + l
-                    k.deforming[1] += m.p[cubic] * k.q[q + i] * k.q[q + j] * k.q[q + l] / 3.0
+        third = m.nodes[n, BODY] + _OWN + 12 * shapes + _PAIR * shapes * shapes
+        for e in range(int(m.p[third])):
+            at = third + 1 + 4 * e
+            strain = m.p[at + 3] / 3.0
+            for i in range(3):
+                strain *= k.q[q + int(m.p[at + i])]
+            k.deforming[1] += strain
 
 
 @once

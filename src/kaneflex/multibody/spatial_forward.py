@@ -249,7 +249,7 @@ class Run(Curve):
             found[which == k] = curve(knots[which == k])[:n].T
         return found
 
-    def rows(self, times: np.ndarray) -> np.ndarray:
+    def rows(self, times: np.ndarray, whole: bool = True) -> np.ndarray:
         system, n = self.system, self.system.coordinates
         out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.speeds))
         steps = self._steps_of(times)
@@ -260,10 +260,13 @@ class Run(Curve):
             given[first:last, :n] = y[:n].T
             given[first:last, n + like.choice.independent] = y[n:-2].T
             try:
-                system.near(like.choice, times[first:last], given[first:last], out[first:last])
+                system.near(like.choice, times[first:last], given[first:last], out[first:last], whole)
             except ArithmeticError as reason:
                 raise self._stopped(reason.args[1], reason.args[0]) from None
         return out
+
+    def moved(self, times: np.ndarray) -> np.ndarray:
+        return self.rows(times, whole=False)
 
     def _steps_of(self, times: np.ndarray) -> np.ndarray:
         """Numbers of the curves on which times of the run [s] are."""
@@ -272,7 +275,7 @@ class Run(Curve):
     def energy(self, motion: SpatialKinematics) -> Energy:
         """Energy at the ends of the steps."""
         times = np.array([0.0, *self.knots])
-        found = motion.at(times)
+        found = motion.moved(times)
         works = np.array(self.works).T
         return Energy(*(found[f"{name} energy"] for name in ("kinetic", "strain", "weight")), *works)
 

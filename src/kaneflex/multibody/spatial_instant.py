@@ -79,9 +79,8 @@ def courses(law, t):
 
 @once
 @njit(**OPTIONS)
-def project(m, choice, k, law, t):
-    """Prescribed drives at t, closed loops, dependent speeds, then loads and the rates of all speeds; returns the
-    outcome."""
+def stand(m, choice, k, law, t):
+    """Prescribed drives at t, closed loops, dependent speeds, then loads; returns the outcome."""
     apart()
     courses(law, t)
     for i in range(len(law.driven)):
@@ -102,6 +101,17 @@ def project(m, choice, k, law, t):
     kernel(address(law.kernels), MAGNITUDES)(t, address(law.x), 0, address(law.p), address(k.sizes), 0)
     for i in range(len(k.sizes)):
         k.sizes[i] += law.added[i]
+    return DONE
+
+
+@once
+@njit(**OPTIONS)
+def project(m, choice, k, law, t):
+    """The same with the rates of all speeds."""
+    apart()
+    outcome = stand(m, choice, k, law, t)
+    if outcome != DONE:
+        return outcome
     if not accelerations(m, k, choice, k.u, k.du, k.sizes):
         return MASSLESS
     for s in range(len(k.du)):

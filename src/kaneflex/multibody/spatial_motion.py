@@ -132,17 +132,41 @@ class SpatialKinematics(RigidKinematics):
         order = np.argsort(times, kind="stable")
         for first in range(0, len(times), _AT_ONCE):
             part = order[first : first + _AT_ONCE]
-            out[part] = self._scalars(times[part])
-        for name in self.module.closing:
-            out[:, self.column[f"{name}.angle"]] = self._closing(name, SpatialMotion(self, times, out))
+            out[part] = self._scalars(times[part], self.curve.rows(times[part]))
+        self._close(times, out)
         lost = [self.column[name] for name in self.module.open_reactions if name in self.column]
         out[:, lost] = np.nan
         return out
 
-    def _scalars(self, times: np.ndarray) -> np.ndarray:
-        """Scalars at ascending ``times`` [s], without coordinates of joints that close loops."""
+    def moved(self, times: np.ndarray) -> SpatialMotion:
+        """Places, velocities, loads and energies at ascending ``times`` [s]; accelerations and reactions are NaN."""
+        out = self._moved(times)
+        self._close(times, out)
+        return SpatialMotion(self, times, out)
+
+    def _moved(self, times: np.ndarray) -> np.ndarray:
+        parts = np.split(times, range(_AT_ONCE, len(times), _AT_ONCE))
+        out = np.vstack([self._scalars(part, self.curve.moved(part)) for part in parts])
+        out[:, self._dynamic] = np.nan
+        return out
+
+    @cached_property
+    def _dynamic(self) -> list[int]:
+        """Columns of accelerations and reactions."""
+        count = len(self.column) - len(self.module.more)
+        tails = {name: name.rpartition(".")[2] for name, *_ in self.module.SCALARS[:count]}
+        return [self.column[name] for name, tail in tails.items()
+                if tail.startswith(("a_", "epsilon_", *COMPONENTS, "drive")) or tail.endswith("_accel")]  # fmt: skip
+
+    def _close(self, times: np.ndarray, out: np.ndarray) -> None:
+        """Fill in coordinates of joints that close loops."""
+        for name in self.module.closing:
+            out[:, self.column[f"{name}.angle"]] = self._closing(name, SpatialMotion(self, times, out))
+
+    def _scalars(self, times: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Scalars of rows at ascending ``times`` [s], without coordinates of joints that close loops."""
         system, module, count = self.module.system, self.module, len(times)
-        found, mechanism = system.instants(self.curve.rows(times)), system.mechanism
+        found, mechanism = system.instants(rows), system.mechanism
         nodes = [system.layout.node_of[name] for name in mechanism.bodies]
         R = found.R[:, nodes]
         bodies = (found.r[:, nodes], R.reshape(count, len(nodes), 9),
@@ -179,13 +203,7 @@ class SpatialKinematics(RigidKinematics):
         joints, longest = module.system.mechanism.joints, module.system.scene.horizon / _STEPS
 
         def stands(name: str) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-            def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-                parts = np.split(times, range(_AT_ONCE, len(times), _AT_ONCE))
-                found = [self._stands(name, SpatialMotion(self, part, self._scalars(part))) for part in parts]
-                angles, rates = zip(*found, strict=True)
-                return np.concatenate(angles), np.concatenate(rates)
-
-            return at
+            return lambda times: self._stands(name, SpatialMotion(self, times, self._moved(times)))
 
         return {name: Count(stands(name), longest) for name in module.closing
                 if joints[name].kind not in ("prismatic", "spherical")}  # fmt: skip

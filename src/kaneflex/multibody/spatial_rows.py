@@ -29,9 +29,9 @@ from kaneflex.multibody import (
 )
 from kaneflex.multibody.spatial_collocation import collocate
 from kaneflex.multibody.spatial_dynamics import advance, basis, close, coordinate_rates, exerted, pass_on
-from kaneflex.multibody.spatial_forces import demand
-from kaneflex.multibody.spatial_instant import DONE, GROWN, OPEN, complete, courses, project
-from kaneflex.multibody.spatial_kinematics import partials, place
+from kaneflex.multibody.spatial_forces import deforming, demand
+from kaneflex.multibody.spatial_instant import DONE, GROWN, OPEN, complete, courses, project, stand
+from kaneflex.multibody.spatial_kinematics import move, partials, place
 from kaneflex.multibody.spatial_stiffness import powers
 from kaneflex.multibody.tables import OPTIONS, OUTER, apart, larger
 from kaneflex.support import inner
@@ -84,6 +84,12 @@ def store(m, choice, k, row):
     apart()
     complete(m, k)
     exerted(m, k, choice, k.sizes, k.multipliers, k.wrenches, k.along)
+    keep(k, row)
+
+
+@njit(**OPTIONS)
+def keep(k, row):
+    """Store the numbers of the instant."""
     for i in range(len(row)):
         row[i] = k.kept[i]
 
@@ -117,22 +123,32 @@ def followed(m, choice, k, law, times, out):
 
 
 @njit(**OPTIONS)
-def near(m, choice, k, law, times, given, out):
-    """Rows at times near given coordinates and speeds; returns their number; ``law.now`` as of :func:`followed`."""
+def near(m, choice, k, law, times, given, out, whole):
+    """Rows at times near given coordinates and speeds; returns their number; ``law.now`` as of :func:`followed`.
+
+    Without ``whole`` accelerations and reactions are left out: their mass matrix takes most of the time.
+    """
     apart()
     for i in range(len(times)):
         for j in range(len(k.q)):
             k.q[j] = given[i, j]
         for j in range(len(k.u)):
             k.u[j] = given[i, len(k.q) + j]
-        law.now[0], law.now[1] = times[i], project(m, choice, k, law, times[i])
+        law.now[0] = times[i]
+        law.now[1] = project(m, choice, k, law, times[i]) if whole else stand(m, choice, k, law, times[i])
         if law.now[1] != DONE:
             return i
-        store(m, choice, k, out[i])
+        if whole:
+            store(m, choice, k, out[i])
+        else:
+            move(m, k.u, k)
+            demand(m, k, k.sizes, False)  # springs have their energies by it
+            deforming(m, k)
+            keep(k, out[i])
     return len(times)
 
 
-PLACE, CLOSE, PROJECT, EXERT, PASS_ON, BASIS, RATES, ADVANCE, DEMAND, FOLLOW, NEAR, COLLOCATE = range(12)
+PLACE, CLOSE, PROJECT, EXERT, PASS_ON, BASIS, RATES, ADVANCE, DEMAND, FOLLOW, NEAR, MOVED, COLLOCATE = range(13)
 """Tasks of :func:`compute`."""
 
 
@@ -165,8 +181,8 @@ def _computed(what, m, choice, k, law, times, given, out):
         demand(m, k, k.sizes, True)
     elif what == FOLLOW:
         return followed(m, choice, k, law, times, out)
-    elif what == NEAR:
-        return near(m, choice, k, law, times, given, out)
+    elif what == NEAR or what == MOVED:
+        return near(m, choice, k, law, times, given, out, what == NEAR)
     return DONE
 
 

@@ -42,6 +42,10 @@ class Steps(NamedTuple):
         Residuals of the stages' equations, and defect of the polynomial at its start.
     M, stiff, damped : ndarray (f, f)
         Reduced.
+    drives : ndarray (f,)
+        Power of the prescribed drives by accelerations of the independent speeds.
+    masses : ndarray (3, f f + f)
+        Factors of M of every stage where its iteration began, and right-hand sides.
     real, pair : ndarray (f f + f,)
         Factors and right-hand sides.
     pivots : ndarray (2 f,)
@@ -69,6 +73,8 @@ class Steps(NamedTuple):
     M: np.ndarray
     stiff: np.ndarray
     damped: np.ndarray
+    drives: np.ndarray
+    masses: np.ndarray
     real: np.ndarray
     pair: np.ndarray
     pivots: np.ndarray
@@ -91,7 +97,8 @@ def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray, loa
     real, pair = np.zeros(f * f + f), np.zeros(f * f + f, complex)
     return Steps(
         RADAU, control, t, q, u, du, works, scale, K, C, coordinate, A, D, powers, np.zeros(coordinates), r,
-        np.zeros(f), M, stiff, damped, real, pair, np.zeros(2 * f, np.int64), np.zeros(loads),
+        np.zeros(f), M, stiff, damped, np.zeros(f), np.zeros((3, f * f + f)), real, pair, np.zeros(2 * f, np.int64),
+        np.zeros(loads),
     )  # fmt: skip
 
 

@@ -54,17 +54,33 @@ def _unit(x, axis, at):
 
 
 @njit(**OPTIONS)
-def _reduced(choice, full, out, room):
+def reduced(choice, full, out, room):
     """Reduced matrix B full B^T."""
     apart()
-    f, B = len(choice.independent), choice.basis
+    f, B, dependent = len(choice.independent), choice.basis, choice.dependent
     for e in range(f):
         weigh(B[e], full, room)
         for j in range(f):
-            total = 0.0
-            for n in range(B.shape[1]):
-                total += room[n] * B[j, n]
+            total = room[choice.independent[j]]
+            for n in range(len(dependent)):
+                total += room[dependent[n]] * B[j, dependent[n]]
             out[e, j] = total
+
+
+@njit(**OPTIONS)
+def _drive_powers(choice, k, drives):
+    """Power of the prescribed drives by accelerations of the independent speeds: B M times the rest of the speeds."""
+    B, rest, speeds = choice.basis, choice.step, len(k.u)
+    for n in range(speeds):
+        rest[n] = k.u[n]
+        for e in range(len(drives)):
+            rest[n] -= B[e, n] * k.u[choice.independent[e]]
+    for e in range(len(drives)):
+        drives[e] = 0.0
+        for i in range(speeds):
+            if B[e, i] != 0.0:
+                for n in range(speeds):
+                    drives[e] += B[e, i] * k.M[i, n] * rest[n]
 
 
 @njit(**OPTIONS)
@@ -118,12 +134,12 @@ def _add_slopes(m, choice, k, law, s, t, h):
 
 @njit(**OPTIONS)
 def reduce(m, choice, k, law, s, t, h):
-    """Matrices M, K and C of the independent speeds after projection at t, for a step of h."""
+    """Matrices K and C of the independent speeds after projection at t, for a step of h."""
     apart()
     x = k.x
-    _reduced(choice, k.M, s.M, choice.step)
-    _reduced(choice, s.K, s.stiff, choice.step)
-    _reduced(choice, s.C, s.damped, choice.step)
+    _drive_powers(choice, k, s.drives)
+    reduced(choice, s.K, s.stiff, choice.step)
+    reduced(choice, s.C, s.damped, choice.step)
     for n in range(len(m.springs)):
         first, second = m.springs[n, 0], m.springs[n, 1]
         less(k.sections[second], k.sections[first], x, 90)
@@ -148,11 +164,9 @@ def powers(m, choice, k, C, out):
     """Power dissipated by dampers, and supplied by loads and prescribed drives [W], after projection.
 
     The bodies' generalised inertia forces times the speeds give the power of prescribed drives: joints do no work, and
-    forces along independent speeds vanish. M x accounts for the accelerations that were unknown in h.
+    what the equations of independent speeds miss is taken off.
     """
     apart()
-    f, B = len(choice.independent), choice.basis
-    x = len(choice.dependent) ** 2 + len(choice.dependent) + f * f
     out[0] = out[1] = 0.0
     for n in range(len(k.u)):
         for e in range(len(k.u)):
@@ -172,12 +186,9 @@ def powers(m, choice, k, C, out):
             out[1] += k.sizes[m.torques[n, 3]] * k.axes[m.torques[n, 2], i] * turned
     if len(choice.prescribed):
         for n in range(len(k.u)):
-            found = 0.0
-            for e in range(f):
-                found += choice.room[x + e] * B[e, n]
-            choice.step[n] = found
-        for n in range(len(k.u)):
-            asked = k.h[n]
-            for e in range(len(k.u)):
-                asked += k.M[n, e] * choice.step[e]
-            out[1] += k.u[n] * asked
+            out[1] += k.u[n] * k.h[n]
+        for e in range(len(choice.independent)):
+            missing = k.h[choice.independent[e]]
+            for n in range(len(choice.dependent)):
+                missing += choice.basis[e, choice.dependent[n]] * k.h[choice.dependent[n]]
+            out[1] -= k.u[choice.independent[e]] * missing

@@ -22,6 +22,7 @@ from kaneflex.multibody.spatial_rows import (
     DEMAND,
     EXERT,
     FOLLOW,
+    MOVED,
     NEAR,
     PASS_ON,
     PLACE,
@@ -143,15 +144,16 @@ class SpatialSystem:
         t, outcome = self._laws.now.tolist()
         return count, t, int(outcome)
 
-    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray) -> None:
-        """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds).
+    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray, whole: bool = True) -> None:
+        """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds); not
+        ``whole``: without accelerations and what joints exert.
 
         Raises
         ------
         ArithmeticError
             As :meth:`project` does; it has the time for a second argument.
         """
-        if self._compute(NEAR, choice, times, given, out) < len(times):
+        if self._compute(NEAR if whole else MOVED, choice, times, given, out) < len(times):
             t, outcome = self._laws.now.tolist()
             check(int(outcome), t)
 

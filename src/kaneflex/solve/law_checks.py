@@ -26,9 +26,9 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     """Raise SceneError, which names the law and the time, unless loads and prescribed motions are finite at every
     step."""
     times = np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
-    rigid = motion.at(times)
     free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
     free_bodies = options.dynamics == "coupled" and free
+    rigid = motion.moved(times) if free_bodies else motion.at(times)
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
     laws = {name: scene.argument(name) for name in scene.loads} if scene.observed else {}
     elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
