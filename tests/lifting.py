@@ -2,28 +2,63 @@
 
 import numpy as np
 
+from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place, with_branches
+from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.multibody.spatial_topology import spanning_tree
+from kaneflex.scene import scene_of
 from kaneflex.scene.rotation import about
 
 TURN = about(np.array([2.0, -1.0, 2.0]) / 3.0, 1.1)
+VECTORS = ("displacement", "velocity", "acceleration", "position", "joint_force")
+"""Kinds of sensors with components."""
 
 
-def lifted(scene):
-    """Axes, gravity, loads and fixed points turned by TURN; bodies as they stand at first, links with sections that
-    bend across the plane and twist, too; sensors in body axes and of coordinates, nothing else."""
+def lifted(scene, turn=TURN):
+    """Description of the scene with axes, gravity, loads and fixed points turned by ``turn``.
+
+    Links get sections that also bend across the plane and twist. Sensors are those in body axes and of the coordinates
+    of joints; :func:`global_components` adds the others.
+    """
     scene = with_branches(scene)
     poses = place(scene).poses
+    angles = {name: pose[2] for name, pose in poses.items()}
+    first = _turned(scene, turn, angles)
+    return _turned(scene, turn, _at_zero(scene, scene_of(first | {"sensors": {}, "solve": {"duration": 1.0}}), angles))
+
+
+def _at_zero(scene, deep, angles):
+    """Angle of each body where the coordinates of driven joints are zero.
+
+    Such a coordinate is the angle between the x axes of the two bodies, so these are parallel there. Other joints start
+    as the scene places them.
+    """
+    mechanism, found = spatial_mechanism_of(deep), {GROUND: 0.0}
+    for name, side in spanning_tree(mechanism):
+        if side < 0:
+            found[name] = angles[name]
+            continue
+        outer, inner = (mechanism.joints[name].sides[k].body for k in (side, 1 - side))
+        driven = name in scene.drives and scene.joints[name].kind == "revolute"
+        found[outer] = found[inner]
+        if not driven and outer in scene.bodies:  # a lumped mass stands as its body
+            found[outer] += angles[outer] - angles.get(inner, 0.0)
+    return found
+
+
+def _turned(scene, turn, angles):
+    """Description of the scene in space, its bodies at these angles in their plane."""
     raw = scene.raw
 
     def vector(v):
         return [*map(float, v), 0.0]
 
     def turned(v):
-        return [float(x) for x in TURN @ vector(v)]
+        return [float(x) for x in turn @ vector(v)]
 
     bodies = {}
     for name, body in scene.bodies.items():
-        axes = TURN @ about(np.array([0.0, 0.0, 1.0]), poses[name][2])
+        axes = turn @ about(np.array([0.0, 0.0, 1.0]), angles[name])
         entry = {
             "points": {p: vector(at) for p, at in body.points.items()},
             "rotation": {"x": axes[:, 0].tolist(), "y": axes[:, 1].tolist()},
@@ -36,15 +71,23 @@ def lifted(scene):
             entry |= {"centre": vector(body.centre), "inertia": [body.inertia, 0.0, body.inertia]}
             if body.mass:
                 entry["mass"] = body.mass
+        if body.free is not None:
+            speed = [float(x) for x in body.free.angular_speed * turn[:, 2]]
+            entry["free"] = {"at": turned(body.free.at), "velocity": turned(body.free.velocity),
+                             "angular_velocity": speed}  # fmt: skip
+        elif body.pose is not None:
+            entry["free"] = {"at": turned(body.pose.at)}
         bodies[name] = entry | ({} if body.length is None else {"length": body.length})
     joints = {}
     for name, joint in scene.joints.items():
         entry = {joint.kind: [str(side) for side in joint.addresses]}
         ground = joint.addresses[0].body == "ground"
         if joint.kind == "revolute":
-            entry["axis"] = (TURN[:, 2] if ground else np.array([0.0, 0.0, 1.0])).tolist()
+            entry["axis"] = (turn[:, 2] if ground else np.array([0.0, 0.0, 1.0])).tolist()
         if joint.kind == "prismatic":
             entry["direction"] = turned(joint.direction) if ground else vector(joint.direction)
+        if joint.rotation == "shared":
+            entry["rotation"] = joint.rotation
         joints[name] = entry
     loads = {}
     for name, load in scene.loads.items():
@@ -80,14 +123,35 @@ def _sensor(sensor, raw, name):
     """The sensor in space, None for one in global axes, whose components turn with the scene."""
     entry = dict(raw["sensors"][name])
     entry.pop("body", None)
-    moving = sensor.kind in ("displacement", "velocity", "acceleration", "position", "joint_force")
-    of_joint = sensor.kind == "position" and "." not in str(sensor.target)
-    if (moving and sensor.axes == "global") or of_joint:
+    moving = sensor.kind in VECTORS
+    of_joint = raw["sensors"][name].get("position") in raw["joints"]
+    if moving and sensor.axes == "global" and not of_joint:
         return None
     if sensor.kind in ("shear_force", "bending_moment"):
         entry["component"] = {"shear_force": "y", "bending_moment": "z"}[sensor.kind]
     elif sensor.kind == "strain":
         entry["fibre"] = [sensor.fibre, 0.0]
-    elif sensor.component == "angle" and moving:
+    elif sensor.component == "angle" and moving and not of_joint:
         entry["component"] = "angle_z"
     return entry
+
+
+def global_components(scene, found):
+    """Sensors of the three components of every planar sensor in global axes, by the name of the planar one."""
+    names = {}
+    for name, sensor in scene.sensors.items():
+        if sensor.kind not in VECTORS or name in found["sensors"]:
+            continue
+        angular = sensor.component == "angle"
+        if angular and sensor.kind == "position":
+            continue  # in space a body has no angle
+        names[name] = [f"{name}_in_{axis}" for axis in "xyz"]
+        for each, axis in zip(names[name], "xyz", strict=True):
+            entry = dict(scene.raw["sensors"][name])
+            found["sensors"][each] = entry | {"component": f"angle_{axis}" if angular else axis, "axes": "global"}
+    return names
+
+
+def in_plane(values, component, turn):
+    """A component of the planar sensor from the three global ones (3, n_times)."""
+    return turn[:, {"x": 0, "y": 1, "angle": 2}[component]] @ values

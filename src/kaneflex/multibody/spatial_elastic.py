@@ -190,7 +190,8 @@ def elastic_stage(
             rows = interfaces.held_rows(part)
             parts[name], bases[name] = craig_bampton(part, rows, count_of_modes(options, name, part.size - len(rows)),
                                                      frozen.get(name))  # fmt: skip
-    held_too = [name for name, drive in scene.drives.items() if drive.rotation == "held"]
+    held_too = [name for name, drive in scene.drives.items()
+                if drive.rotation == "held" or not any(side.body in links for side in mechanism.joints[name].sides)]
     held_too += [name for name, joint in scene.joints.items() if joint.rotation == "shared"]
     times = np.append(0.0, options.duration * (np.arange(_SAMPLES) + _IRREGULAR) / _SAMPLES)
     found = map_of(Joined(mechanism, links, parts, held_too), motion.at(times))

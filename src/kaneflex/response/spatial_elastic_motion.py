@@ -155,8 +155,8 @@ class SpatialElasticMotion(ElasticMotion):
             wrench, drive = joined.exerted(rigid, name, found[:, own])
             parts = [f"{name}.{kind}_{axis}" for kind in ("force", "moment") for axis in AXES]
             exerted |= dict(zip(parts, wrench, strict=True))
-            if drive is not None:
-                exerted[f"{name}.drive"] = drive
+            # a drive that leaves the elastic rotation free exerts nothing
+            exerted[f"{name}.drive"] = np.zeros(len(rigid.times)) if drive is None else drive
         return exerted
 
     def _torque(self, name: str) -> np.ndarray:

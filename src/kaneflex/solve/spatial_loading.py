@@ -37,7 +37,8 @@ from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting, moves_with_links
 from kaneflex.scene.plausible import implausible
-from kaneflex.scene.sensors import DRIVE_KINDS
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor
 from kaneflex.solve.initial import given_start, laid_over, shape_dimensions
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.loading import ONE_WAY, SWEEP, Progress, compiled_by, ignored_of, neighbour_options, timed
@@ -158,7 +159,7 @@ def _moving(
     module, energy, start = SpatialModule(system), None, start_of(system)
     rigid = options.dynamics in ("rigid", "coupled")
     if rigid:
-        check_spatial_sensors(system.scene, open_reactions(system, [start]))
+        check_spatial_sensors(system.scene, open_reactions(system, [start]), options.dynamics == "rigid")
     if options.dynamics == "coupled":
         share = share_of(progress, "coupled dynamics")
         if options.start == "quasistatic":
@@ -179,7 +180,7 @@ def _moving(
     # a reaction that is determinate at the start may be indeterminate elsewhere
     lost = open_reactions(system, map(motion.curve, options.duration * _ELSEWHERE))
     if rigid:
-        check_spatial_sensors(system.scene, lost)
+        check_spatial_sensors(system.scene, lost, options.dynamics == "rigid")
     return replace(motion, module=replace(module, open_reactions=lost)), energy
 
 
@@ -309,15 +310,30 @@ def _standing(module: SpatialModule, start: State) -> SpatialKinematics:
     return SpatialKinematics(module, system.parameters, Standing(system, start))
 
 
-def check_spatial_sensors(scene: Scene, open_reactions: Collection[str]) -> None:
-    """Raise SceneError, which names sensor and joint, if a sensor reads a statically indeterminate reaction."""
+def check_spatial_sensors(scene: Scene, open_reactions: Collection[str], rigid: bool = False) -> None:
+    """Raise SceneError, which names sensor and joint, if a sensor reads a statically indeterminate reaction; ``rigid``:
+    section forces are those of rigid links."""
     for name, sensor in scene.sensors.items():
-        joint = str(sensor.target)
-        own = sorted(each for each in open_reactions if each.rpartition(".")[0] == joint)
-        part = "drive" if sensor.kind in DRIVE_KINDS else "moment" if sensor.component.startswith("angle") else "force"
-        if sensor.kind in ("joint_force", *DRIVE_KINDS) and any(each.startswith(f"{joint}.{part}") for each in own):
-            raise SceneError(
-                f"sensors.{name}.{sensor.kind}", joint,
-                "the force is statically indeterminate: constraints are redundant, and rigid bodies don't determine it",
-                "Choose another sensor, or remove redundant constraints: a spherical joint instead of a revolute one",
-            )  # fmt: skip
+        for part in _reactions_read(scene, sensor, rigid):
+            if any(each.startswith(part) for each in open_reactions):
+                raise SceneError(
+                    f"sensors.{name}.{sensor.kind}", str(sensor.target),
+                    f"the {part.rpartition('.')[2]} of joint {part.rpartition('.')[0]} is statically indeterminate: "
+                    "constraints are redundant, and rigid bodies don't determine it",
+                    "Choose another sensor, or remove redundant constraints: a spherical joint instead of a revolute one",
+                )  # fmt: skip
+
+
+def _reactions_read(scene: Scene, sensor: Sensor, rigid: bool) -> Iterator[str]:
+    """Reactions that a sensor reads, as JOINT.force, JOINT.moment or JOINT.drive; of the section of a rigid link those
+    of the joints before it."""
+    if sensor.kind in DRIVE_KINDS:
+        yield f"{sensor.target}.drive"
+    elif sensor.kind == "joint_force":
+        yield f"{sensor.target}.{'moment' if sensor.component.startswith('angle') else 'force'}"
+    elif rigid and sensor.kind in SECTION_KINDS and isinstance(link := sensor.target, Address):
+        x, after = scene.point(link)[0], sensor.cut == "after"
+        for name, joint in scene.joints.items():
+            on = [scene.point(side)[0] for side in joint.addresses if side.body == link.body]
+            if any(at < x or at == 0.0 or (after and at == x) for at in on):
+                yield from (f"{name}.force", f"{name}.moment")
