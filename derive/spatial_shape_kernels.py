@@ -151,7 +151,7 @@ def _demand() -> str:
         loops[kind] = _statements(values, "x" if kind == "single" else "y", added)
     reads = [", ".join(map(str, MOTION[n : n + 3])) + " = "
              + ", ".join(f"w[{emit.offset('k', n + i)}]" for i in range(3)) for n in (0, 3, 6)]  # fmt: skip
-    return _DEMAND.format(
+    return _DEMAND[1:].format(
         reads="\n    ".join(reads), motion=indent("\n".join(motion.lines()), " " * 4), stride=STRIDE,
         single=indent("\n".join(loops["single"]), " " * 8), pair=indent("\n".join(loops["pair"]), " " * 12),
     )  # fmt: skip
@@ -235,7 +235,8 @@ linear in q. Axes are called
 {', '.join(XYZ)}; equations are Kane's, by SymPy's KanesMethod, less those of the rigid body
 (kaneflex.generated.spatial), which a body of no shapes is.
 """
-_DEMAND = '''@njit(**OPTIONS)
+_DEMAND = '''
+@njit(**OPTIONS)
 def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
     """Add the force and the moment that a body's shapes ask for beyond those of the rigid body, and every shape's own.
 

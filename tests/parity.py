@@ -61,7 +61,7 @@ class Parity(NamedTuple):
 
     @property
     def worst(self) -> Sensor:
-        return max(self.sensors, key=lambda each: each.apart - each.bound if each.bound == 0.0 else each.apart / each.bound)
+        return max(self.sensors, key=lambda each: each.apart / (each.bound or 1.0))
 
 
 def random_turn(name: str) -> np.ndarray:
@@ -152,9 +152,10 @@ def _table(names: list[str]) -> None:
                 print(f"{name} | {preset} | {error}".replace("\n", " "), flush=True)
                 continue
             worst = found.worst
-            scale = worst.peak or 1.0
-            print(f"{name} | {preset} | {worst.name} | {worst.apart / scale:.2g} | {worst.bound / scale:.2g} | "
-                  f"{found.plane:.2f} | {found.space:.2f} | {found.space / found.plane:.1f}", *found.rejected, flush=True)  # fmt: skip
+            apart, bound = (each / (worst.peak or 1.0) for each in (worst.apart, worst.bound))
+            seconds = f"{found.plane:.2f} | {found.space:.2f} | {found.space / found.plane:.1f}"
+            cells = (name, preset, worst.name, f"{apart:.2g}", f"{bound:.2g}", seconds, *found.rejected)
+            print(" | ".join(cells), flush=True)
 
 
 if __name__ == "__main__":

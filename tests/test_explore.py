@@ -55,7 +55,7 @@ def test_where_the_linkage_cannot_close_the_window_says_so_and_goes_on(explorer)
     length.set_val(35.0)
     explorer.update()
     assert curves(explorer) == {} and explorer.solution is None
-    (said,) = [text.get_text() for text in explorer.figure.texts if "can't close" in text.get_text()]
+    (said,) = [text.get_text() for text in explorer.figure.texts if "cannot close" in text.get_text()]
     assert said.startswith("joints.bore")
     length.set_val(140.0)
     explorer.update()
@@ -70,7 +70,7 @@ def test_a_window_that_opens_where_nothing_closes_has_units_and_a_message_above_
     panels = opened.figure.axes[:-1]
     assert opened.solution is None and all(each.get_ylabel().endswith("]") for each in panels)
     assert panels[-1].get_xlabel() == "crank angle [deg]"
-    (message,) = [text for text in opened.figure.texts if "can't close" in text.get_text()]
+    (message,) = [text for text in opened.figure.texts if "cannot close" in text.get_text()]
     message.set_text("\n".join(["the longest that is shown"] * 3))
     opened.figure.canvas.draw()
     assert message.get_window_extent().y0 > panels[0].title.get_window_extent().y1

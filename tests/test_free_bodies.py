@@ -117,7 +117,7 @@ def test_the_animation_of_a_ringing_beam_says_how_far_it_is_enlarged(tmp_path, m
         animation.animate(found, [tmp_path / "beam.gif"], 2)
         assert set(displacements.figures(found)) == {"nodal_displacements", "mid_beam"}
         assert set(displacements.surfaces(found)) == {"surfaces_beam"}
-    assert made[0].get_suptitle().startswith("Deformation enlarged")
+    assert made[0].get_suptitle().startswith("free: deformation enlarged")
 
 
 def test_two_bodies_with_a_pin_keep_the_motion_of_their_centre_and_their_spin(tmp_path):

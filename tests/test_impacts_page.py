@@ -103,8 +103,8 @@ def test_a_tight_joint_is_the_limit_of_a_clearance():
         differences = 1e6 * abs(place).max(), 1e3 * np.sqrt((torque**2).mean())
         found.append([*differences, 1e3 * across, 1e3 * peaks[0], peaks[1]])
     lines = [
-        "place of the piston along the bore, largest difference", "torque of the crank, rms of the difference",
-        "time across", "largest speed of approach", "largest force of an impact",
+        "position of the piston along the bore, largest difference", "torque of the crank, rms of the difference",
+        "time to cross the gap", "largest speed of approach", "largest force of an impact",
     ]  # fmt: skip
     written = np.array([row(line) for line in lines])
     assert np.transpose(found) == pytest.approx(written[:, :3], rel=0.02)

@@ -355,7 +355,7 @@ def test_a_rod_that_slides_and_has_no_force_is_named(mu):
 
 
 def test_friction_at_a_rigid_contact_is_checked_as_at_any():
-    with pytest.raises(SceneError, match=r"floor.*friction\.radius.*no meaning at a contact"):
+    with pytest.raises(SceneError, match=r"floor.*friction\.radius.*does not apply to a contact"):
         solved(DISC.replace("mu = 0.1", "mu = 0.1, radius = 0.1"))
 
 

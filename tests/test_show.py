@@ -296,7 +296,7 @@ BAD = {
     ("engine", "-o", "engine.gif"): ("engine.gif", "not a kind of picture", ".svg"),
     ("engine", "--at", "pin=3"): ("--at = 'pin=3'", "main"),
     ("engine", "--at", "main"): ("--at = 'main'", "DRIVE=ANGLE"),
-    ("engine", "--set", "rod.length=30 mm", "--at", "main=90deg"): ("joints.bore", "can't close at main = 90 deg"),
+    ("engine", "--set", "rod.length=30 mm", "--at", "main=90deg"): ("joints.bore", "cannot close at main = 90 deg"),
     ("engin",): ("scene = 'engin'", "'engine'"),
 }
 

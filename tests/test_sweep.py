@@ -316,7 +316,7 @@ def test_an_interrupt_leaves_what_is_finished_and_says_so(tmp_path, monkeypatch)
 
     monkeypatch.setattr("kaneflex.study.sweep.solve_points", solve)
     result = cli("sweep", file, "--no-plots", "-o", tmp_path / "out")
-    assert result.exit_code == 130 and "the same command goes on" in result.stderr
+    assert result.exit_code == 130 and "The same command continues" in result.stderr
     assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 2
 
 

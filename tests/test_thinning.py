@@ -1,5 +1,6 @@
 """Pictures keep the extremes of vibrations that are faster than what they can show, or say that they don't."""
 
+import json
 import xml.etree.ElementTree as ET
 from functools import cache
 
@@ -13,7 +14,7 @@ from kaneflex.plots.mechanism import scenery
 from kaneflex.plots.style import styled
 from kaneflex.plots.view import FRAMES, frames_of, view
 from kaneflex.plots.vtk import write_vtk
-from kaneflex.report.page import _data
+from kaneflex.report.page import _as_json, _data
 from kaneflex.report.summary import summarise
 from kaneflex.response.thinning import envelope, frames, missed, thinned
 from kaneflex.scene import scene_of
@@ -98,7 +99,7 @@ def test_curves_are_drawn_over_all_instants():
 
 def test_the_page_of_a_run_keeps_the_extremes_of_its_curves():
     solution = vibrating(SINE[1500])
-    drawn = _data(solution, summarise(solution))
+    drawn = json.loads(_as_json(_data(solution, summarise(solution), ())))
     values = 1e-3 * np.array(drawn["sensors"]["tip_axial"]["values"])
     times, whole = np.array(drawn["axes"][0]["values"]), solution.series["tip_axial"].values
     assert drawn["sensors"]["tip_axial"]["unit"] == "mm" and len(values) < 1600

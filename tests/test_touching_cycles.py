@@ -142,10 +142,10 @@ point_on_line = ["block", "table"]
 normal = [0, 1]
 contact = {stiffness = 1e6, restitution = 0.5}
 friction = {law = "lugre", mu = 0.1, bristle_stiffness = "1e4 N/m"}"""
-    with pytest.raises(SceneError, match=r"with contacts\.hit\.friction a cycle would begin without the bristles"):
+    with pytest.raises(SceneError, match=r"with contacts\.hit\.friction a cycle would start without the bristle"):
         solved(OMEGA, **BALL, more=more)
 
 
 def test_bristles_are_not_carried_from_cycle_to_cycle():
-    with pytest.raises(SceneError, match=r"with joints\.rail\.friction a cycle would begin without the bristles"):
+    with pytest.raises(SceneError, match=r"with joints\.rail\.friction a cycle would start without the bristle states"):
         rubbing(8.0, 1.0, ', law = "lugre", bristle_stiffness = "1e4 N/m"')

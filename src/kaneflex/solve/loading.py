@@ -245,7 +245,7 @@ def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
         place(scene, {name: float(rigid[f"{name}.angle"][lost[0]]) for name in mechanism.drives})
         joints = ", ".join(dict.fromkeys(twin.engine.layout.cuts))
         raise SceneError(
-            "joints", joints, f"the loop can't close at {stand(mechanism, rigid, int(lost[0]))}, or is in a "
+            "joints", joints, f"the loop cannot close at {stand(mechanism, rigid, int(lost[0]))}, or is in a "
             "singular position there",
             "Change the lengths, or limit the drive's range",
         )  # fmt: skip

@@ -316,11 +316,11 @@ def check_spatial_sensors(scene: Scene, open_reactions: Collection[str], rigid: 
     for name, sensor in scene.sensors.items():
         for part in _reactions_read(scene, sensor, rigid):
             if any(each.startswith(part) for each in open_reactions):
+                joint, _, kind = part.rpartition(".")
                 raise SceneError(
-                    f"sensors.{name}.{sensor.kind}", str(sensor.target),
-                    f"the {part.rpartition('.')[2]} of joint {part.rpartition('.')[0]} is statically indeterminate: "
-                    "constraints are redundant, and rigid bodies don't determine it",
-                    "Choose another sensor, or remove redundant constraints: a spherical joint instead of a revolute one",
+                    f"sensors.{name}.{sensor.kind}", str(sensor.target), f"the {kind} of joint {joint} is statically "
+                    "indeterminate: constraints are redundant, and rigid bodies don't determine it",
+                    "Choose another sensor, or a spherical joint instead of a revolute one",
                 )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def toml_advice(problem: str, text: str) -> tuple[str, str]:
     lines = text.splitlines()
     number = int(place[1]) if place else len(lines)
     line = lines[number - 1].partition("#")[0].strip() if 0 < number <= len(lines) else ""
-    reason = f"line {number} is not TOML: {line}" if line else f"not TOML: {problem}"
+    reason = f"line {number} is not TOML: {line[:200]}" if line else f"not TOML: {problem}"
     twice = re.search(r"Cannot declare \((.*?),?\) twice", problem)
     if twice:
         name = ".".join(re.findall(r"'(.*?)'", twice[1]))
@@ -55,4 +55,4 @@ def toml_advice(problem: str, text: str) -> tuple[str, str]:
         return reason, "Close the header with ], like [bodies.rod]"
     if re.match(r"[\w.\-]+\s*:", line):
         return reason, "Write = between a key and its value"
-    return f"{reason} ({problem})", 'Write lines like key = "50 mm", or headers like [bodies.rod]'
+    return f"{reason} ({problem[:200]})", 'Write lines like key = "50 mm", or headers like [bodies.rod]'
