@@ -30,10 +30,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     seen: dict[tuple[Path, str], int] = {}
     left_out = []
     for item in items:
-        if item.get_closest_marker("exhaustive"):
-            test = item.path, item.originalname
+        if (marker := item.get_closest_marker("exhaustive")) is not None:
+            test, share = (item.path, item.originalname), marker.kwargs.get("share", 3)
             seen[test] = seen.get(test, -1) + 1
-            if (seen[test] + seen[test] // 3) % 3:  # another one of each three, for cases often come in rows of as many
+            if (seen[test] + seen[test] // share) % share:  # another one of each row, as cases often come in rows
                 left_out.append(item)
     if left_out:
         config.hook.pytest_deselected(items=left_out)
@@ -47,7 +47,7 @@ def pytest_configure(config: pytest.Config) -> None:
     It is kept by the digest of the generator's sources; never for a user, nor from one. What a session chose by its own
     runs (`kaneflex run --tolerance`) the next one chooses anew.
     """
-    config.addinivalue_line("markers", "exhaustive: one law in many cases, of which `make test` runs a third")
+    config.addinivalue_line("markers", "exhaustive: one law in many cases; `make test` runs a third, or one in `share`")
     if hasattr(config, "workerinput"):
         return
     os.environ.setdefault("MPLCONFIGDIR", matplotlib.get_cachedir())  # its list of fonts takes seconds to make

@@ -23,8 +23,11 @@ def lifted(scene, turn=TURN):
     scene = with_branches(scene)
     poses = place(scene).poses
     angles = {name: pose[2] for name, pose in poses.items()}
-    first = _turned(scene, turn, angles)
-    return _turned(scene, turn, _at_zero(scene, scene_of(first | {"sensors": {}, "solve": {"duration": 1.0}}), angles))
+    first = _turned(scene, turn, angles) | {"solve": {"duration": 1.0}}
+    # sensors of joints say which of these make the tree
+    of_joints = first["sensors"].items()
+    first["sensors"] = {name: each for name, each in of_joints if each.get("position") in first["joints"]}
+    return _turned(scene, turn, _at_zero(scene, scene_of(first), angles))
 
 
 def _at_zero(scene, deep, angles):
