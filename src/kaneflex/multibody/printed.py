@@ -25,6 +25,7 @@ from kaneflex.multibody.c_text import NAMES, WIDTH, declared, safe, type_name, w
 from kaneflex.multibody.printed_expressions import OPERATORS, Expressions
 from kaneflex.support.c_language import RESERVED
 from kaneflex.support.escaping import c_comment
+from kaneflex.support.machine_code import Kernel
 
 REMAINDER = """/* What is left of a division, with the sign of what it is divided by. */
 static inline double remainder_of(double x, double y)
@@ -55,7 +56,9 @@ class Printer:
         self._taken: set[str] = set(RESERVED)
         self._choices: dict[tuple[int, tuple], tuple[str, Any]] = {}
 
-    def function(self, dispatcher: Dispatcher, given: Sequence[Any], scope: str = "static ") -> tuple[str, Any]:
+    def function(
+        self, dispatcher: Dispatcher | Kernel, given: Sequence[Any], scope: str = "static "
+    ) -> tuple[str, Any]:
         """Name and returned type of a function of arguments of these types, printed if it was not yet."""
         key = dispatcher.py_func, tuple(given)
         if key not in self._made:
