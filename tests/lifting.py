@@ -14,20 +14,20 @@ VECTORS = ("displacement", "velocity", "acceleration", "position", "joint_force"
 """Kinds of sensors with components."""
 
 
-def lifted(scene, turn=TURN):
+def lifted(scene, turn=TURN, zero_at_start=False):
     """Description of the scene with axes, gravity, loads and fixed points turned by ``turn``.
 
     Links get sections that also bend across the plane and twist. Sensors are those in body axes and of the coordinates
-    of joints; :func:`global_components` adds the others.
+    of driven joints; :func:`global_components` adds those in global axes. ``zero_at_start``: all coordinates of joints
+    are zero there, for scenes whose drives have no start of their own.
     """
     scene = with_branches(scene)
     poses = place(scene).poses
     angles = {name: pose[2] for name, pose in poses.items()}
-    first = _turned(scene, turn, angles) | {"solve": {"duration": 1.0}}
-    # sensors of joints say which of these make the tree
-    of_joints = first["sensors"].items()
-    first["sensors"] = {name: each for name, each in of_joints if each.get("position") in first["joints"]}
-    return _turned(scene, turn, _at_zero(scene, scene_of(first), angles))
+    first = _turned(scene, turn, angles)
+    if zero_at_start:
+        return first
+    return _turned(scene, turn, _at_zero(scene, scene_of(first | {"sensors": {}, "solve": {"duration": 1.0}}), angles))
 
 
 def _at_zero(scene, deep, angles):
@@ -128,7 +128,7 @@ def _sensor(sensor, raw, name):
     entry.pop("body", None)
     moving = sensor.kind in VECTORS
     of_joint = raw["sensors"][name].get("position") in raw["joints"]
-    if moving and sensor.axes == "global" and not of_joint:
+    if moving and sensor.axes == "global" and raw["sensors"][name].get("position") not in raw.get("drives", ()):
         return None
     if sensor.kind in ("shear_force", "bending_moment"):
         entry["component"] = {"shear_force": "y", "bending_moment": "z"}[sensor.kind]
@@ -143,8 +143,9 @@ def global_components(scene, found):
     """Sensors of the three components of every planar sensor in global axes, by the name of the planar one."""
     names = {}
     for name, sensor in scene.sensors.items():
-        if sensor.kind not in VECTORS or name in found["sensors"]:
-            continue
+        of_joint = scene.raw["sensors"][name].get("position") in scene.joints
+        if sensor.kind not in VECTORS or name in found["sensors"] or of_joint:
+            continue  # in space joints that no drive moves start at zero
         angular = sensor.component == "angle"
         if angular and sensor.kind == "position":
             continue  # in space a body has no angle

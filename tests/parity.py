@@ -116,8 +116,6 @@ def compared(flat: Scene, turn: np.ndarray) -> Parity:
             continue
         wanted, values = plane[name].values, np.array([space[each].values for each in own])
         values = in_plane(values, sensor.component, turn) if name in names else values[0]
-        if sensor.kind == "position" and str(sensor.target) not in flat.drives:
-            values = values - values[0] + wanted[0]  # loops close from where their joints are at the start
         peak = float(abs(wanted).max())
         own_bound = coarse.get(name) or _estimated(plane, [name])
         bound = own_bound + (_estimated(space, own) or own_bound) + ROUNDING * peak

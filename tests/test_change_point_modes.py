@@ -223,7 +223,7 @@ def test_a_linkage_of_any_size_closes(scale, preset):
 def in_space(flat: dict | str, forward: dict, sensors: dict) -> dict:
     """The same turned into space, all joints at zero where it starts, integrated by solve.forward."""
     flat = scene_of(flat)
-    deep = lifted(flat)
+    deep = lifted(flat, zero_at_start=True)
     for name, drive in flat.drives.items():
         deep["drives"][name] = {"free": True, "initial_speed": drive.initial_speed}
     deep["sensors"] = {name: {"position": joint, "component": "angle"} for name, joint in sensors.items()}
