@@ -1,9 +1,12 @@
 """Planar scenes lifted into space and turned by any rotation: where both engines agree, and where they do not yet."""
 
 import pytest
+from lifting import lifted
 from parity import PRESETS, compared, planar, planar_scenes, random_turn
+from runs import solved
 
 from kaneflex import load
+from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.sensors import SECTION_KINDS
 from kaneflex.support.errors import SceneError
 
@@ -54,3 +57,24 @@ def test_a_lifted_scene_gives_the_planar_numbers(name, preset, request):
     found = compared(flat, random_turn(name))
     assert all(rejected_in_space(flat.sensors[sensor.partition("_in_")[0]], preset) for sensor in found.rejected)
     assert [each for each in found.sensors if not each.agrees] == []
+
+
+def test_a_drive_with_a_free_elastic_rotation_prescribes_the_motion_of_a_rigid_body():
+    """A rigid crank has no elastic rotation to leave free: in space it turned by itself, and the run was unstable."""
+    flat = with_settings(planar("engine", "stiffened"), ["drives.main.rotation=free"])
+    found = compared(flat, random_turn("engine"))
+    assert not found.rejected and [each for each in found.sensors if not each.agrees] == []
+    assert next(each.peak for each in found.sensors if each.name == "crank_torque") > 500.0
+
+
+def test_sections_of_statically_indeterminate_rigid_links_are_refused():
+    flat = planar("four-bar", "rigid")
+    given = lifted(flat, random_turn("four-bar")) | {"solve": flat.raw["solve"]}
+    with pytest.raises(SceneError, match=r"coupler_force\.axial_force.*joint first is statically indeterminate"):
+        load(scene_of(given))
+
+
+def test_a_drive_with_a_free_elastic_rotation_exerts_no_torque_on_an_elastic_link():
+    flat = with_settings(planar("engine-elastic-crank", "quasistatic"), ["drives.main.rotation=free"])
+    given = lifted(flat, random_turn("engine-elastic-crank")) | {"solve": flat.raw["solve"]}
+    assert not solved(scene_of(given))["crank_torque"].values.any()
