@@ -77,7 +77,7 @@ def generate_coupled(
         functions,
         [*([import_element(beam, ["TERMS", *ELEMENT_KERNELS])] if beam else []), *imports],
         structure=structure,
-        made="kaneflex derive SCENE --coupled -o FILE.py",
+        made="kaneflex derive SCENE --preset coupled -o FILE.py",
     )
 
 

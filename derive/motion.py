@@ -274,7 +274,7 @@ def check_known(law: str, mechanism: SymbolicMechanism, key: str) -> None:
     for joint in map(mechanism.names.of.__getitem__, mechanism.observed):
         if re.search(rf"\b{joint}(_speed)?\b", law):
             reason = f"it knows {joint}, and only preset coupled knows coordinates of joints without a drive"
-            raise SceneError(key, law, reason, "Take preset coupled, or write the law in a joint that has a drive")
+            raise SceneError(key, law, reason, "Use preset coupled, or write the law in a joint that has a drive")
 
 
 class Rates:

@@ -35,13 +35,13 @@ def test_a_free_crank_that_does_not_close_where_it_starts(preset):
             "the loop cannot close at main = 10 deg: coupler, follower. "
             "Change the lengths, or the positions of its drives."
         )
-    assert str(error.value) == f"joints.rocker = '+': {said}"
+    assert str(error.value) == f"joints.rocker.branch = '+': {said}"
 
 
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        (["rod.length=110 mm"], "joints.guide = '+': the loop cannot close at main = "),
+        (["rod.length=110 mm"], "joints.guide.branch = '+': the loop cannot close at main = "),
         (["rod.length=150 mm"], "joints"),
     ],
 )

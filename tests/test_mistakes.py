@@ -152,7 +152,7 @@ MISTAKES = {  # what is replaced by what in the template; how the answer begins 
     "wrong branch": (', branch = "+"}', ', branch = "up"}', "Error: joints.guide.branch = 'up'", "Write one of these"),
     "loop cannot close": (
         'length = "200 mm"', 'length = "40 mm"',
-        "Error: joints.guide = '+'", "Change the lengths, or limit the drive's range",
+        "Error: joints.guide.branch = '+'", "Change the lengths, or limit the drive's range",
     ),
     "drive on unknown joint": (
         "main = {speed", "motor = {speed",

@@ -254,7 +254,7 @@ def test_show_places_the_same_assembly():
         ),
         (
             ('length = "200 mm", mass', 'length = "600 mm", mass'),
-            "joints.right_knee = '+': the loop cannot close at main = 0 deg: rod, left_rocker, platform, "
+            "joints.right_knee.branch = '+': the loop cannot close at main = 0 deg: rod, left_rocker, platform, "
             "right_rocker. Change the lengths, or the positions of its drives.",
         ),
     ],

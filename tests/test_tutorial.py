@@ -57,7 +57,7 @@ def test_a_loop_that_cannot_close_is_refused_in_the_words_of_the_page(folder, mo
     monkeypatch.chdir(folder)
     done = CliRunner().invoke(main, ["check", "four.toml", "--set", "bodies.coupler.length=100 mm"])
     assert done.exit_code == 2
-    assert "Error: joints.knee = '+': the loop cannot close: " in done.output
+    assert "Error: joints.knee.branch = '+': the loop cannot close: " in done.output
 
 
 def test_the_page_about_results_runs(tmp_path, monkeypatch, capsys):

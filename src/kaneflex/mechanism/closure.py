@@ -45,13 +45,13 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
         if closes.all():
             at = stand(mechanism, rigid, int(np.argmin(rigid[name])))
             raise SceneError(
-                f"joints.{joint.name}", joint.written_branch,
+                f"joints.{joint.name}.branch", joint.written_branch,
                 f"singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces are "
                 "infinite and two branches meet",
                 f"Change the lengths, or {_elsewhere(mechanism)}",
             )  # fmt: skip
         raise SceneError(
-            f"joints.{joint.name}", joint.written_branch,
+            f"joints.{joint.name}.branch", joint.written_branch,
             f"the loop cannot close: at {stand(mechanism, rigid, int(np.argmin(closes)))} {apart(joint)}",
             f"Change the lengths, or {_elsewhere(mechanism)}",
         )  # fmt: skip

@@ -267,7 +267,7 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
         return {name: chosen[name] for name in group}
     at = ", ".join(f"{name} = {mechanism.joints[name].written(value)}" for name, value in constraints.drives.items())
     raise SceneError(
-        f"joints.{closing.name}", closing.written_branch,
+        f"joints.{closing.name}.branch", closing.written_branch,
         f"the loop cannot close at {at}: {', '.join(group)}", "Change the lengths, or the positions of its drives",
     )  # fmt: skip
 

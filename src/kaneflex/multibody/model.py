@@ -247,7 +247,7 @@ class Model:
         if self.coupled is not None:
             raise SceneError(
                 "solve.preset", "coupled", "its M, K and F depend on the coordinates, not on time alone",
-                "Take model.coupled.engine, which moves the bodies, or another preset",
+                "Use model.coupled.engine, which moves the bodies, or another preset",
             )  # fmt: skip
         points = {
             f"{name}.{point}": (name, place)
