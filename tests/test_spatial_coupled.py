@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from lifting import lifted
 from runs import solved
 
 import kaneflex
+from kaneflex.multibody.spatial_system import SpatialSystem
+from kaneflex.multibody.spatial_turns import Counts
 from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.sections import torsion_constant
 from kaneflex.support.errors import SceneError
@@ -351,6 +354,35 @@ def test_a_round_link_turns_freely_whatever_axes_its_section_is_given(askew, clo
     for name in ("angle", "height"):
         expected = straight.series[name].values
         assert abs(turned.series[name].values - expected).max() < close * abs(expected).max(), name
+    motion, times = turned.model.motion, turned.times[::8]
+    angle = motion.at(times)["hinge.angle"]
+    assert motion.rigid.at(times)["hinge.angle"] == pytest.approx(angle, abs=1e-9)
+
+
+def test_turns_of_a_joint_in_the_tree_take_no_further_evaluations(monkeypatch):
+    """The mechanism is evaluated at the requested instants alone, and all joints that close loops count at once."""
+    solution, near, evaluated = _solution(_pendulum("")), SpatialSystem.near, []
+    angle = pytest.approx(solution["angle"].values, abs=1e-12)
+    monkeypatch.setattr(SpatialSystem, "near", lambda *args: (evaluated.extend(args[2]), near(*args)))
+    motion = replace(solution.model.motion)
+    assert motion.moved(solution.times)["hinge.angle"] == angle
+    assert evaluated == solution.times.tolist()
+
+
+def test_turns_of_several_angles_are_counted_at_once():
+    """Of one that turns back and of one that turns fast, at instants in any order of requests."""
+    requests = []
+
+    def at(times):
+        requests.append(times)
+        angles = np.array([9.0 * np.sin(3.0 * times), 1.0 - 200.0 * times]).T
+        return np.arctan2(np.sin(angles), np.cos(angles)), np.array([27.0 * np.cos(3.0 * times), 0 * times - 200.0]).T
+
+    counts = Counts(at, 0.1)
+    for times in (np.linspace(0.0, 3.0, 7), np.array([0.3, 0.31, 2.9, 4.0])):
+        expected = np.array([9.0 * np.sin(3.0 * times), 1.0 - 200.0 * times]).T
+        assert counts.over(times, *at(times)) == pytest.approx(expected, abs=1e-12)
+    assert len(requests) == 5  # the start, what was asked for, and once between
 
 
 def test_stiff_vibrations_set_no_steps():

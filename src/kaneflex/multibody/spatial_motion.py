@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,8 +16,8 @@ from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_reactions import COMPONENTS, cross, joint_wrenches
 from kaneflex.multibody.spatial_sections import joined_frames, modal_scalars, modal_series
 from kaneflex.multibody.spatial_system import SpatialSystem
-from kaneflex.multibody.spatial_tables import COORDINATE
-from kaneflex.multibody.spatial_turns import Count
+from kaneflex.multibody.spatial_tables import COORDINATE, COUNT
+from kaneflex.multibody.spatial_turns import Counts
 
 _XYZ = "xyz"
 _BODY = (
@@ -111,10 +110,11 @@ class SpatialModule:
 
     @cached_property
     def closing(self) -> tuple[str, ...]:
-        """Joints that close loops, and those of bodies whose axes follow their mean rotation: coordinates that follow
-        from the bodies."""
-        layout = self.system.layout
-        return tuple(name for name in self.coordinates if name in layout.cuts or name in layout.freed)
+        """Joints whose coordinates follow from the bodies: those that close loops, and balls that stand for a joint or
+        whose body's axes follow its mean rotation."""
+        layout, joints = self.system.layout, self.system.mechanism.joints
+        balls = {*layout.kept, *(name for name in layout.freed if joints[name].kind == "spherical")}
+        return tuple(name for name in self.coordinates if name in layout.cuts or name in balls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,9 +159,14 @@ class SpatialKinematics(RigidKinematics):
                 if tail.startswith(("a_", "epsilon_", *COMPONENTS, "drive")) or tail.endswith("_accel")]  # fmt: skip
 
     def _close(self, times: np.ndarray, out: np.ndarray) -> None:
-        """Fill in coordinates of joints that close loops."""
+        """Fill in coordinates of joints that close loops, with turns counted from the start."""
+        motion = SpatialMotion(self, times, out)
         for name in self.module.closing:
-            out[:, self.column[f"{name}.angle"]] = self._closing(name, SpatialMotion(self, times, out))
+            if name not in self._turning:
+                out[:, self.column[f"{name}.angle"]] = self._stands(name, motion)[0]
+        if self._turning:
+            columns = [self.column[f"{name}.angle"] for name in self._turning]
+            out[:, columns] = self._counts.over(times, *self._angles(motion))
 
     def _scalars(self, times: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Scalars of rows at ascending ``times`` [s], without coordinates of joints that close loops."""
@@ -188,25 +193,23 @@ class SpatialKinematics(RigidKinematics):
             *modal_series(system, found),
         ])  # fmt: skip
 
-    def _closing(self, name: str, motion: SpatialMotion) -> np.ndarray:
-        """Coordinate of a joint that closes a loop, with turns counted from the start."""
-        coordinate, rate = self._stands(name, motion)
-        if name in self._counts:
-            order = np.argsort(motion.times, kind="stable")
-            coordinate[order] = self._counts[name].over(motion.times[order], coordinate[order], rate[order])
-        return coordinate
+    @cached_property
+    def _turning(self) -> list[str]:
+        """Joints that close loops and have turns to count."""
+        joints = self.module.system.mechanism.joints
+        return [name for name in self.module.closing if joints[name].kind not in ("prismatic", "spherical")]
+
+    def _angles(self, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Angles of these, from -pi to pi, and their rates, (n_times, n)."""
+        angles, rates = zip(*(self._stands(name, motion) for name in self._turning), strict=True)
+        return np.array(angles).T, np.array(rates).T
 
     @cached_property
-    def _counts(self) -> dict[str, Count]:
-        """Turn counters of revolute joints that close loops."""
-        module = self.module
-        joints, longest = module.system.mechanism.joints, module.system.scene.horizon / _STEPS
+    def _counts(self) -> Counts:
+        def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return self._angles(SpatialMotion(self, times, self._moved(times)))
 
-        def stands(name: str) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-            return lambda times: self._stands(name, SpatialMotion(self, times, self._moved(times)))
-
-        return {name: Count(stands(name), longest) for name in module.closing
-                if joints[name].kind not in ("prismatic", "spherical")}  # fmt: skip
+        return Counts(at, self.module.system.scene.horizon / _STEPS)
 
     def _stands(self, name: str, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
         """Coordinate of a joint from its bodies' positions, an angle from -pi to pi, and its rate; a ball has none."""
@@ -223,12 +226,18 @@ class SpatialKinematics(RigidKinematics):
         return turn_of(joint, first, second, mechanism.relative(joint))[:2]
 
     def _coordinate(self, joint: str, q: np.ndarray) -> np.ndarray:
+        system = self.module.system
+        layout, nodes = system.layout, system.tables.nodes
         if joint in self.module.closing:
             return np.zeros(len(q))  # known when the bodies' rows are
-        first = int(self.module.system.columns([joint], COORDINATE)[0])
-        if self.module.system.mechanism.joints[joint].kind != "spherical":
+        first = int(system.columns([joint], COORDINATE)[0])
+        if system.mechanism.joints[joint].kind == "spherical":
+            return 2.0 * np.arctan2(np.linalg.norm(q[:, first + 1 : first + 4], axis=1), abs(q[:, first]))
+        if joint not in layout.freed:
             return q[:, first]
-        return 2.0 * np.arctan2(np.linalg.norm(q[:, first + 1 : first + 4], axis=1), abs(q[:, first]))
+        body, turn = layout.freed[joint]  # the section at the joint turns beyond the axes
+        shapes = nodes[layout.node_of[body]]
+        return q[:, first] + 2.0 * np.arctan(0.5 * q[:, shapes[COORDINATE] :][:, : shapes[COUNT]] @ turn)
 
     @cached_property
     def _inertias(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import bisect
 import math
 from collections.abc import Callable
 
 import numpy as np
 
 _FAR = 1.0
-"""Largest change of an angle [rad], by the rate at either end, for a reliable count of turns."""
+"""Largest change of an angle in a step [rad], by the rate at either end, for a reliable count of turns."""
 
 
 def ball_about(axis: np.ndarray, angle: float) -> np.ndarray:
@@ -22,58 +21,48 @@ def angle_about(axis: np.ndarray, ball: np.ndarray) -> float:
     return 2.0 * math.remainder(math.atan2(axis @ ball[1:], ball[0]), math.pi)
 
 
-class Count:
-    """Count of an angle's turns from t = 0, in steps too short for a whole turn.
+class Counts:
+    """Counts of the turns of several angles from t = 0, in steps too short for a whole turn.
 
     Parameters
     ----------
     at : callable
-        Angles at times [s] in their order, from -pi to pi, and their rates [rad, rad/s].
+        Angles (n_times, n) at ascending times [s], from -pi to pi, and their rates [rad, rad/s].
     longest : float
         Longest step [s].
     """
 
     def __init__(self, at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], longest: float) -> None:
         self.at, self.longest = at, longest
-        (angle,), (rate,) = at(np.zeros(1))
-        self.times, self.angles, self.rates = [0.0], [float(angle)], [float(rate)]
+        start = np.zeros(1)
+        self.times, self.angles, self.rates = start, *at(start)
 
     def over(self, times: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Angles [rad] at ascending times [s] with whole turns; ``angles``: without these."""
-        between, known = self._between(times, rates), [times, angles, rates]
-        if len(between):
-            known = [np.concatenate(each) for each in zip(known, (between, *self.at(between)), strict=True)]
-        found = np.empty(len(known[0]))
-        for k in np.argsort(known[0], kind="stable"):
-            found[k] = self._counted(*(float(part[k]) for part in known))
-        return found[: len(times)]
+        """Angles (n_times, n) [rad] at times [s] with whole turns; ``angles``: without these.
 
-    def _between(self, times: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Instants within steps that are too long by the rates at their ends, evaluated together, as one by one would
-        take longer than the run."""
-        ahead = times > self.times[-1]
-        ends = np.concatenate([self.times[-1:], times[ahead]])
-        steps, fast = np.diff(ends), abs(np.concatenate([self.rates[-1:], rates[ahead]]))
-        parts = np.ceil(1.0001 * steps * np.maximum(1.0 / self.longest, np.maximum(fast[1:], fast[:-1]) / _FAR))
-        return np.concatenate([np.empty(0), *(
-            begin + step * np.arange(1, count) / count
-            for begin, step, count in zip(ends, steps, parts, strict=False) if count > 1
+        Each turn is counted from the change of an angle that the rates at both ends of a step predict.
+        """
+        self._add(times, angles, rates)
+        while len(between := self._between()):
+            self._add(between, *self.at(between))
+        near = 0.5 * np.diff(self.times)[:, None] * (self.rates[1:] + self.rates[:-1])
+        turns = np.round((near - np.diff(self.angles, axis=0)) / math.tau)
+        counted = self.angles + math.tau * np.cumsum(np.vstack([np.zeros_like(turns[:1]), turns]), axis=0)
+        return np.asarray(counted[np.searchsorted(self.times, times)])
+
+    def _add(self, times: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> None:
+        """Add instants to the known ones, in their order."""
+        self.times, first = np.unique(np.concatenate([self.times, times]), return_index=True)
+        self.angles, self.rates = (
+            np.concatenate(parts)[first] for parts in ((self.angles, angles), (self.rates, rates))
+        )  # fmt: skip
+
+    def _between(self) -> np.ndarray:
+        """Instants within steps that are too long by the rates at their ends, ascending."""
+        steps, fast = np.diff(self.times), abs(np.nan_to_num(self.rates)).max(axis=1, initial=0.0)
+        parts = steps * np.maximum(1.0 / self.longest, np.maximum(fast[1:], fast[:-1]) / _FAR)
+        long = np.flatnonzero(parts > 1.0001)
+        return np.concatenate([np.zeros(0), *(
+            self.times[k] + steps[k] * np.arange(1, count) / count
+            for k, count in zip(long, np.ceil(parts[long]), strict=True)
         )])  # fmt: skip
-
-    def _counted(self, t: float, angle: float, rate: float) -> float:
-        """Angle continued from the last instant, with intermediate steps if it is too far."""
-        while True:
-            last = bisect.bisect_right(self.times, t) - 1
-            step = t - self.times[last]
-            if step <= self.longest and not step * max(abs(self.rates[last]), abs(rate)) > _FAR:
-                break
-            between = self.times[last] + min(self.longest, 0.5 * step)
-            (other,), (fast,) = self.at(np.array([between]))
-            self._counted(between, float(other), float(fast))
-        near = self.angles[last] + 0.5 * step * (self.rates[last] + rate)
-        found = angle + 2.0 * math.pi * round((near - angle) / (2.0 * math.pi))
-        if step > 0.0:
-            self.times.insert(last + 1, t)
-            self.angles.insert(last + 1, found)
-            self.rates.insert(last + 1, rate)
-        return found
