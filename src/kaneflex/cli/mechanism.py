@@ -13,7 +13,16 @@ import click
 from kaneflex.cli.choosing import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.cli.command import command, json_option, names_option, print_json
 from kaneflex.cli.folders import check_file, check_picture, force_option, output_option, path_option
-from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathered, read, scene_options, uncollected
+from kaneflex.cli.scene import (
+    SceneArguments,
+    at_option,
+    configuration,
+    gathered,
+    read,
+    scene_options,
+    uncollected,
+    undocumented,
+)
 from kaneflex.support.atomic_output import refuse_existing, write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError
 from kaneflex.support.output_folders import file_stem, whole_folder
@@ -50,6 +59,7 @@ def show(
     \b
       kaneflex show press.toml --at main=30deg -o press.svg
     """
+    undocumented()
     from kaneflex.plots.style import picture
     from kaneflex.report.presentation import as_json as blocks_as_json
     from kaneflex.report.presentation import parts, printed

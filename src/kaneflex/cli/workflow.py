@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kaneflex.cli.folders import Target
-from kaneflex.cli.scene import uncollected
+from kaneflex.cli.scene import uncollected, undocumented
 from kaneflex.scene import with_settings
 from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.output_folders import whole_folder, writing
@@ -192,6 +192,8 @@ def _draw_all(solution: Solution, folder: Path, target: Target, waiting: Waiting
     waiting.stage(stage)
     kinds = target.kinds or PLOTS
     kinds += ",animation" * target.mp4
+    with uncollected():
+        undocumented()
     return draw_all(solution, folder, waiting.share_of(stage), target.frames, target.seconds, target.mp4, kinds)
 
 

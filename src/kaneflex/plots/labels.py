@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-_DISTANCES = (7.0, 9.0, 12.0, 17.0, 24.0, 33.0, 45.0, 60.0)
+_DISTANCES = np.array([7.0, 9.0, 12.0, 17.0, 24.0, 33.0, 45.0, 60.0])
 """Distances of a label's box from its point, in points (1/72 inch)."""
-_DIRECTIONS = np.radians(np.arange(0.0, 360.0, 22.5))
+_UNITS = np.array([(np.cos(turn), np.sin(turn)) for turn in np.radians(np.arange(0.0, 360.0, 22.5))])
+"""Directions in which a label may lie from its point."""
 _STEP = 4.0
 """Distance of the samples along a line that labels keep clear of, in pixels."""
 _LEADER = 20.0
@@ -84,24 +85,15 @@ class Labels:
 
     def _best(self, at, half, scale: float, obstacles, taken: list[Bbox], frame: Bbox) -> tuple[np.ndarray, float]:
         """Centre of the candidate box that covers least, and its distance from the point."""
-        best, least, chosen = at, np.inf, 0.0
-        for distance in _DISTANCES:
-            for direction in _DIRECTIONS:
-                unit = np.array([np.cos(direction), np.sin(direction)])
-                # The box touches the circle of that radius from outside.
-                centre = at + unit * distance * scale + np.sign(np.round(unit, 6)) * np.minimum(
-                    half, half * np.abs(unit) * 1.5
-                )
-                cost = self._cost(centre, half, obstacles, taken, frame) + 0.02 * distance
-                if cost < least - 1e-9:
-                    best, least, chosen = centre, cost, distance
-        return best, chosen
-
-    def _cost(self, centre, half, obstacles, taken: list[Bbox], frame: Bbox) -> float:
-        low, high = centre - half - 1.5, centre + half + 1.5
-        covered = np.all((obstacles > low) & (obstacles < high), axis=1).sum()
-        overlaps = sum(
-            1 for box in taken if (low < (box.x1, box.y1)).all() and (high > (box.x0, box.y0)).all()
-        )
-        outside = not (low > (frame.x0, frame.y0)).all() or not (high < (frame.x1, frame.y1)).all()
-        return 1.0 * covered + 30.0 * overlaps + 100.0 * outside
+        # The box touches the circle of that radius from outside.
+        beside = np.sign(np.round(_UNITS, 6)) * np.minimum(half, half * abs(_UNITS) * 1.5)
+        centres = at + _DISTANCES[:, None, None] * scale * _UNITS + beside
+        low, high = centres - half - 1.5, centres + half + 1.5
+        inside = (obstacles > low[:, :, None]) & (obstacles < high[:, :, None])
+        boxes = np.array([box.get_points() for box in taken]).reshape(-1, 2, 2)
+        overlap = (low[:, :, None] < boxes[:, 1]) & (high[:, :, None] > boxes[:, 0])
+        outside = ((low <= frame.min) | (high >= frame.max)).any(axis=-1)
+        cost = inside.all(axis=-1).sum(axis=-1) + 30.0 * overlap.all(axis=-1).sum(axis=-1) + 100.0 * outside
+        cost += 0.02 * _DISTANCES[:, None]
+        near, way = np.unravel_index(int(np.round(cost, 8).argmin()), cost.shape)  # the nearest of equal ones
+        return centres[near, way], float(_DISTANCES[near])

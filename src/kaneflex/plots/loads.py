@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from kaneflex.plots.style import new_figure, place, plot_curves, readable
 from kaneflex.plots.view import View, view
-from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
 from kaneflex.scene.headings import abscissae
 from kaneflex.scene.parts import Load
@@ -104,6 +103,8 @@ def _followed(shown: View, name: str) -> tuple[str, np.ndarray] | None:
 
 def _speed(motion: Motion, joint: str) -> np.ndarray:
     """Speed of a joint of a planar mechanism [rad/s], or along its guide [m/s], as laws know it."""
+    from kaneflex.response.coupled_motion import CoupledMotion  # with numba
+
     if isinstance(motion, CoupledMotion):
         return motion.coordinate(joint)[1]
     scene = motion.model.scene
