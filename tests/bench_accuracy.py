@@ -58,14 +58,14 @@ COLUMNS = (
 PRICES = ("scene", "model", "sensor", "change", "missed")
 PAGE_TEXT = """# Accuracy of results
 
-Every run estimates the error of its sensors ([how](scene/solve.md#error-estimates)). This page compares estimates
-with true errors. *Effectivity* is the largest estimate of a run divided by its largest true error: 1 is exact, above
-1 is safe.
+Every run [estimates the error](scene/solve.md#error-estimates) of its sensors. This page compares estimates with true
+errors. *Effectivity* is the largest estimate of a sensor divided by its largest true error: 1 is exact, above 1 is
+safe.
 
 ## One-way presets
 
 The reference is preset `stiffened` with four times the elements, all modes and four times the steps by `radau`.
-Sensors whose error is below ten times that of the reference or below 1e-6 of their peak are left out, as are
+Sensors whose error is below ten times that of the reference or below 1e-6 of their peak are left out, and so are
 quasi-static runs of scenes that start from rest.
 
 {one_way}
@@ -79,8 +79,8 @@ the change that half as many elements and modes cause. Sensors whose error is be
 ## Prices and runs
 
 The table compares the [prices](trade.md#prices) of groups of terms and of coarser meshes with the change between two
-runs of `stiffened`, in the sensor that changes most. The error of a price is given as a share of this change. It is
-at most 2 % of the change, or of a thousandth of the peak if that is larger. Changes below 1e-5 are left out.
+runs of `stiffened`, in the sensor that changes most. *Missed* is the error of the price as a share of this change. It
+is at most 2 % of the change, or 2 % of a thousandth of the peak if that is larger. Changes below 1e-5 are left out.
 
 {prices}
 Made by `python tests/bench_accuracy.py [coupled] [prices]`; do not edit.

@@ -43,9 +43,9 @@ print(time.perf_counter() - started)
 HEAD = """# Times to derive and to compile
 
 Chains of elastic links, each hinged to the previous one (`tests/chains.py`): open chains with all joints driven, and
-closed chains from ground to ground. Operations are those of the kernel `motion` without and with shared
-subexpressions. Without sharing, each link multiplies their number; with sharing, each link adds the same number. Each
-chain is compiled in a new process with an empty cache.
+closed chains from ground to ground. Operations are those of the kernel `motion`. Without shared subexpressions their
+number grows exponentially with the number of links, with them linearly. Each chain is compiled in a new process with
+an empty cache.
 
 """
 COLUMNS = (
@@ -66,7 +66,7 @@ print(size, model.seconds["derive"], model.seconds["compile"], found.ns_per_step
 COUPLED_HEAD = """
 ## The coupled equations
 
-The open chains under preset `coupled`, with 1 to 6 modes a link and the static shapes, over 1 s. The first row
+Runs of 1 s of the open chains under preset `coupled`, with 1 to 6 modes per link and the static shapes. The first row
 includes compiling the engine that all scenes share.
 
 """

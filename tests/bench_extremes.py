@@ -28,8 +28,8 @@ Scenes at extreme speeds, stiffnesses and step sizes, compared with a closed for
 ## Results by method
 
 Columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are integrators of `stiffened`. A number is
-the error relative to the largest expected value. A number in brackets exceeds the accuracy required for the case, and
-the run warns. A word is the outcome of the run. A dash means that the case was not run or, for `gauss`, that
+the error relative to the largest expected value; in brackets it exceeds the accuracy required for the case, and the
+run warns. A word is the outcome of the run. A dash means that the case was not run or, for `gauss`, that
 displacements equal those of `radau`.
 
 ![Errors and outcomes of every case](pictures/extremes.png)
@@ -38,19 +38,17 @@ displacements equal those of `radau`.
 RULES = """
 ## Conclusions
 
-- **Slow motions** (steps of thousands of vibration periods) and **stiff links next to soft ones**: use `radau` or
-  `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state, which a message
-  reports.
-- **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; `gauss` and
-  `newmark` warn where forces computed from the equations of motion differ from those computed from the change of
-  velocities.
-- **`coupled` at low speed**: forces are right, but at 60 rpm vibrations within the tolerance are as large as the
-  accelerations, which a warning reports. Below about 0.01 rpm a cycle takes millions of steps.
+- **Slow motions** (a step covers thousands of vibration periods) and **stiff links next to soft ones**: use `radau`
+  or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state, and say so.
+- **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; with `gauss`
+  and `newmark` a run warns if forces by the equations of motion differ from those by the change of velocities.
+- **`coupled` at low speed**: forces are right. At 60 rpm vibrations within the tolerance are as large as the
+  accelerations; a run warns. Below about 0.01 rpm a cycle takes millions of steps.
 - **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not show it;
   `coupled` works.
-- **Steps longer than the vibration periods**: a warning reports unstable steps; only `exact-modal` (preset `paper`)
+- **Steps longer than the vibration periods**: a run warns of unstable steps; only `exact-modal` (preset `paper`)
   stays accurate.
-- **Elements**: rounding grows with about the fourth power of their number, to 1e-4 with 1024.
+- **Elements**: rounding errors grow with about the fourth power of the number of elements, to 1e-4 with 1024.
 - **Dead centres**: positions are accurate even if the rod is longer than the crank by only 1e-9; a loop that reaches
   its dead centre is rejected ("the loop cannot close").
 """

@@ -165,12 +165,12 @@ def test_a_model_that_steps_over_the_force_of_a_press_is_not_chosen(tmp_path):
     assert peak == pytest.approx(5e4 / np.sqrt(1 - (40 / 137 * np.sin(np.radians(103))) ** 2), rel=0.01)
     stepped_over = next(attempt for attempt in found.attempts if attempt.model == "quasistatic, 180 steps")
     assert stepped_over.error == pytest.approx(1.0, abs=0.001) and not stepped_over.within
-    assert stepped_over.reason.startswith("loads.gas comes and goes between two steps, by 100% of its largest value")
+    assert stepped_over.reason.startswith("loads.gas changes and returns within a step, by 100% of its largest value")
 
 
 def test_a_force_that_the_finest_model_steps_over_leaves_nothing_to_choose_by(tmp_path):
     scene = with_settings(read_scene("engine"), [*press(tmp_path), "solve.steps=45"])
-    with pytest.raises(SceneError, match=r"in the finest model .* 180 steps\) loads.gas comes and goes between two"):
+    with pytest.raises(SceneError, match=r"in the finest model .* 180 steps\) loads.gas changes and returns within a"):
         choose(scene, 0.1, ["rod_force_piston"])
 
 

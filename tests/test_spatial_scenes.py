@@ -467,7 +467,7 @@ def test_constant_loads_are_not_looked_at_between_steps(tmp_path, monkeypatch):
 
 
 def test_loads_between_steps_are_those_of_the_motion(tmp_path):
-    """On curves through the steps; one that comes and goes between two of them is told."""
+    """On curves through the steps; one that changes and returns within a step is told."""
     push = """[loads]
 push = {{force_on = "bar.end", direction = [0, 0, 1], law = "{}"}}
 brake = {{torque_at = "hinge", law = "-hinge_speed * cos(hinge)"}}
@@ -480,7 +480,7 @@ brake = {{torque_at = "hinge", law = "-hinge_speed * cos(hinge)"}}
         assert found[name] == pytest.approx(wanted[name], abs=1e-7 * abs(wanted[name]).max())
     assert between_steps(model) == []
     knock = load(scene_of(tmp_path, ("[sensors]", push.format("3 * exp(-((t - 0.50025) / 0.0001)**2)"))))
-    assert any("loads.push comes and goes between two steps" in said for said in between_steps(knock))
+    assert any("loads.push changes and returns within a step" in said for said in between_steps(knock))
 
 
 def test_a_drive_asks_for_the_moment_that_the_weight_takes(tmp_path):

@@ -23,10 +23,10 @@ from kaneflex.support.errors import SceneError
 
 TITLE = "Whole runs against Exudyn"
 ABOUT = """\
-Solution time for an rms error of 1e-3 of an elastic link's deflection, against each program's own converged answer;
-the ratio is to kaneflex. Under preset `stiffened` kaneflex is linear about the prescribed motion, so this ratio also
-compares models; `coupled` is nonlinear like Exudyn, but with a link's modes in a floating frame. kaneflex finds
-periodic motions by harmonics; Exudyn integrates from the undeformed state until 1e-4 of the transient is left."""
+Time to compute an elastic link's deflection with an rms error of 1e-3 of its peak, compared with the program's own
+converged result; the ratio is to kaneflex. Preset `stiffened` is linear about the prescribed motion, so its ratio
+also compares models; `coupled` is nonlinear like Exudyn, but with modes in a floating frame. kaneflex finds periodic
+motions by harmonics; Exudyn integrates from the undeformed state until 1e-4 of the transient is left."""
 ERROR, ROUNDS = 1e-3, 7
 
 

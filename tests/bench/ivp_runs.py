@@ -26,8 +26,8 @@ TITLE = "Whole runs against solve_ivp"
 ABOUT = """\
 One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, and its damped periodic motion also with 12
 and 192 coordinates. The equations are the same; errors are rms over the instants, relative to the largest
-displacement. Each program uses its fastest method and the loosest tolerance that keeps the error; scipy integrates
-cycles until the motion is periodic. *In all* is a call of `integrate`, *steps alone* its compiled loop. A
+displacement. Each program uses its fastest method with the loosest tolerance that reaches the stated error; scipy
+integrates cycles until the motion is periodic. *In all* is a call of `integrate`, *steps alone* its compiled loop. A
 *lambdified* right-hand side comes from SymPy's lambdify with NumPy, a *jitted* one from numba. Ratios are relative to
 kaneflex *in all*."""
 SETTINGS = ("solve.start=zero", "solve.modes=5")

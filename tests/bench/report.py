@@ -21,9 +21,9 @@ from kaneflex.support.atomic_output import write_text
 
 HEAD = """# Benchmarks
 
-kaneflex compared with hand-written C and other programs. Times are medians with quartiles of interleaved runs; a
-ratio is the median of the rounds' ratios. Targets show the required value and, in brackets, the desired value. All
-runs but the sweeps use one thread.
+kaneflex compared with hand-written C and other programs. Times are medians of interleaved runs, with quartiles; a
+ratio is the median over the rounds. Targets show the required value and, in brackets, the desired one. All runs but
+the sweeps use one thread.
 
 ![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
 """

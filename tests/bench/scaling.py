@@ -25,9 +25,9 @@ TITLE = "Scaling"
 ABOUT = """\
 Time of one step in the compiled loop for the engine with various numbers of elements, for the engine with 16 elements
 and various numbers of modes, and for open chains with various numbers of links (four elements each). Rows of scipy's
-`solve_banded` time the solution with a matrix of the same size, which is one part of a step. Ratios are relative to
-the Newmark step. Further rows give the time of a cycle of the engine with 6 coordinates for various numbers of steps,
-with the error against 46080 steps, and the time of 10,000 cycles of 720 steps under preset `paper`."""
+`solve_banded` give the time of one solution with a matrix of the same size, which is a part of a step. Ratios are to
+the Newmark step. Further rows: a cycle of the engine with 6 coordinates and various numbers of steps, with the error
+relative to 46080 steps; 10,000 cycles of 720 steps under preset `paper`."""
 METHODS = ("newmark", "gauss")
 ELEMENTS = (1, 4, 16, 64, 256, 1024)
 MODES = (2, 5, 11, 23)

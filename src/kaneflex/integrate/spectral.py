@@ -139,7 +139,7 @@ class Grid:
             reason = "the mean equations have no periodic motion"
         if ended == TOO_SLOW:
             factor = (left[-1] / left[0]) ** (1.0 / (len(left) - 1))
-            reason = f"a correction leaves {factor:.2f} of the remainder"
+            reason = f"the harmonics converge too slowly, by a factor of {factor:.2f} per correction"
         return Orbit(self, vectors[0], ((self.instants, len(left) - 1),), left[-1], tail, reason)
 
 

@@ -141,9 +141,9 @@ def _options(model: Model) -> dict[str, str]:
     terms = [name for name in TERM_NAMES if getattr(options, name) and has_term(model.scene, name)]
     shown["terms"] = ", ".join([*terms, *(["turning of the joint axes"] if options.convective else [])]) or "none"
     shown["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
-    shown["pins"] = "rotation shared by elastic links" if options.weld_pins else "rotation released, but where shared"
-    shown["drives"] = "elastic rotation free" if options.free_drives else "elastic rotation held, but where free"
-    shown["foreshortening"] = "in the displacements" if options.foreshortening else "left out"
+    shown["pins"] = "elastic rotation shared" if options.weld_pins else "elastic rotation released unless shared"
+    shown["drives"] = "elastic rotation free" if options.free_drives else "elastic rotation held unless free"
+    shown["foreshortening"] = "included in the displacements" if options.foreshortening else "left out"
     kept = "all" if options.modes == "all" else str(options.modes)
     of = {"craig-bampton": f", {kept} modes of each link", "modal": f", {kept} modes of the mechanism", "none": ""}
     shown["reduction"] = options.reduction + of[options.reduction]
@@ -152,8 +152,8 @@ def _options(model: Model) -> dict[str, str]:
 
 
 _STARTS = {
-    "zero": "from rest, undeformed", "quasistatic": "from the quasi-static answer", "periodic": "periodic",
-    "given": "from the state that the scene gives",
+    "zero": "from rest, undeformed", "quasistatic": "quasi-static deformation", "periodic": "periodic",
+    "given": "state given in the scene",
 }  # fmt: skip
 
 

@@ -34,16 +34,16 @@ SCHEMA_VERSION = 1
 
 
 class Instant(PlainTable):
-    """Time and drive angle of an event."""
+    """An instant of the run."""
 
     time_s: float = Field(description="time, s")
     drive_deg: float | None = Field(
-        description="angle of the only drive within its cycle, degrees; null if it does not identify one instant"
+        description="angle of the drive within its cycle, degrees; null if several instants have it"
     )
 
 
 class SensorError(PlainTable):
-    """Error estimate of a sensor by cause: the largest error over the run, in SI."""
+    """Largest estimated error of a sensor over the run by cause, in SI."""
 
     total: float = Field(description="all parts together")
     time: float = Field(description="discretisation in time")
@@ -70,9 +70,9 @@ class SensorSummary(PlainTable):
 class StressSummary(PlainTable):
     """Largest von Mises stress in an elastic link, over its length, the outline of its section and the run."""
 
-    largest: float = Field(description="Pa, without notches")
+    largest: float = Field(description="largest stress, Pa; notches are not included")
     x_m: float = Field(description="distance from the link's start, m")
-    at: Instant = Field(description="when")
+    at: Instant = Field(description="its instant")
     utilisation: float | None = Field(description="share of the beam's yield_strength; null without one")
 
 
@@ -82,19 +82,19 @@ class Timing(PlainTable):
     derive_s: float = Field(description="deriving the equations, s")
     compile_s: float = Field(description="compiling the kernels or loading them from the cache, s")
     set_up_s: float = Field(description="other work before the first step, s")
-    integrate_s: float = Field(description="solving, s, with compiling of the integrator")
+    integrate_s: float = Field(description="solving, including compiling the integrator, s")
     ns_per_step: float = Field(description="one step in the compiled loop, ns")
 
 
 class Operations(PlainTable):
     """Arithmetic operations of one kernel call."""
 
-    written_out: int = Field(description="before sharing of subexpressions")
-    shared: int = Field(description="as emitted, with shared subexpressions")
+    written_out: int = Field(description="without shared subexpressions")
+    shared: int = Field(description="with shared subexpressions, as generated")
 
 
 class EnergyBalance(PlainTable):
-    """Energies from start to end, J; of the rigid mechanism unless the preset is coupled."""
+    """Energies exchanged during the run, J; unless the preset is coupled, those of the rigid mechanism."""
 
     stored: float = Field(description="growth of kinetic, strain and potential energy")
     dissipated: float = Field(description="by damping, in contacts and by friction")
@@ -117,13 +117,13 @@ class Summary(PlainTable):
     outcome: str = Field(description="completed, unstable, singular, no_periodic_state or cascade")
     message: str = Field(description="the outcome in words, with time and reason")
     solver: str = Field(description="solver of the equations, the reason for its choice, and its residual")
-    errors: str = Field(description="why error estimates are missing")
+    errors: str = Field(description="reason why there are no error estimates")
     warnings: list[str] = Field(description="warnings")
-    duration_s: float = Field(description="stored time, s")
+    duration_s: float = Field(description="time from the first to the last stored instant, s")
     step_s: float = Field(description="time step, s")
     steps: int = Field(description="steps requested")
-    stored: int = Field(description="instants stored, over which statistics are computed")
-    sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid is that of the rigid mechanism")
+    stored: int = Field(description="number of stored instants; statistics are computed over them")
+    sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid: value in the rigid mechanism")
     mode_angle_spread: dict[str, PeakSpread] = Field(
         description="preset paper: by sensor, range of its peak over options.mode_angle"
     )
@@ -131,8 +131,8 @@ class Summary(PlainTable):
         description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, else at the start, Hz"
     )
     degrees_of_freedom: int = Field(
-        description="elastic degrees of freedom before reduction; shapes of modal data; for rigid bodies under "
-        "preset coupled free coordinates"
+        description="elastic degrees of freedom before reduction, or number of shapes of modal data; for rigid "
+        "bodies under preset coupled number of free coordinates"
     )
     modes_kept: int = Field(description="coordinates solved for")
     floquet_multiplier_max: float | None = Field(
@@ -143,7 +143,7 @@ class Summary(PlainTable):
     contacts: dict[str, ContactSummary] = Field(description="by name")
     frictions: dict[str, FrictionSummary] = Field(description="by joint or contact")
     stresses: dict[str, StressSummary] = Field(description="by elastic link with a section shape")
-    unresolved_modes: list[UnresolvedMode] = Field(description="preset coupled: modes that its steps do not resolve")
+    unresolved_modes: list[UnresolvedMode] = Field(description="preset coupled: modes that the steps do not resolve")
     choice: Choice | None = Field(description="the model chosen by --tolerance")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")

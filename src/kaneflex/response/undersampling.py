@@ -69,8 +69,8 @@ def between_steps(model: Model) -> list[str]:
         if share > _UNSEEN:
             t = rigid.times[int(abs(values - straight).argmax())]
             found.append(
-                f"{thing} comes and goes between two steps, by {share:.0%} of its largest value at t = {t:.4g} s: "
-                f"give more than solve.steps = {options.steps}"
+                f"{thing} changes and returns within a step, by {share:.0%} of its largest value at t = {t:.4g} s: "
+                f"use more than solve.steps = {options.steps}"
             )
     return found
 

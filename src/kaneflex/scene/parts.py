@@ -55,11 +55,11 @@ from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to
 
 PRESETS = {
     "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
-    "quasistatic": "(K_s + K_d + K_g) z = F at each instant, without damping",
+    "quasistatic": "static deformation at each instant, (K_s + K_d + K_g) z = F; no damping",
     "paper": "the paper's choices: one element per link, welded pin, frozen decoupled modes, from rest, 0.04 s",
-    "linear": "time-varying M, C, K of the released joints, without K_g",
-    "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
-    "coupled": "motion and deformation together, nonlinear; shapes of each link, error-controlled steps",
+    "linear": "vibration about the rigid motion, without geometric stiffness",
+    "stiffened": "linear with geometric stiffness and shortening by bending",
+    "coupled": "nonlinear: motion and deformation act on each other; error-controlled steps",
 }
 _TIGHTEST = 1e-13
 """Smallest tolerance; below it rounding errors dominate."""

@@ -6,14 +6,14 @@ from pydantic import Field
 
 from kaneflex.support.plain_table import PlainTable
 
-_RELATIVE = "relative derivative (p/y) dy/dp of the {}; null where it is zero"
+_RELATIVE = "(p/y) dy/dp of the {}; null if that is zero"
 
 
 class SensorDerivative(PlainTable):
     """Derivatives of a sensor's statistics with respect to a parameter p, in SI."""
 
     unit: str = Field(description="the sensor's SI unit over the parameter's")
-    min: float = Field(description="of the smallest value")
+    min: float = Field(description="derivative of the smallest value")
     max: float = Field(description="of the largest value")
     rms: float = Field(description="of the rms over time")
     mean: float = Field(description="of the mean over time")

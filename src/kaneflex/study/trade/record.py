@@ -14,8 +14,8 @@ class Attempt(PlainTable):
     error: float | None = Field(description="largest error of a sensor as a share of its peak")
     worst_sensor: str | None = Field(description="sensor with that error")
     within: bool = Field(description="whether error plus uncertainty of the reference are within the tolerance")
-    priced: bool = Field(description="whether the error is a price and not from a run")
-    reason: str = Field(description="why it was not run, or what it skipped")
+    priced: bool = Field(description="whether the error was computed as a price, without a run")
+    reason: str = Field(description="why it was not run, or which loads its steps do not resolve")
 
 
 class Choice(PlainTable):
@@ -27,9 +27,9 @@ class Choice(PlainTable):
     settings: list[str] = Field(description="settings of the chosen model, as path=value")
     dropped: list[str] = Field(description="groups of terms left out beyond the preset")
     errors: dict[str, float] = Field(description="by sensor: largest error as a share of its peak")
-    reference: str = Field(description="finest model, reference of the errors")
+    reference: str = Field(description="finest model, to which errors refer")
     reference_settings: list[str] = Field(description="its settings, as path=value")
-    reference_note: str = Field(description="what is unknown about the reference")
+    reference_note: str = Field(description="limits of the reference")
     doubt: dict[str, float] = Field(description="by sensor: uncertainty of the reference")
     indicators: dict[str, float | None] = Field(
         description="by group of terms: change of the quasi-static displacements without it, to first order; "
