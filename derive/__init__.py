@@ -1,5 +1,7 @@
 """From a scene to the text of its module: the build-time half of kaneflex, and the only importer of SymPy.
 
+Import its modules, not names of the package: the printer of C needs no SymPy.
+
 The pipeline, one file a stage:
 
     mechanism   Scene.structure() -> SymbolicMechanism: the runtime's Mechanism with symbols for numbers
@@ -10,13 +12,13 @@ The pipeline, one file a stage:
     beam        Kane's equations of one differential particle -> the affine terms of an elastic element
     elements    the element's kernels, printed once for each theory: element_texts() -> text of the modules
     program     Program: scalar assignments; sharing, pruning, operation counts
-    emit        Program -> numba function, printed
+    printers    Program -> numba function; numba function -> C; programs as LaTeX
     module_text tables, imports and the frame of a module around its kernels
-    lookups_numba   what kernels call beside math; lookups_c: the same in C
+    lookups_numba   what kernels call beside math
     packs       what kernels read and store in one statement
     bracketed   entries over several lines
     rows        rows of modules' tables, each kind said once: rows_text() -> module text
-    c_module    the same programs as C11: generate_c(scene, name) -> texts of files
+    c_module    kernels of a generated module as C11: generate_c(module, name) -> texts of files
     generate    the whole: generate(scene) -> module text; generate_pruned: without some groups of terms
     flexible    Kane's equations of one free body with modal coordinates
     joints      what joints and springs do between two sections of bodies, printed once: joints_text() -> module text
@@ -29,14 +31,3 @@ The pipeline, one file a stage:
 
 if __name__ == "derive":
     raise ImportError("import kaneflex.derive, not derive: under two names it would be loaded twice")
-
-from kaneflex.derive.closure import UnsupportedLoop
-from kaneflex.derive.coupled_module import generate_coupled
-from kaneflex.derive.generate import Equations, derive_equations, generate, generate_pruned
-from kaneflex.derive.linear import StructurallySingular
-from kaneflex.derive.spatial_module import generate_spatial
-
-__all__ = [
-    "Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate", "generate_coupled",
-    "generate_pruned", "generate_spatial",
-]  # fmt: skip

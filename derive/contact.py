@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sm
 
-from kaneflex.derive import emit, module_text
+from kaneflex.derive import module_text
 from kaneflex.derive.joints import SECTION
+from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Assignment
 from kaneflex.mechanism import contacts
 from kaneflex.mechanism.planar import Vector, dot, minus, quarter_turn

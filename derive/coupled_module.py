@@ -13,7 +13,7 @@ from typing import Any
 
 import sympy as sm
 
-from kaneflex.derive import emit, lookups_numba, module_text
+from kaneflex.derive import lookups_numba, module_text
 from kaneflex.derive.generate import beam_of, element_tables, import_element, operations_table, table_paths
 from kaneflex.derive.laws import Switches
 from kaneflex.derive.links import forced_points
@@ -21,6 +21,7 @@ from kaneflex.derive.lookups import T
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import drive_courses, load_size
 from kaneflex.derive.names import Names
+from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Assignment
 from kaneflex.derive.steps import Steps
 from kaneflex.support.contract import ELEMENT_KERNELS

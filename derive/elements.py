@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import sympy as sm
 
-from kaneflex.derive import emit, module_text, packs
+from kaneflex.derive import module_text, packs
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.names import Names
+from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Program, named, prune, share
 from kaneflex.derive.rows import LINK_TABLE, element_table, rows_text
 from kaneflex.derive.shapes import x_0

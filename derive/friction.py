@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import sympy as sm
 
-from kaneflex.derive import emit, module_text
+from kaneflex.derive import module_text
+from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.mechanism import friction
 
 NUMBERS = (

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from kaneflex.derive import emit, lookups_numba, module_text, rows
+from kaneflex.derive import lookups_numba, module_text, rows
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.bracketed import bracketed
 from kaneflex.derive.elements import element_kernel, in_letters, monomial
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
+from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import share
 from kaneflex.support.contract import (
     BEAMS,

@@ -11,7 +11,8 @@ from collections.abc import Iterable, Sequence
 
 import sympy as sm
 
-from kaneflex.derive import emit, module_text
+from kaneflex.derive import module_text
+from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Assignment
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.joints import coordinate, residuals

@@ -13,7 +13,7 @@ import sympy as sm
 
 from kaneflex.derive.beam import Element, Term
 from kaneflex.derive.generate import Equations, Progress, derive_equations, lower
-from kaneflex.derive.latex_printer import EquationPrinter, SymbolNames, broken, seen_length, subscripted
+from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, seen_length, subscripted
 from kaneflex.derive.program import Program
 from kaneflex.support.contract import FORMAT
 from kaneflex.support.escaping import latex as escaped

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import sympy as sm
 
-from kaneflex.derive.emit import NumbaPrinter
+from kaneflex.derive.printers.numba_printer import NumbaPrinter
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS
 from kaneflex.support.contract import Slot, block_shapes
 

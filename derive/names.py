@@ -19,6 +19,7 @@ from typing import Any
 import sympy as sm
 
 from kaneflex.derive.program import Program
+from kaneflex.support.escaping import ascii_identifier
 
 _NUMBERED = re.compile(r"[a-z]+@\d+")
 _KINDS = {"bodies": "body", "joints": "joint", "masses": "mass", "loads": "load", "springs": "spring",
@@ -75,11 +76,6 @@ class Names:
             used.add(name)
             found[symbol] = name
         return found
-
-
-def ascii_identifier(name: str) -> str:
-    """An identifier that Python reads as it is written: it would turn letters beyond ASCII into their NFKC form."""
-    return "".join(letter if letter.isascii() else f"u{ord(letter):x}" for letter in name)
 
 
 def numbered(structure: Mapping[str, Any]) -> tuple[dict[str, Any], Names]:

@@ -12,7 +12,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
 from textwrap import indent
-from typing import Any
 
 from kaneflex.derive.bracketed import LINE, bracketed
 from kaneflex.support.contract import FORMAT
@@ -182,16 +181,6 @@ def independent(block: str) -> list[tuple[int, int]]:
 def sign(block: str) -> int:
     """Factor between the entries of a part and their transposed places."""
     return -1 if block == "coupling" else 1
-
-
-def full(outputs: Iterable[tuple[str, Any]]) -> tuple[tuple[str, Any], ...]:
-    """Every entry of a matrix, by its independent ones."""
-    found = dict(outputs)
-    for block in BLOCKS:
-        for i, j in independent(block):
-            if f"out[{i}, {j}]" in found:
-                found.setdefault(f"out[{j}, {i}]", sign(block) * found[f"out[{i}, {j}]"])
-    return tuple(found.items())
 
 
 def loads(reads: Iterable[tuple[str, str]]) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 A program is a list of scalar assignments in an order in which they can be executed, with its inputs and its
 outputs. Common-subexpression elimination, pruning and operation counts are functions from programs to
-programs (or to numbers); printing is the business of :mod:`kaneflex.derive.emit`.
+programs (or to numbers); printing is the business of :mod:`kaneflex.derive.printers`.
 """
 
 from __future__ import annotations

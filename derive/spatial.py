@@ -20,8 +20,9 @@ from sympy.physics.mechanics import (
     inertia,
 )  # fmt: skip
 
-from kaneflex.derive import emit, module_text
+from kaneflex.derive import module_text
 from kaneflex.derive.joints import EITHER, pull
+from kaneflex.derive.printers import numba_printer as emit
 
 _XYZ = "xyz"
 SECTION = tuple(f"{letter}_{axis}" for letter in ("r", "v", "a", "omega", "epsilon") for axis in _XYZ)

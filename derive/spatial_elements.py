@@ -15,9 +15,10 @@ from itertools import combinations_with_replacement
 
 from sympy import Expr, Poly, Rational, S, factor_terms
 
-from kaneflex.derive import emit, module_text
+from kaneflex.derive import module_text
 from kaneflex.derive.elements import every_matrix
 from kaneflex.derive.names import Names
+from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Program, share
 from kaneflex.derive.rows import element_table
 from kaneflex.derive.shape_integrals import POWERS, s, shape_integrals_text

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from kaneflex.derive import emit, module_text
+from kaneflex.derive import module_text
 from kaneflex.derive.coupled_module import courses_and_loads, laws_tables, printed
 from kaneflex.derive.generate import operations_table
 from kaneflex.derive.laws import Switches
 from kaneflex.derive.mechanism import read_structure
+from kaneflex.derive.printers import numba_printer as emit
 
 
 def generate_spatial(scene: Any, progress: Callable[[str], None] = lambda stage: None) -> str:

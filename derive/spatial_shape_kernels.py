@@ -14,9 +14,10 @@ from textwrap import indent, wrap
 
 import sympy as sm
 
-from kaneflex.derive import emit, module_text
+from kaneflex.derive import module_text
 from kaneflex.derive.loops import added, code
 from kaneflex.derive.names import Names
+from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.spatial_shape_proof import prove
 from kaneflex.derive.spatial_shapes import (
     ACCEL,

@@ -75,8 +75,8 @@ def settled(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def derived_once() -> Iterator[None]:
-    """The equations that are printed in C and in LaTeX: those of a structure are derived once a process."""
-    from kaneflex.derive import c_module, latex
+    """The equations that are printed in LaTeX: those of a structure are derived once a process."""
+    from kaneflex.derive import latex
     from kaneflex.derive.generate import Equations, derive_equations
 
     known: dict[str, Equations] = {}
@@ -88,7 +88,6 @@ def derived_once() -> Iterator[None]:
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(c_module, "derive_equations", equations)
         patch.setattr(latex, "derive_equations", equations)
         yield
 

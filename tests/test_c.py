@@ -7,6 +7,8 @@ import re
 import subprocess
 import types
 from dataclasses import replace
+from importlib.util import module_from_spec, spec_from_file_location
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +17,16 @@ import sympy as sm
 import tomlkit
 from command_line import cli, refused
 from lifting import lifted
+from numba.types import float64, int64
 from runs import model
 
-from kaneflex.derive.c_module import CPrinter, prefix_of
+from kaneflex.derive.c_module import prefix_of
 from kaneflex.derive.laws import law_expression
-from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
+from kaneflex.derive.lookups_numba import LAW_FUNCTIONS, TABLE_LOOKUPS
+from kaneflex.derive.printers import numba_printer
+from kaneflex.derive.printers.c_printer import Printer
+from kaneflex.derive.printers.c_types import ReadOnly
+from kaneflex.derive.printers.numba_printer import print_kernel
 from kaneflex.generated import laws, tables
 from kaneflex.integrate.run import integrate
 from kaneflex.response.elastic_motion import elastic_motion
@@ -32,9 +39,7 @@ from kaneflex.support.errors import SceneError
 
 STRICT = ("-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror")
 SHARED = ("-shared", "-fPIC")
-
-
-pytestmark = pytest.mark.usefixtures("derived_once")
+HEADS = "".join(f"#include <{each}.h>\n" for each in ("complex", "math", "stdbool", "stdint", "stdlib"))
 
 
 def built(texts: dict[str, str], folder: Path, compiler: str, *options: str, level: str = "-O0") -> Path:
@@ -236,42 +241,53 @@ def test_the_command_writes_a_folder_that_cmake_knows(tmp_path):
     refused(cli("derive", "bricard", "--language", "c", "-o", tmp_path / "other"), "--language")
 
 
+LAWS = [getattr(laws, name) for name in LAW_FUNCTIONS]
+LOOKUPS = [getattr(tables, name) for name in TABLE_LOOKUPS]
+
+
 def test_lookups_and_laws_are_those_of_numba(compiler, tmp_path):
-    numbers = {name: text.partition(f"double {name}(")[2].partition(")")[0] for name, text in LAW_TEXTS.items()}
-    arguments = {name: re.findall(r"double (\w+)", given) for name, given in numbers.items()}
-    lines = ["#include <math.h>", "#include <stddef.h>", *TABLE_TEXTS.values(), *LAW_TEXTS.values()]
-    for name, given in numbers.items():
-        head, passed = f"double c_{name}({given})", ", ".join(arguments[name])
-        lines += [f"{head};", f"{head} {{ return {name}({passed}); }}"]
-    for name in set(TABLE_TEXTS) - {"place_in_table"}:
-        head = f"double c_{name}(double x, const double p[])"
-        lines += [f"{head};", f"{head} {{ return {name}(x, p, 1); }}"]
-    library = ctypes.CDLL(str(built({"lookups.c": "\n".join(lines)}, tmp_path, compiler, *SHARED)))
+    printer, D = Printer(), float64
+    for law in LAWS:
+        printer.function(law, [D] * len(signature(law.py_func).parameters), "", law.__name__)
+    for lookup in LOOKUPS:
+        printer.function(lookup, [D, ReadOnly(D), int64], "", lookup.__name__)
+    library = ctypes.CDLL(str(built({"lookups.c": HEADS + printer.text()}, tmp_path, compiler, *SHARED)))
     values = (-3.5, -0.0, 0.3, 1.0, 2.5, float("nan"))
-    for name, given in arguments.items():
-        in_c, numba = getattr(library, f"c_{name}"), getattr(laws, name)
-        in_c.restype, in_c.argtypes = ctypes.c_double, [ctypes.c_double] * len(given)
-        for some in itertools.product(values, repeat=len(given)):
-            np.testing.assert_allclose(in_c(*some), numba(*some), rtol=1e-15, err_msg=f"{name}{some}")
+    for law in LAWS:
+        in_c, count = getattr(library, law.__name__), len(signature(law.py_func).parameters)
+        in_c.restype, in_c.argtypes = ctypes.c_double, [ctypes.c_double] * count
+        for some in itertools.product(values, repeat=count):
+            np.testing.assert_allclose(in_c(*some), law(*some), rtol=1e-15, err_msg=f"{law.__name__}{some}")
     block = np.array([0.0, 3.0, 2.0, 0.5, 1.0, 2.0, 2.5, *np.random.default_rng(4).normal(size=12)])
     for period in (2.0, 0.0):
         block[2] = period
-        for name in set(TABLE_TEXTS) - {"place_in_table"}:
-            in_c = getattr(library, f"c_{name}")
-            in_c.restype = ctypes.c_double
+        for lookup in LOOKUPS:
+            in_c = getattr(library, lookup.__name__)
+            in_c.restype, in_c.argtypes = ctypes.c_double, [ctypes.c_double, ctypes.c_void_p, ctypes.c_int64]
             for x in (-7.3, 0.4, 0.5, 0.999, 1.0, 2.4, 2.5, 11.2):
-                found = in_c(ctypes.c_double(x), block.ctypes.data_as(ctypes.c_void_p))
-                assert found == getattr(tables, name).py_func(x, block, 1)
+                assert in_c(x, block.ctypes.data, 1) == lookup.py_func(x, block, 1)
+
+
+def imported(path: Path) -> types.ModuleType:
+    specification = spec_from_file_location(path.stem, path)
+    module = module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
 
 
 def test_inverse_functions_and_powers_of_laws_are_those_of_c(compiler, tmp_path):
-    """A law and its rate, printed in C."""
+    """A law and its rate, as numba has them, printed in C."""
     t = sm.Symbol("t")
     law = law_expression("asin(t) - 2*acos(t) + atan(3*t) + atan2(t, 2 - t) + (1 + t)**0.3", {"t": t})
-    head = "#include <math.h>\ndouble value(double t);\ndouble rate(double t);\n"
-    texts = [f"double {name}(double t) {{ return {CPrinter().doprint(e)}; }}\n"
-             for name, e in (("value", law), ("rate", law.diff(t)))]  # fmt: skip
-    library = ctypes.CDLL(str(built({"inverse.c": head + "".join(texts)}, tmp_path, compiler, *SHARED)))
+    values = {"value": law, "rate": law.diff(t)}
+    kernels = [numba_printer.kernel(name, ["t"], (), [of], "A law.")[0] for name, of in values.items()]
+    path = tmp_path / "printed_law.py"
+    path.write_text("\n".join(["import math\nfrom numba import njit\nOPTIONS = {}", *map(print_kernel, kernels)]))
+    printed = imported(path)
+    printer = Printer()
+    for function in (printed.value, printed.rate):
+        printer.function(function, [float64], "", function.__name__)
+    library = ctypes.CDLL(str(built({"inverse.c": HEADS + printer.text()}, tmp_path, compiler, *SHARED)))
     for function in (library.value, library.rate):
         function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double]
     x = 0.37

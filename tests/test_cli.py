@@ -312,10 +312,10 @@ def test_derive_with_force_replaces_only_with_a_whole_module(monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("kaneflex.derive.generate", stopped)
+        patch.setattr("kaneflex.derive.generate.generate", stopped)
         assert cli("derive", "engine", "-o", "module.py", "--force").exit_code == 130
         assert Path("module.py").read_text() == "mine"
-    monkeypatch.setattr("kaneflex.derive.generate", lambda scene, progress: "whole")
+    monkeypatch.setattr("kaneflex.derive.generate.generate", lambda scene, progress: "whole")
     assert cli("derive", "engine", "-o", "module.py", "--force").exit_code == 0
     assert Path("module.py").read_text() == "whole"
     assert [path.name for path in Path().iterdir()] == ["module.py"]

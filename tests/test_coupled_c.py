@@ -11,14 +11,13 @@ from command_line import cli, refused
 from hostile_names import NAME
 from numba import njit, types
 from runs import model, run
-from test_c import SHARED, built
+from test_c import HEADS, SHARED, built
 
 import kaneflex
+from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.generated import body
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.c_text import handed_structure
-from kaneflex.multibody.printed import REMAINDER, Printer
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled_in_c import coupled_in_c
 from kaneflex.support.errors import SceneError
@@ -141,13 +140,10 @@ def example(w, n, x):
 
 
 def test_what_python_means_in_c(compiler, tmp_path):
-    printer = Printer(())
+    printer = Printer()
     name, returned = printer.function(example, (types.CPointer(types.float64), types.int64, types.float64), "")
     assert returned == types.float64
-    head = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n#include <stdlib.h>\n"
-    prototype = f"double {name}(double *w, int64_t n, double x);\n"
-    text = "\n".join([head, REMAINDER, printer.structures(), prototype, *printer.texts])
-    library = ctypes.CDLL(str(built({"example.c": text}, tmp_path, compiler, *SHARED)))
+    library = ctypes.CDLL(str(built({"example.c": HEADS + printer.text()}, tmp_path, compiler, *SHARED)))
     function = getattr(library, name)
     function.restype, function.argtypes = ctypes.c_double, [ctypes.c_void_p, ctypes.c_int64, ctypes.c_double]
     for n, x in ((4, 1.25), (9, -7.0), (2, -0.5), (5, 0.0)):
@@ -157,23 +153,16 @@ def test_what_python_means_in_c(compiler, tmp_path):
         assert (found == expected).all()
 
 
-@njit
-def strange(x):
-    return [x, x][0]
-
-
-def test_what_is_not_printed_is_named_with_its_place():
-    with pytest.raises(NotImplementedError, match=r"test_coupled_c.py:\d+: not printed in C: \[x, x\]"):
-        Printer(()).function(strange, (types.float64,))
-
-
 def test_a_function_is_printed_for_every_list_of_types():
-    kernels = [body.kernels(1, 2), body.kernels(0, 3)]
-    printer = Printer([None, None, *(getattr(each, name) for each in kernels for name in at.BODY_KERNELS)])
-    name, _, by_body = printer.chosen(at.ENERGY, at.BODY_KERNELS["energy"].signature.args)
-    assert by_body and name == "kernel_energy"
-    assert [text.count("body_energy") for text in printer.texts] == [1, 1, 2]
-    assert "int64_t *plan" in handed_structure(at.MECHANISM)
+    kernels = [body.kernels(1, 2).energy, body.kernels(0, 3).energy]
+    printer = Printer([kernels, kernels[:1]])
+    kinds = at.BODY_KERNELS["energy"].signature.args
+    name, _, only = printer.chosen(0, kinds)
+    assert name == "kernel_energy" and not only
+    assert [text.count("body_energy") for text in printer.texts.values()] == [1, 1, 2]
+    assert printer.chosen(1, kinds) == ("body_energy", types.UniTuple(types.float64, 2), True)
+    assert printer.declared(at.MECHANISM, "m") == "const mechanism *m"
+    assert "int64_t *pivots;" in printer.text()
 
 
 @pytest.mark.parametrize(("name", "key"), [

@@ -16,7 +16,7 @@ from kaneflex.derive.beam import Term
 from kaneflex.derive.elements import monomial
 from kaneflex.derive.generate import derive_equations, lower
 from kaneflex.derive.latex import latex_document, printed_matrix
-from kaneflex.derive.latex_printer import EquationPrinter, SymbolNames, broken, seen_length
+from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, seen_length
 from kaneflex.scene import read_scene
 from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.contract import ELEMENT_KERNELS, LINK_SCALARS

@@ -24,12 +24,12 @@ RPM = 2 * np.pi / 60
 
 
 @pytest.fixture(scope="module", autouse=True)
-def fmpy(peer, compiler, derived_once):
+def fmpy(peer, compiler):
     return peer("fmpy")
 
 
 @pytest.fixture(scope="module")
-def engine(tmp_path_factory, compiler, derived_once):
+def engine(tmp_path_factory, compiler):
     """The engine under radau by version of the standard, the first by the command, and what it prints."""
     folder = tmp_path_factory.mktemp("fmu")
     scene, shown = with_settings(read_scene("engine"), ["solve.integrator=radau"]), {}

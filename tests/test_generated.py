@@ -19,8 +19,8 @@ from runs import model, short, solved
 
 import kaneflex.generated
 from kaneflex.derive import __main__ as derive_all
-from kaneflex.derive import generate
 from kaneflex.derive.beam import beam_element
+from kaneflex.derive.generate import generate
 from kaneflex.derive.packs import CALLED
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
 from kaneflex.generated.packs import fill, pack, unpacked
@@ -128,7 +128,7 @@ def test_contract_of_drives_and_loads_in_space(name):
 
 def test_bytes_do_not_hang_on_the_hash_seed():
     """Not on this process' seed, by which all are derived above, nor on 0, by which none is drawn."""
-    code = "import sys; from kaneflex.derive import generate; from kaneflex.scene import read_scene\n"
+    code = "import sys; from kaneflex.derive.generate import generate; from kaneflex.scene import read_scene\n"
     code += "sys.stdout.reconfigure(newline=''); sys.stdout.write(generate(read_scene('engine')))"
     environment = os.environ | {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1"}
     written = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True).stdout

@@ -79,9 +79,12 @@ def test_generated_imports_only_python_numpy_numba_with_its_llvm_and_its_sibling
 
 
 def test_derive_imports_sympy_the_scene_and_the_contract():
+    """And numba for the types of arguments in C."""
     ours = (f"kaneflex.{name}" for name in ("derive", "mechanism", "scene", "support"))
-    found = foreign("kaneflex.derive", "sympy", *ours)
+    found = foreign("kaneflex.derive", "sympy", "numba", *ours)
     assert [(file, name) for file, name in found if name != "kaneflex"] == []  # `from kaneflex import x` yields it too
+    in_c = {path.name for path in modules("kaneflex.derive") if any(within(name, "numba") for name in imports(path))}
+    assert in_c == {"c_module.py", "c_printer.py", "c_expressions.py", "c_types.py"}
 
 
 def test_runtime_never_imports_sympy_and_derive_only_inside_functions():
@@ -130,6 +133,20 @@ print([name for name in {(*HEAVY, *scipy, *others)} if name in sys.modules])
     result = python(code, tmp_path)
     assert (result.returncode, result.stdout.splitlines()[-1]) == (0, "[]"), result.stderr
     assert (tmp_path / "results" / "results.nc").exists()
+
+
+def test_c_of_a_shipped_scene_needs_no_sympy(tmp_path):
+    """Its kernels are printed from its module, and the engine from its own text."""
+    code = """
+import sys
+from kaneflex.cli import main
+for scene in ("engine", "four-bar-motor", "spatial-slider-crank-elastic"):
+    main(["derive", scene, "--language", "c", "--quiet", "-o", scene], standalone_mode=False)
+print([name for name in ("sympy", "matplotlib") if name in sys.modules])
+"""
+    result = python(code, tmp_path)
+    assert (result.returncode, result.stdout.splitlines()[-1]) == (0, "[]"), result.stderr
+    assert (tmp_path / "four-bar-motor" / "four_bar_motor.c").exists()
 
 
 def test_importing_compiles_nothing(tmp_path):

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from kaneflex.derive import generate
+from kaneflex.derive.generate import generate
 from kaneflex.generated import rows
 from kaneflex.multibody.binding import find_module
 from kaneflex.scene import read_scene

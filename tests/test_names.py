@@ -8,7 +8,7 @@ import pytest
 import renaming
 from runs import run, solved, tables
 
-from kaneflex.derive import generate
+from kaneflex.derive.generate import generate
 from kaneflex.derive.names import numbered
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module, find_module, find_spatial_module

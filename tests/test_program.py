@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import sympy as sm
 
-from kaneflex.derive import StructurallySingular, derive_equations, lookups_numba
+from kaneflex.derive import lookups_numba
 from kaneflex.derive.bracketed import bracketed
-from kaneflex.derive.emit import Kernel, NumbaPrinter, print_kernel
+from kaneflex.derive.generate import derive_equations
 from kaneflex.derive.laws import law_expression
-from kaneflex.derive.linear import determinant, solve_blocks
+from kaneflex.derive.linear import StructurallySingular, determinant, solve_blocks
+from kaneflex.derive.printers.numba_printer import Kernel, NumbaPrinter, print_kernel
 from kaneflex.derive.program import (
     Program,
     expanded_operation_count,

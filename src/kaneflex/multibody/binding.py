@@ -47,7 +47,7 @@ def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tup
 
 def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage: None) -> str:
     """Text of the coupled module of a scene's structure with these numbers of shapes."""
-    from kaneflex.derive import generate_coupled
+    from kaneflex.derive.coupled_module import generate_coupled
 
     refuse_in_space(scene, "solve.preset", "preset coupled moves")
     return generate_coupled(scene, shapes, coupled_hash(scene, shapes), progress)
@@ -60,7 +60,7 @@ def find_spatial_module(scene: Scene, progress: Progress) -> tuple[ModuleType, f
 
 def spatial_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     """Text of the module of drives and loads of a scene in space."""
-    from kaneflex.derive import generate_spatial
+    from kaneflex.derive.spatial_module import generate_spatial
 
     return generate_spatial(scene, progress)
 
@@ -97,26 +97,10 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     """
     if scene.is_spatial:
         return spatial_text(scene, progress)
-    from kaneflex.derive import generate
+    from kaneflex.derive.generate import generate
 
     with derivable(scene):
         return generate(scene, progress)
-
-
-def prefix_in_c(scene: Scene) -> str:
-    """Prefix of a scene's names in C."""
-    from kaneflex.derive.c_module import prefix_of
-
-    return prefix_of(scene.name)
-
-
-def kernels_in_c(scene: Scene, name: str, progress: Progress = lambda stage: None) -> dict[str, str]:
-    """C files of the scene's kernels, whose names begin with ``name``; raises as :func:`generate_text`."""
-    progress("importing SymPy")
-    from kaneflex.derive.c_module import generate_c
-
-    with derivable(scene):
-        return generate_c(scene, name, progress)
 
 
 def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
@@ -144,7 +128,7 @@ def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 
 
 def _without(scene: Scene, without: Sequence[str], progress: Progress) -> str:
-    from kaneflex.derive import generate_pruned
+    from kaneflex.derive.generate import generate_pruned
 
     with derivable(scene):
         return generate_pruned(scene, without, pruned_hash(scene, without), progress)
@@ -166,7 +150,8 @@ def operation_count(text: str) -> int:
 @contextmanager
 def derivable(scene: Scene) -> Iterator[None]:
     """Turn derivation errors into a SceneError in the scene's terms."""
-    from kaneflex.derive import StructurallySingular, UnsupportedLoop
+    from kaneflex.derive.closure import UnsupportedLoop
+    from kaneflex.derive.linear import StructurallySingular
     from kaneflex.fem.mobility import in_joints
 
     try:

@@ -10,7 +10,6 @@ import numpy as np
 
 from kaneflex.integrate.methods import METHODS, Method
 from kaneflex.integrate.outcome import Trajectory
-from kaneflex.multibody.binding import kernels_in_c, prefix_in_c
 from kaneflex.multibody.model import Model
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.scene import Scene
@@ -67,17 +66,19 @@ def c_model(
     Raises
     ------
     SceneError
-        Under preset ``coupled``, which numba alone compiles, and in space for motions that are not periodic.
+        Under preset ``coupled`` (see :mod:`.coupled_in_c`), and in space for motions that are not periodic.
     """
     if resolve_options(scene).dynamics == "coupled":
         raise SceneError(
             "solve.preset", "coupled", "its equations can't be exported as C",
             one_way_cure(scene, asked, integrated=False),
         )  # fmt: skip
+    from kaneflex.derive.c_module import generate_c, prefix_of
+
     if scene.is_spatial:
         check_cycle(scene, asked)
     model = load(scene, progress)
-    name, texts = prefix_in_c(scene), dict[str, str]()
+    name, texts = prefix_of(scene.name), dict[str, str]()
     data = [array_in_c("double", f"{name}_p", map(_number, model.motion.parameters))]
     sources, declared, readings = [f"{name}.c", f"{name}_data.c"], "", None
     start: Start = (), ()
@@ -96,7 +97,7 @@ def c_model(
         texts |= _motion(harmonics_of(model, _needed(model, readings), asked), model, name)
         sources += [_IN_SPACE[1]]
     else:
-        texts |= kernels_in_c(scene, name, progress)
+        texts |= generate_c(model.module, name)
     include = f'#include "{_SHARED[0]}"\n' if readings else ""
     texts[f"{name}_data.h"] = _DATA_H.format(name=name, NAME=name.upper(), include=include, declared=declared)
     texts[f"{name}_data.c"] = f'#include "{name}_data.h"\n\n' + "\n".join(data)
@@ -328,6 +329,9 @@ if(NOT CMAKE_BUILD_TYPE)
 endif()
 add_library({name} STATIC {sources})
 target_include_directories({name} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})
+if(CMAKE_C_COMPILER_ID STREQUAL "GNU")  # products of complex numbers without a search for infinities, roots inline
+  target_compile_options({name} PRIVATE -fcx-limited-range -fno-math-errno)
+endif()
 if(UNIX)
   target_link_libraries({name} PUBLIC m)
 endif()

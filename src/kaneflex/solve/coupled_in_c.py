@@ -9,12 +9,9 @@ import numpy as np
 from kaneflex.generated import body
 from kaneflex.multibody import collocation, slopes, unfolding
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.binding import prefix_in_c
-from kaneflex.multibody.c_text import constant, handed_structure
-from kaneflex.multibody.coefficients import GAUSS, RADAU, TABLE, Table
+from kaneflex.multibody.coefficients import GAUSS, RADAU, Table
 from kaneflex.multibody.library import ENTRIES
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.printed import REMAINDER, Printer
 from kaneflex.multibody.run import Run
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.multibody.trajectory import CoupledTrajectory
@@ -57,7 +54,9 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     _check_untouched(scene, system)
     progress("initial state")
     run = _begun(model)
-    name = prefix_in_c(scene)
+    from kaneflex.derive.c_module import prefix_of
+
+    name = prefix_of(scene.name)
     progress("printing the engine")
     sizes = _sizes(run)
     data = "\n".join(_data(run, name))
@@ -141,16 +140,15 @@ def _enumerated(sizes: dict[str, int], NAME: str) -> str:
 
 def _engine(run: Run, name: str) -> dict[str, str]:
     """Text ``engine`` of the entry functions and all that they call, and their names in C."""
-    engine = run.engine
-    kernels = list(engine.kernels)
-    for kind in engine.kinds:
-        own = body.kernels(*kind)
-        kernels += [getattr(own, kernel) for kernel in at.BODY_KERNELS]
+    from kaneflex.derive.printers.c_printer import Printer
+
+    bodies = [body.kernels(*kind) for kind in run.engine.kinds]
+    kernels = [[each] for each in run.engine.kernels]
+    kernels += [[getattr(of, kernel) for of in bodies] for kernel in at.BODY_KERNELS]
     printer = Printer(kernels, name)
     entries = {"project": collocation.project, "integrate": collocation.integrate, "unfold": unfolding.unfold}
     names = {key: printer.function(entry, ENTRIES[entry].args)[0] for key, entry in entries.items()}
-    parts = (handed_structure(at.MECHANISM), handed_structure(TABLE), printer.structures(), REMAINDER)
-    return {"engine": "\n".join([*parts, *printer.texts]), **names}
+    return {"engine": printer.text(), **names}
 
 
 def _data(run: Run, name: str) -> Iterator[str]:
@@ -168,6 +166,8 @@ def _data(run: Run, name: str) -> Iterator[str]:
     yield _whole(f"{name}_exerted", system.exerted)
     yield _whole(f"{name}_unknown", [name_ in system.undetermined for name_ in system.constraints])
     yield _whole(f"{name}_free", engine.independent)
+    kinds = np.repeat(np.arange(len(engine.kinds)), len(at.BODY_KERNELS))  # which of several each kernel is
+    yield _whole(f"{name}_kernels", [*(0,) * len(at.STRUCTURE_KERNELS), *kinds])
     names = {"coordinate": [key for key, _ in system.coordinates], "force": system.constraints, "free": engine.names}
     for key, found in names.items():
         yield array_in_c("char *const", f"{name}_{key}_names", map(c_literal, found))
@@ -192,6 +192,8 @@ def _whole(name: str, values: Iterable[object]) -> str:
 
 
 def _real(name: str, values: Sequence[float] | np.ndarray, kept: str = "const ") -> str:
+    from kaneflex.derive.printers.c_types import constant
+
     return _wrapped(f"static {kept}double {name}[]", [constant(float(value))[0] for value in values])
 
 
@@ -274,7 +276,7 @@ static mechanism {name}_handed({name}_state *state)
 {{
     const mechanism handed = {{
         state->plan, {name}_bodies, {name}_sections, {name}_acts, state->numbers, state->plan,
-        (double *){name}_p, state->real, (double complex *)state->pair
+        (int64_t *){name}_kernels, (double *){name}_p, state->real, (double complex *)state->pair
     }};
     return handed;
 }}

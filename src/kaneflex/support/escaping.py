@@ -66,6 +66,11 @@ def _plain_in_c(byte: int) -> bool:
     return 0x20 <= byte < 0x7F and chr(byte) not in '\\"?'
 
 
+def ascii_identifier(name: str) -> str:
+    """Identifier without letters beyond ASCII, which Python would turn into their NFKC form."""
+    return "".join(letter if letter.isascii() else f"u{ord(letter):x}" for letter in name)
+
+
 def xml(text: str) -> str:
     """Text for XML; the writer of the file must still escape &, < and quotes."""
     return visible(text)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import sympy as sm
-from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.pycode import PythonCodePrinter
 
 from kaneflex.derive import packs
@@ -19,23 +18,15 @@ from kaneflex.derive.names import Names
 from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count, share
 
 
-class ScalarPrinter(CodePrinter):
-    """Printer of scalar float64 code in any language: rationals are divided beforehand, small powers multiplied out.
+class NumbaPrinter(PythonCodePrinter):
+    """Python as numba compiles it: rationals are divided beforehand, small powers multiplied out.
 
     ``identifiers`` has the names of symbols that are printed differently.
     """
 
-    square_root: str
-    whole: str
-    """Conversion to an integer of a table's place, which p stores as a float."""
-
-    def __init__(self, identifiers: Mapping[sm.Symbol, str], settings: dict[str, object]) -> None:
-        super().__init__(settings)
+    def __init__(self, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> None:
+        super().__init__({"fully_qualified_modules": True, "standard": "python3"})
         self._identifiers = identifiers
-
-    def _raised(self, base: sm.Expr, exponent: sm.Expr) -> str:
-        """Any other power."""
-        raise NotImplementedError
 
     def _print_Symbol(self, expr):
         return self._identifiers.get(expr, expr.name)
@@ -57,16 +48,14 @@ class ScalarPrinter(CodePrinter):
     def _print_Pow(self, expr, rational=False):
         base, exponent = expr.as_base_exp()
         if exponent == sm.Rational(1, 2):
-            return f"{self.square_root}({self._print(base)})"
+            return f"math.sqrt({self._print(base)})"
         if exponent == sm.Rational(-1, 2):
-            return f"1.0/{self.square_root}({self._print(base)})"
+            return f"1.0/math.sqrt({self._print(base)})"
+        factor = self.parenthesize(base, 60)
         if exponent.is_Integer and 1 < abs(exponent) <= LARGEST_PRODUCT:
-            factor = self.parenthesize(base, 60)
             product = "*".join([factor] * abs(int(exponent)))
             return f"({product})" if exponent > 0 else f"1.0/({product})"
-        if exponent == -1:
-            return f"1.0/{self.parenthesize(base, 60)}"
-        return self._raised(base, exponent)
+        return f"1.0/{factor}" if exponent == -1 else f"{factor}**{self.parenthesize(exponent, 60)}"
 
     def parenthesize(self, item, level, strict=False):
         if item.is_Rational and item.is_positive:  # printed as one number, not as a quotient
@@ -76,22 +65,10 @@ class ScalarPrinter(CodePrinter):
     def _print_Function(self, expr):
         if expr.func.__name__ in TABLE_LOOKUPS:
             x, start = (self._print(argument) for argument in expr.args)
-            return f"{expr.func.__name__}({x}, p, {self.whole}({start}))"
+            return f"{expr.func.__name__}({x}, p, int({start}))"
         if expr.func.__name__ in LAW_FUNCTIONS:
             return f"{expr.func.__name__}({', '.join(self._print(argument) for argument in expr.args)})"
         return super()._print_Function(expr)
-
-
-class NumbaPrinter(ScalarPrinter, PythonCodePrinter):
-    """Python as numba compiles it."""
-
-    square_root, whole = "math.sqrt", "int"
-
-    def __init__(self, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> None:
-        super().__init__(identifiers, {"fully_qualified_modules": True, "standard": "python3"})
-
-    def _raised(self, base, exponent):
-        return f"{self.parenthesize(base, 60)}**{self.parenthesize(exponent, 60)}"
 
 
 @dataclass(frozen=True)
@@ -171,15 +148,15 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     return f"@njit({options})\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{text}\n"
 
 
-def reads(kernel: Kernel, printer: ScalarPrinter) -> Iterator[tuple[str, str]]:
-    """Reads of a kernel from its arrays, in any language: name of the number, its place."""
+def reads(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, str]]:
+    """Reads of a kernel from its arrays: name of the number, its place."""
     program = kernel.program
     used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)))
     return ((printer.doprint(symbol), source) for symbol, source in kernel.reads if symbol in used)
 
 
-def statements(kernel: Kernel, printer: ScalarPrinter) -> Iterator[tuple[str, list[str], str]]:
-    """Statements of a kernel, in any language: the number's name, empty if it has none; where it is stored; its value.
+def statements(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, list[str], str]]:
+    """Statements of a kernel: the number's name, empty if it has none; where it is stored; its value.
 
     Arrays usually arrive zeroed: entries that are zero by structure are not stored. Equal entries share a statement.
     """

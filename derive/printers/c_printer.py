@@ -1,0 +1,392 @@
+"""Compiled functions as C11, printed from the texts that numba compiles and the types of their arguments.
+
+Printed are the engine's functions, which are written by hand, and the kernels that :mod:`.numba_printer` prints: numba
+and C share one text of every law. A function is printed once for each list of argument types, as numba compiles it;
+the type of a variable is the widest type assigned to it. The subset of Python:
+
+- Values: bool, int, float and complex; tuples and named tuples of values; addresses of numbers, ``w[k]``, and
+  ``shifted(w, k)``. Of other types those with ``parts`` (a record, by its address), ``width`` (whole numbers in rows,
+  ``f[k]``, ``f[row, k]``), ``d`` (vectors of d numbers: ``v[j]`` is a tuple, ``v[j, k]`` a number), or none of these (a
+  view, by two indices).
+- Statements: assignment to names and places, to several at once, and in a chain; ``+= -= *= /=``; ``if``; ``while``;
+  ``for`` over a ``range``, whose bounds count once; ``break``, ``continue``, ``pass``, and ``return`` anywhere.
+- Expressions: arithmetic, ``//`` and ``%`` with Python's signs, ``**`` of floats, comparisons of real numbers, ``and or
+  not``, ``a if b else c``; ``math``'s functions; ``abs int float complex bool``; ``len`` of a tuple; modules' numbers.
+- Calls of compiled functions by position. Of several functions of one name (numba's ``overload``, or an object with
+  ``choose``) that of the arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
+- ``unpacked``, ``pack`` and ``fill`` of ``generated/packs.py``; the marks ``apart``, ``together`` and ``inside``.
+
+C leaves the order open in which the operands of an expression are computed: none may store what another one reads.
+All else raises NotImplementedError with the function, the line and the construct.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+from numba import types
+
+from kaneflex.derive.packs import BLOCKS, independent, sign
+from kaneflex.derive.printers.c_expressions import OPERATORS, Expressions
+from kaneflex.derive.printers.c_types import WIDTH, Structures, bare, parts_of
+from kaneflex.support.escaping import c_comment
+
+_QUOTIENT = """/* Quotient, rounded down. */
+static inline int64_t quotient_of(int64_t x, int64_t y)
+{
+    return x / y - (x % y != 0 && (x < 0) != (y < 0));
+}
+"""
+_REMAINDER = """/* Remainder of a division, with the sign of the divisor. */
+static inline KIND NAME(KIND x, KIND y)
+{
+    const KIND left = DIVIDED;
+    return left != 0 && (left < 0) != (y < 0) ? left + y : left;
+}
+"""
+_DIVISIONS = {"quotient_of": _QUOTIENT} | {
+    name: _REMAINDER.replace("KIND", kind).replace("NAME", name).replace("DIVIDED", divided)
+    for name, kind, divided in (("remainder_of", "double", "fmod(x, y)"), ("whole_remainder_of", "int64_t", "x % y"))
+}
+
+
+class Printer:
+    """Prints functions with all that they call, each before its callers.
+
+    Parameters
+    ----------
+    kernels : sequence of sequence
+        For each number WHICH the functions that ``kernel(table, WHICH)`` can be: the number at ``table[WHICH]`` tells
+        which one of several it is.
+    own : str
+        Prefix of names that are the caller's.
+    """
+
+    def __init__(self, kernels: Sequence[Sequence[Any]] = (), own: str = "") -> None:
+        self.kernels, self.own = kernels, own
+        self.texts: dict[str, str] = {}
+        self.asked: set[str] = set()
+        self.choices: dict[tuple[Any, ...], Any] = {}
+        self.functions: dict[tuple[Any, tuple], tuple[str, Any]] = {}
+        self.taken: set[str] = set()
+        self.structures = Structures(self.taken)
+        self.declared = self.structures.declared
+        self._open: list[Any] = []
+
+    def text(self) -> str:
+        """Definitions of all that was asked for, for <complex.h>, <math.h>, <stdbool.h>, <stdint.h> and <stdlib.h>.
+
+        Functions of narrower types, which were printed before a variable's type was known, are left out.
+        """
+        wanted, found = set(self.asked), list[str]()
+        for name, text in reversed((_DIVISIONS | self.texts).items()):  # callers come after what they call
+            if name in wanted:
+                wanted.update(re.findall(r"\w+(?=\()", text))
+                found.append(text)
+        return "\n".join([*self.structures.definitions.values(), *reversed(found)])
+
+    def function(self, function: Any, given: Sequence[Any], scope: str = "static ", name: str = "") -> tuple[str, Any]:
+        """Name and returned type of a function of arguments of these types, printed if it was not yet."""
+        function = getattr(function, "py_func", function)
+        key = function, tuple(given)
+        if key not in self.functions:
+            written = _Written(self, function, given)
+            if key in self._open:
+                written.refuse(written.tree, "it calls itself")
+            self._open.append(key)
+            written.print()
+            self._open.remove(key)
+            name = name or self._name_of(function)
+            self.taken.add(name)
+            self.functions[key] = name, written.returned
+            self.texts[name] = written.text(name, scope)
+        self.asked |= set() if self._open else {self.functions[key][0]}
+        return self.functions[key]
+
+    def _name_of(self, function: Any) -> str:
+        name = f"{function.__module__.rpartition('.')[2]}_{function.__name__.lstrip('_')}"
+        if self.own and name.startswith(f"{self.own}_"):
+            name = f"printed_{name}"
+        return next(each for k in range(1, 1000) if (each := name if k == 1 else f"{name}_{k}") not in self.taken)
+
+    def chosen(self, which: int, given: Sequence[Any]) -> tuple[str, Any, bool]:
+        """Call of a kernel, and True if it is the only one; of several their number is the first argument."""
+        found = [self.function(kernel, given) for kernel in self.kernels[which]]
+        if len(found) == 1:
+            return *found[0], True
+        key = tuple(found), tuple(given)
+        if key not in self.functions:
+            self.functions[key] = self._choice(which, found, given), found[0][1]
+        return *self.functions[key], False
+
+    def _choice(self, which: int, found: Sequence[tuple[str, Any]], given: Sequence[Any]) -> str:
+        returned, name = found[0][1], f"kernel_{self.kernels[which][0].__name__}"
+        arguments = ", ".join(self.declared(kind, f"a{k}") for k, kind in enumerate(given))
+        passed = ", ".join(f"a{k}" for k in range(len(given)))
+        lines = [f"static {self.declared(returned)} {name}(int64_t which, {arguments})", "{", "    switch (which) {"]
+        for k, (of, _) in enumerate(found):
+            lines.append(f"    case {k}:" if k + 1 < len(found) else "    default:")
+            call = f"{of}({passed});"
+            lines += [f"        {call}", "        break;"] if returned == types.void else [f"        return {call}"]
+        self.taken.add(name)
+        self.texts[name] = "\n".join([*lines, "    }", "}\n"])
+        return name
+
+
+class _Written(Expressions):
+    """One function, for arguments of certain types."""
+
+    def __init__(self, printer: Printer, function: Any, given: Sequence[Any]) -> None:
+        source = textwrap.dedent(inspect.getsource(function))
+        tree = next(node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef))
+        super().__init__(printer, function, tree, given)
+        self.returned = types.void
+        self.lines: list[str] = []
+        self.depth = self.spare = 0
+
+    def print(self) -> None:
+        """Print the statements until no variable is wider than where it was assigned first."""
+        before = None
+        while before != (self.arguments, self.variables, self.returned):
+            before = dict(self.arguments), dict(self.variables), self.returned
+            self.lines, self.spare, self.local, self.stored = [], 0, set[str](), set(self.arguments)
+            self._block(self.tree.body, 1)
+
+    def text(self, name: str, scope: str) -> str:
+        """Its definition."""
+        arguments = [self.printer.declared(kind, self.named(each)) for each, kind in self.arguments.items()]
+        variables = {each: kind for each, kind in self.variables.items() if each not in self.local}
+        declared = {self.printer.declared(kind, self.named(each)): kind for each, kind in variables.items()}
+        lines = [f"    {each} = {'0' if kind in WIDTH or '*' in each else '{0}'};" for each, kind in declared.items()]
+        unread = [each for each in (*self.arguments, *variables) if each not in self.read]
+        lines += [f"    (void){self.named(each)};" for each in unread]
+        said = ast.get_docstring(self.tree)
+        about = f"{c_comment(said)}\n" if said else ""
+        head = f"{'static inline ' if scope and self.inline else scope}{self.printer.declared(self.returned, name)}"
+        body = "\n".join([*lines, *self.lines])
+        return f"{about}{head}({', '.join(arguments) or 'void'})\n{{\n{body}\n}}\n"
+
+    # ---- statements -------------------------------------------------------------------------------------------
+
+    def _block(self, statements: Sequence[ast.stmt], depth: int) -> None:
+        for statement in statements:
+            self.depth = depth
+            method = getattr(self, f"_{type(statement).__name__}", None)
+            if method is None:
+                self.refuse(statement)
+            method(statement)
+
+    def _line(self, text: str) -> None:
+        self.lines.append("    " * self.depth + text)
+
+    def _within(self, head: str, statements: Sequence[ast.stmt], first: str = "") -> None:
+        depth = self.depth
+        self._line(f"{head} {{")
+        if first:
+            self.lines.append("    " * (depth + 1) + first)
+        self._block(statements, depth + 1)
+        self.depth = depth
+        self._line("}")
+
+    def _Expr(self, node: ast.Expr) -> None:
+        if isinstance(node.value, ast.Constant):  # its documentation
+            return
+        called = getattr(self._packs(node.value), "__name__", "")
+        if called in ("pack", "fill"):
+            getattr(self, f"_{called}")(*node.value.args)
+            return
+        text, _ = self.expression(node.value)
+        if text:
+            self._line(f"{text};")
+
+    def _Pass(self, node: ast.Pass) -> None:
+        pass
+
+    def _Assign(self, node: ast.Assign) -> None:
+        if any(isinstance(target, ast.Tuple) for target in node.targets):
+            self._parallel(node.targets[0].elts if len(node.targets) == 1 else self.refuse(node), node)
+            return
+        self._store(node.targets, *self.expression(node.value), node)
+
+    def _store(self, targets: Sequence[ast.expr], text: str, kind: Any, node: ast.AST) -> None:
+        """One value to all targets that are read, each of which must hold it; may declare a variable."""
+        targets = [target for target in targets if not isinstance(target, ast.Name) or self.loads[target.id]]
+        first = targets[0].id if targets and isinstance(targets[0], ast.Name) else ""
+        declares = self.depth == 1 and first in self.read - self.stored
+        places = [] if targets or "(" not in text else ["(void)"]
+        for target in targets:
+            of = self._take(target, kind)
+            if kind in WIDTH and len(targets) > 1 and self.wider(node, of, kind) != of:
+                self.refuse(node, "a place for whole numbers in a chain")
+            places.append(self._place(target))
+        if declares:
+            self.local.add(first)
+            declared = self.printer.declared(self.variables[first], places[0])
+            places[0] = f"const {declared}" if self.stores[first] == 1 and "*" not in declared else declared
+        if places:
+            self._line(f"{' = '.join(places)} = {bare(text)};".replace("(void) = ", "(void)"))
+
+    def _packs(self, node: ast.expr) -> Any:
+        """The function of ``generated/packs.py`` that is called."""
+        called = self.object_of(node.func) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else None
+        return called if getattr(called, "__module__", "") == "kaneflex.generated.packs" else None
+
+    def _parallel(self, targets: Sequence[ast.expr], node: ast.Assign) -> None:
+        """Several at once: in sequence if no value uses a target assigned before it, else by copies."""
+        if self._packs(node.value):
+            self._read(targets, *node.value.args)
+            return
+        if isinstance(node.value, ast.Tuple) and len(node.value.elts) == len(targets):
+            values = [self.expression(value) for value in node.value.elts]
+            if self._meet(targets, node.value.elts):
+                values = [(self._copied(*value), value[1]) for value in values]
+        else:
+            text, whole = self.expression(node.value)
+            if not isinstance(whole, types.BaseTuple) or len(whole.types) != len(targets):
+                self.refuse(node)
+            found = self._copied(text, whole)
+            values = [(f"{found}.{name}", kind) for name, kind in parts_of(whole)]
+        for target, value in zip(targets, values, strict=True):
+            self._store([target], *value, node)
+
+    def _read(self, targets: Sequence[ast.expr], array: ast.expr, _: ast.expr, *start: ast.expr) -> None:
+        """Elements of an array one by one, except those named ``_``."""
+        for k, target in enumerate(targets):
+            if not (isinstance(target, ast.Name) and target.id == "_"):
+                place = _after(start[0], k) if start else ast.Constant(k)
+                self._store([target], *self.expression(ast.Subscript(array, place)), target)
+
+    def _pack(self, out: ast.expr, place: ast.expr, values: ast.Tuple) -> None:
+        """Values to places side by side."""
+        *row, column = place.elts if isinstance(place, ast.Tuple) else [place]
+        for k, value in enumerate(values.elts):
+            there = _after(column, k)
+            target = ast.Subscript(out, ast.Tuple([*row, there]) if row else there)
+            self._store([target], *self.expression(value), value)
+
+    def _fill(self, out: ast.expr, parts: ast.Tuple) -> None:
+        """A matrix by the independent entries of its parts; equal ones in one statement."""
+        blocks = {len(independent(block)): block for block in BLOCKS}
+        found: dict[tuple[int, int], str] = {}
+        for part in parts.elts:
+            block = blocks[len(part.elts)]
+            for (i, j), value in zip(independent(block), part.elts, strict=True):
+                text, _ = self.expression(value)
+                found[j, i] = text if sign(block) > 0 else f"(-{text})"
+                found[i, j] = text
+        shared: dict[str, list[str]] = {}
+        for (i, j), text in sorted(found.items()):
+            shared.setdefault(text, []).append(f"{self.expression(out)[0]}[{i}][{j}]")
+        for text, places in shared.items():
+            self._line(f"{' = '.join(places)} = {bare(text)};")
+
+    @staticmethod
+    def _meet(targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> bool:
+        """True if a value may use a target that is assigned before it."""
+        for k, target in enumerate(targets):
+            later = [node for value in values[k + 1 :] for node in ast.walk(value)]
+            if isinstance(target, ast.Name):
+                if any(isinstance(node, ast.Name) and node.id == target.id for node in later):
+                    return True
+            elif any(isinstance(node, (ast.Subscript, ast.Call)) for node in later):
+                return True
+        return False
+
+    def _copied(self, text: str, kind: Any) -> str:
+        """Name of a variable of its own that has a value."""
+        name = self._spare("t")
+        if self.depth > 1:
+            self.variables[name] = kind
+            self.read.add(name)
+            self._line(f"{name} = {bare(text)};")
+        else:
+            self._line(f"const {self.printer.declared(kind, name)} = {bare(text)};")
+        return name
+
+    def _spare(self, stem: str) -> str:
+        """A name that the function has not."""
+        self.spare += 1
+        while f"{stem}{self.spare}" in self.names:
+            self.spare += 1
+        return f"{stem}{self.spare}"
+
+    def _take(self, target: ast.expr, kind: Any) -> Any:
+        """Type of a target, that of a variable widened to this one."""
+        if not isinstance(target, ast.Name):
+            return self.expression(target)[1] if isinstance(target, ast.Subscript) else self.refuse(target)
+        self.stored.add(target.id)
+        known = self.variables if target.id not in self.arguments else self.arguments
+        known[target.id] = self.wider(target, known.get(target.id, kind), kind)
+        return known[target.id]
+
+    def _place(self, target: ast.expr) -> str:
+        return self.named(target.id) if isinstance(target, ast.Name) else self.expression(target)[0]
+
+    def _AugAssign(self, node: ast.AugAssign) -> None:
+        text, kind = self.expression(node.value)
+        operator = OPERATORS.get(type(node.op))
+        if operator is None or kind not in WIDTH or (isinstance(node.op, ast.Div) and kind == types.int64):
+            self.refuse(node)
+        self._take(node.target, kind)
+        self._line(f"{self._place(node.target)} {operator}= {bare(text)};")
+
+    def _If(self, node: ast.If, head: str = "if") -> None:
+        self._within(f"{head} ({self.condition(node.test)})", node.body)
+        if node.orelse:
+            self.lines.pop()
+        if len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):
+            self._If(node.orelse[0], "} else if")
+        elif node.orelse:
+            self._within("} else", node.orelse)
+
+    def _While(self, node: ast.While) -> None:
+        if node.orelse:
+            self.refuse(node)
+        self._within(f"while ({self.condition(node.test)})", node.body)
+
+    def _For(self, node: ast.For) -> None:
+        """Over a range, whose bounds count once; the variable keeps its last value."""
+        call, target = node.iter, node.target
+        if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"):
+            self.refuse(node)
+        if not isinstance(target, ast.Name) or node.orelse or call.keywords:
+            self.refuse(node)
+        bounds = [self._whole(each) for each in call.args]
+        start, stop = ("0", bounds[0]) if len(bounds) == 1 else (bounds[0], bounds[1])
+        step = int(bounds[2].strip("()")) if len(bounds) == 3 and bounds[2].strip("()-").isdigit() else 1
+        if step == 0 or (step == 1 and len(bounds) == 3 and bare(bounds[2]) != "1"):
+            self.refuse(node, "the step of a range must be a constant")
+        self._take(target, types.int64)
+        within = [each.id for line in node.body for each in ast.walk(line) if isinstance(each, ast.Name)]
+        own = self.stores[target.id] == 1 and within.count(target.id) == self.loads[target.id]
+        k, end = self.named(target.id) if own else self._spare("k"), self._spare("end")
+        self.local |= {target.id} if own else set()
+        on = f"++{k}" if step == 1 else f"{k} += {step}"
+        head = f"for (int64_t {k} = {bare(start)}, {end} = {bare(stop)}; {k} {'<' if step > 0 else '>'} {end}; {on})"
+        self._within(head, node.body, "" if own else f"{self.named(target.id)} = {k};")
+
+    def _Break(self, node: ast.Break) -> None:
+        self._line("break;")
+
+    def _Continue(self, node: ast.Continue) -> None:
+        self._line("continue;")
+
+    def _Return(self, node: ast.Return) -> None:
+        if node.value is None:
+            self._line("return;")
+            return
+        text, kind = self.expression(node.value)
+        self.returned = kind if self.returned == types.void else self.wider(node, self.returned, kind)
+        self._line(f"return {bare(text)};")
+
+
+def _after(node: ast.expr, k: int) -> ast.expr:
+    """The place that is k after another one."""
+    if isinstance(node, ast.Constant):
+        return ast.Constant(node.value + k)
+    return ast.BinOp(node, ast.Add(), ast.Constant(k)) if k else node
