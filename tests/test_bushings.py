@@ -274,4 +274,4 @@ steps = 300
 """
     expected = r"springs\.mount\.bushing: the motion can't continue after t = 0\.11\d+ s: bushing mount .* Turn it less"
     with pytest.raises(SceneError, match=expected):
-        load(scene_of(tmp_path, text))
+        solved(scene_of(tmp_path, text))

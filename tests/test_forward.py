@@ -8,6 +8,7 @@ import pytest
 from runs import derived_on_the_fly, model
 
 from kaneflex.report.summary import summarise
+from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
@@ -57,7 +58,7 @@ def test_energy_of_the_double_pendulum_drifts_as_the_page_says(method, cells, ex
     # the 7000 steps of Radau at 1e-12 take as long as all others
     for tolerance, cell in known[: 2 if method == "Radau" and not exhaustive else 3]:
         settings = (f"solve.forward.method={method}", f"solve.forward.tolerance={tolerance}")
-        energy = model("double-pendulum", "solve.duration=2 s", *settings).energy
+        energy = integrated(model("double-pendulum", "solve.duration=2 s", *settings)).energy
         steps, drift = map(float, cell.split(", "))
         assert len(energy.gap) - 1 == pytest.approx(steps, rel=0.1)
         assert drift / 3 < energy.drift < 3 * drift
@@ -71,12 +72,12 @@ def test_the_page_has_all_methods_and_tolerances():
 
 
 def test_energy_of_the_default_over_ten_chaotic_seconds():
-    assert model("double-pendulum").energy.drift < 1e-8
+    assert integrated(model("double-pendulum")).energy.drift < 1e-8
 
 
 def test_energy_with_springs_dampers_loads_and_prescribed_drives(tmp_path):
     """Every kind of power at once: a swinging bar on a cart whose slope is turned."""
-    energy = derived_on_the_fly(CART, tmp_path).energy
+    energy = integrated(derived_on_the_fly(CART, tmp_path)).energy
     assert energy.drift < 1e-9
     for part in (energy.kinetic, energy.strain, energy.weight, energy.dissipated, energy.supplied):
         assert np.ptp(part) > 0.1
@@ -87,9 +88,9 @@ def test_works_of_long_runs_are_summed_piece_by_piece(monkeypatch):
     from kaneflex.mechanism import energy
 
     settings = ("solve.preset=rigid", "solve.duration=0.3 s")
-    whole = model("four-bar-motor", *settings).energy
+    whole = integrated(model("four-bar-motor", *settings)).energy
     monkeypatch.setattr(energy, "_CHUNK", 7)
-    pieces = model.__wrapped__("four-bar-motor", *settings).energy
+    pieces = integrated(model.__wrapped__("four-bar-motor", *settings)).energy
     assert len(whole.gap) > 20
     for name in ("kinetic", "weight", "supplied"):
         assert getattr(pieces, name) == pytest.approx(getattr(whole, name), rel=1e-12)
@@ -109,7 +110,7 @@ def test_a_motion_that_can_not_go_on(tmp_path):
     """LSODA itself carries on without a word where forces are no longer numbers."""
     scene = CART.replace("2 - 0.5*pin_speed", "sqrt(0.5 - t + 0.001*pin)") + 'forward.method = "LSODA"'
     with pytest.raises(SceneError, match=r"^drives\.pin = 'free': the motion can't continue after t = 0\.[45]"):
-        derived_on_the_fly(scene, tmp_path)
+        integrated(derived_on_the_fly(scene, tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -131,4 +132,4 @@ def test_a_motion_that_is_too_fast_for_its_duration_is_refused(monkeypatch):
     """A hundred thousand seconds of a double pendulum would take half an hour, in silence."""
     monkeypatch.setattr("kaneflex.integrate.by_scipy._MOST", 2000)
     with pytest.raises(SceneError, match=r"20[0-9]{2} evaluations reach only t = [\d.]+ s of 100000 s\. Shorten"):
-        model("double-pendulum", "solve.duration=1e5 s", "solve.steps=7")
+        solve(model("double-pendulum", "solve.duration=1e5 s", "solve.steps=7"))

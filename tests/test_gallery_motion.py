@@ -63,7 +63,7 @@ def test_every_body_balances(name):
 
 def test_double_pendulum_keeps_its_energy():
     """Released at rest from the horizontal: 10 s of a chaotic motion without losing 1e-7 of the energy exchanged."""
-    found = model("double-pendulum")
+    found = run("double-pendulum").model
     E = energy(found.scene, found.motion.at(np.linspace(0, 10, 4001)))
     drift = np.abs(E - E[0]).max() / (1.0 * 9.81 * 0.5 + 0.5 * 9.81 * 1.35)
     assert drift < 1e-7

@@ -14,6 +14,7 @@ from kaneflex.fem.spatial_map import map_of
 from kaneflex.mechanism.affine import Affine, from_entries
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve import memory
+from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
@@ -82,9 +83,9 @@ def test_what_is_proposed_is_taken(monkeypatch):
 def test_tables_of_free_joints_are_bounded(monkeypatch):
     """However many steps an integrator takes; the motion stays what it was."""
     settings = ("solve.duration=2 s", "solve.steps=20", "solve.forward.tolerance=1e-12")
-    whole = model("double-pendulum", *settings)
+    whole = integrated(model("double-pendulum", *settings))
     monkeypatch.setattr("kaneflex.solve.forward._MOST_NUMBERS", 1e4)
-    few = model.__wrapped__("double-pendulum", *settings)
+    few = integrated(model.__wrapped__("double-pendulum", *settings))
     assert len(few.motion.parameters) < 1.5e4 < 0.5 * len(whole.motion.parameters)
     times = np.linspace(0.0, 2.0, 101)
     for name in ("pivot.angle", "elbow.angle"):

@@ -22,6 +22,7 @@ from kaneflex.plots.scheme import branches, scheme
 from kaneflex.plots.style import picture, styled
 from kaneflex.report.presentation import parts
 from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
+from kaneflex.solve.free_motion import integrated
 from kaneflex.support.errors import SceneError
 
 SCENES = tuple(name for name in shipped_scenes() if not read_scene(name).is_spatial)  # those have tests of their own
@@ -84,7 +85,7 @@ def written(folder: Path, text: str):
 @pytest.mark.parametrize("name", SCENES)
 def test_places_are_those_of_the_generated_motion(name):
     """At four configurations of the run, and on the right branch."""
-    found, scene = short(name), short(name).scene
+    found, scene = integrated(short(name)), short(name).scene
     if scene.is_frame:
         return
     for t in np.linspace(0.0, scene.horizon, 4):

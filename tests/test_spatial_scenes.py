@@ -16,6 +16,7 @@ from kaneflex.plots import draw_all
 from kaneflex.report.checked import description
 from kaneflex.response.undersampling import between_steps
 from kaneflex.scene import scene_of as inline
+from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.repeated_motion import harmonics_of
 
 PENDULUM = """
@@ -368,7 +369,7 @@ def test_every_body_is_in_balance_with_its_joints(tmp_path, free, cut):
     path = tmp_path / "balance.toml"
     drives = "".join(f"{name} = {{free = true}}\n" for name in free.split())
     path.write_text(f'schema = 1\nlike = "spatial-slider-crank"\n[drives]\n{drives}[solve]\nduration = 0.3\n')
-    model = load(read_scene(path))
+    model = integrated(load(read_scene(path)))
     assert list(model.module.system.layout.cuts) == [cut]
     times = np.linspace(0.01, 0.29, 5)
     rigid, scene = model.motion.at(times), model.scene
@@ -461,7 +462,7 @@ def test_constant_loads_are_not_looked_at_between_steps(tmp_path, monkeypatch):
         raise AssertionError("looked between the steps")
 
     push = '[loads]\npush = {force_on = "bar.end", direction = [0, 0, 1], value = 3}\n[sensors]'
-    model = load(scene_of(tmp_path, ("[sensors]", push)))
+    model = integrated(load(scene_of(tmp_path, ("[sensors]", push))))
     monkeypatch.setattr("kaneflex.response.undersampling._instants_of_rows", never)
     assert between_steps(model) == []
 
@@ -472,14 +473,14 @@ def test_loads_between_steps_are_those_of_the_motion(tmp_path):
 push = {{force_on = "bar.end", direction = [0, 0, 1], law = "{}"}}
 brake = {{torque_at = "hinge", law = "-hinge_speed * cos(hinge)"}}
 [sensors]"""
-    model = load(scene_of(tmp_path, ("[sensors]", push.format("3 * sin(7 * t) + hinge**2"))))
+    model = integrated(load(scene_of(tmp_path, ("[sensors]", push.format("3 * sin(7 * t) + hinge**2")))))
     times = np.linspace(0.0, 1.0, 357)
     found = model.motion.acting(times, model.motion.at(model.step * np.arange(model.options.steps + 1)))
     wanted = model.motion.at(times)
     for name in ("push", "brake"):
         assert found[name] == pytest.approx(wanted[name], abs=1e-7 * abs(wanted[name]).max())
     assert between_steps(model) == []
-    knock = load(scene_of(tmp_path, ("[sensors]", push.format("3 * exp(-((t - 0.50025) / 0.0001)**2)"))))
+    knock = integrated(load(scene_of(tmp_path, ("[sensors]", push.format("3 * exp(-((t - 0.50025) / 0.0001)**2)")))))
     assert any("loads.push changes and returns within a step" in said for said in between_steps(knock))
 
 

@@ -11,7 +11,7 @@ from kaneflex.cli.command import Count, command, json_option, print_json
 from kaneflex.cli.folders import path_option
 from kaneflex.cli.scene import SceneArguments, at_option, gathered, scene_options, uncollected
 from kaneflex.support.errors import SceneError
-from kaneflex.support.terminal import Waiting, echo
+from kaneflex.support.terminal import Waiting, echo, share_of
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -70,11 +70,12 @@ def check(asked: SceneArguments, as_json: bool) -> None:
     from kaneflex.report.checked import description, notes, warnings
     from kaneflex.report.presentation import as_json as blocks_as_json
     from kaneflex.report.presentation import printed
+    from kaneflex.solve.free_motion import uncoupled
     from kaneflex.solve.loading import load
 
     scene = asked.read()
     with Waiting() as waiting:
-        model = load(scene, waiting)
+        model = uncoupled(load(scene, waiting), share_of(waiting, "forward dynamics of the rigid mechanism"))
     about, doubts, remarks = description(model), list(warnings(model)), list(notes(model))
     echo(blocks_as_json(scene, about, warnings=doubts, notes=remarks) if as_json else printed(scene, about))
     for warning in doubts:

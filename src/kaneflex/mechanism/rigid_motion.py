@@ -11,6 +11,7 @@ import numpy as np
 
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, coefficients, numbered_entries
 from kaneflex.mechanism.body_frame import BodyFrame
+from kaneflex.support.errors import SceneError
 
 _MANY = 200
 """Number of terms above which a matrix is summed entry by entry, since most entries have few terms."""
@@ -25,6 +26,11 @@ class RigidKinematics:
 
     module: ModuleType
     parameters: np.ndarray
+
+    @property
+    def is_start(self) -> bool:
+        """True if free joints are not integrated yet, so that the motion is known at its start only."""
+        return False
 
     @cached_property
     def column(self) -> dict[str, int]:
@@ -55,6 +61,30 @@ class RigidKinematics:
     def acting(self, times: np.ndarray, seen: RigidMotion) -> RigidMotion:
         """Motion at ``times`` [s], at least its loads and speeds of links; ``seen`` holds all of it at every step."""
         return self.at(times)
+
+
+@dataclass(frozen=True, eq=False)
+class StartKinematics(RigidKinematics):
+    """Rigid motion at its start, before free joints are integrated; ``given``: parameters without their courses."""
+
+    given: np.ndarray
+
+    @property
+    def is_start(self) -> bool:
+        return True
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        if np.any(times):
+            raise not_integrated(float(np.max(times)))
+        return super().table(times)
+
+
+def not_integrated(t: float) -> SceneError:
+    """Error for a motion of free joints after its start that no run has integrated."""
+    return SceneError(
+        "t", t, "a loaded model knows the motion of free joints at t = 0 only: a run integrates it",
+        "Use the model of a run, simulate(model).model",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

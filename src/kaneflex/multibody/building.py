@@ -34,6 +34,7 @@ from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
+    from kaneflex.mechanism.energy import Energy
     from kaneflex.multibody.spatial_motion import SpatialKinematics
 
 _SAMPLES = 4001
@@ -53,10 +54,9 @@ def build_model(
     """
     reference, warnings = reference_instant(scene, options, motion)
     if like is not None and _same_equations(scene, options, motion, like):
-        return replace(
-            like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None, warnings=(),
-            seconds={},
-        )  # fmt: skip
+        model = replace(like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None,
+                        seconds={})  # fmt: skip
+        return replace(model, warnings=(*warnings, *(_without_modes(model) if model.equations.size else ())))
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         return rigid_model(scene, options, motion, reference)
     if bare:
@@ -80,9 +80,7 @@ def build_model(
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, stage.motion, stage.links, stage.parts, stage.bases, stage.interfaces, frame,
                   equations, equations, None, reference)  # fmt: skip
-    if scene.damping is None and options.reduction != "modal" and not has_modes(model):
-        place, reason, cure = _said_of_reference(model)
-        warnings = (*warnings, f"no modes at solve.mode_angle = {place}, {reason}: {cure[:1].lower()}{cure[1:]}")
+    warnings = (*warnings, *_without_modes(model))
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model, model if frozen is None else frozen)
         model = replace(model, equations=equations, reduced=equations)
@@ -94,6 +92,14 @@ def build_model(
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
     return replace(model, warnings=(*warnings, *stage.warnings))
+
+
+def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
+    """Model of the same scene along an integrated motion, of which it had known the start."""
+    found = build_model(model.scene, model.options, motion, like=model)
+    warnings = (*found.warnings, *model.warnings)
+    found = replace(found, energy=energy, warnings=warnings, seconds=model.seconds, given=model.given)
+    return found.sharing(model)
 
 
 def _links(scene: Scene, options: Options, motion: RigidKinematics) -> dict[str, Link]:
@@ -219,7 +225,7 @@ def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -
     Raises SceneError if the first drive never reaches the requested position.
     """
     instant = stands_at(scene, options.mode_angle, motion)
-    if instant is not None or options.dynamics == "rigid":
+    if instant is not None or options.dynamics == "rigid" or motion.is_start:
         return instant or 0.0, ()
     name, drive = next(iter(scene.drives.items()))
     angles = motion.moved(np.linspace(0.0, scene.horizon, _SAMPLES))[f"{name}.angle"]
@@ -252,7 +258,7 @@ def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float
     if drive.kind == "constant speed" and drive.speed and not scene.slides(name):
         instant = (coordinate - drive.start) / drive.speed
         return instant if 0.0 <= instant <= scene.horizon else instant % (turn / abs(drive.speed))
-    times = np.linspace(0.0, scene.horizon, _SAMPLES)
+    times = np.zeros(1) if motion.is_start else np.linspace(0.0, scene.horizon, _SAMPLES)
     ahead = motion.moved(times)[f"{name}.angle"] - coordinate
     around = ahead if math.isinf(turn) else ahead - turn * np.round(ahead / turn)
     reached = REACHED["m" if math.isinf(turn) else "rad"]
@@ -319,6 +325,14 @@ def _said_of_reference(model: Model) -> tuple[str, str, str]:
         reason = f"a dead centre or change point, where {name} does not determine the motion"
         return model.scene.written_coordinate(name, at), reason, cure
     return "0", "a position where the mechanism locks", cure
+
+
+def _without_modes(model: Model) -> tuple[str, ...]:
+    """Warning about a reference configuration without modes, if nothing needs them."""
+    if model.scene.damping is not None or model.options.reduction == "modal" or has_modes(model):
+        return ()
+    place, reason, cure = _said_of_reference(model)
+    return (f"no modes at solve.mode_angle = {place}, {reason}: {cure[:1].lower()}{cure[1:]}",)
 
 
 def no_modes(model: Model) -> SceneError:

@@ -54,7 +54,7 @@ class Model:
     scene, options
         What is modelled, and how.
     motion : RigidKinematics
-        Rigid motion.
+        Rigid motion; before a run that integrates free joints, at its start only.
     links : mapping of str to Link
         Elastic bodies with their meshes.
     parts : mapping of str to Part
@@ -74,7 +74,7 @@ class Model:
     coupled : CoupledSystem or None
         The coupled equations, under preset ``coupled``.
     energy : Energy or None
-        Of the rigid mechanism, where its free joints were integrated before anything deforms.
+        Of the rigid mechanism or, in space, of the coupled one: of the model of a run that integrated its motion.
     seconds : mapping
         Wall time of the stages of loading.
     given : Scene or None
@@ -139,6 +139,12 @@ class Model:
     def coupled_in_space(self) -> CoupledKinematics | None:
         """The motion of a mechanism in space under preset ``coupled``, which has its shapes; None of others."""
         return cast("CoupledKinematics", self.in_space) if self.options.dynamics == "coupled" else None
+
+    @property
+    def awaits_run(self) -> bool:
+        """True if a run integrates the motion first, of free joints or of a coupled mechanism in space."""
+        coupled = self.coupled_in_space
+        return self.motion.is_start or (coupled is not None and coupled.verdict is None)
 
     @property
     def bare(self) -> bool:

@@ -9,10 +9,10 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.fem.spatial_links import link_of_scene
-from kaneflex.multibody.cycles import COMPLETED, Verdict
+from kaneflex.multibody.cycles import Verdict
 from kaneflex.multibody.load_steps import FARTHEST, UNBALANCED, in_load_steps
 from kaneflex.multibody.spatial_choice import choose
-from kaneflex.multibody.spatial_curves import Curve, Followed
+from kaneflex.multibody.spatial_curves import Curve, Followed, Standing
 from kaneflex.multibody.spatial_linear import neighbours
 from kaneflex.multibody.spatial_modal_data import held_shapes
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
@@ -35,20 +35,18 @@ _BENT = 0.02
 @dataclass(frozen=True, eq=False)
 class CoupledKinematics(SpatialKinematics):
     """Motion of deforming bodies: their axes and shapes; ``rigid``: motion of the rigid mechanism with the same
-    positions of free joints; ``freedoms``: independent speeds; ``verdict``: result of a search for a periodic
-    motion."""
+    positions of free joints; ``freedoms``: independent speeds; ``verdict``: outcome of the run. Before it there is
+    none: bodies are undeformed, and follow the drives or, with free joints, are at their start."""
 
     rigid: SpatialKinematics
     freedoms: int
-    verdict: Verdict = COMPLETED
+    verdict: Verdict | None = None
 
     def along(self, curve: Curve) -> CoupledKinematics:
         """The same mechanism in another motion."""
-        beside = self.rigid.curve
-        assert isinstance(beside, _Beside)
-        moved = SpatialKinematics(self.module, self.parameters, curve)
-        rigid = replace(self.rigid, curve=_Beside(moved, beside.system, beside.start))
-        return replace(self, curve=curve, rigid=rigid)
+        moved, rigid = SpatialKinematics(self.module, self.parameters, curve), self.rigid
+        beside = _Beside(moved, rigid.module.system, rigid.curve.start)
+        return replace(self, curve=curve, rigid=replace(rigid, curve=beside))
 
     def undeformed(self, t: float) -> State:
         """State at t [s] with zero shapes at rest: by the drives if they prescribe it, else from the motion."""
@@ -76,10 +74,17 @@ def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> 
     return build_spatial_system(scene, module, flexible, coupled=True)
 
 
-def beside(coupled: SpatialKinematics, first: State, rigid: SpatialSystem, start: State) -> CoupledKinematics:
-    """Coupled motion from its first state, with that of the rigid mechanism beside it from its own start."""
-    motion = SpatialKinematics(SpatialModule(rigid), rigid.parameters, _Beside(coupled, rigid, start))
-    return CoupledKinematics(coupled.module, coupled.parameters, coupled.curve, motion, len(first.choice.independent))
+def before_run(module: SpatialModule, first: State) -> CoupledKinematics:
+    """Motion of a coupled system, at ``first`` at the start, as far as it is known before a run."""
+    system = module.system
+    alone = build_spatial_system(system.scene, system.module, coupled=True, balls=system.layout.kept)
+    start = start_of(alone)
+    rigid = SpatialKinematics(SpatialModule(alone), alone.parameters, Followed(alone, start))
+    freedoms = len(first.choice.independent)
+    if not module.FREE:
+        return CoupledKinematics(module, system.parameters, Followed(system, start_of(system)), rigid, freedoms)
+    found = CoupledKinematics(module, system.parameters, Standing(system, first), rigid, freedoms)
+    return found.along(found.curve)
 
 
 class _Beside(Curve):

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from kaneflex.mechanism.rigid_motion import not_integrated
 from kaneflex.multibody.spatial_choice import choose_anew
 from kaneflex.multibody.spatial_instant import GROWN, check
 from kaneflex.multibody.spatial_system import SpatialSystem, State
@@ -20,6 +21,7 @@ class Curve(ABC):
     """States of a mechanism by the time [s]; ``work`` of the system then has the last one."""
 
     system: SpatialSystem
+    start: State
 
     @abstractmethod
     def __call__(self, t: float) -> State:
@@ -36,13 +38,15 @@ class Curve(ABC):
 
 
 class Standing(Curve):
-    """Curve of a mechanism at rest at its start."""
+    """Start of a mechanism, before free joints or shapes are integrated."""
 
     def __init__(self, system: SpatialSystem, start: State) -> None:
         self.system, self.start = system, start
 
     def __call__(self, t: float) -> State:
         start = self.start
+        if t != start.t:
+            raise not_integrated(t)
         return self.system.project(start.t, start.q, start.u, start.choice)
 
 
@@ -53,7 +57,7 @@ class Followed(Curve):
     """
 
     def __init__(self, system: SpatialSystem, start: State) -> None:
-        self.system, self.track, self.last = system, [start], start
+        self.system, self.start, self.track, self.last = system, start, [start], start
 
     def __call__(self, t: float) -> State:
         self.rows(np.array([float(t)]))

@@ -194,6 +194,7 @@ def elastic_stage(
                 if drive.rotation == "held" or not any(side.body in links for side in mechanism.joints[name].sides)]
     held_too += [name for name, joint in scene.joints.items() if joint.rotation == "shared"]
     times = np.append(0.0, options.duration * (np.arange(_SAMPLES) + _IRREGULAR) / _SAMPLES)
+    times = times[:1] if motion.is_start else times
     found = map_of(Joined(mechanism, links, parts, held_too), motion.at(times))
     maps = {name: found.of(name) for name in parts}
     moving = {name: part for name, part in parts.items() if name in links or maps[name].pattern().any()}

@@ -12,7 +12,7 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.spatial_bushings import ENERGY
 from kaneflex.multibody.spatial_choice import least_singular_values
-from kaneflex.multibody.spatial_curves import Curve
+from kaneflex.multibody.spatial_curves import Curve, Standing
 from kaneflex.multibody.spatial_reactions import COMPONENTS, cross, joint_wrenches
 from kaneflex.multibody.spatial_sections import joined_frames, modal_scalars, modal_series
 from kaneflex.multibody.spatial_system import SpatialSystem
@@ -124,6 +124,10 @@ class SpatialKinematics(RigidKinematics):
     module: SpatialModule  # type: ignore[assignment]
     parameters: np.ndarray
     curve: Curve
+
+    @property
+    def is_start(self) -> bool:
+        return isinstance(self.curve, Standing)
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""

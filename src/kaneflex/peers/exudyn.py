@@ -50,10 +50,11 @@ def solve(
     """
     exudyn = check(scene)
     from kaneflex.scene import with_settings
+    from kaneflex.solve.free_motion import integrated
     from kaneflex.solve.loading import load
 
     preset = "stiffened" if not scene.is_spatial else scene.solve.preset if has_elastic(scene) else "rigid"
-    model = load(with_settings(scene, [f"solve.preset={preset}"]), progress)
+    model = integrated(load(with_settings(scene, [f"solve.preset={preset}"]), progress))
     progress("building the scene in Exudyn")
     steps = resolution.steps or 4 * model.options.steps
     build, recorder_of = _planar_or_spatial(scene)

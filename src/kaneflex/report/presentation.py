@@ -65,8 +65,9 @@ def modelled(model: Model) -> Blocks:
 
 
 def is_followed(model: Model) -> bool:
-    """True where the rigid motion is that of the run: not under preset coupled where joints are free."""
-    return bool(model.scene.drives) and not (model.coupled is not None and model.module.FREE)
+    """True if the rigid motion over the run is known: under preset coupled with free joints only its start is."""
+    known = not model.motion.is_start and not (model.coupled is not None and model.module.FREE)
+    return bool(model.scene.drives) and known
 
 
 def _reach(model: Model) -> dict[str, str]:

@@ -197,7 +197,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
             derive_s=seconds["derive"],
             compile_s=seconds["compile"],
             set_up_s=seconds["set_up"],
-            integrate_s=seconds["integrate"] + solution.seconds,
+            integrate_s=solution.seconds,
             ns_per_step=trajectory.ns_per_step,
         ),
         operations={

@@ -14,6 +14,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
+from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.loading import load
 from kaneflex.solve.one_way import one_way_cure
 from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of
@@ -77,7 +78,7 @@ def c_model(
 
     if scene.is_spatial:
         check_cycle(scene, asked)
-    model = load(scene, progress)
+    model = integrated(load(scene, progress))
     name, texts = prefix_of(scene.name), dict[str, str]()
     data = [array_in_c("double", f"{name}_p", map(_number, model.motion.parameters))]
     sources, declared, readings = [f"{name}.c", f"{name}_data.c"], "", None

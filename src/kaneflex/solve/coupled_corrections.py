@@ -23,6 +23,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.solve.coupled import as_solution, beginning, method_of, repeated
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown, values_of, with_half_elements
+from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.loading import load, refined
 from kaneflex.solve.simulation import solve, storing
 from kaneflex.solve.solution import Solution
@@ -98,10 +99,10 @@ def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) ->
     """Motion of a richer model in space at the compared instants."""
     if options.start == "given":
         raise Unknown("in space, a given initial state can't be transferred to other shapes")
-    model = refined(read.model, scene, options, _CLOSER)
-    assert model.coupled_in_space is not None
-    _check(*model.coupled_in_space.verdict[:2])
-    progress(1.0)
+    model = integrated(refined(read.model, scene, options), progress, _CLOSER)
+    coupled = model.coupled_in_space
+    assert coupled is not None and coupled.verdict is not None
+    _check(*coupled.verdict[:2])
     return _spatial_motion(model, read)
 
 
@@ -151,7 +152,7 @@ def coupling_change(read: Read, stages: list[Stage], progress: Progress) -> dict
     _check(found.outcome, found.message)
     motion: Motion
     if model.scene.is_spatial:
-        motion = _spatial_motion(model, read)
+        motion = _spatial_motion(found.model, read)
     else:
         motion = found.motion.taken(read.stored * storing(read.model))
     beside = [read.values, *(values for kind, values in stages if kind != "elements")][-1]

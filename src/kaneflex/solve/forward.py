@@ -19,7 +19,7 @@ from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.energy import Energy, rigid_energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, StartKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -32,8 +32,32 @@ _PIECES = 10
 """Cubics per stretch of an integrator of eighth order, whose dense output is as accurate as its steps."""
 _MOST_NUMBERS = 2e7
 """Largest count of numbers in the tables of all courses (160 MB); beyond it several steps share a stretch."""
+_AROUND = np.array([0.0, 0.5, 1.0])
+"""Instants [s] of the courses with constant acceleration that give the motion at the start."""
 _COURSES = 5 * 3
 """Numbers per instant and joint: time and cubic, for coordinate, speed and acceleration."""
+
+
+def at_start(scene: Scene, module: ModuleType, parameters: np.ndarray) -> StartKinematics:
+    """Rigid motion at the start of the free joints.
+
+    Raises SceneError if it can't start: the linkage can't close, the mass matrix is singular, or forces are not finite.
+    """
+    accelerations, inertia = forward_equations(module, parameters)
+    start, count = _start(scene, module), len(module.FREE)
+    epsilon = accelerations(0.0, start)
+    check_start(mechanism_of(scene), standing(module, parameters, 0.0, start), epsilon, inertia(0.0, start))
+    states, own = np.repeat(start[:, None], 3, axis=1), np.repeat(epsilon[:, None], 3, axis=1)
+    states[:count, 1:] += start[count:, None] * _AROUND[1:] + 0.5 * epsilon[:, None] * _AROUND[1:] ** 2
+    states[count:, 1:] += epsilon[:, None] * _AROUND[1:]
+    return StartKinematics(module, with_courses(module, parameters, _AROUND, states, own), parameters)
+
+
+def _start(scene: Scene, module: ModuleType) -> np.ndarray:
+    """Coordinates, then speeds of the free joints at the start, (2 n,)."""
+    return np.concatenate([
+        [getattr(scene.drives[name], key) for name in module.FREE] for key in ("start", "initial_speed")
+    ])  # fmt: skip
 
 
 def integrate_free_joints(
@@ -58,16 +82,12 @@ def integrate_free_joints(
     Raises
     ------
     SceneError
-        If the motion can't start or continue: the linkage can't close, the mass matrix is singular, forces are not
-        finite, or too many steps are needed. Names joint, position and time.
+        If the motion can't continue: a loop locks, forces are not finite, or too many steps are needed. Names joint,
+        position and time.
     """
-    accelerations, inertia = forward_equations(module, parameters)
-    start = np.concatenate([
-        [getattr(scene.drives[name], key) for name in module.FREE] for key in ("start", "initial_speed")
-    ])  # fmt: skip
+    accelerations, start = forward_equations(module, parameters)[0], _start(scene, module)
     times, states, epsilon = [0.0], [start], [accelerations(0.0, start)]
     mechanism = mechanism_of(scene)
-    check_start(mechanism, standing(module, parameters, 0.0, start), epsilon[0], inertia(0.0, start))
     run = _Steps(scene, module, parameters, options, accelerations)
     for stretch in run.stretches(start):
         share(times[-1] / options.duration)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.fem.mobility import check_determined, check_held_twice
-from kaneflex.mechanism.closure import SWEEP, check_closure, stand
+from kaneflex.mechanism.closure import SWEEP, stand
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
@@ -28,14 +28,13 @@ from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, mode
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.initial import check_start
-from kaneflex.solve.law_checks import check_finite, check_springs
+from kaneflex.solve.law_checks import check_finite, check_motion, check_springs
 from kaneflex.solve.memory import MAX_STORED, check_memory
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
-from kaneflex.support.terminal import share_of, silent
+from kaneflex.support.terminal import silent
 
 if TYPE_CHECKING:
-    from kaneflex.mechanism.energy import Energy
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
     from kaneflex.multibody.system import CoupledSystem
 
@@ -111,34 +110,25 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
     motion = RigidKinematics(module, bind_parameters(scene, module))
     # call a kernel once, so that compilation is reported and timed separately
     compiled = compiled_by(progress, lambda: motion.table(np.zeros(1)))
-    began = time.perf_counter()
-    motion, energy = _moving(scene, motion, options, progress)
-    integrated = time.perf_counter() - began if module.FREE else 0.0
-    check_closure(mechanism_of(scene), motion, options.duration)
-    check_springs(scene, motion, options)
-    check_finite(scene, motion, options)
-    model = build_model(scene, options, motion, like=like)
-    warnings = (*model.warnings, *implausible(scene), *ignored)
-    if module.FREE and options.dynamics != "rigid":
-        warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
-    model = replace(model, energy=energy, warnings=warnings)
-    return timed(model, started, derived, compiled, integrated)
-
-
-def _moving(
-    scene: Scene, motion: RigidKinematics, options: Options, progress: Progress
-) -> tuple[RigidKinematics, Energy | None]:
-    """Rigid motion with followed loops and integrated free joints, and the energy of the latter."""
-    module, energy = motion.module, None
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
     if module.FREE:
-        from kaneflex.solve.forward import integrate_free_joints
+        from kaneflex.solve.forward import at_start
 
-        share = share_of(progress, "forward dynamics of the rigid mechanism")
-        motion, energy = integrate_free_joints(scene, module, motion.parameters, options, share)
-    return motion, energy
+        motion = at_start(scene, module, motion.parameters)
+    else:
+        check_motion(scene, motion, options)
+    model = build_model(scene, options, motion, like=like)
+    warnings = (*implausible(scene), *ignored)
+    if module.FREE and options.dynamics != "rigid":
+        warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
+    return timed(with_warnings(model, warnings), started, derived, compiled)
+
+
+def with_warnings(model: Model, more: tuple[str, ...]) -> Model:
+    """The model with further warnings; those of the equations follow from the motion, which may not be known yet."""
+    return replace(model, warnings=more if model.motion.is_start else (*model.warnings, *more))
 
 
 def compiled_by(progress: Progress, *compile: Callable[[], object]) -> float:
@@ -150,11 +140,10 @@ def compiled_by(progress: Progress, *compile: Callable[[], object]) -> float:
     return time.perf_counter() - started
 
 
-def timed(model: Model, started: float, derived: float, compiled: float, integrated: float = 0.0) -> Model:
+def timed(model: Model, started: float, derived: float, compiled: float) -> Model:
     """The model with the times of its stages [s], its start checked."""
-    set_up = time.perf_counter() - started - derived - compiled - integrated
-    stages = {"derive": derived, "compile": compiled, "set_up": set_up, "integrate": integrated}
-    model = replace(model, seconds=stages)
+    set_up = time.perf_counter() - started - derived - compiled
+    model = replace(model, seconds={"derive": derived, "compile": compiled, "set_up": set_up})
     check_start(model)
     return model
 
@@ -299,16 +288,15 @@ def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options,
     return replace(found, coupled=system)
 
 
-def refined(model: Model, scene: Scene, options: Options, closer: float = 1.0) -> Model:
+def refined(model: Model, scene: Scene, options: Options) -> Model:
     """Coupled model with other options, of a scene that differs in elements and numbers of modes only.
 
-    The module is reused. ``closer``: factor on the tolerance of a cycle's change, in space, where the motion is
-    computed here.
+    The module is reused.
     """
     if scene.is_spatial:
         from kaneflex.solve.spatial_loading import refined_in_space
 
-        return refined_in_space(model, scene, options, closer)
+        return refined_in_space(model, scene, options)
     from kaneflex.multibody.system import refined_system
 
     assert model.coupled is not None

@@ -12,6 +12,7 @@ from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.model import Model
 from kaneflex.scene import with_settings
 from kaneflex.scene.read import SceneLike
+from kaneflex.solve.free_motion import uncoupled
 from kaneflex.solve.loading import load
 from kaneflex.solve.solution import MOST_FREQUENCIES
 from kaneflex.support.arguments import takes
@@ -84,7 +85,7 @@ def modes(scene: SceneLike, count: int | None = None, progress: Callable[[str], 
     SceneError
         If the scene can't be loaded, no body is elastic, or it has fewer modes.
     """
-    model = load(scene, progress)
+    model = uncoupled(load(scene, progress))
     if model.options.dynamics != "coupled":
         number = _count(model, model.equations.size, count)
         omega, shapes = reference_modes(model, number)

@@ -12,12 +12,14 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.scene.read import SceneLike
+from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import model_from
 from kaneflex.solve.memory import MAX_STORED
 from kaneflex.solve.solution import Solution
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, ValidityWarning
+from kaneflex.support.terminal import silent
 
 if TYPE_CHECKING:
     from kaneflex.integrate.run import Run
@@ -76,8 +78,19 @@ def solve(model: Model, progress: Progress | None = None, after: Solution | Stat
         reason = "only coupled runs of planar scenes can be continued"
         raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled of a planar scene")
     started = time.perf_counter()
+    model, progress = _moved(model, progress or silent)
     trajectory = _METHODS[model.options.dynamics](model, progress)
     return _until_stop(Solution(model, trajectory, time.perf_counter() - started))
+
+
+def _moved(model: Model, progress: Progress) -> tuple[Model, Progress]:
+    """Model with an integrated motion, which half of the work is if elastic equations follow, and the rest's progress.
+    """
+    if not model.awaits_run:
+        return model, progress
+    part = 1.0 if model.options.dynamics in ("rigid", "coupled") else 0.5
+    found = integrated(model, lambda done: progress(part * done))
+    return found, lambda done: progress(part + (1.0 - part) * done)
 
 
 def _until_stop(solution: Solution) -> Solution:
@@ -95,8 +108,9 @@ def _instants(model: Model) -> np.ndarray:
 def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
     times = _instants(model)
     none = np.zeros((len(times), 0))
-    if model.coupled_in_space is not None:
-        return Trajectory(times, none, none, none, *model.coupled_in_space.verdict, 0.0)
+    coupled = model.coupled_in_space
+    if coupled is not None and coupled.verdict is not None:
+        return Trajectory(times, none, none, none, *coupled.verdict, 0.0)
     return _completed(times, none, none, none, 0.0)
 
 

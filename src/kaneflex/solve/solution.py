@@ -377,9 +377,10 @@ def _restored(
     scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None
 ) -> Solution:
     """Solution from its pickled parts."""
+    from kaneflex.solve.free_motion import integrated
     from kaneflex.solve.loading import load
 
-    model = load(scene)
+    model = integrated(load(scene))
     if isinstance(trajectory, Trajectory):
         return Solution(model, trajectory, seconds, whole)
     from kaneflex.solve.coupled import as_solution

@@ -27,6 +27,7 @@ from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.model import Model
 from kaneflex.scene.read import SceneLike
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
+from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.loading import model_from
 from kaneflex.solve.modelica import modelica
 from kaneflex.support.arguments import takes
@@ -173,6 +174,7 @@ def linearise(model: SceneLike, t: float | None = None, sensors: Sequence[str] |
     if model.scene.is_spatial and model.options.dynamics != "coupled":
         reason = "in space only preset coupled can be linearised"
         raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled")
+    model = integrated(model) if model.motion.is_start else model
     t = model.reference_time if t is None else t
     chosen = _chosen(model, sensors)
     found = (_coupled if model.options.dynamics == "coupled" else _one_way)(model, t, chosen)

@@ -88,6 +88,7 @@ def run(scene: Scene, judged: bool = False, progress: Progress = lambda stage: N
     ended = time.perf_counter()
     once = model.seconds["derive"] + model.seconds["compile"]
     times = (once, loaded - started - once, solved - loaded, ended - solved)
+    model = solution.model
     notes = solution.warnings if judged else model.warnings
     curves = Curves(solution.times, values, {}, tuple(notes), solution.seconds, tuple(between_steps(model)))
     return Run(curves, Timing(*times, model.options.steps, operations(model)), judged)

@@ -13,6 +13,7 @@ from kaneflex.response.frozen import INSTANTS, Buckling, Frozen, buckling, freez
 from kaneflex.response.whirl import turns, whirl
 from kaneflex.scene import Scene
 from kaneflex.scene.read import SceneLike, scene_from
+from kaneflex.solve.free_motion import uncoupled
 from kaneflex.solve.loading import load
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.study.stability.sweep import FORWARD, ORDERS, Sweep, check_sweep, sweep
@@ -111,7 +112,7 @@ def stability(
     if speeds is not None:
         check_sweep(scene)
     stage = progress or silent
-    model = load(scene, stage)
+    model = uncoupled(load(scene, stage))
     stage("multipliers")
     multipliers = floquet_multipliers(model)
     frozen = freeze(model, FREQUENCIES, INSTANTS)

@@ -13,6 +13,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import FEW_INSTANTS, freeze
 from kaneflex.response.whirl import Whirl, turns, whirl
 from kaneflex.scene import Scene
+from kaneflex.solve.free_motion import uncoupled
 from kaneflex.solve.variants import Variants
 from kaneflex.study.stability.floquet import Multipliers, floquet_multipliers
 from kaneflex.support.errors import SceneError
@@ -152,7 +153,7 @@ def sweep(
     way = math.copysign(1.0, scene.drives[drive].speed or 1.0)
 
     def at(speed: float) -> tuple[Model, Multipliers]:
-        model = variants.load([f"drives.{drive}.speed={way * float(speed)!r}"])
+        model = uncoupled(variants.load([f"drives.{drive}.speed={way * float(speed)!r}"]))
         return model, floquet_multipliers(model)
 
     found: dict[float, tuple[Multipliers, np.ndarray, Whirl | None, bool]] = {}

@@ -1,0 +1,115 @@
+"""Runs of mechanisms in space whose motion the drives do not prescribe: of free joints and of deforming bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.planar import whole_turns
+from kaneflex.multibody.building import moving, reference_instant
+from kaneflex.multibody.cycles import COMPLETED, Verdict
+from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_coupled import CoupledKinematics, balanced, taken_turns
+from kaneflex.multibody.spatial_cycles import SpatialCycles
+from kaneflex.multibody.spatial_forward import Run
+from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
+from kaneflex.multibody.spatial_start import start_of
+from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
+from kaneflex.scene.options import Options
+from kaneflex.solve.law_checks import check_finite, check_springs
+from kaneflex.solve.spatial_checks import check_stage, with_open_reactions
+from kaneflex.solve.spatial_initial import given_state, slow_state
+from kaneflex.support.errors import SceneError
+
+Share = Callable[[float], None]
+_LOOKED_AT = 200
+"""Instants of a run at which the deformation is checked."""
+_REPEATS = 1e-6
+"""Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
+
+
+def integrated_in_space(model: Model, share: Share, closer: float = 1.0) -> Model:
+    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
+    begun, coupled, options = model.in_space, model.coupled_in_space, model.options
+    assert begun is not None
+    system, verdict = begun.module.system, COMPLETED
+    if coupled is not None and options.start == "periodic":
+        run, verdict = _cycle(system, start_of(system), options, share, closer)
+    else:
+        start = begun.curve.start if coupled is None else _first(system, options)
+        run = Run(system, options, start, share)
+        run.go()
+    motion, energy = run.moving(SpatialModule(system))
+    if coupled is not None:
+        motion = replace(coupled.along(run), verdict=verdict)
+    if begun.is_start:
+        motion = with_open_reactions(motion, options)
+        check_springs(model.scene, motion, options)
+        check_finite(model.scene, motion, options)
+    return _with_run(model, motion, energy, run)
+
+
+def _with_run(model: Model, motion: SpatialKinematics, energy: Energy, run: Run) -> Model:
+    """Model in space along an integrated motion, with the warnings of its run."""
+    scene, options, turns = model.scene, model.options, list[str]()
+    if isinstance(motion, CoupledKinematics):
+        reference = reference_instant(scene, options, motion)[0] if model.motion.is_start else model.reference_time
+        found = replace(model, motion=motion, reference_time=reference, energy=energy)
+        turns = taken_turns(motion, np.linspace(0.0, options.duration, _LOOKED_AT))
+    else:
+        found = moving(model, motion, energy)
+        check_stage(found)
+    return replace(found, warnings=(*found.warnings, *run.passing.warnings, *turns))
+
+
+def _first(system: SpatialSystem, options: Options) -> State:
+    """Initial state of a coupled mechanism in space."""
+    start = start_of(system)
+    if options.start == "quasistatic":
+        return slow_state(system, start, options.duration)
+    return given_state(system, start) if options.start == "given" else start
+
+
+def _cycle(
+    system: SpatialSystem, start: State, options: Options, share: Share, closer: float
+) -> tuple[Run, Verdict]:
+    """Periodic motion near a start, and the verdict on it.
+
+    Raises SceneError if drives or loads are not periodic, or the motion can't continue.
+    """
+    _check_repeats(system, start, options.duration)
+    try:
+        start = balanced(system, start)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        pass  # fast motion may have no equilibrium nearby
+    run, verdict = SpatialCycles(system, options, start, closer).repeated(start, share)
+    if verdict is None:
+        assert run.stopped is not None
+        raise run.stopped
+    return run, verdict
+
+
+def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None:
+    """Raise SceneError unless drives and loads are periodic, up to full turns."""
+    courses = [system.courses(t) for t in (0.0, duration)]
+    x = np.array([start.q[system.columns(system.told_joints, COORDINATE)],
+                  start.u[system.columns(system.told_joints, SPEED)]])  # fmt: skip
+    sizes = []
+    for t, course in zip((0.0, duration), courses, strict=True):
+        told = {name: row for name, row in zip(system.driven, course, strict=True)}
+        known = [told.get(name, column)[:2] for name, column in zip(system.told_joints, x.T, strict=True)]
+        sizes.append(system.magnitudes(t, *np.array(known).reshape(-1, 2).T))
+    turns = [system.mechanism.joints[name].kind != "prismatic" for name in system.driven]
+    change = courses[1] - courses[0]
+    change[turns, 0] -= whole_turns(change[turns, 0])
+    named = [*zip(system.driven, change, courses[0], strict=True)]
+    named += zip(system.mechanism.loads, sizes[1] - sizes[0], sizes[0], strict=True)
+    for name, changed, before in named:
+        if (abs(changed) > _REPEATS * max(1.0, abs(before).max())).any():
+            reason = f"{name} is not periodic"
+            cure = "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic"
+            raise SceneError("solve.start", "periodic", reason, cure)
