@@ -63,22 +63,6 @@ class RigidKinematics:
         return self.at(times)
 
 
-@dataclass(frozen=True, eq=False)
-class StartKinematics(RigidKinematics):
-    """Rigid motion at its start, before free joints are integrated; ``given``: parameters without their courses."""
-
-    given: np.ndarray
-
-    @property
-    def is_start(self) -> bool:
-        return True
-
-    def table(self, times: np.ndarray) -> np.ndarray:
-        if np.any(times):
-            raise not_integrated(float(np.max(times)))
-        return super().table(times)
-
-
 def not_integrated(t: float) -> SceneError:
     """Error for a motion of free joints after its start that no run has integrated."""
     return SceneError(

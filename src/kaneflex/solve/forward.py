@@ -8,6 +8,7 @@ coordinates: constraints hold exactly, without drift.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
@@ -19,7 +20,7 @@ from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.energy import Energy, rigid_energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, StartKinematics
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_integrated
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -36,6 +37,22 @@ _AROUND = np.array([0.0, 0.5, 1.0])
 """Instants [s] of the courses with constant acceleration that give the motion at the start."""
 _COURSES = 5 * 3
 """Numbers per instant and joint: time and cubic, for coordinate, speed and acceleration."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartKinematics(RigidKinematics):
+    """Rigid motion at its start, before free joints are integrated; ``given``: parameters without their courses."""
+
+    given: np.ndarray
+
+    @property
+    def is_start(self) -> bool:
+        return True
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        if np.any(times):
+            raise not_integrated(float(np.max(times)))
+        return super().table(times)
 
 
 def at_start(scene: Scene, module: ModuleType, parameters: np.ndarray) -> StartKinematics:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from kaneflex.mechanism.rigid_motion import StartKinematics
 from kaneflex.multibody.building import moving
 from kaneflex.multibody.model import Model
 from kaneflex.solve.law_checks import check_motion
@@ -43,7 +42,7 @@ def uncoupled(model: Model, share: Share = silent) -> Model:
 
 
 def _in_plane(model: Model, share: Share) -> Model:
-    from kaneflex.solve.forward import integrate_free_joints
+    from kaneflex.solve.forward import StartKinematics, integrate_free_joints
 
     scene, options, start = model.scene, model.options, model.motion
     assert isinstance(start, StartKinematics)

@@ -12,7 +12,6 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.scene.read import SceneLike
-from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import model_from
 from kaneflex.solve.memory import MAX_STORED
@@ -78,7 +77,8 @@ def solve(model: Model, progress: Progress | None = None, after: Solution | Stat
         reason = "only coupled runs of planar scenes can be continued"
         raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled of a planar scene")
     started = time.perf_counter()
-    model, progress = _moved(model, progress or silent)
+    if model.awaits_run:
+        model, progress = _moved(model, progress or silent)
     trajectory = _METHODS[model.options.dynamics](model, progress)
     return _until_stop(Solution(model, trajectory, time.perf_counter() - started))
 
@@ -86,8 +86,8 @@ def solve(model: Model, progress: Progress | None = None, after: Solution | Stat
 def _moved(model: Model, progress: Progress) -> tuple[Model, Progress]:
     """Model with an integrated motion, which half of the work is if elastic equations follow, and the rest's progress.
     """
-    if not model.awaits_run:
-        return model, progress
+    from kaneflex.solve.free_motion import integrated
+
     part = 1.0 if model.options.dynamics in ("rigid", "coupled") else 0.5
     found = integrated(model, lambda done: progress(part * done))
     return found, lambda done: progress(part + (1.0 - part) * done)

@@ -1,0 +1,83 @@
+"""Loading binds a scene and integrates nothing; a run does, with progress, and can be interrupted."""
+
+import numpy as np
+import pytest
+import scipy.integrate
+from command_line import cli
+from runs import model
+
+import kaneflex
+from kaneflex.multibody.spatial_forward import Run
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import solve
+from kaneflex.support.errors import SceneError
+
+INTEGRATORS = [(Run, "go"), (scipy.integrate.DOP853, "__init__"), (scipy.integrate.Radau, "__init__")]
+BLADE = ("swept-blade", "solve.preset=coupled", "solve.start=zero", "solve.duration=2 ms", "solve.steps=8")
+SWINGS = ("elastic-pendulum", "solve.preset=stiffened", "solve.duration=0.1 s", "solve.steps=400")
+FREE = ["double-pendulum", "engine-torque", "four-bar-motor", "bricard", "spatial-slider-crank", "spinning-top"]
+TOP = ("spinning-top", "solve.duration=0.02 s")
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """Names of the integrations that were started."""
+    found = []
+
+    def count(owner, method):
+        plain = getattr(owner, method)
+        monkeypatch.setattr(owner, method, lambda *given, **named: found.append(owner) or plain(*given, **named))
+
+    for owner, method in INTEGRATORS:
+        count(owner, method)
+    return found
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_loading_a_scene_with_free_joints_integrates_nothing(name, started):
+    load(read_scene(name))
+    assert started == []
+
+
+@pytest.mark.parametrize("scene", [BLADE, SWINGS, TOP], ids=lambda scene: scene[0])
+def test_a_run_integrates_once(scene, started):
+    given = load(with_settings(read_scene(scene[0]), scene[1:]))
+    assert started == [] and given.energy is None
+    first, second = solve(given), solve(given)
+    assert started and len(set(started)) == len(started) and first.energy is not None
+    for name, series in first.series.items():
+        assert np.array_equal(series.values, second.series[name].values)
+
+
+@pytest.mark.parametrize("command", ["check", "modes", "show"])
+def test_commands_do_not_integrate_a_coupled_run_in_space(command, started, tmp_path):
+    more = ["-o", str(tmp_path / "blade.png")] if command == "show" else []
+    result = cli(command, "swept-blade", "--set", "solve.preset=coupled", *more)
+    assert result.exit_code == 0, result.stderr
+    assert started == []
+
+
+@pytest.mark.parametrize("scene", [BLADE, SWINGS, TOP], ids=lambda scene: scene[0])
+def test_a_run_tells_its_share_and_can_be_interrupted(scene):
+    given, shares = load(with_settings(read_scene(scene[0]), scene[1:])), []
+    solve(given, shares.append)
+    assert shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
+
+    def stop(done):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(load(given.given), stop)
+
+
+@pytest.mark.parametrize("scene", [SWINGS, TOP], ids=lambda scene: scene[0])
+def test_a_loaded_model_does_not_guess_the_motion_of_free_joints(scene):
+    given, t = model(*scene), 0.01
+    with pytest.raises(SceneError, match=r"t = 0\.01: a loaded model knows the motion of free joints at t = 0 only"):
+        given.motion.at(t)
+    moved = kaneflex.simulate(given).model
+    assert np.isfinite(moved.motion.at(t).values).any()
+    for name, *_ in given.module.SCALARS:
+        start, same = (each.motion.at(0.0)[name] for each in (given, moved))
+        assert start == pytest.approx(same, rel=1e-9, abs=1e-9, nan_ok=True), name
