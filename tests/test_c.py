@@ -33,6 +33,7 @@ from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.sensors import measure
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.c_model import CModel, c_model, method_in_c
+from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.simulation import run_of, solve
 from kaneflex.support.contract import ELEMENT_KERNELS
 from kaneflex.support.errors import SceneError
@@ -74,7 +75,7 @@ def interpreted(module: types.ModuleType) -> dict[str, object]:
 # A table, loops that Newton's method closes, free joints with their courses and inverse dynamics.
 @pytest.mark.parametrize("name", ["engine", "six-bar", "double-pendulum"])
 def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
-    bound = model(name)
+    bound = integrated(model(name))
     module, p = bound.module, bound.motion.parameters
     library = ctypes.CDLL(str(built(c_model(bound.scene).texts, tmp_path, compiler, *SHARED, level="-O2")))
     prefix = name.replace("-", "_")
