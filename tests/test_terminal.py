@@ -6,6 +6,7 @@ import time
 import pytest
 
 import kaneflex
+from kaneflex.solve.simulation import solve
 from kaneflex.support import terminal
 
 
@@ -46,14 +47,7 @@ def test_a_terminal_shows_a_line_with_the_share_and_takes_it_off(capsys, monkeyp
     [("spinning-top", ["solve.duration=0.1 s"]), ("double-pendulum", ["solve.preset=rigid"]),
      ("spatial-slider-crank-elastic", ["solve.preset=coupled", "solve.start=zero", "solve.duration=5 ms"])],
 )  # fmt: skip
-def test_motions_that_are_integrated_while_loading_tell_their_share(monkeypatch, scene, settings):
+def test_motions_that_a_run_integrates_tell_their_share(scene, settings):
     told = []
-
-    def share_of(self, name):
-        self.stage(name)
-        return told.append
-
-    monkeypatch.setattr(terminal.Waiting, "share_of", share_of)
-    with terminal.Waiting() as waiting:
-        kaneflex.load(kaneflex.with_settings(kaneflex.read_scene(scene), settings), waiting)
+    solve(kaneflex.load(kaneflex.with_settings(kaneflex.read_scene(scene), settings)), told.append)
     assert told == sorted(told) and 0.99 < told[-1] <= 1.0
