@@ -58,8 +58,8 @@ HEAD = """# Choices compared with brute force
 
 For each scene and tolerance the table gives the model that [`kaneflex run --tolerance`](trade.md#by-a-tolerance)
 chooses, its largest error, the cheapest model of `kaneflex trade` within the tolerance (with a budget of twenty
-seconds), and the ratio of their run times (medians of interleaved runs). Errors are relative to the finest converged
-reference. The time to choose includes deriving.
+seconds), and the ratio of their run times. Errors are relative to the finest converged reference. The time to choose
+includes deriving.
 
 In 43 cases a model was chosen: all are within their tolerance and take at most 1.57 times as long as the cheapest
 model. In the other 8 no reference converges, so none is chosen.

@@ -43,9 +43,9 @@ print(time.perf_counter() - started)
 HEAD = """# Times to derive and to compile
 
 Chains of elastic links, each hinged to the previous one (`tests/chains.py`): open chains with all joints driven, and
-closed chains from ground to ground. Operations are those of the kernel `motion`. Without shared subexpressions their
-number grows exponentially with the number of links, with them linearly. Each chain is compiled in a new process with
-an empty cache.
+closed chains from ground to ground. Operations are those of the kernel `motion`. With shared subexpressions their
+number grows linearly with the number of links, without them exponentially. Each chain is compiled in a new process
+with an empty cache.
 
 """
 COLUMNS = (
