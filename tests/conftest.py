@@ -24,14 +24,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Run a third of the cases of tests marked exhaustive, always the same ones; `make extremes` runs all of them."""
+    """Run a third of the cases of tests marked exhaustive, always the same ones; `make extremes` runs all of them.
+
+    `share=4` runs a quarter. Tests of a file with one `group` count as cases of one test.
+    """
     if config.getoption("exhaustive") or any("[" in argument for argument in config.args):
         return
     seen: dict[tuple[Path, str], int] = {}
     left_out = []
     for item in items:
         if (marker := item.get_closest_marker("exhaustive")) is not None:
-            test, share = (item.path, item.originalname), marker.kwargs.get("share", 3)
+            test, share = (item.path, marker.kwargs.get("group", item.originalname)), marker.kwargs.get("share", 3)
             seen[test] = seen.get(test, -1) + 1
             if (seen[test] + seen[test] // share) % share:  # another one of each row, as cases often come in rows
                 left_out.append(item)

@@ -32,6 +32,7 @@ def test_every_kernel_is_compared():
     assert names - {"weight"} == {"deform", "push", "jacobian", "inverse", "inertia", "energy"}
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("right", "wrong"),
     [

@@ -33,17 +33,31 @@ print(json.dumps({{"modules": len(modules), "lines": len(lines)}}))
 """
 
 
+def told(code, folder, good):
+    """Lines that a program prints; it runs again if they are not good, because the first run may have compiled.
+
+    What was compiled is called without numba, and compiling executes lines, too.
+    """
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
+        lines = done.stdout.splitlines()
+        if good(lines):
+            break
+    return lines
+
+
 @pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="lines are counted as Python 3.11 executes them")
 @pytest.mark.parametrize("command", sorted(json.loads(BUDGET.read_text())))
 def test_a_command_stays_within_its_budget(command, tmp_path):
-    """Kernels are compiled before: compiling runs lines, too."""
-    code = RUN.format(arguments=command.split())
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr
-    found, budget = json.loads(done.stdout.splitlines()[-1]), json.loads(BUDGET.read_text())[command]
-    over = {what: (found[what], most) for what, most in budget.items() if found[what] > most}
-    assert not over, f"found, allowed: {over}"
+    budget = json.loads(BUDGET.read_text())[command]
+
+    def over(found):
+        return {what: (found[what], most) for what, most in budget.items() if found[what] > most}
+
+    found = told(RUN.format(arguments=command.split()), tmp_path, lambda lines: not over(json.loads(lines[-1])))
+    found = json.loads(found[-1])
+    assert not over(found), f"found, allowed: {over(found)}"
     slack = {what: (found[what], most) for what, most in budget.items() if found[what] < 0.98 * most}
     assert not slack, f"lower the budget in {BUDGET.name}; found, allowed: {slack}"
 
@@ -71,12 +85,8 @@ finally:
     ("run engine -o results --force", ["matplotlib", "kaneflex.plots"]),
 ])  # fmt: skip
 def test_a_command_imports_only_what_it_uses(command, used, tmp_path):
-    """What it calls is compiled before: then its machine code is called without numba."""
     code = IMPORTED.format(arguments=command.split(), heavy=HEAVY)
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr
-    *_, collections, imported = done.stdout.splitlines()
+    *_, collections, imported = told(code, tmp_path, lambda lines: lines[-1] == str(used))
     assert imported == str(used)
     number, enabled = collections.split()
     assert enabled == "True"

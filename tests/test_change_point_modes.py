@@ -231,6 +231,7 @@ def in_space(flat: dict | str, forward: dict, sensors: dict) -> dict:
     return deep | {"solve": asked | {"forward": forward}}
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("count", "tolerance", "method"),
     [(1, 1e-10, "DOP853"), (3, 1e-9, "DOP853"), (3, 1e-12, "DOP853"), (1, 1e-9, "RK45")],

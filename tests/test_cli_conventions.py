@@ -110,6 +110,7 @@ TABLES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("words", TABLES)
 def test_a_table_is_also_json(words):
     found = cli(*words.split(), "--json")

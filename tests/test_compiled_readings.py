@@ -37,6 +37,7 @@ def assert_read_alike(solution: Solution) -> CompiledReadings:
     return compiled
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", SCENES)
 def test_one_pass_reads_what_the_readers_read(name):
     compiled = assert_read_alike(solved(name))

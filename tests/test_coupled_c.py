@@ -27,6 +27,7 @@ COUPLED = "solve.preset=coupled"
 SCENES = [("four-bar-motor",), ("elastic-double-pendulum",), ("spin-up-torque",), ("engine", COUPLED)]
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("scene", SCENES, ids=" ".join)
 def test_a_run_in_c_is_that_of_python(scene, compiler, tmp_path):
     """Coordinates of all bodies and what joints exert: 3e-13 of each one's largest was seen, over some 3000 steps."""

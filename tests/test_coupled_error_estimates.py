@@ -128,6 +128,7 @@ def test_rigid_bodies_are_off_by_the_steps_alone(name, settings, tolerance):
     assert all(each.time == each.total > 0.0 == each.modes == each.elements for each in found.errors[0].values())
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("name", "settings"),
     [("four-bar", ["solve.steps=180"]), ("slider-crank-150", ["solve.duration=20 ms", "solve.steps=750"])],

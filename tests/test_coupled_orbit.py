@@ -27,6 +27,7 @@ def periodic(monkeypatch, name, *settings):
     return solution, len(cycles)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     "name, settings",
     [

@@ -20,7 +20,7 @@ from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.quantities import RESERVED_NAMES
 from kaneflex.scene.table import SceneTable
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import simulate, solve
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 
@@ -187,7 +187,7 @@ def test_every_fragment_runs_on_top_of_the_engine(fragment, tmp_path):
         (tmp_path / f"{name}.csv").write_text(rows)
     path = tmp_path / "engine_and_more.toml"
     path.write_text(f'schema = 1\nlike = "engine"\n{fragment}')
-    solution = simulate(load(read_scene(path)))
+    solution = solve(load(read_scene(path)))
     assert solution.outcome.name == "COMPLETED", solution.trajectory.message
     assert all(np.isfinite(series.values).all() for series in solution.series.values())
 

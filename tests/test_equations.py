@@ -49,6 +49,7 @@ def rows(text: str) -> list[tuple[str, str]]:
     return found
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", SCENES)
 def test_the_document_is_well_formed(name):
     text = derived(name)[2]

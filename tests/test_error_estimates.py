@@ -110,6 +110,7 @@ def test_cycles_whose_harmonics_converge_too_slowly_are_corrected_by_steps(setti
     check_effectivities(found, fine, "elements", 0.6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("kind", "settings"),
     [("elements", ["rod.elements=2"]), ("terms", ["solve.preset=linear", "shaft.speed=1500 rpm"]),

@@ -206,7 +206,7 @@ def elastic_shares(scene, elements, steps):
     return {each.sensor: each.peak_difference / each.reference_peak for each in found.differences}
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(group="beams", share=3)
 def test_an_elastic_rod_in_space(peer, exhaustive):
     """It bends both ways by some 3e-4 of its length; what is left in the displacements falls with the square of
     Exudyn's elements' size, and is none of the forces'."""
@@ -221,7 +221,7 @@ def test_an_elastic_rod_in_space(peer, exhaustive):
         assert fine[sensor] < 0.02 and fine[sensor] < 0.3 * coarse.get(sensor, 1.0), sensor
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(group="beams", share=3)
 def test_links_that_bend_more_are_further_apart(peer, exhaustive):
     """The follower of the four-bar bends by 1 % of its length at 300 rpm and by 0.1 % at 100 rpm, where what is left in
     displacements is the size of Exudyn's elements."""
@@ -236,7 +236,7 @@ def test_links_that_bend_more_are_further_apart(peer, exhaustive):
         assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(group="beams", share=3)
 def test_a_four_bar_that_bends_back_on_its_motion_is_that_of_exact_rods(peer, exhaustive):
     """From rest to 1 % of its links' lengths, undamped: what is left under preset coupled is the size of Exudyn's
     elements, squared. Its coupler hangs on a universal joint, its follower on a pin that is none of its axes."""

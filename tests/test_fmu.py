@@ -101,6 +101,7 @@ def test_a_scene_in_space_is_an_fmu_too(fmpy, tmp_path):
     assert worst(found, expected) < 1e-4  # the run's own steps err by that
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name, base, changed, values",
     [
@@ -172,6 +173,7 @@ def test_without_a_compiler_the_sources_are_there(uncompiled, engine):
     assert export_fmu(engine[0], "3").content == made.content
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["slider-crank-150-coupled", "spin-up-torque", "elastic-pendulum"])
 def test_what_a_refusal_advises_helps(uncompiled, name):
     """Of scenes that are driven, turned by a torque, and free."""

@@ -186,6 +186,7 @@ def test_a_rod_with_room_at_both_ends_follows_the_tight_mechanism(tmp_path):
     assert {impact.contact for impact in found.impacts} == {"big", "wrist"}
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("e", [0, 0.5])
 def test_an_elastic_rod_loose_at_both_ends_parts_as_slowly_as_the_other_end_makes_it(tmp_path, e):
     """By Newton's law: a resting end that another impact lifts hardly at all rests on, and nothing cascades."""

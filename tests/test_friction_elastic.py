@@ -24,6 +24,7 @@ def test_an_ever_stiffer_rod_comes_to_the_rigid_one_with_all_that_rubs():
     assert missed[0] < 4e-4 and missed[1] < 5e-6
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("integrator", ["gauss", "radau"])
 def test_an_elastic_rod_without_damping_lets_its_joints_stick_and_slip(integrator):
     """It vibrates through every dead centre, where pins turn to and fro; forces keep to the law, energy to its sum."""

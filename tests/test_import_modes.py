@@ -138,6 +138,7 @@ def test_modes_in_space():
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("space", "known"), [([], "transverse"), (["--space"], "any")])
 def test_missing_flexibility_of_free_modes_is_warned_of(space, known):
     """A weld at the start: by the modes 15 % too stiff beside the whole mesh, by the estimate too soft by no more.

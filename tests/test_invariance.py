@@ -120,7 +120,7 @@ def transformation(how: str, folder):
     }[how]()
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(share=6)
 @pytest.mark.parametrize(("name", "how", "preset"), CASES, ids=lambda part: part or "own")
 def test_every_sensor_reads_the_same(name, how, preset, folder):
     check(probed(name, preset), original(name, preset), transformation(how, folder))
@@ -141,6 +141,7 @@ def at_once(name: str, folder) -> Isometry:
     return Isometry(folder, math.radians(25.0), mirrored=True, reversed=links)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "preset"), AT_ONCE.items(), ids=AT_ONCE)
 def test_turned_mirrored_and_with_exchanged_ends_at_once(name, preset, folder):
     check(probed(name, preset), original(name, preset), at_once(name, folder))
@@ -154,6 +155,7 @@ def test_a_coupled_run_with_exchanged_ends(name, folder):
     check(probed(name), original(name, None), Isometry(folder, reversed=links))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "preset"), [("double-pendulum", "rigid"), ("four-bar", "linear"), ("engine", "linear")]
 )

@@ -53,6 +53,7 @@ def test_of_another_speed_the_same_system_is_integrated_and_sensors_are_those_of
         np.testing.assert_array_equal(series.values, alone[sensor].values)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     "setting",
     [

@@ -184,6 +184,7 @@ def start_of(scene: str, *settings: str) -> dict[str, float]:
     return {name: float(series.values[0]) for name, series in solution.series.items()}
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("reduced", [(), ("solve.modes=2",)], ids=["full", "craig-bampton"])
 @pytest.mark.parametrize("scene", ["engine", "engine-elastic-crank"])
 def test_a_load_enters_as_in_two_runs_that_differ_by_it(scene, reduced):
@@ -203,6 +204,7 @@ def test_a_load_enters_as_in_two_runs_that_differ_by_it(scene, reduced):
     )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("scene", ["engine", "engine-elastic-crank", "four-bar"])
 def test_the_drives_acceleration_enters_as_in_two_runs_that_differ_by_it(scene):
     constant = ("drives.main.speed=none", "drives.main.cycle=none")

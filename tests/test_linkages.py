@@ -152,6 +152,7 @@ def check_closed(scene: Scene, rigid: RigidMotion) -> None:
             assert np.abs(t[0] * apart[1] - t[1] * apart[0]).max() < 1e-12 * size, name
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_random_linkages_close_and_balance(kind, folder):
     @some
@@ -185,6 +186,7 @@ def agree(one: RigidMotion, other: RigidMotion, names: dict[str, str]) -> None:
         assert worst <= 1e-10 * largest, name
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_names_change_no_bit_and_the_order_of_bodies_and_joints_no_number(kind, folder):
     """The equations are derived in the file's order: another one rounds otherwise, other names do not."""

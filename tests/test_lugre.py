@@ -74,6 +74,7 @@ def by_scipy(times, force, damping):
     return found.y
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("law", "force", "damping", "close"),
     [
@@ -121,6 +122,7 @@ def lugre(text, stiffness, damping=0.0):
     return text.replace("friction = {", bristles)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("text", "settings", "sensor", "stiff", "close"),
     [

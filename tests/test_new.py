@@ -13,6 +13,7 @@ def empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("like", shipped_scenes())
 def test_a_new_scene_is_the_shipped_one_under_its_own_name(like):
     made = cli("new", "mine", "--like", like)

@@ -145,6 +145,7 @@ errors = "none"
 FLAT = RIGID.replace(", 0, 0]", ", 0]").replace(", inertia = [1e-9, 1e-9, 1e-9]", "").replace("coupled", "rigid")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("mass", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("text", [RIGID, FLAT], ids=["space", "plane"])
 def test_a_rigid_light_body_needs_no_choice_of_a_method(text, mass, monkeypatch):

@@ -36,6 +36,7 @@ def evaluated(readings: Readings, given: list[np.ndarray]) -> dict[str, np.ndarr
 
 
 # Rod forces of an elastic slider crank; three links and masses; a slot; loops that are closed by Newton's method.
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["engine", "four-bar", "v-engine", "quick-return", "pulsating-strut", "six-bar"])
 def test_what_sensors_read_is_traced(name):
     assert not left_out(run(name))

@@ -188,6 +188,7 @@ def test_balls_on_each_other_come_to_rest_and_bear_their_weights(scenes):
     assert abs(found.energy.gap).max() < 1e-11 * G
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("integrator", ["radau", "gauss"])
 def test_extremes_of_restitution_and_gap(scenes, integrator):
     for e, gap in itertools.product((0.0, 0.05, 0.5, 0.99, 1.0), (1e-9, 1e-6, 1e-2)):

@@ -45,6 +45,7 @@ errors = "none"
 """
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("method", ["Radau", "LSODA"])
 def test_implicit_methods_take_a_loop_in_space(method):
     """Its dependent coordinates, and works, are no variables on which the rates depend."""

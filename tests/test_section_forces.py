@@ -119,6 +119,7 @@ def at_joints(scene):
                 yield name, address, sign
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "preset"), CASES)
 def test_section_forces_at_a_joint_are_the_joints_reaction(name, preset):
     """In every preset, forces and moments alike."""
@@ -202,6 +203,7 @@ IN_SPACE = {
 }
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("in_space", [False, True], ids=["plane", "space"])
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "stiffened", "coupled"])
 def test_section_forces_jump_where_something_acts(preset, in_space):

@@ -37,6 +37,7 @@ def check(scene, settings, name, frozen=True, tolerance=1e-6):
         np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=tolerance * size, err_msg=f"{sensor}, {name}")
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["rod.I", "rod.mass", "rod.length", "crank.length", "main.speed"])
 def test_engine(name):
     check("engine", (), name)
@@ -48,6 +49,7 @@ def test_quasistatic_engine(name):
     check("engine", ("solve.preset=quasistatic",), name, tolerance=2e-5)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["blade.E", "blade.A", "blade.length", "push.value", "damping.rayleigh.ratio"])
 def test_rotating_cantilever(name):
     check("rotating-cantilever", (), name)

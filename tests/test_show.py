@@ -214,7 +214,7 @@ def texts(scene) -> list[str]:
     return [text.get_text() for text in [*figure.texts, *figure.axes[0].texts, figure.axes[0].title]]
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", SCENES)
 def test_everything_is_named_in_the_drawing(name):
     scene = read_scene(name)

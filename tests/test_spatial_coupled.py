@@ -156,6 +156,7 @@ def test_the_princeton_beams_table_is_a_rod_that_is_stiffer_in_torsion():
     assert _rod(75, TORSION)[0] / _table()[75][0] - 1.0 == pytest.approx(0.0083, abs=5e-5)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("beta", "stiffer"), [(30, STIFFER), (75, STIFFER), (75, 1.0)])
 def test_the_princeton_beam_as_eight_bodies(beta, stiffer):
     """Each deflection as the table has it, with its J; and as the rod, with Saint-Venant's."""
@@ -201,6 +202,7 @@ def test_a_planar_run_lifted_into_space_is_the_same():
         assert abs(deep.series[name].values - expected).max() < 1e-4 * abs(expected).max(), name
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("damping", "close"),
     [("", ()), ('[damping]\nrayleigh = {ratio = "5 %", at = ["4 Hz", "20 Hz"]}\n', ("force",))],
@@ -251,6 +253,7 @@ def test_a_loop_with_an_elastic_rod_is_near_the_one_way_model():
         assert abs(coupled.series[name].values - expected).max() < 0.05 * abs(expected).max(), name
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("axes", ["global", "body"])
 def test_section_forces_under_a_load_along_a_rod_are_the_planar_ones(axes):
     """Lifted into space and turned by any rotation; the tension has the ringing that Radau's method damps there."""
@@ -345,6 +348,7 @@ def _pendulum(more: str, section: str = '{circle = "4 mm"}') -> str:
     return text.replace('{rectangle = ["1.5 mm", "10 mm"]}', section).replace('length = "1 m"', f'{more}length = "1 m"')
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("askew", "close"), [("x = [1, 0, 0], y = [0, 0.8, 0.6]", 4e-4), ("x = [1, 0, 0.005], y = [0, -1, 0]", 4e-5)]
 )

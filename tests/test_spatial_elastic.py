@@ -53,7 +53,7 @@ def frequencies(M, C, K):
 # ---- the plane, seen otherwise ----------------------------------------------------------------------------------
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(share=8)
 @pytest.mark.parametrize(
     ("name", "preset"),
     [
@@ -327,6 +327,7 @@ def test_the_swept_blade_has_the_frequencies_of_its_links(tmp_path, degrees, rpm
 # ---- what joints exert ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["spatial-slider-crank-elastic", "four-bar-misaligned", "crankshaft-torsion",
                                   "robot-arm-elastic"])
 def test_elastic_bodies_are_in_balance(name):
@@ -371,7 +372,7 @@ def few_steps(name, preset):
     return solved(scene)
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(share=6)
 @pytest.mark.parametrize("preset", ["quasistatic", "linear", "stiffened"])
 @pytest.mark.parametrize("name", ELASTIC)
 def test_no_joint_opens(name, preset):
@@ -398,7 +399,7 @@ def test_no_joint_opens(name, preset):
             assert abs(gap).max() <= 1e-6 * max(abs(second).max(), 1e-3 * abs(first).max(), 1e-9), joint.name
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(share=6)
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "linear", "stiffened"])
 @pytest.mark.parametrize("name", ELASTIC)
 def test_section_forces_at_an_end_are_what_the_joint_there_exerts(name, preset):

@@ -106,6 +106,7 @@ def in_the_plane(more: str = ANGLE):
     return strip(PIN.replace(", axis = [0, 0, 1]", ""), gravity="[0, -9.81]", more=more)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("joint", "of_bend"), [
     ('spherical = ["ground", "strip.start"]', 1e-4),
     ('universal = ["ground", "strip.start"], axes = [[0, 0, 1], [0.6, 0.8, 0]]', 4e-3),
@@ -122,6 +123,7 @@ def test_a_strip_on_whatever_turns_swings_as_in_the_plane(joint, of_bend):
     assert deep.model.energy.drift < 1e-6 and not deep.warnings
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("more", [ANGLE + COIL, ANGLE + HELPED], ids=["spring", "law"])
 def test_springs_and_laws_know_how_the_section_at_a_pin_stands(more):
     """The strip's axes follow its mean turn there as well; with its tangent there six modes stopped the run."""
@@ -139,6 +141,7 @@ def test_a_spring_at_a_pin_stores_what_the_section_there_turns_it_by():
     assert abs(found.series["bend"].values).max() > 0.3 and found.model.energy.drift < 2e-6
 
 
+@pytest.mark.exhaustive(group="axes", share=3)
 def test_a_strip_on_a_pin_along_and_across_it_is_one_on_a_stub():
     """On a stub that next to nothing weighs, which turns with the section; there its shapes leave the stub's turn no
     inertia if they are many, those of the strip on the pin itself may be as many as one likes."""
@@ -188,6 +191,7 @@ steps = 30
 """
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("joint", "start"), [
     (f'universal = ["post.end", "rod.start"], {CROSS}', "initial_speeds = [3.0, -2.0]"),
     (f'universal = ["rod.start", "post.end"], {CROSS}', "initial_speeds = [3.0, -2.0]"),
@@ -213,6 +217,7 @@ def test_what_hardly_deforms_moves_and_is_held_as_what_is_rigid(joint, start):
     assert beside["hinge.angle"] == pytest.approx(turned["hinge.angle"], abs=1e-5)
 
 
+@pytest.mark.exhaustive(group="axes", share=3)
 def test_a_strip_slides_and_turns_alike_whichever_body_is_the_first():
     sides = ('["ground", "strip.start"], axis = [0, 0, 1]', '["strip.start", "ground"], axis = [0.28, 0, 0.96]')
     one, back = (strip(f"hinge = {{cylindrical = {of}}}", ASKEW, gravity="[0, -9.81, -3]", more=SLID) for of in sides)
@@ -221,6 +226,7 @@ def test_a_strip_slides_and_turns_alike_whichever_body_is_the_first():
     assert abs(one.series["slid"].values + back.series["slid"].values).max() < 1e-7
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("sides", ['["post.end", "rod.start"]', '["rod.start", "post.end"]'])
 def test_speeds_of_a_universal_joint_are_about_its_axes_as_they_stand(sides):
     """A loop may close where the joint does not stand at zero: what is given is what the joint lets it turn by."""
@@ -277,6 +283,7 @@ def apart(one, other, name: str) -> float:
     return float(abs(one.series[name].values - expected).max() / abs(expected).max())
 
 
+@pytest.mark.exhaustive(group="axes", share=3)
 def test_links_on_a_universal_joint_and_a_pin_askew_have_as_many_modes_as_one_likes():
     """Of the shapes that a tangent's axes need, three modes stopped this run after 8.5 ms.
 

@@ -75,6 +75,7 @@ def exported(tmp_path_factory):
     return folder
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("how", HELD)
 def test_data_fed_back_give_the_same_motion(tmp_path, how):
     """But for the error of the steps, which don't end alike: damped and with twist that couples bending."""
@@ -88,6 +89,7 @@ def test_data_fed_back_give_the_same_motion(tmp_path, how):
         assert abs(here[name].values - series.values).max() <= 2e-5 * abs(series.values).max(), name
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("elements", "moment", "shear"), [(4, (8e-3, 2.5e-2), 0.12), (16, (0.0, 5e-3), 5e-2)])
 def test_section_forces_of_data_are_as_good_as_the_mesh(tmp_path, elements, moment, shear):
     """Beside the beam's own, by balance; more modes with few elements change little."""

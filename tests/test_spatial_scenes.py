@@ -216,6 +216,7 @@ def test_a_drive_that_runs_away_is_named(tmp_path):
         load(scene_of(tmp_path, ("{free = true}", '{law = "tan(20 * t)"}')))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("last", ["knee", "wrist", "foot"])
 def test_all_joints_of_a_loop_are_read(tmp_path, last):
     """Whichever closes it: angles around the loop add up, turns and all, and rates are those of what is read."""
@@ -238,6 +239,7 @@ def test_all_joints_of_a_loop_are_read(tmp_path, last):
     assert alone[f"{last}.angle"][0] == pytest.approx(found[last][-1], abs=1e-9)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "cylindrical"])
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_joint_that_closes_a_loop_is_read_as_the_one_beside_it(tmp_path, kind, turned):
@@ -352,6 +354,7 @@ def test_a_start_where_the_loops_do_not_close_is_named(tmp_path):
         load(read_scene(path))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("method", ["RK45", "Radau", "LSODA"])
 def test_all_methods_come_to_the_same(tmp_path, method):
     text = '\nlike = "spatial-slider-crank"\nschema = 1\n[solve]\nduration = 0.2\n[solve.forward]\nmethod = "{}"\n'

@@ -26,6 +26,7 @@ def test_every_kernel_is_compared():
     assert {name for name, *_ in comparisons(PRINTED, 1)} == {"shaped_demand", "shaped_inertia"}
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("right", "wrong"),
     [

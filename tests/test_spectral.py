@@ -88,6 +88,7 @@ def there_and_back(x, circle, across, signals, found, back):
     to_instants(signals[0], signals[1], circle, across, back, (1, 0))
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("count", [8, 16, 24, 64, 96, 128, 192, 2048])
 def test_rows_in_lanes_are_transformed_and_back(count):
     x, blocks = np.random.default_rng(1).standard_normal((count // 8, 3, 8)), count // 8

@@ -159,6 +159,7 @@ w_3 = {spread_on = "hand", direction = [0, -1], value = 14.715}
 """
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("preset", "tolerance"),
     [("rigid", 1e-12), ("quasistatic", 1e-9), ("linear", 1e-8), ("stiffened", 1e-8), ("coupled", 1e-6)],

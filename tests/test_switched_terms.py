@@ -57,6 +57,7 @@ PAIRS = {
 }
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("case", PAIRS)
 def test_a_scene_without_the_terms(folder, case):
     """Both stages alike: matrices, torque and reactions with their rigid values, section forces, accelerometer."""

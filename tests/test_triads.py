@@ -11,7 +11,10 @@ from scipy.optimize import fsolve
 
 import kaneflex
 from kaneflex.derive import closure
+from kaneflex.mechanism import position_analysis
 from kaneflex.mechanism.closure_continuation import _Follower, _Place, seed_loops
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place as place_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
@@ -263,6 +266,15 @@ def test_what_it_refuses(change, message):
     with pytest.raises(SceneError) as error:
         kaneflex.load(scene_of(MECHANISMS["three rockers"].replace(*change)))
     assert message in str(error.value)
+
+
+def test_damping_leads_most_starts_to_an_assembly():
+    """Levenberg's term: without it, or with the other sign, fewer than 90 of 400 random starts close the loops."""
+    scene = scene_of(MECHANISMS["three rockers"])
+    constraints = position_analysis.Constraints(mechanism_of(scene), {"main": 0.0})
+    group, poses = ("rod", "left_rocker", "platform", "right_rocker"), place_bodies(scene).poses
+    known = {GROUND: np.zeros(3), "crank": poses["crank"]}
+    assert sum(1 for _ in position_analysis._assembled(constraints, known, group, [*scene.joints][1:], 400)) > 250
 
 
 def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):

@@ -45,6 +45,7 @@ def of_body(mesh, number):
     return np.unique(np.concatenate(found))
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", SCENES)
 def test_every_frame_is_a_mechanism_at_its_time(read, name):
     times, meshes, results = read(name)

@@ -136,6 +136,7 @@ def test_the_command_prints_critical_speeds_in_rpm(tmp_path, monkeypatch):
     assert (data["axes"], data["modes"][:2]) == ("fixed", ["backward whirl 1", "forward whirl 1"])
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("text", [FLAT, "blade"])
 def test_what_does_not_whirl_one_way_stays_in_turning_axes_and_says_so(text):
     """A flat shaft, and a blade across the axis: each has modes that fixed axes see at several frequencies."""
