@@ -128,8 +128,8 @@ def test_every_sensor_reads_the_same(name, how, preset, folder):
 
 # ---- with equations of their own: turned by 25 degrees, mirrored, and every link with its ends exchanged ----------
 
-AT_ONCE = {"four-bar": "stiffened", "engine": "stiffened", "quick-return": "stiffened", "two-link-arm": "stiffened",
-           "pin-ended-cross": "linear", "double-pendulum": "rigid"}  # fmt: skip
+AT_ONCE = {"quick-return": "stiffened", "four-bar": "stiffened", "two-link-arm": "stiffened",
+           "pin-ended-cross": "linear", "double-pendulum": "rigid", "engine": "stiffened"}  # fmt: skip
 """Scene -> preset."""
 
 

@@ -50,7 +50,6 @@ def pendulum(folder: Path, **words: str):
 INJECTED = 'x"; import os; os.system("echo run"); y="'
 
 
-@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", [INJECTED, 'Motor "A"', "rod 5\" long", '"""', "\\", "{title}"])
 def test_a_modules_text_does_not_hang_on_what_its_scene_is_called(name, tmp_path):
     assert generate(pendulum(tmp_path, NAME=name)) == generate(pendulum(tmp_path))
