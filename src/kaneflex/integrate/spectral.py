@@ -206,9 +206,9 @@ class Orbit:
     @property
     def said(self) -> str:
         """Description of the solution."""
-        corrections = "1 correction leaves" if (n := sum(dict(self.grids).values())) == 1 else f"{n} corrections leave"
-        left = f"{self.last:.1e} of the motion, its highest harmonics {self.tail:.1e}"
-        return f"spectral: {self.grid.instants} instants of the cycle, {corrections} {left}"
+        corrections = "1 correction" if (n := sum(dict(self.grids).values())) == 1 else f"{n} corrections"
+        left = f"remainder {self.last:.1e}, highest harmonics {self.tail:.1e} of the motion"
+        return f"spectral: {self.grid.instants} instants per cycle, {corrections}; {left}"
 
     def at(self, count: int) -> np.ndarray:
         """z, z', z'' at `count` instants of the cycle, shape (3, n, count)."""
