@@ -32,7 +32,7 @@ _INSTANTS, _BETWEEN = 20, 9
 def jump(system: CoupledSystem, path: CoupledTrajectory, share: float = LARGEST_JUMP) -> tuple[int, float] | None:
     """Last stored instant before a jump at a singular position, and its time [s]; None without one.
 
-    ``share``: jump of the energy balance, relative to the energy turned over.
+    ``share``: jump of the energy balance, relative to the exchanged energy.
     """
     suspects = path.energy.jumps(share)
     loops = min(system.engine.count(at.JOINT_ROWS), system.engine.count(at.KEPT))  # resting contacts are also kept rows

@@ -96,12 +96,12 @@ def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
     left, tied = len(choice.independent), len(choice.dependent)
     spare = system.row_count - tied
     free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
-    return {"freedoms": {
-        "of the joints": f"{system.speeds} of {', '.join(system.layout.tree)}, which make a tree",
-        "closing": f"{system.row_count} constraints of {', '.join(system.layout.cuts) or 'no joint'}"
-        + (f", of which {spare} follow from the others" if spare else ""),
+    return {"degrees of freedom": {
+        "joints": f"{system.speeds} at {', '.join(system.layout.tree)}",
+        "closing": f"{system.row_count} constraints at {', '.join(system.layout.cuts) or 'no joint'}"
+        + (f", {spare} of them redundant" if spare else ""),
         "driven": f"{len(choice.prescribed)}",
-        "left": f"{left} to the forces" + (f": {free}" if free else ""),
+        "left": f"{left}" + (f", free: {free}" if free else ""),
     }}  # fmt: skip
 
 
@@ -213,9 +213,8 @@ def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) ->
 def _overconstrained(twice: int) -> str:
     """Explanation for joints that leave more freedoms than Gruebler's formula counts."""
     return (
-        f"that the joints leave, drives not counted: {twice} of their constraints follow from the others by just "
-        "these lengths and angles, so that it moves, but rigid bodies don't say how those joints share forces; preset "
-        "coupled runs it"
+        f"that the joints leave, drives not counted: {twice} of their constraints redundant for these lengths and "
+        "angles, reactions there statically indeterminate; preset coupled supports this"
     )
 
 

@@ -123,7 +123,7 @@ def envelope_table(summary: Summary) -> str:
     for name, spread in summary.mode_angle_spread.items():
         unit, number = unit_shown(summary.sensors[name].unit, spread.largest)
         rows.append((name, unit, number(spread.smallest), number(spread.largest)))
-    return table(("frozen at any angle of a turn", "unit", "smallest peak", "largest peak"), rows, left=2)
+    return table(("with matrices of any angle of a turn", "unit", "smallest peak", "largest peak"), rows, left=2)
 
 
 def contact_table(summary: Summary) -> str:
@@ -175,7 +175,7 @@ def run_lines(summary: Summary) -> str:
     rigid = [name for name, entry in summary.sensors.items()
              if entry.meaning.endswith(OF_RIGID) and f"{name}_rigid" in summary.sensors]  # fmt: skip
     if rigid:
-        solver += f"{', '.join(rigid)} are those of the rigid mechanism: frozen equations balance at no other instant\n"
+        solver += f"{', '.join(rigid)} are those of the rigid mechanism: frozen equations hold at one instant only\n"
     return (
         f"{summary.scene}, preset {summary.preset}: {summary.degrees_of_freedom} degrees of freedom, "
         f"{summary.modes_kept} coordinates solved for, {steps}\n"

@@ -38,7 +38,7 @@ LARGEST_COUPLING = 0.05
 LARGEST_ERROR = 0.01
 """Tolerance of a coupled run's steps, as a share of its largest deformation, above which that is doubtful."""
 LARGEST_GAP = 1e-4
-"""Energy error of a run with free joints, as a share of the energy turned over, that is accepted."""
+"""Energy error of a run with free joints, as a share of the exchanged energy, that is accepted."""
 LARGEST_PART, MEAN_PART = 0.05, 0.002
 """Accepted difference of a sensor computed in two ways, as a share of its peak: at one instant, as for a
 start from rest, and in the root mean square."""
@@ -121,7 +121,7 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
     energy, options = solution.energy, solution.model.options
     if energy is None or energy.drift <= LARGEST_GAP or _stood(solution):
         return
-    missing = f"does not close: its error is {energy.drift:.2g} of the energy turned over"
+    missing = f"does not close: its error is {energy.drift:.2g} of the exchanged energy"
     if moves_with_links(solution.model.scene, options.dynamics):
         if solution.model.coupled is not None and not isinstance(solution.trajectory, Trajectory):
             from kaneflex.multibody.lost_branch import cause  # which few runs need
