@@ -106,11 +106,15 @@ class _Beside(Curve):
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         given, out = self._given(times), np.full((len(times), len(self.system.work.kept)), np.nan)
-        for k in range(len(times)):
+        done = 0
+        while done < len(times):
             try:
-                self.system.near(self.start.choice, times[k : k + 1], given[k : k + 1], out[k : k + 1])
-            except ArithmeticError:
-                out[k] = np.nan
+                self.system.near(self.start.choice, times[done:], given[done:], out[done:])
+                done = len(times)
+            except ArithmeticError as reason:
+                done += int(np.searchsorted(times[done:], reason.args[1]))
+                out[done] = np.nan
+                done += 1
         return out
 
     def _given(self, times: np.ndarray) -> np.ndarray:
@@ -180,7 +184,7 @@ def balanced(
             state = standing(state.q, less)
             for _ in range(_STEPS):
                 beside = neighbours(system, state, columns)
-                slope = beside.slopes(system.instants(beside.found).du[:, which[columns]])
+                slope = np.linalg.solve(beside.mass, beside.forces)[columns]
                 step = np.zeros(system.speeds)
                 step[which[columns]] = np.linalg.solve(slope, wanted - state.du[which[columns]])
                 largest = abs(step).max(initial=0.0) / system.mechanism.size

@@ -25,6 +25,7 @@ from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, REASONS
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.spatial_passing import EXACT, Passing
+from kaneflex.multibody.spatial_rows import MOVED, NEAR
 from kaneflex.multibody.spatial_steps import EVALUATIONS, GROWTH, LONGEST, OUTCOME, ROW, WANTED, step_size, steps_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.scene.options import Options
@@ -249,7 +250,7 @@ class Run(Curve):
             found[which == k] = curve(knots[which == k])[:n].T
         return found
 
-    def rows(self, times: np.ndarray, whole: bool = True) -> np.ndarray:
+    def rows(self, times: np.ndarray, what: int = NEAR) -> np.ndarray:
         system, n = self.system, self.system.coordinates
         out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.speeds))
         steps = self._steps_of(times)
@@ -260,13 +261,13 @@ class Run(Curve):
             given[first:last, :n] = y[:n].T
             given[first:last, n + like.choice.independent] = y[n:-2].T
             try:
-                system.near(like.choice, times[first:last], given[first:last], out[first:last], whole)
+                system.near(like.choice, times[first:last], given[first:last], out[first:last], what)
             except ArithmeticError as reason:
                 raise self._stopped(reason.args[1], reason.args[0]) from None
         return out
 
     def moved(self, times: np.ndarray) -> np.ndarray:
-        return self.rows(times, whole=False)
+        return self.rows(times, MOVED)
 
     def _steps_of(self, times: np.ndarray) -> np.ndarray:
         """Numbers of the curves on which times of the run [s] are."""

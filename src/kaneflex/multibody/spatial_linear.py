@@ -9,13 +9,16 @@ and the accelerations of the system, u' = f(y, y', p) with the inputs p, give
 
     M y'' + C y' + K y = B p,   C = M (W - f_y'),   K = M (W' - f_y),   B = M f_p.
 
-These derivatives are central differences, as those of :mod:`kaneflex.multibody.linearisation` in the plane.
+M times these derivatives are those of the residual r(y, y', p) of the equations of motion with the accelerations of
+the motion itself, as r = M (f - u_0') there. They are central differences, as those of
+:mod:`kaneflex.multibody.linearisation` in the plane.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +26,7 @@ from kaneflex.fem.spatial_bodies import skew
 from kaneflex.multibody.linear_equations import OFFSETS, STEP, WEIGHTS, Linear
 from kaneflex.multibody.spatial_choice import choose
 from kaneflex.multibody.spatial_curves import Curve
+from kaneflex.multibody.spatial_rows import LACKED, NEAR
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.multibody.spatial_tables import BALL, KIND, SPEED, Tables
 
@@ -38,28 +42,46 @@ class Neighbours(Curve):
     ----------
     system : SpatialSystem
     base : State
-    found : ndarray (4 n, ...)
-        Their rows.
+    given : ndarray (4 n, coordinates + 2 speeds + inputs)
+        Their coordinates, independent speeds, the accelerations of the base, and inputs.
     steps : ndarray (n,)
         Step of each for one of :data:`OFFSETS`.
     """
 
     system: SpatialSystem
     base: State
-    found: np.ndarray
+    given: np.ndarray
     steps: np.ndarray
+
+    @cached_property
+    def found(self) -> np.ndarray:
+        """Their rows (4 n, ...)."""
+        return self._near(NEAR, len(self.system.work.kept))
+
+    @cached_property
+    def lacking(self) -> np.ndarray:
+        """Residuals of the equations of motion with the accelerations of the base, then all speeds (4 n, n_y + speeds).
+
+        These take no mass matrices.
+        """
+        return self._near(LACKED, len(self.base.choice.independent) + self.system.speeds)
+
+    def _near(self, what: int, size: int) -> np.ndarray:
+        out = np.zeros((len(self.given), size))
+        self.system.near(self.base.choice, np.full(len(out), self.base.t), self.given, out, what)
+        return out
 
     @property
     def times(self) -> np.ndarray:
         """Fictitious times of the neighbours [s]."""
-        return self.base.t + _APART * max(1.0, abs(self.base.t)) * np.arange(len(self.found))
+        return self.base.t + _APART * max(1.0, abs(self.base.t)) * np.arange(len(self.given))
 
     def __call__(self, t: float) -> State:
         here = self.system.instants(self.rows(np.array([t])))
         return State(t, here.q[0], here.u[0], here.du[0], here.sizes[0], self.base.choice)
 
     def rows(self, times: np.ndarray) -> np.ndarray:
-        return self.found[np.minimum(np.searchsorted(self.times, times), len(self.found) - 1)]
+        return self.found[np.minimum(np.searchsorted(self.times, times), len(self.given) - 1)]
 
     @property
     def weights(self) -> np.ndarray:
@@ -70,36 +92,36 @@ class Neighbours(Curve):
         """Derivatives (m, n) of values (4 n, m) of the neighbours by y, y' and the inputs."""
         return np.einsum("ci,cim->mc", self.weights.reshape(-1, 4), values.reshape(len(self.steps), 4, -1))
 
+    @cached_property
+    def forces(self) -> np.ndarray:
+        """Derivatives M f_y, M f_y' and M f_p of the residuals (n_y, n): M f is zero in all of the motion."""
+        return self.slopes(self.lacking[:, : len(self.base.choice.independent)])
+
+    @cached_property
+    def mass(self) -> np.ndarray:
+        """Mass matrix M of y, (n_y, n_y)."""
+        base = self.base
+        self.system.project(base.t, base.q, base.u, base.choice)
+        N = self.system.basis(base.choice)
+        return np.asarray(N @ self.system.mass(base.sizes) @ N.T)
+
 
 def neighbours(system: SpatialSystem, base: State, columns: Sequence[int] | np.ndarray | None = None) -> Neighbours:
     """Neighbours of a state on the constraints by all of y, y' and the inputs, or by some of these.
 
-    Raises ArithmeticError if loops don't close near it.
+    Their values raise ArithmeticError if loops don't close near it.
     """
     base = system.project(base.t, base.q, base.u, base.choice)
     which, inputs = base.choice.independent, len(system.inputs)
     n, (N, W) = len(which), spinning(system, base)
     away = np.concatenate([_steps(system, base), _pushes(system, base)])
     chosen = np.arange(2 * n + inputs) if columns is None else np.asarray(columns)
-    out = np.zeros((4 * len(chosen), len(system.work.kept)))
-    given = np.tile(np.concatenate([base.q, base.u]), (len(out), 1))
-    for part, column in zip(given.reshape(len(chosen), 4, -1), chosen, strict=True):
-        x = OFFSETS[:, None] * away[column]
-        if column < n:
-            part[:, : system.coordinates] = system.advanced(base.q, x * N[column])
-            part[:, system.coordinates + which] += x * W[:, column]
-        elif column < 2 * n:
-            part[:, system.coordinates + which[column - n]] += x[:, 0]
-    moved = 4 * int((chosen < 2 * n).sum())
-    system.near(base.choice, np.full(moved, base.t), given[:moved], out[:moved])
-    try:
-        for row, column in zip(range(moved, len(out)), np.repeat(chosen[chosen >= 2 * n], 4), strict=True):
-            system.inputs[column - 2 * n] = OFFSETS[row % 4] * away[column]
-            system.near(base.choice, np.array([base.t]), given[row : row + 1], out[row : row + 1])
-            system.inputs[:] = 0.0
-    finally:
-        system.inputs[:] = 0.0
-    return Neighbours(system, base, out, away[chosen])
+    moved = np.zeros((4 * len(chosen), 2 * n + inputs))
+    moved[np.arange(len(moved)), np.repeat(chosen, 4)] = np.outer(away[chosen], OFFSETS).ravel()
+    y, rates, pushed = np.split(moved, [n, 2 * n], axis=1)
+    u, du = (np.tile(part, (len(moved), 1)) for part in (base.u, base.du))
+    u[:, which] += rates + y @ W.T
+    return Neighbours(system, base, np.hstack([system.advanced(base.q, y @ N), u, du, pushed]), away[chosen])
 
 
 def _steps(system: SpatialSystem, base: State) -> np.ndarray:
@@ -141,19 +163,17 @@ def names_of(system: SpatialSystem, base: State) -> tuple[str, ...]:
 def linear(beside: Neighbours) -> Linear[State]:
     """Linear equations about a state from all of its neighbours."""
     system, base, which = beside.system, beside.base, beside.base.choice.independent
-    n, found = len(which), system.instants(beside.found)
-    system.project(base.t, base.q, base.u, base.choice)
-    N, W = spinning(system, base)
-    M = N @ system.mass(base.sizes) @ N.T
-    f_y, f_v, f_p = np.split(beside.slopes(found.du[:, which]), [n, 2 * n], axis=1)
+    M, n = beside.mass, len(which)
+    N, W = spinning(system, system.project(base.t, base.q, base.u, base.choice))
+    by_y, by_rate, by_input = np.split(beside.forces, [n, 2 * n], axis=1)
     spin, faster = _turning(system, base.u), _turning(system, base.du)
     W_rate = (faster @ N.T + spin @ growth(beside, N))[which]
-    return Linear(base, names_of(system, base), M, M @ (W - f_v), M @ (W_rate - f_y), M @ f_p)
+    return Linear(base, names_of(system, base), M, M @ W - by_rate, M @ W_rate - by_y, by_input)
 
 
 def growth(beside: Neighbours, N: np.ndarray) -> np.ndarray:
     """Derivative N' along the motion, (speeds, n): by y alone the speeds change by (N y)' and omega x theta."""
-    speeds = beside.system.instants(beside.found).u
+    speeds = beside.lacking[:, len(N) :]
     return beside.slopes(speeds)[:, : len(N)] - _turning(beside.system, beside.base.u) @ N.T
 
 

@@ -28,7 +28,7 @@ from kaneflex.multibody import (
     tables,
 )
 from kaneflex.multibody.spatial_collocation import collocate
-from kaneflex.multibody.spatial_dynamics import advance, basis, close, coordinate_rates, exerted, pass_on
+from kaneflex.multibody.spatial_dynamics import advance, basis, close, coordinate_rates, exerted, missed, pass_on
 from kaneflex.multibody.spatial_forces import deforming, demand
 from kaneflex.multibody.spatial_instant import DONE, GROWN, OPEN, complete, courses, project, stand
 from kaneflex.multibody.spatial_kinematics import move, partials, place
@@ -123,6 +123,21 @@ def followed(m, choice, k, law, times, out):
 
 
 @njit(**OPTIONS)
+def _given(k, law, given):
+    """Set coordinates and speeds, and accelerations and inputs if they are given, too."""
+    q, u = len(k.q), len(k.u)
+    for j in range(q):
+        k.q[j] = given[j]
+    for j in range(u):
+        k.u[j] = given[q + j]
+    if len(given) > q + u:
+        for j in range(u):
+            k.du[j] = given[q + u + j]
+        for j in range(len(law.added)):
+            law.added[j] = given[q + 2 * u + j]
+
+
+@njit(**OPTIONS)
 def near(m, choice, k, law, times, given, out, whole):
     """Rows at times near given coordinates and speeds; returns their number; ``law.now`` as of :func:`followed`.
 
@@ -130,10 +145,7 @@ def near(m, choice, k, law, times, given, out, whole):
     """
     apart()
     for i in range(len(times)):
-        for j in range(len(k.q)):
-            k.q[j] = given[i, j]
-        for j in range(len(k.u)):
-            k.u[j] = given[i, len(k.q) + j]
+        _given(k, law, given[i])
         law.now[0] = times[i]
         law.now[1] = project(m, choice, k, law, times[i]) if whole else stand(m, choice, k, law, times[i])
         if law.now[1] != DONE:
@@ -148,7 +160,23 @@ def near(m, choice, k, law, times, given, out, whole):
     return len(times)
 
 
-PLACE, CLOSE, PROJECT, EXERT, PASS_ON, BASIS, RATES, ADVANCE, DEMAND, FOLLOW, NEAR, MOVED, COLLOCATE = range(13)
+@njit(**OPTIONS)
+def lacked(m, choice, k, law, times, given, out):
+    """Residuals of the independent speeds by given accelerations, then all speeds; otherwise as :func:`near`."""
+    apart()
+    free = len(choice.independent)
+    for i in range(len(times)):
+        _given(k, law, given[i])
+        law.now[0], law.now[1] = times[i], stand(m, choice, k, law, times[i])
+        if law.now[1] != DONE:
+            return i
+        missed(m, k, choice, k.u, k.du, k.sizes, False, out[i])
+        for j in range(len(k.u)):
+            out[i, free + j] = k.u[j]
+    return len(times)
+
+
+PLACE, CLOSE, PROJECT, EXERT, PASS_ON, BASIS, RATES, ADVANCE, DEMAND, FOLLOW, NEAR, MOVED, LACKED, COLLOCATE = range(14)
 """Tasks of :func:`compute`."""
 
 
@@ -196,7 +224,9 @@ def compute(what, m, choice, k, law, times, given, out):
 @njit(cache=True, **OUTER)
 @_made_of_parts
 def compute_coupled(what, m, choice, k, law, times, given, out):
-    """As :func:`compute`, with COLLOCATE, whose compilation other scenes avoid."""
+    """As :func:`compute`, with LACKED and COLLOCATE, whose compilation other scenes avoid."""
+    if what == LACKED:
+        return lacked(m, choice, k, law, times, given, out)
     if what == COLLOCATE:
         return collocate(m, choice, k, law, law.steps, times, out)
     return _computed(what, m, choice, k, law, times, given, out)

@@ -22,7 +22,7 @@ from kaneflex.multibody.spatial_rows import (
     DEMAND,
     EXERT,
     FOLLOW,
-    MOVED,
+    LACKED,
     NEAR,
     PASS_ON,
     PLACE,
@@ -144,16 +144,21 @@ class SpatialSystem:
         t, outcome = self._laws.now.tolist()
         return count, t, int(outcome)
 
-    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray, whole: bool = True) -> None:
-        """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds); not
-        ``whole``: without accelerations and what joints exert.
+    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray, what: int = NEAR) -> None:
+        """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds), or q, u,
+        u' and :attr:`inputs`; with MOVED and LACKED see these in :mod:`kaneflex.multibody.spatial_rows`.
 
         Raises
         ------
         ArithmeticError
             As :meth:`project` does; it has the time for a second argument.
         """
-        if self._compute(NEAR if whole else MOVED, choice, times, given, out) < len(times):
+        try:
+            count = self._compute(what, choice, times, given, out)
+        finally:
+            if given.shape[1] > self.coordinates + self.speeds:
+                self.inputs[:] = 0.0
+        if count < len(times):
             t, outcome = self._laws.now.tolist()
             check(int(outcome), t)
 
@@ -212,7 +217,7 @@ class SpatialSystem:
         return choice.basis
 
     def _compute(self, what: int, choice: Choice | None = None, times=_NONE, given=_NO_ROWS, out=_NO_ROWS) -> int:
-        entry = compute_coupled if self.coupled else compute
+        entry = compute_coupled if self.coupled or what == LACKED else compute
         return entry(what, self.tables, choice or self._no_choice, self.work, self._laws, times, given, out)
 
     @cached_property
