@@ -8,6 +8,7 @@ from pathlib import Path
 
 from kaneflex.derive import packs
 from kaneflex.derive.body import body_text
+from kaneflex.derive.body_space import spatial_shapes_text
 from kaneflex.derive.contact import contact_text
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.elements import element_texts
@@ -20,7 +21,6 @@ from kaneflex.derive.rows import rows_text
 from kaneflex.derive.spatial import spatial_text
 from kaneflex.derive.spatial_elements import spatial_element_texts
 from kaneflex.derive.spatial_module import generate_spatial
-from kaneflex.derive.spatial_shape_kernels import spatial_shapes_text
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import coupled_hash

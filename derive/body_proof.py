@@ -50,8 +50,8 @@ def demand_equal(
 
 def functions(text: str) -> dict[str, Callable]:
     """Functions of a text as plain Python, for any type with addition and multiplication."""
-    names = {"njit": lambda **options: lambda kernel: kernel, "OPTIONS": {}, "cache": lambda kernels: kernels}
-    names["SimpleNamespace"] = SimpleNamespace
+    names = {"njit": lambda **options: lambda kernel: kernel, "cache": lambda kernels: kernels}
+    names |= {"OPTIONS": {}, "IN_ORDER": {}, "SimpleNamespace": SimpleNamespace}
     exec(compile(text, "kernels", "exec"), names)
     return names
 

@@ -2,11 +2,16 @@
 
 Format 3, SymPy 1.14; made by: make derive
 
-A particle at r of the body stands in its axes at r + N_j q_j + 1/2 G_jk q_j q_k; sums over the mass are in SINGLE for
-every shape, in PAIR for every two of them in either order. Behind the pairs are the third derivatives of the strain
-energy that are not zero: how many, then of each its three shapes and its half. A section turns by angles that are
-linear in q. Axes are called x, y, z; equations are Kane's, by SymPy's KanesMethod, less those of the rigid body
-(kaneflex.generated.spatial), which a body of no shapes is.
+A particle at r of the body is at p = r + N_j q_j + G_jk q_j q_k / 2 in its axes. Sums over the mass, of a shape: P of N
+and H of r x N, momentum per rate; J of (r.N) 1 - sym(r N^T), half of what the moment of inertia grows by; stiffness K.
+Of a pair: P, H and J, by which those of shape j grow with q_k; X of N_k x N_j; M of N_j.N_k; damping C. Shapes of a
+straight beam are of the kinds u, v, w (displaced along x, y, z) and t (twist), others of kind g.
+
+Numbers of a body from p[o]: how many shapes of each kind but g it has; of every shape in turn SINGLE, then of all pairs
+with it PAIR. Behind them a cubic strain energy: of shapes v, w, t the factors of all q_j q_k q_l; then how many other
+products there are, and of each its three shapes and its factor. A sum like P_x_vq is that of P_x q over shapes of kind
+v. A section turns by angles that are linear in q. Equations are Kane's, by SymPy's KanesMethod, less those of the rigid
+body (kaneflex.generated.spatial).
 Operations of section, written out -> with shared subexpressions: 600 -> 124.
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
@@ -18,17 +23,42 @@ from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# p: the numbers of shape j begin at o + 12 j
-SINGLE = ('N_x', 'N_y', 'N_z', 'x_N_x', 'x_N_y', 'x_N_z', 'y_N_x', 'y_N_y', 'y_N_z', 'z_N_x', 'z_N_y', 'z_N_z')
+KINDS = ('u', 'v', 'w', 't', 'g')  # kinds of shapes in their order in a body
+CUBIC = ('v', 'w', 't')  # kinds of the shapes of a cubic strain energy
+MOMENTS = ('xx', 'yy', 'zz', 'yz', 'zx', 'xy')  # components of a symmetric matrix
 
-# those of j and l at o + 12 n + 23 (n j + l)
-PAIR = (
-    'N_x_N_x', 'N_x_N_y', 'N_x_N_z', 'N_y_N_x', 'N_y_N_y', 'N_y_N_z', 'N_z_N_x', 'N_z_N_y', 'N_z_N_z', 'G_x', 'G_y',
-    'G_z', 'x_G_x', 'x_G_y', 'x_G_z', 'y_G_x', 'y_G_y', 'y_G_z', 'z_G_x', 'z_G_y', 'z_G_z', 'stiffness', 'damping',
-)
+# numbers of a shape by its kind
+SINGLE = {
+    'u': ('P_x', 'J_yy', 'K'),
+    'v': ('P_y', 'H_z', 'J_xy', 'K'),
+    'w': ('P_z', 'H_y', 'J_zx', 'K'),
+    't': ('H_x', 'J_yz', 'K'),
+    'g': ('P_x', 'P_y', 'P_z', 'H_x', 'H_y', 'H_z', 'J_xx', 'J_yy', 'J_zz', 'J_yz', 'J_zx', 'J_xy', 'K'),
+}
+
+# numbers of a pair of shapes by their kinds
+PAIR = {
+    'uu': ('J_yy', 'C'),
+    'uv': ('H_z',),
+    'uw': ('H_y',),
+    'vu': ('H_z',),
+    'vv': ('P_x', 'J_xx', 'J_yy', 'M', 'C'),
+    'vw': ('H_x', 'X_x', 'J_yz'),
+    'vt': ('H_y', 'X_y'),
+    'wu': ('H_y',),
+    'wv': ('H_x', 'X_x', 'J_yz'),
+    'ww': ('P_x', 'J_xx', 'J_yy', 'M', 'C'),
+    'wt': ('H_z', 'X_z'),
+    'tv': ('H_y', 'X_y'),
+    'tw': ('H_z', 'X_z'),
+    'tt': ('P_x', 'J_yy', 'J_zz', 'M', 'C'),
+    'gg': ('P_x', 'P_y', 'P_z', 'H_x', 'H_y', 'H_z', 'X_x', 'X_y', 'X_z', 'J_xx', 'J_yy', 'J_zz', 'J_yz', 'J_zx', 'J_xy', 'M', 'C'),
+}
+
+IN_ORDER = OPTIONS | {"fastmath": OPTIONS["fastmath"] - {"reassoc"}}  # reordered sums are slower here
 
 
-@njit(**OPTIONS)
+@njit(**IN_ORDER)
 def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
     """Add the force and the moment that a body's shapes ask for beyond those of the rigid body, and every shape's own.
 
@@ -38,252 +68,816 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
     omega_x, omega_y, omega_z = w[k], w[k + 1], w[k + 2]
     a_x, a_y, a_z = w[k + 3], w[k + 4], w[k + 5]
     epsilon_x, epsilon_y, epsilon_z = w[k + 6], w[k + 7], w[k + 8]
-    c0 = omega_y * omega_y + omega_z * omega_z
-    c1 = epsilon_z - omega_x * omega_y
-    c2 = epsilon_y + omega_x * omega_z
-    c3 = epsilon_z + omega_x * omega_y
-    c4 = omega_x * omega_x + omega_z * omega_z
-    c5 = epsilon_x - omega_y * omega_z
-    c6 = epsilon_y - omega_x * omega_z
-    c7 = epsilon_x + omega_y * omega_z
-    c8 = omega_x * omega_x + omega_y * omega_y
-    c9 = omega_y * omega_y - omega_z * omega_z
-    c10 = omega_x * omega_x - omega_z * omega_z
-    c11 = omega_x * omega_x - omega_y * omega_y
-    f_x = f_y = f_z = m_x = m_y = m_z = 0.0
-    for j in range(count):
-        j1, row = o + 12 * j, 0.0
-        q_j, v_j, b_j = q[i + j], u[s + j], du[s + j]
-        x0 = c2 * q_j
-        x1 = 2.0 * v_j
-        x2 = omega_y * x1
-        x3 = x0 + x2
-        x4 = c1 * q_j
-        x5 = omega_z * x1
-        x6 = -x4 - x5
-        x7 = c3 * q_j
-        x8 = x5 + x7
-        x9 = c5 * q_j
-        x10 = omega_x * x1
-        x11 = -x10 - x9
-        x12 = c7 * q_j
-        x13 = x10 + x12
-        x14 = c6 * q_j
-        x15 = -x14 - x2
-        x16 = a_z * q_j
-        x17 = p[j1 + 2] * q_j
-        x18 = c9 * q_j
-        x19 = c11 * q_j
-        f_x += p[j1 + 1] * x6 + p[j1 + 2] * x3 + p[j1] * (b_j - c0 * q_j)
-        f_y += p[j1 + 1] * (b_j - c4 * q_j) + p[j1 + 2] * x11 + p[j1] * x8
-        f_z += p[j1 + 1] * x13 + p[j1 + 2] * (b_j - c8 * q_j) + p[j1] * x15
-        m_x += (
-            -a_y * x17 + p[j1 + 10] * (-b_j - x18) + p[j1 + 11] * (x10 + 2.0 * x9) + p[j1 + 1] * x16
-            - p[j1 + 4] * x14 - p[j1 + 5] * x7 + p[j1 + 6] * x15 + p[j1 + 7] * (x10 + 2.0 * x12)
-            + p[j1 + 8] * (b_j - x18) - p[j1 + 9] * x8
+    s_xx = -(omega_x * omega_x)
+    s_yy = -(omega_y * omega_y)
+    s_zz = -(omega_z * omega_z)
+    s_yz = -2.0 * omega_y * omega_z
+    s_zx = -2.0 * omega_x * omega_z
+    s_xy = -2.0 * omega_x * omega_y
+    to_u = int(p[o])
+    to_v = to_u + int(p[o + 1])
+    to_w = to_v + int(p[o + 2])
+    to_t = to_w + int(p[o + 3])
+    to_g = count
+    o += 4
+    S_x = I_yy = I_zz = I_zx = I_xy = V_x = h_y = h_z = 0.0
+    D_yy = D_zz = D_zx = D_xy = f_x = m_y = m_z = S_y = 0.0
+    I_xx = I_yz = V_y = h_x = D_xx = D_yz = f_y = m_x = 0.0
+    S_z = V_z = f_z = 0.0
+    for j in range(to_u):
+        q_j, v_j, b_j, P_x_0, J_yy_0, K_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        o += 3
+        J_yy_uq = J_yy_ub = C_uv = H_z_vq = H_z_vv = H_y_wq = H_y_wv = 0.0
+        for l in range(to_u):
+            J_yy_l = p[o]
+            J_yy_uq += J_yy_l * q[i + l]
+            J_yy_ub += J_yy_l * du[s + l]
+            C_uv += p[o + 1] * u[s + l]
+            o += 2
+        for l in range(to_u, to_v):
+            H_z_l = p[o]
+            H_z_vq += H_z_l * q[i + l]
+            H_z_vv += H_z_l * u[s + l]
+            o += 1
+        for l in range(to_v, to_w):
+            H_y_l = p[o]
+            H_y_wq += H_y_l * q[i + l]
+            H_y_wv += H_y_l * u[s + l]
+            o += 1
+        J_yy = J_yy_0 + J_yy_uq
+        J_zx = -0.5 * H_y_wq
+        J_xy = 0.5 * H_z_vq
+        h[r + j] += (
+            C_uv + H_y_wq * epsilon_y + 2.0 * H_y_wv * omega_y + H_z_vq * epsilon_z + 2.0 * H_z_vv * omega_z
+            + J_xy * s_xy + J_yy * s_yy + J_yy * s_zz + J_yy_ub + J_zx * s_zx + K_0 * q_j + P_x_0 * a_x
         )
-        m_y += (
-            a_x * x17 + p[j1 + 10] * x6 + p[j1 + 11] * (2.0 * x0 + x2) + p[j1 + 3] * (2.0 * x14 + x2)
-            - p[j1 + 4] * x13 + p[j1 + 5] * (-b_j + c10 * q_j) - p[j1 + 6] * x12 - p[j1 + 8] * x4
-            + p[j1 + 9] * (b_j + c10 * q_j) - p[j1] * x16
+        S_x += P_x_0 * q_j
+        I_yy += q_j * (J_yy + J_yy_0)
+        I_zz += q_j * (J_yy + J_yy_0)
+        I_zx += J_zx * q_j
+        I_xy += J_xy * q_j
+        V_x += P_x_0 * v_j
+        h_y += H_y_wq * v_j
+        h_z += H_z_vq * v_j
+        D_yy += J_yy * v_j
+        D_zz += J_yy * v_j
+        D_zx += J_zx * v_j
+        D_xy += J_xy * v_j
+        f_x += P_x_0 * b_j
+        m_y += H_y_wq * b_j + H_y_wv * v_j
+        m_z += H_z_vq * b_j + H_z_vv * v_j
+    for j in range(to_u, to_v):
+        q_j, v_j, b_j, P_y_0, H_z_0, J_xy_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        K_0 = p[o + 3]
+        o += 4
+        H_z_uq = H_z_uv = P_x_vq = J_xx_vq = J_yy_vq = P_x_vv = M_vb = C_vv = 0.0
+        H_x_wq = J_yz_wq = H_x_wv = X_x_wv = H_y_tq = H_y_tv = X_y_tv = 0.0
+        for l in range(to_u):
+            H_z_l = p[o]
+            H_z_uq += H_z_l * q[i + l]
+            H_z_uv += H_z_l * u[s + l]
+            o += 1
+        for l in range(to_u, to_v):
+            P_x_l = p[o]
+            P_x_vq += P_x_l * q[i + l]
+            P_x_vv += P_x_l * u[s + l]
+            J_xx_vq += p[o + 1] * q[i + l]
+            J_yy_vq += p[o + 2] * q[i + l]
+            M_vb += p[o + 3] * du[s + l]
+            C_vv += p[o + 4] * u[s + l]
+            o += 5
+        for l in range(to_v, to_w):
+            H_x_l = p[o]
+            H_x_wq += H_x_l * q[i + l]
+            H_x_wv += H_x_l * u[s + l]
+            X_x_wv += p[o + 1] * u[s + l]
+            J_yz_wq += p[o + 2] * q[i + l]
+            o += 3
+        for l in range(to_w, to_t):
+            H_y_l = p[o]
+            H_y_tq += H_y_l * q[i + l]
+            H_y_tv += H_y_l * u[s + l]
+            X_y_tv += p[o + 1] * u[s + l]
+            o += 2
+        H_z = H_z_0 + H_z_uq
+        J_zz = J_xx_vq + J_yy_vq
+        J_zx = -0.5 * H_y_tq
+        J_xy = -0.5 * H_z_uq + J_xy_0
+        h[r + j] += (
+            C_vv + H_x_wq * epsilon_x + H_y_tq * epsilon_y + H_z * epsilon_z + 2.0 * H_z_uv * omega_z
+            + J_xx_vq * s_xx + J_xy * s_xy + J_yy_vq * s_yy + J_yz_wq * s_yz + J_zx * s_zx + J_zz * s_zz + K_0 * q_j
+            + M_vb + P_x_vq * a_x + P_y_0 * a_y + 2.0 * X_x_wv * omega_x + 2.0 * X_y_tv * omega_y
         )
-        m_z += (
-            -a_x * p[j1 + 1] * q_j + a_y * p[j1] * q_j - p[j1 + 10] * x0 + p[j1 + 3] * (x5 + 2.0 * x7)
-            + p[j1 + 4] * (b_j - x19) + p[j1 + 5] * x11 + p[j1 + 6] * (-b_j - x19) + p[j1 + 7] * (2.0 * x4 + x5)
-            - p[j1 + 8] * x3 - p[j1 + 9] * x9
+        S_x += 0.5 * P_x_vq * q_j
+        S_y += P_y_0 * q_j
+        I_xx += J_xx_vq * q_j
+        I_yy += J_yy_vq * q_j
+        I_zz += J_zz * q_j
+        I_yz += J_yz_wq * q_j
+        I_zx += J_zx * q_j
+        I_xy += q_j * (J_xy + J_xy_0)
+        V_x += P_x_vq * v_j
+        V_y += P_y_0 * v_j
+        h_x += H_x_wq * v_j
+        h_y += H_y_tq * v_j
+        h_z += H_z * v_j
+        D_xx += J_xx_vq * v_j
+        D_yy += J_yy_vq * v_j
+        D_zz += J_zz * v_j
+        D_yz += J_yz_wq * v_j
+        D_zx += J_zx * v_j
+        D_xy += J_xy * v_j
+        f_x += P_x_vq * b_j + P_x_vv * v_j
+        f_y += P_y_0 * b_j
+        m_x += H_x_wq * b_j + H_x_wv * v_j
+        m_y += H_y_tq * b_j + H_y_tv * v_j
+        m_z += H_z * b_j + H_z_uv * v_j
+    for j in range(to_v, to_w):
+        q_j, v_j, b_j, P_z_0, H_y_0, J_zx_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        K_0 = p[o + 3]
+        o += 4
+        H_y_uq = H_y_uv = H_x_vq = J_yz_vq = H_x_vv = X_x_vv = P_x_wq = J_xx_wq = 0.0
+        J_yy_wq = P_x_wv = M_wb = C_wv = H_z_tq = H_z_tv = X_z_tv = 0.0
+        for l in range(to_u):
+            H_y_l = p[o]
+            H_y_uq += H_y_l * q[i + l]
+            H_y_uv += H_y_l * u[s + l]
+            o += 1
+        for l in range(to_u, to_v):
+            H_x_l = p[o]
+            H_x_vq += H_x_l * q[i + l]
+            H_x_vv += H_x_l * u[s + l]
+            X_x_vv += p[o + 1] * u[s + l]
+            J_yz_vq += p[o + 2] * q[i + l]
+            o += 3
+        for l in range(to_v, to_w):
+            P_x_l = p[o]
+            P_x_wq += P_x_l * q[i + l]
+            P_x_wv += P_x_l * u[s + l]
+            J_xx_wq += p[o + 1] * q[i + l]
+            J_yy_wq += p[o + 2] * q[i + l]
+            M_wb += p[o + 3] * du[s + l]
+            C_wv += p[o + 4] * u[s + l]
+            o += 5
+        for l in range(to_w, to_t):
+            H_z_l = p[o]
+            H_z_tq += H_z_l * q[i + l]
+            H_z_tv += H_z_l * u[s + l]
+            X_z_tv += p[o + 1] * u[s + l]
+            o += 2
+        H_y = H_y_0 + H_y_uq
+        J_zz = -J_xx_wq + J_yy_wq
+        J_zx = 0.5 * H_y_uq + J_zx_0
+        J_xy = 0.5 * H_z_tq
+        h[r + j] += (
+            C_wv + H_x_vq * epsilon_x + H_y * epsilon_y + 2.0 * H_y_uv * omega_y + H_z_tq * epsilon_z
+            + J_xx_wq * s_xx + J_xy * s_xy + J_yy_wq * s_yy + J_yz_vq * s_yz + J_zx * s_zx + J_zz * s_zz + K_0 * q_j
+            + M_wb + P_x_wq * a_x + P_z_0 * a_z + 2.0 * X_x_vv * omega_x + 2.0 * X_z_tv * omega_z
         )
-        row += (
-            a_x * p[j1] + a_y * p[j1 + 1] + a_z * p[j1 + 2] - c0 * p[j1 + 3] - c1 * p[j1 + 6] + c2 * p[j1 + 9]
-            + c3 * p[j1 + 4] - c4 * p[j1 + 7] - c5 * p[j1 + 10] - c6 * p[j1 + 5] + c7 * p[j1 + 8] - c8 * p[j1 + 11]
+        S_x += 0.5 * P_x_wq * q_j
+        S_z += P_z_0 * q_j
+        I_xx += J_xx_wq * q_j
+        I_yy += J_yy_wq * q_j
+        I_zz += J_zz * q_j
+        I_yz += J_yz_vq * q_j
+        I_zx += q_j * (J_zx + J_zx_0)
+        I_xy += J_xy * q_j
+        V_x += P_x_wq * v_j
+        V_z += P_z_0 * v_j
+        h_x += H_x_vq * v_j
+        h_y += H_y * v_j
+        h_z += H_z_tq * v_j
+        D_xx += J_xx_wq * v_j
+        D_yy += J_yy_wq * v_j
+        D_zz += J_zz * v_j
+        D_yz += J_yz_vq * v_j
+        D_zx += J_zx * v_j
+        D_xy += J_xy * v_j
+        f_x += P_x_wq * b_j + P_x_wv * v_j
+        f_z += P_z_0 * b_j
+        m_x += H_x_vq * b_j + H_x_vv * v_j
+        m_y += H_y * b_j + H_y_uv * v_j
+        m_z += H_z_tq * b_j + H_z_tv * v_j
+    for j in range(to_w, to_t):
+        q_j, v_j, b_j, H_x_0, J_yz_0, K_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        o += 3
+        H_y_vq = X_y_vq = H_y_vv = X_y_vv = H_z_wq = X_z_wq = H_z_wv = X_z_wv = 0.0
+        P_x_tq = J_yy_tq = J_zz_tq = P_x_tv = M_tb = C_tv = 0.0
+        for l in range(to_u, to_v):
+            H_y_l = p[o]
+            H_y_vq += H_y_l * q[i + l]
+            H_y_vv += H_y_l * u[s + l]
+            X_y_l = p[o + 1]
+            X_y_vq += X_y_l * q[i + l]
+            X_y_vv += X_y_l * u[s + l]
+            o += 2
+        for l in range(to_v, to_w):
+            H_z_l = p[o]
+            H_z_wq += H_z_l * q[i + l]
+            H_z_wv += H_z_l * u[s + l]
+            X_z_l = p[o + 1]
+            X_z_wq += X_z_l * q[i + l]
+            X_z_wv += X_z_l * u[s + l]
+            o += 2
+        for l in range(to_w, to_t):
+            P_x_l = p[o]
+            P_x_tq += P_x_l * q[i + l]
+            P_x_tv += P_x_l * u[s + l]
+            J_yy_tq += p[o + 1] * q[i + l]
+            J_zz_tq += p[o + 2] * q[i + l]
+            M_tb += p[o + 3] * du[s + l]
+            C_tv += p[o + 4] * u[s + l]
+            o += 5
+        J_zx = -0.5 * H_y_vq + X_y_vq
+        J_xy = 0.5 * H_z_wq - X_z_wq
+        h[r + j] += (
+            C_tv + H_x_0 * epsilon_x + H_y_vq * epsilon_y + H_z_wq * epsilon_z + J_xy * s_xy + J_yy_tq * s_yy
+            + J_yz_0 * s_yz + J_zx * s_zx + J_zz_tq * s_zz + K_0 * q_j + M_tb + P_x_tq * a_x
+            + 2.0 * X_y_vv * omega_y + 2.0 * X_z_wv * omega_z
         )
-        for l in range(count):
-            jl = o + 12 * count + 23 * (count * j + l)
-            q_l, v_l, b_l = q[i + l], u[s + l], du[s + l]
-            y0 = c1 * q_l
-            y1 = q_j * y0
-            y2 = 0.5 * y1
-            y3 = 2.0 * v_l
-            y4 = omega_z * y3
-            y5 = q_j * y4
-            y6 = -y2 - y5
-            y7 = c2 * q_l
-            y8 = q_j * y7
-            y9 = 0.5 * y8
-            y10 = omega_y * y3
-            y11 = q_j * y10
-            y12 = y11 + y9
-            y13 = c0 * q_l
-            y14 = 0.5 * q_j
-            y15 = b_l * q_j
-            y16 = v_j * v_l
-            y17 = y15 + y16
-            y18 = c5 * q_l
-            y19 = q_j * y18
-            y20 = 0.5 * y19
-            y21 = omega_x * y3
-            y22 = q_j * y21
-            y23 = -y20 - y22
-            y24 = c3 * q_l
-            y25 = q_j * y24
-            y26 = 0.5 * y25
-            y27 = y26 + y5
-            y28 = c4 * q_l
-            y29 = c7 * q_l
-            y30 = q_j * y29
-            y31 = 0.5 * y30
-            y32 = y22 + y31
-            y33 = c6 * q_l
-            y34 = q_j * y33
-            y35 = 0.5 * y34
-            y36 = -y11 - y35
-            y37 = c8 * q_l
-            y38 = p[jl + 11] * q_l
-            y39 = p[jl + 10] * q_l
-            y40 = q_l * y14
-            y41 = c9 * y40
-            y42 = y15 - y41
-            y43 = y22 + y30
-            y44 = y19 + y22
-            y45 = y15 + y41
-            y46 = -y27
-            y47 = a_x * q_l
-            y48 = y14 * y47
-            y49 = p[jl + 9] * y40
-            y50 = c10 * y40 + y15
-            y51 = y11 + y34
-            y52 = y11 + y8
-            y53 = -0.5 * c10 * q_j * q_l + y15
-            y54 = -y32
-            y55 = c11 * y40
-            y56 = y15 - y55
-            y57 = y25 + y5
-            y58 = y1 + y5
-            y59 = y15 + y55
-            y60 = -y12
-            f_x += p[jl + 10] * y6 + p[jl + 11] * y12 + p[jl + 9] * (-y13 * y14 + y17)
-            f_y += p[jl + 10] * (-y14 * y28 + y17) + p[jl + 11] * y23 + p[jl + 9] * y27
-            f_z += p[jl + 10] * y32 + p[jl + 11] * (-y14 * y37 + y17) + p[jl + 9] * y36
-            m_x += (
-                -a_y * y14 * y38 + a_z * y14 * y39 - p[jl + 13] * y35 - p[jl + 14] * y26 + p[jl + 15] * y36
-                + p[jl + 16] * y43 + p[jl + 17] * (y16 + y42) + p[jl + 18] * y46 + p[jl + 19] * (-y16 - y45)
-                - p[jl + 1] * y35 + p[jl + 20] * y44 - p[jl + 2] * y26 + p[jl + 3] * y36 + p[jl + 4] * y43
-                + p[jl + 5] * y42 + p[jl + 6] * y46 - p[jl + 7] * y45 + p[jl + 8] * y44
-            )
-            m_y += (
-                -a_z * y49 + p[jl + 11] * y48 + p[jl + 12] * y51 + p[jl + 13] * y54 + p[jl + 14] * (-y16 - y53)
-                - p[jl + 15] * y31 - p[jl + 17] * y2 + p[jl + 18] * (y16 + y50) + p[jl + 19] * y6 + p[jl + 1] * y54
-                + p[jl + 20] * y52 - p[jl + 2] * y53 - p[jl + 3] * y31 - p[jl + 5] * y2 + p[jl + 6] * y50
-                + p[jl + 7] * y6 + p[jl + 8] * y52 + p[jl] * y51
-            )
-            m_z += (
-                a_y * y49 - p[jl + 10] * y48 + p[jl + 12] * y57 + p[jl + 13] * (y16 + y56) + p[jl + 14] * y23
-                + p[jl + 15] * (-y16 - y59) + p[jl + 16] * y58 + p[jl + 17] * y60 - p[jl + 18] * y20 - p[jl + 19] * y9
-                + p[jl + 1] * y56 + p[jl + 2] * y23 - p[jl + 3] * y59 + p[jl + 4] * y58 + p[jl + 5] * y60
-                - p[jl + 6] * y20 - p[jl + 7] * y9 + p[jl] * y57
-            )
-            row += (
-                a_y * y39 + a_z * y38 - p[jl + 12] * y13 + p[jl + 13] * y24 - p[jl + 14] * y33 - p[jl + 15] * y0
-                - p[jl + 16] * y28 + p[jl + 17] * y29 + p[jl + 18] * y7 - p[jl + 19] * y18 + p[jl + 1] * (-y0 - y4)
-                - p[jl + 20] * y37 + p[jl + 21] * q_l + p[jl + 22] * v_l + p[jl + 2] * (y10 + y7)
-                + p[jl + 3] * (y24 + y4) + p[jl + 4] * (b_l - y28) + p[jl + 5] * (-y18 - y21) + p[jl + 6] * (-y10 - y33)
-                + p[jl + 7] * (y21 + y29) + p[jl + 8] * (b_l - y37) + p[jl + 9] * y47 + p[jl] * (b_l - y13)
-            )
-        h[r + j] += row
-    third = o + 12 * count + 23 * count * count
-    for e in range(int(p[third])):
-        at = third + 1 + 4 * e
-        h[r + int(p[at])] += p[at + 3] * q[i + int(p[at + 1])] * q[i + int(p[at + 2])]
-    out[n] += f_x
-    out[n + 1] += f_y
-    out[n + 2] += f_z
-    out[n + 3] += m_x
-    out[n + 4] += m_y
-    out[n + 5] += m_z
+        S_x += 0.5 * P_x_tq * q_j
+        I_yy += J_yy_tq * q_j
+        I_zz += J_zz_tq * q_j
+        I_yz += 2.0 * J_yz_0 * q_j
+        I_zx += J_zx * q_j
+        I_xy += J_xy * q_j
+        V_x += P_x_tq * v_j
+        h_x += H_x_0 * v_j
+        h_y += H_y_vq * v_j
+        h_z += H_z_wq * v_j
+        D_yy += J_yy_tq * v_j
+        D_zz += J_zz_tq * v_j
+        D_yz += J_yz_0 * v_j
+        D_zx += J_zx * v_j
+        D_xy += J_xy * v_j
+        f_x += P_x_tq * b_j + P_x_tv * v_j
+        m_x += H_x_0 * b_j
+        m_y += H_y_vq * b_j + H_y_vv * v_j
+        m_z += H_z_wq * b_j + H_z_wv * v_j
+    for j in range(to_t, to_g):
+        q_j, v_j, b_j, P_x_0, P_y_0, P_z_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        H_x_0, H_y_0, H_z_0, J_xx_0, J_yy_0, J_zz_0 = p[o + 3], p[o + 4], p[o + 5], p[o + 6], p[o + 7], p[o + 8]
+        J_yz_0, J_zx_0, J_xy_0, K_0 = p[o + 9], p[o + 10], p[o + 11], p[o + 12]
+        o += 13
+        P_x_gq = P_y_gq = P_z_gq = H_x_gq = H_y_gq = H_z_gq = J_xx_gq = J_yy_gq = 0.0
+        J_zz_gq = J_yz_gq = J_zx_gq = J_xy_gq = P_x_gv = P_y_gv = P_z_gv = H_x_gv = 0.0
+        H_y_gv = H_z_gv = M_gb = C_gv = X_x_gv = X_y_gv = X_z_gv = 0.0
+        for l in range(to_t, to_g):
+            P_x_l = p[o]
+            P_x_gq += P_x_l * q[i + l]
+            P_x_gv += P_x_l * u[s + l]
+            P_y_l = p[o + 1]
+            P_y_gq += P_y_l * q[i + l]
+            P_y_gv += P_y_l * u[s + l]
+            P_z_l = p[o + 2]
+            P_z_gq += P_z_l * q[i + l]
+            P_z_gv += P_z_l * u[s + l]
+            H_x_l = p[o + 3]
+            H_x_gq += H_x_l * q[i + l]
+            H_x_gv += H_x_l * u[s + l]
+            H_y_l = p[o + 4]
+            H_y_gq += H_y_l * q[i + l]
+            H_y_gv += H_y_l * u[s + l]
+            H_z_l = p[o + 5]
+            H_z_gq += H_z_l * q[i + l]
+            H_z_gv += H_z_l * u[s + l]
+            X_x_gv += p[o + 6] * u[s + l]
+            X_y_gv += p[o + 7] * u[s + l]
+            X_z_gv += p[o + 8] * u[s + l]
+            J_xx_gq += p[o + 9] * q[i + l]
+            J_yy_gq += p[o + 10] * q[i + l]
+            J_zz_gq += p[o + 11] * q[i + l]
+            J_yz_gq += p[o + 12] * q[i + l]
+            J_zx_gq += p[o + 13] * q[i + l]
+            J_xy_gq += p[o + 14] * q[i + l]
+            M_gb += p[o + 15] * du[s + l]
+            C_gv += p[o + 16] * u[s + l]
+            o += 17
+        P_x = P_x_0 + P_x_gq
+        P_y = P_y_0 + P_y_gq
+        P_z = P_z_0 + P_z_gq
+        H_x = H_x_0 + H_x_gq
+        H_y = H_y_0 + H_y_gq
+        H_z = H_z_0 + H_z_gq
+        J_xx = J_xx_0 + J_xx_gq
+        J_yy = J_yy_0 + J_yy_gq
+        J_zz = J_zz_0 + J_zz_gq
+        J_yz = J_yz_0 + J_yz_gq
+        J_zx = J_zx_0 + J_zx_gq
+        J_xy = J_xy_0 + J_xy_gq
+        h[r + j] += (
+            C_gv + H_x * epsilon_x + H_y * epsilon_y + H_z * epsilon_z + J_xx * s_xx + J_xy * s_xy + J_yy * s_yy
+            + J_yz * s_yz + J_zx * s_zx + J_zz * s_zz + K_0 * q_j + M_gb + P_x * a_x + P_y * a_y + P_z * a_z
+            + 2.0 * X_x_gv * omega_x + 2.0 * X_y_gv * omega_y + 2.0 * X_z_gv * omega_z
+        )
+        S_x += 0.5 * q_j * (P_x + P_x_0)
+        S_y += 0.5 * q_j * (P_y + P_y_0)
+        S_z += 0.5 * q_j * (P_z + P_z_0)
+        I_xx += q_j * (J_xx + J_xx_0)
+        I_yy += q_j * (J_yy + J_yy_0)
+        I_zz += q_j * (J_zz + J_zz_0)
+        I_yz += q_j * (J_yz + J_yz_0)
+        I_zx += q_j * (J_zx + J_zx_0)
+        I_xy += q_j * (J_xy + J_xy_0)
+        V_x += P_x * v_j
+        V_y += P_y * v_j
+        V_z += P_z * v_j
+        h_x += H_x * v_j
+        h_y += H_y * v_j
+        h_z += H_z * v_j
+        D_xx += J_xx * v_j
+        D_yy += J_yy * v_j
+        D_zz += J_zz * v_j
+        D_yz += J_yz * v_j
+        D_zx += J_zx * v_j
+        D_xy += J_xy * v_j
+        f_x += P_x * b_j + P_x_gv * v_j
+        f_y += P_y * b_j + P_y_gv * v_j
+        f_z += P_z * b_j + P_z_gv * v_j
+        m_x += H_x * b_j + H_x_gv * v_j
+        m_y += H_y * b_j + H_y_gv * v_j
+        m_z += H_z * b_j + H_z_gv * v_j
+    for j in range(to_u, to_v):
+        for k in range(to_v, to_w):
+            for l in range(to_w, to_t):
+                c = p[o]
+                h[r + j] += c * q[i + k] * q[i + l]
+                h[r + k] += c * q[i + j] * q[i + l]
+                h[r + l] += c * q[i + j] * q[i + k]
+                o += 1
+    for e in range(int(p[o])):
+        j, k, l, c = int(p[o + 1]), int(p[o + 2]), int(p[o + 3]), p[o + 4]
+        h[r + j] += c * q[i + k] * q[i + l]
+        h[r + k] += c * q[i + j] * q[i + l]
+        h[r + l] += c * q[i + j] * q[i + k]
+        o += 4
+    u_x = -S_y * omega_z + S_z * omega_y + 2.0 * V_x
+    u_y = S_x * omega_z - S_z * omega_x + 2.0 * V_y
+    u_z = -S_x * omega_y + S_y * omega_x + 2.0 * V_z
+    l_x = I_xx * omega_x + I_xy * omega_y + I_zx * omega_z + h_x
+    l_y = I_xy * omega_x + I_yy * omega_y + I_yz * omega_z + h_y
+    l_z = I_yz * omega_y + I_zx * omega_x + I_zz * omega_z + h_z
+    out[n] += -S_y * epsilon_z + S_z * epsilon_y + f_x + omega_y * u_z - omega_z * u_y
+    out[n + 1] += S_x * epsilon_z - S_z * epsilon_x + f_y - omega_x * u_z + omega_z * u_x
+    out[n + 2] += -S_x * epsilon_y + S_y * epsilon_x + f_z + omega_x * u_y - omega_y * u_x
+    out[n + 3] += (
+        2.0 * D_xx * omega_x + 2.0 * D_xy * omega_y + 2.0 * D_zx * omega_z + I_xx * epsilon_x + I_xy * epsilon_y
+        + I_zx * epsilon_z + S_y * a_z - S_z * a_y - l_y * omega_z + l_z * omega_y + m_x
+    )
+    out[n + 4] += (
+        2.0 * D_xy * omega_x + 2.0 * D_yy * omega_y + 2.0 * D_yz * omega_z + I_xy * epsilon_x + I_yy * epsilon_y
+        + I_yz * epsilon_z - S_x * a_z + S_z * a_x + l_x * omega_z - l_z * omega_x + m_y
+    )
+    out[n + 5] += (
+        2.0 * D_yz * omega_y + 2.0 * D_zx * omega_x + 2.0 * D_zz * omega_z + I_yz * epsilon_y + I_zx * epsilon_x
+        + I_zz * epsilon_z + S_x * a_y - S_y * a_x - l_x * omega_y + l_y * omega_x + m_z
+    )
 
 
-@njit(**OPTIONS)
+@njit(**IN_ORDER)
 def shaped_inertia(p, o, count, q, i, out, n):
     """Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
     them to it, (6, count), and their own, (count, count), all row by row."""
-    modal = n + 36 + 6 * count
-    for j in range(count):
-        j1, q_j = o + 12 * j, q[i + j]
-        x0 = p[j1 + 2] * q_j
-        x1 = p[j1 + 1] * q_j
-        x2 = p[j1] * q_j
-        x3 = 2.0 * q_j
-        x4 = p[j1 + 11] * x3
-        x5 = p[j1 + 7] * x3
-        x6 = p[j1 + 3] * x3
-        out[n + 4] += x0
-        out[n + 5] -= x1
-        out[n + 9] -= x0
-        out[n + 11] += x2
-        out[n + 15] += x1
-        out[n + 16] -= x2
-        out[n + 21] += x4 + x5
-        out[n + 22] -= p[j1 + 4] * q_j + p[j1 + 6] * q_j
-        out[n + 23] -= p[j1 + 5] * q_j + p[j1 + 9] * q_j
-        out[n + 28] += x4 + x6
-        out[n + 29] -= p[j1 + 10] * q_j + p[j1 + 8] * q_j
-        out[n + 35] += x5 + x6
-        f_x = p[j1]
-        f_y = p[j1 + 1]
-        f_z = p[j1 + 2]
-        m_x = -p[j1 + 10] + p[j1 + 8]
-        m_y = -p[j1 + 5] + p[j1 + 9]
-        m_z = p[j1 + 4] - p[j1 + 6]
-        for l in range(count):
-            jl, q_l = o + 12 * count + 23 * (count * j + l), q[i + l]
-            y0 = p[jl + 11] * q_l
-            y1 = 0.5 * q_j
-            y2 = y0 * y1
-            y3 = p[jl + 10] * q_l
-            y4 = y1 * y3
-            y5 = p[jl + 9] * q_l
-            y6 = y1 * y5
-            y7 = q_j * q_l
-            y8 = p[jl + 20] * y7 + p[jl + 8] * y7
-            y9 = p[jl + 16] * y7 + p[jl + 4] * y7
-            y10 = p[jl + 13] * q_l
-            y11 = p[jl + 15] * q_l
-            y12 = p[jl + 1] * q_l
-            y13 = p[jl + 3] * q_l
-            y14 = p[jl + 14] * q_l
-            y15 = p[jl + 6] * q_l
-            y16 = p[jl + 12] * y7 + p[jl] * y7
-            y17 = p[jl + 17] * q_l
-            y18 = p[jl + 19] * q_l
-            y19 = p[jl + 5] * q_l
-            y20 = p[jl + 7] * q_l
-            out[n + 4] += y2
-            out[n + 5] -= y4
-            out[n + 9] -= y2
-            out[n + 11] += y6
-            out[n + 15] += y4
-            out[n + 16] -= y6
-            out[n + 21] += y8 + y9
-            out[n + 22] -= y1 * y10 + y1 * y11 + y1 * y12 + y1 * y13
-            out[n + 23] -= p[jl + 18] * q_l * y1 + p[jl + 2] * q_l * y1 + y1 * y14 + y1 * y15
-            out[n + 28] += y16 + y8
-            out[n + 29] -= y1 * y17 + y1 * y18 + y1 * y19 + y1 * y20
-            out[n + 35] += y16 + y9
-            f_x += y5
-            f_y += y3
-            f_z += y0
-            m_x += y17 - y18 - y19 + y20
-            m_y += p[jl + 18] * q_l + p[jl + 2] * q_l - y14 - y15
-            m_z += y10 - y11 - y12 + y13
-            out[modal + count * j + l] = p[jl + 4] + p[jl + 8] + p[jl]
-        out[n + 36 + j] = f_x
-        out[n + 36 + 1 * count + j] = f_y
-        out[n + 36 + 2 * count + j] = f_z
-        out[n + 36 + 3 * count + j] = m_x
-        out[n + 36 + 4 * count + j] = m_y
-        out[n + 36 + 5 * count + j] = m_z
-    for k in range(6):
-        for l in range(k):
-            out[n + 6 * k + l] = out[n + 6 * l + k]
+    coupling, modal = n + 36, n + 36 + 6 * count
+    to_u = int(p[o])
+    to_v = to_u + int(p[o + 1])
+    to_w = to_v + int(p[o + 2])
+    to_t = to_w + int(p[o + 3])
+    to_g = count
+    o += 4
+    for j in range(count * count):
+        out[modal + j] = 0.0
+    S_x = S_y = S_z = I_xx = I_yy = I_zz = I_yz = I_zx = 0.0
+    I_xy = 0.0
+    for j in range(to_u):
+        q_j, P_x_0, J_yy_0 = q[i + j], p[o], p[o + 1]
+        o += 3
+        J_yy_uq = H_z_vq = H_y_wq = 0.0
+        for l in range(to_u):
+            J_yy_l = p[o]
+            J_yy_uq += J_yy_l * q[i + l]
+            out[modal + count * j + l] = J_yy_l
+            o += 2
+        for l in range(to_u, to_v):
+            H_z_vq += p[o] * q[i + l]
+            o += 1
+        for l in range(to_v, to_w):
+            H_y_wq += p[o] * q[i + l]
+            o += 1
+        J_yy = J_yy_0 + J_yy_uq
+        J_zx = -0.5 * H_y_wq
+        J_xy = 0.5 * H_z_vq
+        out[coupling + j] = P_x_0
+        out[coupling + 1 * count + j] = 0.0
+        out[coupling + 2 * count + j] = 0.0
+        out[coupling + 3 * count + j] = 0.0
+        out[coupling + 4 * count + j] = H_y_wq
+        out[coupling + 5 * count + j] = H_z_vq
+        S_x += P_x_0 * q_j
+        I_yy += q_j * (J_yy + J_yy_0)
+        I_zz += q_j * (J_yy + J_yy_0)
+        I_zx += J_zx * q_j
+        I_xy += J_xy * q_j
+    for j in range(to_u, to_v):
+        q_j, P_y_0, H_z_0, J_xy_0 = q[i + j], p[o], p[o + 1], p[o + 2]
+        o += 4
+        H_z_uq = P_x_vq = J_xx_vq = J_yy_vq = H_x_wq = J_yz_wq = H_y_tq = 0.0
+        for l in range(to_u):
+            H_z_uq += p[o] * q[i + l]
+            o += 1
+        for l in range(to_u, to_v):
+            P_x_vq += p[o] * q[i + l]
+            J_xx_vq += p[o + 1] * q[i + l]
+            J_yy_vq += p[o + 2] * q[i + l]
+            M_l = p[o + 3]
+            out[modal + count * j + l] = M_l
+            o += 5
+        for l in range(to_v, to_w):
+            H_x_wq += p[o] * q[i + l]
+            J_yz_wq += p[o + 2] * q[i + l]
+            o += 3
+        for l in range(to_w, to_t):
+            H_y_tq += p[o] * q[i + l]
+            o += 2
+        H_z = H_z_0 + H_z_uq
+        J_zz = J_xx_vq + J_yy_vq
+        J_zx = -0.5 * H_y_tq
+        J_xy = -0.5 * H_z_uq + J_xy_0
+        out[coupling + j] = P_x_vq
+        out[coupling + 1 * count + j] = P_y_0
+        out[coupling + 2 * count + j] = 0.0
+        out[coupling + 3 * count + j] = H_x_wq
+        out[coupling + 4 * count + j] = H_y_tq
+        out[coupling + 5 * count + j] = H_z
+        S_x += 0.5 * P_x_vq * q_j
+        S_y += P_y_0 * q_j
+        I_xx += J_xx_vq * q_j
+        I_yy += J_yy_vq * q_j
+        I_zz += J_zz * q_j
+        I_yz += J_yz_wq * q_j
+        I_zx += J_zx * q_j
+        I_xy += q_j * (J_xy + J_xy_0)
+    for j in range(to_v, to_w):
+        q_j, P_z_0, H_y_0, J_zx_0 = q[i + j], p[o], p[o + 1], p[o + 2]
+        o += 4
+        H_y_uq = H_x_vq = J_yz_vq = P_x_wq = J_xx_wq = J_yy_wq = H_z_tq = 0.0
+        for l in range(to_u):
+            H_y_uq += p[o] * q[i + l]
+            o += 1
+        for l in range(to_u, to_v):
+            H_x_vq += p[o] * q[i + l]
+            J_yz_vq += p[o + 2] * q[i + l]
+            o += 3
+        for l in range(to_v, to_w):
+            P_x_wq += p[o] * q[i + l]
+            J_xx_wq += p[o + 1] * q[i + l]
+            J_yy_wq += p[o + 2] * q[i + l]
+            M_l = p[o + 3]
+            out[modal + count * j + l] = M_l
+            o += 5
+        for l in range(to_w, to_t):
+            H_z_tq += p[o] * q[i + l]
+            o += 2
+        H_y = H_y_0 + H_y_uq
+        J_zz = -J_xx_wq + J_yy_wq
+        J_zx = 0.5 * H_y_uq + J_zx_0
+        J_xy = 0.5 * H_z_tq
+        out[coupling + j] = P_x_wq
+        out[coupling + 1 * count + j] = 0.0
+        out[coupling + 2 * count + j] = P_z_0
+        out[coupling + 3 * count + j] = H_x_vq
+        out[coupling + 4 * count + j] = H_y
+        out[coupling + 5 * count + j] = H_z_tq
+        S_x += 0.5 * P_x_wq * q_j
+        S_z += P_z_0 * q_j
+        I_xx += J_xx_wq * q_j
+        I_yy += J_yy_wq * q_j
+        I_zz += J_zz * q_j
+        I_yz += J_yz_vq * q_j
+        I_zx += q_j * (J_zx + J_zx_0)
+        I_xy += J_xy * q_j
+    for j in range(to_w, to_t):
+        q_j, H_x_0, J_yz_0 = q[i + j], p[o], p[o + 1]
+        o += 3
+        H_y_vq = X_y_vq = H_z_wq = X_z_wq = P_x_tq = J_yy_tq = J_zz_tq = 0.0
+        for l in range(to_u, to_v):
+            H_y_vq += p[o] * q[i + l]
+            X_y_vq += p[o + 1] * q[i + l]
+            o += 2
+        for l in range(to_v, to_w):
+            H_z_wq += p[o] * q[i + l]
+            X_z_wq += p[o + 1] * q[i + l]
+            o += 2
+        for l in range(to_w, to_t):
+            P_x_tq += p[o] * q[i + l]
+            J_yy_tq += p[o + 1] * q[i + l]
+            J_zz_tq += p[o + 2] * q[i + l]
+            M_l = p[o + 3]
+            out[modal + count * j + l] = M_l
+            o += 5
+        J_zx = -0.5 * H_y_vq + X_y_vq
+        J_xy = 0.5 * H_z_wq - X_z_wq
+        out[coupling + j] = P_x_tq
+        out[coupling + 1 * count + j] = 0.0
+        out[coupling + 2 * count + j] = 0.0
+        out[coupling + 3 * count + j] = H_x_0
+        out[coupling + 4 * count + j] = H_y_vq
+        out[coupling + 5 * count + j] = H_z_wq
+        S_x += 0.5 * P_x_tq * q_j
+        I_yy += J_yy_tq * q_j
+        I_zz += J_zz_tq * q_j
+        I_yz += 2.0 * J_yz_0 * q_j
+        I_zx += J_zx * q_j
+        I_xy += J_xy * q_j
+    for j in range(to_t, to_g):
+        q_j, P_x_0, P_y_0, P_z_0, H_x_0, H_y_0 = q[i + j], p[o], p[o + 1], p[o + 2], p[o + 3], p[o + 4]
+        H_z_0, J_xx_0, J_yy_0, J_zz_0, J_yz_0, J_zx_0 = p[o + 5], p[o + 6], p[o + 7], p[o + 8], p[o + 9], p[o + 10]
+        J_xy_0 = p[o + 11]
+        o += 13
+        P_x_gq = P_y_gq = P_z_gq = H_x_gq = H_y_gq = H_z_gq = J_xx_gq = J_yy_gq = 0.0
+        J_zz_gq = J_yz_gq = J_zx_gq = J_xy_gq = 0.0
+        for l in range(to_t, to_g):
+            P_x_gq += p[o] * q[i + l]
+            P_y_gq += p[o + 1] * q[i + l]
+            P_z_gq += p[o + 2] * q[i + l]
+            H_x_gq += p[o + 3] * q[i + l]
+            H_y_gq += p[o + 4] * q[i + l]
+            H_z_gq += p[o + 5] * q[i + l]
+            J_xx_gq += p[o + 9] * q[i + l]
+            J_yy_gq += p[o + 10] * q[i + l]
+            J_zz_gq += p[o + 11] * q[i + l]
+            J_yz_gq += p[o + 12] * q[i + l]
+            J_zx_gq += p[o + 13] * q[i + l]
+            J_xy_gq += p[o + 14] * q[i + l]
+            M_l = p[o + 15]
+            out[modal + count * j + l] = M_l
+            o += 17
+        P_x = P_x_0 + P_x_gq
+        P_y = P_y_0 + P_y_gq
+        P_z = P_z_0 + P_z_gq
+        H_x = H_x_0 + H_x_gq
+        H_y = H_y_0 + H_y_gq
+        H_z = H_z_0 + H_z_gq
+        J_xx = J_xx_0 + J_xx_gq
+        J_yy = J_yy_0 + J_yy_gq
+        J_zz = J_zz_0 + J_zz_gq
+        J_yz = J_yz_0 + J_yz_gq
+        J_zx = J_zx_0 + J_zx_gq
+        J_xy = J_xy_0 + J_xy_gq
+        out[coupling + j] = P_x
+        out[coupling + 1 * count + j] = P_y
+        out[coupling + 2 * count + j] = P_z
+        out[coupling + 3 * count + j] = H_x
+        out[coupling + 4 * count + j] = H_y
+        out[coupling + 5 * count + j] = H_z
+        S_x += 0.5 * q_j * (P_x + P_x_0)
+        S_y += 0.5 * q_j * (P_y + P_y_0)
+        S_z += 0.5 * q_j * (P_z + P_z_0)
+        I_xx += q_j * (J_xx + J_xx_0)
+        I_yy += q_j * (J_yy + J_yy_0)
+        I_zz += q_j * (J_zz + J_zz_0)
+        I_yz += q_j * (J_yz + J_yz_0)
+        I_zx += q_j * (J_zx + J_zx_0)
+        I_xy += q_j * (J_xy + J_xy_0)
+    out[n + 4] += S_z
+    out[n + 5] -= S_y
+    out[n + 9] -= S_z
+    out[n + 11] += S_x
+    out[n + 15] += S_y
+    out[n + 16] -= S_x
+    out[n + 19] -= S_z
+    out[n + 20] += S_y
+    out[n + 21] += I_xx
+    out[n + 22] += I_xy
+    out[n + 23] += I_zx
+    out[n + 24] += S_z
+    out[n + 26] -= S_x
+    out[n + 27] += I_xy
+    out[n + 28] += I_yy
+    out[n + 29] += I_yz
+    out[n + 30] -= S_y
+    out[n + 31] += S_x
+    out[n + 33] += I_zx
+    out[n + 34] += I_yz
+    out[n + 35] += I_zz
+
+
+@njit(**IN_ORDER)
+def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
+    """Add kinetic energy beyond that of the rigid body, strain energy [J], dissipated power [W] and the first moment of
+    mass beyond that of the rigid body; w[k]: velocity of the origin and omega in the body's axes."""
+    v_x, v_y, v_z = w[k], w[k + 1], w[k + 2]
+    omega_x, omega_y, omega_z = w[k + 3], w[k + 4], w[k + 5]
+    to_u = int(p[o])
+    to_v = to_u + int(p[o + 1])
+    to_w = to_v + int(p[o + 2])
+    to_t = to_w + int(p[o + 3])
+    to_g = count
+    o += 4
+    kinetic = strain = lost = S_x = S_y = S_z = I_xx = I_yy = 0.0
+    I_zz = I_yz = I_zx = I_xy = 0.0
+    for j in range(to_u):
+        q_j, v_j, P_x_0, J_yy_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2]
+        o += 3
+        J_yy_uq = J_yy_uv = C_uv = H_z_vq = H_y_wq = 0.0
+        for l in range(to_u):
+            J_yy_l = p[o]
+            J_yy_uq += J_yy_l * q[i + l]
+            J_yy_uv += J_yy_l * u[s + l]
+            C_uv += p[o + 1] * u[s + l]
+            o += 2
+        for l in range(to_u, to_v):
+            H_z_vq += p[o] * q[i + l]
+            o += 1
+        for l in range(to_v, to_w):
+            H_y_wq += p[o] * q[i + l]
+            o += 1
+        J_yy = J_yy_0 + J_yy_uq
+        J_zx = -0.5 * H_y_wq
+        J_xy = 0.5 * H_z_vq
+        kinetic += v_j * (H_y_wq * omega_y + H_z_vq * omega_z + 0.5 * J_yy_uv + P_x_0 * v_x)
+        strain += 0.5 * K_0 * (q_j * q_j)
+        lost += C_uv * v_j
+        S_x += P_x_0 * q_j
+        I_yy += q_j * (J_yy + J_yy_0)
+        I_zz += q_j * (J_yy + J_yy_0)
+        I_zx += J_zx * q_j
+        I_xy += J_xy * q_j
+    for j in range(to_u, to_v):
+        q_j, v_j, P_y_0, H_z_0, J_xy_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        o += 4
+        H_z_uq = P_x_vq = J_xx_vq = J_yy_vq = M_vv = C_vv = H_x_wq = J_yz_wq = 0.0
+        H_y_tq = 0.0
+        for l in range(to_u):
+            H_z_uq += p[o] * q[i + l]
+            o += 1
+        for l in range(to_u, to_v):
+            P_x_vq += p[o] * q[i + l]
+            J_xx_vq += p[o + 1] * q[i + l]
+            J_yy_vq += p[o + 2] * q[i + l]
+            M_vv += p[o + 3] * u[s + l]
+            C_vv += p[o + 4] * u[s + l]
+            o += 5
+        for l in range(to_v, to_w):
+            H_x_wq += p[o] * q[i + l]
+            J_yz_wq += p[o + 2] * q[i + l]
+            o += 3
+        for l in range(to_w, to_t):
+            H_y_tq += p[o] * q[i + l]
+            o += 2
+        H_z = H_z_0 + H_z_uq
+        J_zz = J_xx_vq + J_yy_vq
+        J_zx = -0.5 * H_y_tq
+        J_xy = -0.5 * H_z_uq + J_xy_0
+        kinetic += (
+            v_j * (H_x_wq * omega_x + H_y_tq * omega_y + H_z * omega_z + 0.5 * M_vv + P_x_vq * v_x + P_y_0 * v_y)
+        )
+        strain += 0.5 * K_0 * (q_j * q_j)
+        lost += C_vv * v_j
+        S_x += 0.5 * P_x_vq * q_j
+        S_y += P_y_0 * q_j
+        I_xx += J_xx_vq * q_j
+        I_yy += J_yy_vq * q_j
+        I_zz += J_zz * q_j
+        I_yz += J_yz_wq * q_j
+        I_zx += J_zx * q_j
+        I_xy += q_j * (J_xy + J_xy_0)
+    for j in range(to_v, to_w):
+        q_j, v_j, P_z_0, H_y_0, J_zx_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        o += 4
+        H_y_uq = H_x_vq = J_yz_vq = P_x_wq = J_xx_wq = J_yy_wq = M_wv = C_wv = 0.0
+        H_z_tq = 0.0
+        for l in range(to_u):
+            H_y_uq += p[o] * q[i + l]
+            o += 1
+        for l in range(to_u, to_v):
+            H_x_vq += p[o] * q[i + l]
+            J_yz_vq += p[o + 2] * q[i + l]
+            o += 3
+        for l in range(to_v, to_w):
+            P_x_wq += p[o] * q[i + l]
+            J_xx_wq += p[o + 1] * q[i + l]
+            J_yy_wq += p[o + 2] * q[i + l]
+            M_wv += p[o + 3] * u[s + l]
+            C_wv += p[o + 4] * u[s + l]
+            o += 5
+        for l in range(to_w, to_t):
+            H_z_tq += p[o] * q[i + l]
+            o += 2
+        H_y = H_y_0 + H_y_uq
+        J_zz = -J_xx_wq + J_yy_wq
+        J_zx = 0.5 * H_y_uq + J_zx_0
+        J_xy = 0.5 * H_z_tq
+        kinetic += (
+            v_j * (H_x_vq * omega_x + H_y * omega_y + H_z_tq * omega_z + 0.5 * M_wv + P_x_wq * v_x + P_z_0 * v_z)
+        )
+        strain += 0.5 * K_0 * (q_j * q_j)
+        lost += C_wv * v_j
+        S_x += 0.5 * P_x_wq * q_j
+        S_z += P_z_0 * q_j
+        I_xx += J_xx_wq * q_j
+        I_yy += J_yy_wq * q_j
+        I_zz += J_zz * q_j
+        I_yz += J_yz_vq * q_j
+        I_zx += q_j * (J_zx + J_zx_0)
+        I_xy += J_xy * q_j
+    for j in range(to_w, to_t):
+        q_j, v_j, H_x_0, J_yz_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2]
+        o += 3
+        H_y_vq = X_y_vq = H_z_wq = X_z_wq = P_x_tq = J_yy_tq = J_zz_tq = M_tv = 0.0
+        C_tv = 0.0
+        for l in range(to_u, to_v):
+            H_y_vq += p[o] * q[i + l]
+            X_y_vq += p[o + 1] * q[i + l]
+            o += 2
+        for l in range(to_v, to_w):
+            H_z_wq += p[o] * q[i + l]
+            X_z_wq += p[o + 1] * q[i + l]
+            o += 2
+        for l in range(to_w, to_t):
+            P_x_tq += p[o] * q[i + l]
+            J_yy_tq += p[o + 1] * q[i + l]
+            J_zz_tq += p[o + 2] * q[i + l]
+            M_tv += p[o + 3] * u[s + l]
+            C_tv += p[o + 4] * u[s + l]
+            o += 5
+        J_zx = -0.5 * H_y_vq + X_y_vq
+        J_xy = 0.5 * H_z_wq - X_z_wq
+        kinetic += v_j * (H_x_0 * omega_x + H_y_vq * omega_y + H_z_wq * omega_z + 0.5 * M_tv + P_x_tq * v_x)
+        strain += 0.5 * K_0 * (q_j * q_j)
+        lost += C_tv * v_j
+        S_x += 0.5 * P_x_tq * q_j
+        I_yy += J_yy_tq * q_j
+        I_zz += J_zz_tq * q_j
+        I_yz += 2.0 * J_yz_0 * q_j
+        I_zx += J_zx * q_j
+        I_xy += J_xy * q_j
+    for j in range(to_t, to_g):
+        q_j, v_j, P_x_0, P_y_0, P_z_0, H_x_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        H_y_0, H_z_0, J_xx_0, J_yy_0, J_zz_0, J_yz_0 = p[o + 4], p[o + 5], p[o + 6], p[o + 7], p[o + 8], p[o + 9]
+        J_zx_0, J_xy_0, K_0 = p[o + 10], p[o + 11], p[o + 12]
+        o += 13
+        P_x_gq = P_y_gq = P_z_gq = H_x_gq = H_y_gq = H_z_gq = J_xx_gq = J_yy_gq = 0.0
+        J_zz_gq = J_yz_gq = J_zx_gq = J_xy_gq = M_gv = C_gv = 0.0
+        for l in range(to_t, to_g):
+            P_x_gq += p[o] * q[i + l]
+            P_y_gq += p[o + 1] * q[i + l]
+            P_z_gq += p[o + 2] * q[i + l]
+            H_x_gq += p[o + 3] * q[i + l]
+            H_y_gq += p[o + 4] * q[i + l]
+            H_z_gq += p[o + 5] * q[i + l]
+            J_xx_gq += p[o + 9] * q[i + l]
+            J_yy_gq += p[o + 10] * q[i + l]
+            J_zz_gq += p[o + 11] * q[i + l]
+            J_yz_gq += p[o + 12] * q[i + l]
+            J_zx_gq += p[o + 13] * q[i + l]
+            J_xy_gq += p[o + 14] * q[i + l]
+            M_gv += p[o + 15] * u[s + l]
+            C_gv += p[o + 16] * u[s + l]
+            o += 17
+        P_x = P_x_0 + P_x_gq
+        P_y = P_y_0 + P_y_gq
+        P_z = P_z_0 + P_z_gq
+        H_x = H_x_0 + H_x_gq
+        H_y = H_y_0 + H_y_gq
+        H_z = H_z_0 + H_z_gq
+        J_xx = J_xx_0 + J_xx_gq
+        J_yy = J_yy_0 + J_yy_gq
+        J_zz = J_zz_0 + J_zz_gq
+        J_yz = J_yz_0 + J_yz_gq
+        J_zx = J_zx_0 + J_zx_gq
+        J_xy = J_xy_0 + J_xy_gq
+        kinetic += (
+            v_j * (H_x * omega_x + H_y * omega_y + H_z * omega_z + 0.5 * M_gv + P_x * v_x + P_y * v_y + P_z * v_z)
+        )
+        strain += 0.5 * K_0 * (q_j * q_j)
+        lost += C_gv * v_j
+        S_x += 0.5 * q_j * (P_x + P_x_0)
+        S_y += 0.5 * q_j * (P_y + P_y_0)
+        S_z += 0.5 * q_j * (P_z + P_z_0)
+        I_xx += q_j * (J_xx + J_xx_0)
+        I_yy += q_j * (J_yy + J_yy_0)
+        I_zz += q_j * (J_zz + J_zz_0)
+        I_yz += q_j * (J_yz + J_yz_0)
+        I_zx += q_j * (J_zx + J_zx_0)
+        I_xy += q_j * (J_xy + J_xy_0)
+    for j in range(to_u, to_v):
+        for k in range(to_v, to_w):
+            for l in range(to_w, to_t):
+                c = p[o]
+                strain += c * q[i + j] * q[i + k] * q[i + l]
+                o += 1
+    for e in range(int(p[o])):
+        j, k, l, c = int(p[o + 1]), int(p[o + 2]), int(p[o + 3]), p[o + 4]
+        strain += c * q[i + j] * q[i + k] * q[i + l]
+        o += 4
+    kinetic += 0.5 * I_xx * (omega_x * omega_x) + I_xy * omega_x * omega_y + 0.5 * I_yy * (omega_y * omega_y) + I_yz * omega_y * omega_z + I_zx * omega_x * omega_z + 0.5 * I_zz * (omega_z * omega_z) - S_x * omega_y * v_z + S_x * omega_z * v_y + S_y * omega_x * v_z - S_y * omega_z * v_x - S_z * omega_x * v_y + S_z * omega_y * v_x
+    out[n] += kinetic
+    out[n + 1] += strain
+    out[n + 2] += lost
+    out[n + 3] += S_x
+    out[n + 4] += S_y
+    out[n + 5] += S_z
 
 
 @njit(**OPTIONS)

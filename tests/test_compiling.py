@@ -4,6 +4,7 @@ Reading compiled functions does not prepare numba to compile.
 """
 
 import gc
+import importlib.util
 import itertools
 import json
 import math
@@ -18,13 +19,14 @@ import numpy as np
 import pytest
 from llvmlite import ir
 from numba import types
-from numba.core import event
+from numba.core import event, ssa
 from numba.core import ir as numba_ir
 from numba.core.caching import FunctionCache
 from numba.core.compiler import run_frontend
 from numba.core.registry import cpu_target
 from numba.core.types.functions import BaseFunction
 
+from kaneflex.generated import spatial_shapes
 from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
@@ -229,6 +231,7 @@ READ = """
 import json, math, sys
 import numba, numpy as np
 import kaneflex
+from kaneflex.generated import spatial_shapes
 from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
@@ -284,3 +287,17 @@ def test_functions_of_other_packages_are_read_as_numba_reads_them(monkeypatch):
         cache._py_func = SimpleNamespace(__module__=module)
         assert cache.load_overload("signature", cpu_target.target_context) == "signature"
         assert len(asked) == refreshes
+
+
+def test_variables_get_the_names_that_numba_gives_them():
+    """Rewriting only the blocks that mention a variable, in a kernel of many loops."""
+    spec = importlib.util.find_spec("numba.core.ssa")
+    plain = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(plain)
+    assert plain._run_block_rewrite is not ssa._run_block_rewrite
+
+    def blocks(ways):
+        found = ways.reconstruct_ssa(run_frontend(spatial_shapes.shaped_energy.py_func)).blocks
+        return {label: [str(statement) for statement in block.body] for label, block in found.items()}
+
+    assert blocks(ssa) == blocks(plain)

@@ -11,6 +11,7 @@ import pytest
 from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.generated.body import kernels
 from kaneflex.multibody.blocks import body_block
+from kaneflex.multibody.shape_moments import ShapeMoments
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 S, WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
@@ -160,25 +161,13 @@ def cube_by_hand(dm, N, G, q, v, b, motion):
 
 
 def sums(dm, N, G, stiffness, damping, cubic):
-    """Numbers of the body behind those of the rigid one: of every shape, of every pair, of every three."""
-    place = {axis: k for k, axis in enumerate("xyz")}
-    pairs = range(N.shape[1])
-
-    def integral(name, j, k):
-        """Of a product that is named like x_N_y of shape j, N_x_N_y or x_G_y of shapes j and k."""
-        *before, letter, axis = name.split("_")
-        first = N[:, j, place[before[1]]] if len(before) == 2 else CUBE[:, place[before[0]]] if before else 1.0
-        functions = G[:, j, k] if letter == "G" else N[:, k]
-        return dm @ (first * functions[:, place[axis]])
-
-    single = [integral(name, j, j) for j in pairs for name in spatial_shapes.SINGLE]
-    both = []
-    for j in pairs:
-        for k in pairs:
-            both += [integral(name, j, k) for name in spatial_shapes.PAIR[:-2]]
-            both += [stiffness[j] * (j == k), damping[j, k]]
-    thirds = [[*shapes, value] for shapes, value in np.ndenumerate(cubic)]
-    return [*single, *both, len(thirds), *np.ravel(thirds)]
+    """Numbers of the body behind those of the rigid one."""
+    moments = ShapeMoments(
+        np.einsum("p,pja->aj", dm, N), np.einsum("p,pa,pjb->abj", dm, CUBE, N),
+        np.einsum("p,pja,pkb->abjk", dm, N, N), np.einsum("p,pjka->ajk", dm, G),
+        np.einsum("p,pa,pjkb->abjk", dm, CUBE, G),
+    )  # fmt: skip
+    return moments.numbers((0, 0, 0, 0), np.diag(stiffness), damping, cubic)
 
 
 @pytest.mark.parametrize("count", [2, 3])
@@ -206,3 +195,11 @@ def test_a_cube_of_several_shapes(count):
         forces[6:] += stiffness * q + damping @ v + np.einsum("jkl,k,l->j", cubic, q, q)
         assert_equal(found, forces)
         assert_equal(whole, mass)
+        energy, speeds, still = np.zeros(6), np.array([*w[3:6], *w[:3], *v]), np.array([*w[3:6], *w[:3]])
+        rigid = np.zeros(36)
+        spatial.inertia(p, 0, rigid, 0)
+        spatial_shapes.shaped_energy(p, 10, count, still, 0, q, 0, v, 0, energy, 0)
+        kinetic = (speeds @ mass @ speeds - still @ rigid.reshape(6, 6) @ still) / 2
+        strain = stiffness @ q**2 / 2 + np.einsum("jkl,j,k,l", cubic, q, q, q) / 3
+        assert_equal(energy[:3], [kinetic, strain, v @ damping @ v])
+        assert_equal(energy[3:], [mass[1, 5] - m / 2, mass[2, 3] - m / 2, mass[0, 4] - m / 2])

@@ -11,10 +11,11 @@ import pytest
 import sympy as sm
 
 from kaneflex.derive.body_proof import NotKane
-from kaneflex.derive.spatial_shape_proof import comparisons, prove
+from kaneflex.derive.body_space_proof import comparisons, prove
 from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.generated import spatial, spatial_shapes
+from kaneflex.multibody.shape_moments import ShapeMoments
 from kaneflex.multibody.spatial_shapes import spatial_shapes as built_shapes
 from kaneflex.scene import scene_of
 
@@ -23,17 +24,20 @@ PRINTED = "@njit" + TEXT.partition("@njit")[2].rpartition("\n\n@njit")[0]
 
 
 def test_every_kernel_is_compared():
-    assert {name for name, *_ in comparisons(PRINTED, 1)} == {"shaped_demand", "shaped_inertia"}
+    printed = set(re.findall(r"def (\w+)", PRINTED))
+    assert {name for name, *_ in comparisons(PRINTED, ("u", "v"))} == printed
 
 
 @pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("right", "wrong"),
     [
-        ("x1 = 2.0 * v_j", "x1 = v_j"),
-        ("p[jl + 21] * q_l", "p[jl + 22] * q_l"),
-        ("23 * (count * j + l)", "23 * (count * l + j)"),
-        ("c1 = epsilon_z - omega_x * omega_y", "c1 = epsilon_z + omega_x * omega_y"),
+        ("2.0 * H_z_vv * omega_z", "H_z_vv * omega_z"),
+        ("X_x_wv += p[o + 1]", "X_x_wv += p[o + 2]"),
+        ("J_yy_vq += p[o + 2]", "J_yy_vq += p[o + 1]"),
+        ("s_yz = -2.0 * omega_y", "s_yz = 2.0 * omega_y"),
+        ("lost += C_tv * v_j", "lost += C_tv * q_j"),
+        ("int(p[o + 3]), p[o + 4]", "int(p[o + 2]), p[o + 4]"),
     ],
 )
 def test_a_wrong_kernel_is_not_proved(right, wrong):
@@ -127,9 +131,19 @@ def cube_by_hand(m, q, v, b, elastic, motion):
 def test_a_body_with_one_shape_by_hand():
     """Forces of any motion, mass matrix and stiffness; an entry that is off by a thousandth is seen."""
     m, elastic = 1.7, (61.0, 2.9, 5.3)
-    shape = [m * over_the_cube(name) for name in spatial_shapes.SINGLE + spatial_shapes.PAIR[:-2]]
-    stiffness, damping, third = elastic
-    p = np.array([m, 0.5, 0.5, 0.5, m / 6, m / 6, m / 6, 0.0, 0.0, 0.0, *shape, stiffness, damping, 1, 0, 0, 0, third])
+    def over(letter, *before):
+        """Integrals of so many vectors' products with N or G, (3, 3) or (3,)."""
+        rows = [[m * over_the_cube(f"{a}{letter}_{axis}") for axis in "xyz"] for a in before or ("",)]
+        return np.array(rows if before else rows[0])
+
+    r, N = ("x_", "y_", "z_"), ("N_x_", "N_y_", "N_z_")
+    shape = ShapeMoments(
+        over("N")[:, None], over("N", *r)[..., None], over("N", *N)[..., None, None],
+        over("G")[:, None, None], over("G", *r)[..., None, None],
+    )  # fmt: skip
+    stiffness, damping, third = (np.full((1,) * n, number) for n, number in zip((2, 2, 3), elastic, strict=True))
+    numbers = shape.numbers((0, 0, 0, 0), stiffness, damping, third)
+    p = np.array([m, 0.5, 0.5, 0.5, m / 6, m / 6, m / 6, 0.0, 0.0, 0.0, *numbers])
     for q, v, b, *numbers in [*np.random.default_rng(48).uniform(-1, 1, (4, 12)), [0.3] + [0.0] * 11]:
         modal, rates, accelerations, w = np.array([q]), np.array([v]), np.array([b]), np.array(numbers)
         found, matrix = np.zeros(7), np.zeros(43)
@@ -193,3 +207,26 @@ def test_fibres_of_a_thick_section_go_where_its_rotation_takes_them():
                 expected[k] += dm * I * np.einsum("abi,aj,bl->ijl", second[..., k + 1], rows[3:], rows[3:])
     assert abs(expected).max(axis=(2, 3)).min() > 1e-7
     assert found.moments.r_G[1:] == pytest.approx(expected, rel=1e-5, abs=1e-6 * abs(expected).max())
+
+
+@pytest.mark.parametrize(("theory", "freed"), [("rayleigh", ""), ("euler-bernoulli", "xyz")])
+def test_kinds_of_a_beam_are_what_any_shapes_are(theory, freed):
+    """Kernels of a thick link by its kinds, and by the same shapes as those of any body."""
+    scene = scene_of(SHAFT.replace("rayleigh", theory))
+    link = link_of_scene(scene, "shaft", 3)
+    found, values = built_shapes(scene, link, 2, (0.0, 0.0, 0.0), freed), []
+    assert len(found.counts) == 4 and min(found.counts) > 0
+    count, random = found.count, np.random.default_rng(5)
+    q, v, b, w = random.normal(size=count), random.normal(size=count), random.normal(size=count), random.normal(size=9)
+    damping = random.normal(size=(count, count))
+    kinds = np.repeat(np.arange(4), found.counts)
+    damping *= np.equal.outer(kinds, kinds)
+    for counts in (found.counts, (0, 0, 0, 0)):
+        p = found.moments.numbers(counts, found.stiffness, damping, found.cubic)
+        demand, energy, matrix = np.zeros(6 + count), np.zeros(6), np.zeros((6 + count) ** 2)
+        spatial_shapes.shaped_demand(p, 0, count, w, 0, q, 0, v, 0, b, demand, 0, demand, 6)
+        spatial_shapes.shaped_inertia(p, 0, count, q, 0, matrix, 0)
+        spatial_shapes.shaped_energy(p, 0, count, w[3:], 0, q, 0, v, 0, energy, 0)
+        values.append((demand, energy, matrix))
+    for own, other in zip(*values, strict=True):
+        np.testing.assert_allclose(own, other, rtol=1e-12, atol=1e-13 * abs(other).max())

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 
-from kaneflex.generated.spatial_shapes import PAIR, SINGLE
+from kaneflex.generated.spatial_shapes import CUBIC, KINDS, MOMENTS, PAIR, SINGLE
+from kaneflex.support.spatial_contract import AXES
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +36,59 @@ class ShapeMoments:
     G: np.ndarray
     r_G: np.ndarray
 
-    def numbers(self, stiffness: np.ndarray, damping: np.ndarray, cubic: np.ndarray) -> np.ndarray:
-        """Parameters of :mod:`kaneflex.generated.spatial_shapes`, with the stiffness [N/m] and the damping [N s/m] of
-        the modal coordinates, (count, count), and ``cubic`` (count, count, count)."""
+    def numbers(
+        self, counts: Sequence[int], stiffness: np.ndarray, damping: np.ndarray, cubic: np.ndarray
+    ) -> np.ndarray:
+        """Parameters of :mod:`kaneflex.generated.spatial_shapes`.
+
+        ``counts``: shapes of each kind but the last one. With the stiffness [N/m] and the damping [N s/m] of the modal
+        coordinates, (count, count), and ``cubic`` (count, count, count), half of the third derivatives of the strain
+        energy.
+        """
         count = self.N.shape[1]
-        singles = np.concatenate([self.N, self.r_N.reshape(9, count)])
-        square = (-1, count, count)
-        pairs = np.concatenate([
-            self.N_N.reshape(square), self.G, self.r_G.reshape(square), stiffness[None], damping[None],
-        ])  # fmt: skip
-        assert len(singles) == len(SINGLE) and len(pairs) == len(PAIR)
-        third = np.argwhere(cubic)
-        thirds = np.column_stack([third, cubic[tuple(third.T)]])
-        return np.concatenate([singles.T.ravel(), pairs.transpose(1, 2, 0).ravel(), [len(third)], thirds.ravel()])
+        ends = np.cumsum([0, *counts, count - sum(counts)])
+        of_kind = {kind: np.arange(*ends[k : k + 2]) for k, kind in enumerate(KINDS)}
+        single, pair = self._sums | {"K": np.diag(stiffness)}, self._growth | {"C": damping}
+        found = [np.array(counts, float)]
+        for kind, shapes in of_kind.items():
+            for j in shapes:
+                found.append(np.array([single[name][j] for name in SINGLE[kind]]))
+                for other, others in of_kind.items():
+                    found += [np.array([pair[name][j, others] for name in PAIR.get(kind + other, ())]).T.ravel()]
+        found.append(2.0 * cubic[np.ix_(*(of_kind[kind] for kind in CUBIC))].ravel())
+        orders = {3: 2.0, 2: 1.0, 1: 1 / 3}  # by how many of the three shapes differ
+        products = [(*of, orders[len({*of})] * cubic[of]) for of in combinations_with_replacement(of_kind["g"], 3)
+                    if cubic[of]]  # fmt: skip
+        return np.concatenate([*found, [len(products)], np.ravel(products)])
+
+    @property
+    def _sums(self) -> dict[str, np.ndarray]:
+        """Sums of every shape by their names, (count,)."""
+        return _named("P", self.N) | _named("H", _cross(self.r_N)) | _named("J", _inertia(self.r_N))
+
+    @property
+    def _growth(self) -> dict[str, np.ndarray]:
+        """Sums of every two shapes by their names, (count, count)."""
+        X = -_cross(self.N_N)  # of N_k x N_j
+        found = _named("P", self.G) | _named("H", _cross(self.r_G) + X) | _named("X", X)
+        return found | _named("J", _inertia(self.N_N + self.r_G)) | {"M": np.einsum("aajk->jk", self.N_N)}
+
+
+def _cross(of: np.ndarray) -> np.ndarray:
+    """Sums of a x b from those of a b^T, components first."""
+    return np.stack([of[1, 2] - of[2, 1], of[2, 0] - of[0, 2], of[0, 1] - of[1, 0]])
+
+
+def _inertia(of: np.ndarray) -> np.ndarray:
+    """Sums of (a.b) 1 - sym(a b^T) from those of a b^T, components MOMENTS first."""
+    trace = of[0, 0] + of[1, 1] + of[2, 2]
+    return np.stack([trace * (i == j) - (of[i, j] + of[j, i]) / 2 for i, j in map(_place, MOMENTS)])
+
+
+def _place(axes: str) -> tuple[int, int]:
+    return AXES.index(axes[0]), AXES.index(axes[1])
+
+
+def _named(letter: str, of: np.ndarray) -> dict[str, np.ndarray]:
+    """Components by their names."""
+    return {f"{letter}_{axes}": each for axes, each in zip(AXES if len(of) == 3 else MOMENTS, of, strict=True)}

@@ -6,28 +6,18 @@ Kane's equations of each free body (``kaneflex.generated.spatial``) along the pa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
 from numba import njit
 
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.spatial_bushings import FORCE, MOMENT, cushion
-from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED, Tables
+from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED
 from kaneflex.multibody.spatial_vectors import add_cross, less, times
 from kaneflex.multibody.tables import OPTIONS, address, apart, together
 from kaneflex.support.inner import once
 
-_OWN, _PAIR = len(laws.BODY), len(shape_laws.PAIR)
-"""Numbers of a rigid body, which precede those of its shapes, and of a pair of shapes."""
-
-
-def stiffness_and_damping(m: Tables, node: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and damping matrices of the shapes of a row of ``nodes``, (count, count)."""
-    count, first = node[COUNT], node[BODY] + _OWN + 12 * node[COUNT]
-    pairs = m.p[first : first + _PAIR * count * count].reshape(count, count, _PAIR)
-    return pairs[:, :, -2], pairs[:, :, -1]
+_OWN = len(laws.BODY)
+"""Numbers of a rigid body, which precede those of its shapes."""
 
 
 @once
@@ -122,42 +112,26 @@ def _add_mass(m, k, n):
 def deforming(m, k):
     """Contributions of shapes to energies and dissipated power, after ``accelerate``."""
     apart()
-    x, I = k.x, k.I
+    x = k.x
     for i in range(4):
         k.deforming[i] = 0.0
     for n in range(len(m.nodes)):
         if m.nodes[n, KIND] != SHAPES:
             continue
         shapes, R, q, u = m.nodes[n, COUNT], k.R[n], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
-        for i in range(36):
-            I[i] = 0.0
-        shape_laws.shaped_inertia(address(m.p), m.nodes[n, BODY] + _OWN, shapes, address(k.q), q, address(I), 0)
+        for i in range(15):
+            x[i] = 0.0
         for i in range(3):
-            x[i] = x[3 + i] = x[6 + i] = 0.0
             for j in range(3):
                 x[i] += R[j, i] * k.v[n, j]
                 x[3 + i] += R[j, i] * k.w[n, j]
                 x[6 + i] += R[j, i] * m.gravity[j]
-        for i in range(6):
-            for j in range(6):
-                k.deforming[0] += 0.5 * x[i] * I[6 * i + j] * x[j]
-            for j in range(shapes):
-                k.deforming[0] += x[i] * I[36 + shapes * i + j] * k.u[u + j]
-        # the first moment of mass is what couples the forces to epsilon
-        k.deforming[2] -= x[6] * I[11] + x[7] * I[15] + x[8] * I[4]
-        for i in range(shapes):
-            for j in range(shapes):
-                pair = m.nodes[n, BODY] + _OWN + 12 * shapes + _PAIR * (shapes * i + j)
-                k.deforming[0] += 0.5 * k.u[u + i] * I[36 + 6 * shapes + shapes * i + j] * k.u[u + j]
-                k.deforming[1] += 0.5 * k.q[q + i] * m.p[pair + _PAIR - 2] * k.q[q + j]
-                k.deforming[3] += k.u[u + i] * m.p[pair + _PAIR - 1] * k.u[u + j]
-        third = m.nodes[n, BODY] + _OWN + 12 * shapes + _PAIR * shapes * shapes
-        for e in range(int(m.p[third])):
-            at = third + 1 + 4 * e
-            strain = m.p[at + 3] / 3.0
-            for i in range(3):
-                strain *= k.q[q + int(m.p[at + i])]
-            k.deforming[1] += strain
+        shape_laws.shaped_energy(address(m.p), m.nodes[n, BODY] + _OWN, shapes, address(x), 0, address(k.q), q,
+                                 address(k.u), u, address(x), 9)  # fmt: skip
+        k.deforming[0] += x[9]
+        k.deforming[1] += x[10]
+        k.deforming[2] -= x[6] * x[12] + x[7] * x[13] + x[8] * x[14]
+        k.deforming[3] += x[11]
 
 
 @once

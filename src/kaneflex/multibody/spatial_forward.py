@@ -93,7 +93,7 @@ class Run(Curve):
         """State at the end, or where another choice of speeds is better."""
         system, options, choice = self.system, self.options, state.choice
         scale = options.tolerance * system.measure
-        steps = steps_of(system.tables, choice, system.coordinates, scale, len(state.sizes))
+        steps = steps_of(system.tables, system.layout, choice, system.coordinates, scale, len(state.sizes))
         times = options.duration / options.steps * np.arange(1, options.steps + 1)
         times[-1] = options.duration
         control = steps.control

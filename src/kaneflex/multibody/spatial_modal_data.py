@@ -57,8 +57,12 @@ class HeldShapes:
     def stiffness(self) -> np.ndarray:
         return np.diag(self.data.arrays["stiffness"])
 
+    @property
+    def damping(self) -> np.ndarray:
+        return self.data.arrays["damping"]
+
     def numbers(self) -> np.ndarray:
-        return self.moments.numbers(self.stiffness, self.data.arrays["damping"], self.data.arrays["cubic"])
+        return self.moments.numbers((0, 0, 0, 0), self.stiffness, self.damping, self.data.arrays["cubic"])
 
     def carrier(self, at: Place) -> Place:
         """Nearest point of the data."""

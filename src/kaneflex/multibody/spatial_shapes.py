@@ -49,6 +49,8 @@ class SpatialShapes:
         Distance from the start at which the axes go along with the section [m], None: with the link in the mean.
     most : int
         Modes of bending that its elements have in either plane, beside the static shapes.
+    counts : tuple of int
+        Shapes of stretch, of bending in either plane, and of twist, which follow each other in ``basis``.
     """
 
     scene: Scene
@@ -56,6 +58,7 @@ class SpatialShapes:
     basis: np.ndarray
     held: float | None
     most: int
+    counts: tuple[int, ...]
 
     @property
     def count(self) -> int:
@@ -91,8 +94,8 @@ class SpatialShapes:
         return self._rows(x), _along(self._start - self._shortening(x))
 
     def numbers(self) -> np.ndarray:
-        """Parameters of :mod:`kaneflex.generated.spatial_shapes`: SINGLE of every shape, PAIR of every two."""
-        return self.moments.numbers(self.stiffness, self.damping, self.cubic)
+        """Parameters of :mod:`kaneflex.generated.spatial_shapes`."""
+        return self.moments.numbers(self.counts, self.stiffness, self.damping, self.cubic)
 
     @cached_property
     def moments(self) -> ShapeMoments:
@@ -263,7 +266,7 @@ def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: Place | No
             most = min(most, len(rows) - len(static))
         own = _of_kind(K, M, rows, static, wanted + (len(loose) if not static else 0))
         found.append(own[:, still:])
-    return SpatialShapes(scene, link, np.hstack(found), x, most)
+    return SpatialShapes(scene, link, np.hstack(found), x, most, tuple(own.shape[1] for own in found))
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:

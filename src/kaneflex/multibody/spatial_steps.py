@@ -8,8 +8,7 @@ import numpy as np
 
 from kaneflex.multibody.coefficients import RADAU, Table
 from kaneflex.multibody.spatial_dynamics import Choice
-from kaneflex.multibody.spatial_forces import stiffness_and_damping
-from kaneflex.multibody.spatial_tables import COORDINATE, COUNT, KIND, SHAPES, SLIDE, SPEED, TURN, Tables
+from kaneflex.multibody.spatial_tables import COORDINATE, COUNT, KIND, SHAPES, SLIDE, SPEED, TURN, Layout, Tables
 
 WANTED, LENGTH, LONGEST, GROWTH, ROW, OUTCOME, EVALUATIONS = range(7)
 """Entries of ``control``: next step, last one or 0, longest one [s]; largest dependent speed per independent one
@@ -81,7 +80,7 @@ class Steps(NamedTuple):
     sizes: np.ndarray
 
 
-def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray, loads: int) -> Steps:
+def steps_of(m: Tables, layout: Layout, choice: Choice, coordinates: int, scale: np.ndarray, loads: int) -> Steps:
     """Arrays for an integration with these errors allowed and number of loads."""
     s, f = len(scale), len(choice.independent)
     coordinate, (K, C) = np.full(s, -1), np.zeros((2, s, s))
@@ -89,8 +88,10 @@ def steps_of(m: Tables, choice: Choice, coordinates: int, scale: np.ndarray, loa
         count = 1 if row[KIND] in (TURN, SLIDE) else row[COUNT] if row[KIND] == SHAPES else 0
         own = slice(row[SPEED], row[SPEED] + count)
         coordinate[own] = np.arange(row[COORDINATE], row[COORDINATE] + count)
-        if row[KIND] == SHAPES:
-            K[own, own], C[own, own] = stiffness_and_damping(m, row)
+    for body, shapes in layout.shapes.items():
+        first = m.nodes[layout.node_of[body], SPEED]
+        own = slice(first, first + shapes.count)
+        K[own, own], C[own, own] = shapes.stiffness, shapes.damping
     control, t, q, u, du, works = (np.zeros(size) for size in (7, 1, coordinates, s, s, 2))
     A, D, powers, r = (np.zeros((3, size)) for size in (s, coordinates, 2, f))
     M, stiff, damped = np.zeros((3, f, f))

@@ -231,7 +231,7 @@ class SpatialSystem:
             np.array(kernels), np.ascontiguousarray(self.parameters, float), self.driven_coordinates,
             np.array(where, int).reshape(-1, 2), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
             np.zeros(loads + len(self.driven)),
-            steps_of(self.tables, self._no_choice, self.coordinates, self.measure, loads),
+            steps_of(self.tables, self.layout, self._no_choice, self.coordinates, self.measure, loads),
         )  # fmt: skip
 
     @cached_property

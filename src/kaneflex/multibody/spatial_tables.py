@@ -108,6 +108,10 @@ class Deformable(Protocol):
     def stiffness(self) -> np.ndarray:
         """Stiffness of the modal coordinates [N/m], (count, count)."""
 
+    @property
+    def damping(self) -> np.ndarray:
+        """Damping of the modal coordinates [N s/m], (count, count)."""
+
     def numbers(self) -> np.ndarray:
         """Parameters of ``kaneflex.generated.spatial_shapes``."""
 

@@ -7,7 +7,7 @@ from inspect import unwrap
 from typing import Any
 
 from llvmlite.binding import ffi
-from numba.core import base, codegen, ir, utils
+from numba.core import base, codegen, ir, ssa, utils
 
 
 def use() -> None:
@@ -24,6 +24,8 @@ def use() -> None:
     base._has_loc = _by(lambda function: getattr(unwrap(function), "__code__", function), base._has_loc)
     statement: Any = ir.Inst
     statement._rec_list_vars = _variables(ir.Var, ir.Inst)
+    assignments: Any = ssa
+    _rewrite_where_mentioned(assignments)
 
 
 def _by(key: Any, find: Any) -> Any:
@@ -57,6 +59,36 @@ def _variables(variable: type, statement: type) -> Any:
         return found
 
     return lambda self, value: add([], (value,))
+
+
+def _rewrite_where_mentioned(ssa: Any) -> None:
+    """Give variables that are assigned several times new names only in the blocks that mention them.
+
+    numba goes through all statements of a function twice for each such variable, and through those of a block for each
+    use: the loops of a body's shapes have more than 100 such variables in as many blocks.
+    """
+    violators, rewrite, mentioned = ssa._find_defs_violators, ssa._run_block_rewrite, dict[str, set[int]]()
+
+    def find_defs_violators(blocks, cfg):
+        mentioned.clear()
+        for label, block in blocks.items():
+            for name in {each.name for statement in block.body for each in statement.list_vars()}:
+                mentioned.setdefault(name, set()).add(label)
+        return violators(blocks, cfg)
+
+    def run_block_rewrite(blocks, states, handler):
+        labels = mentioned[states["varname"]]
+        return blocks | rewrite({label: block for label, block in blocks.items() if label in labels}, states, handler)
+
+    def stmt_index(self, defstmt, block, stop=-1):
+        if getattr(self, "_of", None) is not block:
+            self._of, self._places = block, {id(statement): k for k, statement in enumerate(block.body)}
+        end = len(block.body)
+        place = self._places.get(id(defstmt), end)
+        return place if place < (stop if stop >= 0 else end + stop) else end
+
+    ssa._find_defs_violators, ssa._run_block_rewrite = find_defs_violators, run_block_rewrite
+    ssa._FixSSAVars._stmt_index = stmt_index
 
 
 class PartLibrary(codegen.JITCodeLibrary):

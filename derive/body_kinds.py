@@ -1,0 +1,196 @@
+"""Kinds of shapes, and the sums over a body's mass that the motion of each kind requires.
+
+A particle at r of a body that deforms is at p = r + N_j q_j + G_jk q_j q_k / 2 in the body's axes. The equations of
+motion (:mod:`kaneflex.derive.body_space`) need, summed over the mass,
+
+    of a shape:  P = N_j and H = r x N_j, momentum per rate; J = (r.N_j) 1 - sym(r N_j^T), half of the derivative of the
+                 moment of inertia by q_j; K, its stiffness
+    of a pair:   P = G_jk, H = r x G_jk + N_k x N_j and J = (N_j.N_k + r.G_jk) 1 - sym(N_j N_k^T + r G_jk^T), by which
+                 those of shape j grow with q_k; X = N_k x N_j (Coriolis); M = N_j.N_k; C, damping
+
+Shapes of a straight beam whose sections have principal axes y and z through their centres are of four kinds: stretch
+u, bending v in the x-y plane and w in the x-z plane, twist t. The sums that vanish for a kind follow from its fields.
+Any other shape is of kind g.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+
+import sympy as sm
+
+KINDS = ("u", "v", "w", "t", "g")
+"""Kinds of shapes in their order in a body; g: any."""
+CUBIC = ("v", "w", "t")
+"""One shape of each of these: in a beam's strain energy of third order stand theta_x' theta_y theta_z' and its like."""
+XYZ = "xyz"
+MOMENTS = ("xx", "yy", "zz", "yz", "zx", "xy")
+"""Components of a symmetric matrix."""
+R = x, y, z = sm.symbols("x y z")
+_SECTION = {(0, 0): sm.S.One, (2, 0): sm.Symbol("I_z"), (0, 2): sm.Symbol("I_y")}
+"""Mean of y^m z^n over the section, by the powers; others vanish."""
+Values = dict[str, sm.Expr]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers of a shape or of a pair that are stored, and the others as linear combinations of these.
+
+    ``stored`` in reading order; ``of``: name -> combination in symbols of the stored names, zero where it vanishes.
+    """
+
+    stored: tuple[str, ...]
+    of: Mapping[str, sm.Expr]
+
+
+def section_motion(theta: Sequence[sm.Expr], rate: Sequence[sm.Expr]) -> tuple[sm.Matrix, sm.Matrix, sm.Matrix]:
+    """R, T and T' theta' of a section that bends the shortest way by theta_y and theta_z, then turns by theta_x.
+
+    Either turn is Cayley's of its vector c, R = (1 - c~ / 2)^-1 (1 + c~ / 2), rational in it, whose angular velocity is
+    (c' + c x c' / 2) / (1 + c.c / 4) (Bauchau, Flexible Multibody Dynamics, 2011, sec. 13.4); R has the section's axes
+    in the body's, its angular velocity against it is T theta', there, too.
+    """
+    x, y, z = theta
+    bending, twist = sm.Matrix([0, y, z]), sm.Matrix([x, 0, 0])
+    tangent = _cayley(bending)[:, 0]
+    T = sm.zeros(3, 3)
+    T[:, 0] = tangent / (1 + x**2 / 4)
+    for column, unit in ((1, sm.Matrix([0, 1, 0])), (2, sm.Matrix([0, 0, 1]))):
+        T[:, column] = (unit + bending.cross(unit) / 2) / (1 + bending.dot(bending) / 4)
+    velocity = T * sm.Matrix(rate)
+    gamma = sum((velocity.diff(angle) * speed for angle, speed in zip(theta, rate, strict=True)), sm.zeros(3, 1))
+    return _cayley(bending) * _cayley(twist), T, gamma
+
+
+def _cayley(c: sm.Matrix) -> sm.Matrix:
+    """Rotation matrix of a Rodrigues vector, c / 2 = tan(angle / 2) axis."""
+    skew = sm.Matrix([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
+    return sm.eye(3) + (skew + skew * skew / 2) / (1 + c.dot(c) / 4)
+
+
+@cache
+def _curvature_of_fibres() -> tuple[tuple[sm.Matrix, ...], ...]:
+    """Second derivatives by two angles, at zero, of the place of a fibre (0, y, z) of a section that turns."""
+    theta = sm.symbols("theta_x theta_y theta_z")
+    still = dict.fromkeys(theta, 0)
+    place = section_motion(theta, theta)[0] * sm.Matrix([0, y, z])
+    return tuple(tuple(place.diff(a).diff(b).xreplace(still) for b in theta) for a in theta)
+
+
+def _field(kind: str, j: int) -> tuple[sm.Matrix, sm.Matrix]:
+    """Displacement of the axis and rotation of the section by the j-th shape of a kind."""
+    moved, turned = sm.zeros(3, 1), sm.zeros(3, 1)
+    if kind == "t":
+        turned[0] = sm.Symbol(f"theta_x{j}")
+    else:
+        moved["uvw".index(kind)] = sm.Symbol(f"{kind}{j}")
+        if kind != "u":
+            turned[{"v": 2, "w": 1}[kind]] = sm.Symbol(f"theta_{'z' if kind == 'v' else 'y'}{j}")
+    return moved, turned
+
+
+def first_order(kind: str, j: int) -> sm.Matrix:
+    """N of the j-th shape, in symbols of its fields."""
+    if kind == "g":
+        return sm.Matrix([sm.Symbol(f"N_{axis}{j}") for axis in XYZ])
+    moved, turned = _field(kind, j)
+    return moved + turned.cross(sm.Matrix([0, y, z]))
+
+
+def second_order(a: str, j: int, b: str, k: int) -> sm.Matrix:
+    """G of the j-th and the k-th shape: of a link its shortening, and what its sections move their fibres by."""
+    if "g" in (a, b):
+        return sm.Matrix([sm.Symbol(f"G_{axis}{min(j, k)}{max(j, k)}") for axis in XYZ])
+    turned, of = _curvature_of_fibres(), (_field(a, j)[1], _field(b, k)[1])
+    found = sum((turned[m][n] * of[0][m] * of[1][n] for m in range(3) for n in range(3)), sm.zeros(3, 1))
+    if a == b != "u":
+        found[0] -= sm.Symbol(f"slope_{a}{j}") * sm.Symbol(f"slope_{a}{k}")
+    return found.expand()
+
+
+def summed(kinds: Iterable[str], expression: sm.Expr) -> sm.Expr:
+    """Sum over the mass of a polynomial in y, z and the fields of shapes of these kinds.
+
+    The integral over x is linear: each product of fields that is left stands for its integral.
+    """
+    if "g" in kinds:
+        return expression.expand()
+    terms = sm.Poly(expression, y, z).terms()
+    return sum((_SECTION.get(powers, sm.S.Zero) * coefficient for powers, coefficient in terms), sm.S.Zero).expand()
+
+
+def _symmetric(Q: sm.Matrix) -> sm.Matrix:
+    """tr(Q) 1 - sym(Q)."""
+    return Q.trace() * sm.eye(3) - (Q + Q.T) / 2
+
+
+def _named(letter: str, of: sm.Matrix) -> Values:
+    """Components of a vector or a symmetric matrix by their names."""
+    if of.shape == (3, 1):
+        return {f"{letter}_{axis}": of[k] for k, axis in enumerate(XYZ)}
+    return {f"{letter}_{axes}": of[XYZ.index(axes[0]), XYZ.index(axes[1])] for axes in MOMENTS}
+
+
+def of_shape(kind: str, j: int = 0) -> Values:
+    """Sums of the j-th shape, in products of its fields."""
+    r, N = sm.Matrix(R), first_order(kind, j)
+    values = _named("P", N) | _named("H", r.cross(N)) | _named("J", _symmetric(r * N.T))
+    return {name: summed(kind, value) for name, value in values.items()} | {"K": sm.Symbol(f"K_{j}")}
+
+
+def of_pair(a: str, b: str, j: int = 0, k: int = 1) -> Values:
+    """Sums of the j-th shape of one kind with the k-th of another."""
+    if "g" in (a, b) and a != b:
+        return {}
+    r, N_j, N_k, G = sm.Matrix(R), first_order(a, j), first_order(b, k), second_order(a, j, b, k)
+    X = N_k.cross(N_j)
+    values = _named("P", G) | _named("H", r.cross(G) + X) | _named("X", X)
+    values |= _named("J", _symmetric(N_j * N_k.T + r * G.T)) | {"M": N_j.dot(N_k)}
+    damping = {"C": sm.Symbol(f"C_{min(j, k)}{max(j, k)}")} if a == b else {}
+    return {name: summed((a, b), value) for name, value in values.items()} | damping
+
+
+@cache
+def numbers(a: str, b: str = "") -> Numbers:
+    """Numbers of a shape of kind ``a``, or of a pair with one of kind ``b``."""
+    values, stored, of = of_pair(a, b) if b else of_shape(a), dict[str, sm.Expr](), Values()
+    for name, value in values.items():
+        found = _combination(value, stored)
+        if found is None:
+            stored[name], found = value, sm.Symbol(name)
+        of[name] = found
+    return Numbers(tuple(stored), of)
+
+
+def _combination(value: sm.Expr, stored: Values) -> sm.Expr | None:
+    """A sum as a linear combination of others, by their names; None if it is independent."""
+    if value == 0:
+        return sm.S.Zero
+    terms = [each.as_coefficients_dict() for each in (*stored.values(), value)]
+    products = sorted(set().union(*terms), key=str)
+    system = sm.Matrix([[of[product] for of in terms] for product in products])
+    try:
+        solution, free = system[:, :-1].gauss_jordan_solve(system[:, -1])
+    except ValueError:
+        return None
+    names = [sm.Symbol(name) for name in stored]
+    return sum((c * name for c, name in zip(solution.xreplace(dict.fromkeys(free, 0)), names, strict=True)), sm.S.Zero)
+
+
+def tables() -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]:
+    """Stored names of the shapes by kind, and of the pairs by both kinds, like "uv"."""
+    pairs = {a + b: numbers(a, b).stored for a, b in product(KINDS, repeat=2)}
+    return {kind: numbers(kind).stored for kind in KINDS}, {both: names for both, names in pairs.items() if names}
+
+
+def reading_order(kinds: Sequence[str]) -> Iterator[sm.Expr]:
+    """Numbers of a body with shapes of these kinds, in products of their fields."""
+    for j, a in enumerate(kinds):
+        own = of_shape(a, j)
+        yield from (own[name] for name in numbers(a).stored)
+        for k, b in enumerate(kinds):
+            both = of_pair(a, b, j, k)
+            yield from (both[name] for name in numbers(a, b).stored)

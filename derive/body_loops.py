@@ -1,0 +1,128 @@
+"""Loops over the shapes of a body by their kinds (:mod:`kaneflex.derive.body_kinds`), as text.
+
+One loop for each kind, in it one for each kind with which its shapes form pairs. All numbers are read one after the
+other from p[o], so that an address is never computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+
+import sympy as sm
+
+from kaneflex.derive.body_kinds import KINDS, numbers
+from kaneflex.derive.loops import added, code
+
+VECTORS = {"q": "q[i + {}]", "v": "u[s + {}]", "b": "du[s + {}]"}
+"""Modal coordinates, their rates and accelerations."""
+INDENT = "    "
+
+
+@dataclass
+class Shape:
+    """Numbers and sums of the j-th shape of a kind, as the statements of its loop may use them.
+
+    ``own`` has the numbers that are used; ``sums``: kind -> (stored name, vector) -> symbol of the sum over its shapes.
+    """
+
+    kind: str
+    own: list[str] = field(default_factory=list)
+    sums: dict[str, dict[tuple[str, str], sm.Symbol]] = field(default_factory=dict)
+
+    def single(self, name: str) -> sm.Expr:
+        """A sum over the mass of this shape alone."""
+        value = numbers(self.kind).of[name]
+        self.own += [str(symbol) for symbol in value.free_symbols]
+        return value.xreplace({symbol: sm.Symbol(f"{symbol}_0") for symbol in value.free_symbols})
+
+    def total(self, name: str, vector: str) -> sm.Expr:
+        """Sum over all pairs of this shape, times the vector's entry of the other one."""
+        found = sm.S.Zero
+        for other in KINDS:
+            value = numbers(self.kind, other).of.get(name, sm.S.Zero)
+            sums = self.sums.setdefault(other, {})
+            for stored in sorted(map(str, value.free_symbols)):
+                symbol = sums.setdefault((stored, vector), sm.Symbol(f"{stored}_{other}{vector}"))
+                value = value.xreplace({sm.Symbol(stored): symbol})
+            found += value
+        return found
+
+    def grown(self, name: str) -> sm.Expr:
+        """The first and the second together."""
+        return self.single(name) + self.total(name, "q")
+
+
+Statements = Callable[[Shape], list[str]]
+Stores = Callable[[str, str], list[str]]
+
+
+def loops(statements: Statements, stores: Stores = lambda a, b: []) -> list[str]:
+    """Lines of all loops; ``statements`` of every shape j, ``stores`` of every pair j, l by their kinds."""
+    lines = []
+    for kind in KINDS:
+        shape = Shape(kind)
+        after = statements(shape)
+        body = _read(shape, after)
+        for other in KINDS:
+            body += _inner(shape, other, stores(kind, other))
+        lines += [f"for j in range({bounds(kind)}):", *(INDENT + line for line in [*body, *after])]
+    return lines
+
+
+def bounds(kind: str) -> str:
+    """First shape of a kind, and the one behind its last."""
+    before = KINDS[: KINDS.index(kind)]
+    return f"{f'to_{before[-1]}, ' if before else ''}to_{kind}"
+
+
+def _read(shape: Shape, after: Iterable[str]) -> list[str]:
+    """Reads of a shape's own numbers and coordinates, and zeros of its sums."""
+    text, stored = " ".join(after), numbers(shape.kind).stored
+    reads = {f"{x}_j": place.format("j") for x, place in VECTORS.items() if f"{x}_j" in text}
+    reads |= {f"{name}_0": f"p[o{f' + {k}' if k else ''}]" for k, name in enumerate(stored) if name in shape.own}
+    lines = [f"{', '.join(part)} = {', '.join(part.values())}" for part in map(dict, batched(reads.items(), 6))]
+    return [*lines, f"o += {len(stored)}", *zeroed(symbol for of in shape.sums.values() for symbol in of.values())]
+
+
+def zeroed(names: Iterable[object]) -> list[str]:
+    """Statements that set so many names to zero."""
+    return [" = ".join([*map(str, part), "0.0"]) for part in batched(names, 8)]
+
+
+def _inner(shape: Shape, other: str, stores: list[str]) -> list[str]:
+    """Loop over the pairs with another kind, if there are such."""
+    stored, body = numbers(shape.kind, other).stored, list[str]()
+    for k, name in enumerate(stored):
+        at, one = f"p[o{f' + {k}' if k else ''}]", f"{name}_l"
+        sums = {vector: symbol for (of, vector), symbol in shape.sums.get(other, {}).items() if of == name}
+        if len(sums) > 1 or any(one in line for line in stores):
+            body.append(f"{one} = {at}")
+            at = one
+        body += [f"{symbol} += {at} * {VECTORS[vector].format('l')}" for vector, symbol in sums.items()]
+    lines = [*body, *stores, f"o += {len(stored)}"]
+    return [f"for l in range({bounds(other)}):", *(INDENT + line for line in lines)] if stored else []
+
+
+def named(values: Mapping[str, sm.Expr]) -> tuple[list[str], dict[str, sm.Expr]]:
+    """Statements for the expressions that are more than one symbol, and what to write in their place."""
+    lines, found, known = [], {}, {}
+    for name, value in values.items():
+        if value != 0:
+            if not value.is_Symbol and value not in known:
+                lines.append(f"{name} = {code(value)}")
+                known[value] = sm.Symbol(name)
+            found[name] = known.get(value, value)
+    return lines, found
+
+
+def batched(items: Iterable, size: int) -> Iterator[tuple]:
+    """So many of the items at a time."""
+    items = iter(items)
+    return iter(lambda: tuple(islice(items, size)), ())
+
+
+def grow(values: Mapping[str, sm.Expr]) -> list[str]:
+    """A statement for each sum that adds to it."""
+    return [line for name, value in values.items() if value != 0 for line in added(name, value)]
