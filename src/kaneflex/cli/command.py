@@ -109,3 +109,6 @@ class Real(click.FloatRange):
         if isinstance(value, str) and plain_number(value) is None:
             self.fail(f"{value!r} is not a finite number.", param, ctx)
         return super().convert(value, param, ctx)
+
+    def _describe_range(self) -> str:
+        return "" if self.min is None and self.max is None else super()._describe_range()  # else "x<=None"

@@ -20,7 +20,7 @@ GROUPS = {
         "list": ("looking.list_", "Scenes, presets and integrators"),
         "new": ("mechanism.new", "Start a scene of your own"),
         "check": ("looking.check", "Check a scene without solving it"),
-        "show": ("mechanism.show", "Draw a mechanism and count its freedoms"),
+        "show": ("mechanism.show", "Draw a mechanism, count degrees of freedom"),
         "modes": ("looking.modes", "Natural frequencies and mode shapes"),
         "equations": ("mechanism.equations", "Print the equations as LaTeX"),
     },

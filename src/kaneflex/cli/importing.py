@@ -63,8 +63,8 @@ def _number(section: str, text: str) -> float:
 )  # fmt: skip
 @click.option("--units", type=click.Choice(list(UNITS)), default="m-kg", show_default=True, help="Units of the files.")
 @click.option(
-    "--normal", nargs=3, type=Real(), default=(0.0, 0.0, 1.0), show_default=True, metavar="X Y Z",
-    help="Normal of the plane of motion; with --space, direction of the body's z axis.",
+    "--normal", nargs=3, type=Real(), default=(0.0, 0.0, 1.0), metavar="X Y Z",
+    help="Normal of the plane of motion; with --space, direction of the body's z axis. [default: 0 0 1]",
 )  # fmt: skip
 @click.option("--space", is_flag=True, help="Import for scenes in space; the body needs no mirror plane.")
 @click.option("--damping", type=Real(0.0, 1.0), default=0.0, help="Damping ratio of every shape.")

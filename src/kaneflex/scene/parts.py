@@ -56,7 +56,7 @@ from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to
 PRESETS = {
     "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
     "quasistatic": "static deformation at each instant, (K_s + K_d + K_g) z = F; no damping",
-    "paper": "the paper's choices: one element per link, welded pin, frozen decoupled modes, from rest, 0.04 s",
+    "paper": "the paper's model: one element per link, welded pin, frozen decoupled modes, from rest, 0.04 s",
     "linear": "vibration about the rigid motion, without geometric stiffness",
     "stiffened": "linear with geometric stiffness and shortening by bending",
     "coupled": "nonlinear: motion and deformation act on each other; error-controlled steps",
