@@ -383,10 +383,10 @@ def test_turns_of_several_angles_are_counted_at_once():
         return np.arctan2(np.sin(angles), np.cos(angles)), np.array([27.0 * np.cos(3.0 * times), 0 * times - 200.0]).T
 
     counts = Counts(at, 0.1)
-    for times in (np.linspace(0.0, 3.0, 7), np.array([0.3, 0.31, 2.9, 4.0])):
+    for times in (np.zeros(1), np.linspace(0.0, 3.0, 7), np.array([0.3, 0.31, 2.9, 4.0])):
         expected = np.array([9.0 * np.sin(3.0 * times), 1.0 - 200.0 * times]).T
         assert counts.over(times, *at(times)) == pytest.approx(expected, abs=1e-12)
-    assert len(requests) == 5  # the start, what was asked for, and once between
+    assert len(requests) == 6  # the start, what was asked for, and once between
 
 
 def test_stiff_vibrations_set_no_steps():

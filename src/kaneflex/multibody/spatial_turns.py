@@ -47,7 +47,7 @@ class Counts:
             self._add(between, *self.at(between))
         near = 0.5 * np.diff(self.times)[:, None] * (self.rates[1:] + self.rates[:-1])
         turns = np.round((near - np.diff(self.angles, axis=0)) / math.tau)
-        counted = self.angles + math.tau * np.cumsum(np.vstack([np.zeros_like(turns[:1]), turns]), axis=0)
+        counted = self.angles + math.tau * np.vstack([np.zeros_like(self.angles[:1]), np.cumsum(turns, axis=0)])
         return np.asarray(counted[np.searchsorted(self.times, times)])
 
     def _add(self, times: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> None:
