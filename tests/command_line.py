@@ -11,13 +11,14 @@ from kaneflex.cli import main
 from kaneflex.plots import style
 
 
-def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From now on pictures are made and their files stay empty: those of folders are drawn once, on nothing. To lay
+def unrendered(monkeypatch: pytest.MonkeyPatch, drawn: bool = True) -> None:
+    """From now on pictures are made and their files stay empty: those of folders are ``drawn`` once, on nothing. To lay
     them out and to write them as PNG and as SVG takes longer than most runs."""
 
     def begun(figure: Figure, stem: Path, svg: bool = True) -> list[Path]:
-        figure.set_layout_engine("none")
-        figure.draw_without_rendering()
+        if drawn:
+            figure.set_layout_engine("none")
+            figure.draw_without_rendering()
         files = [stem.with_name(f"{stem.name}.{kind}") for kind in ("png", *["svg"] * svg)]
         for file in files:
             file.touch()

@@ -84,6 +84,7 @@ def test_the_evidence_says_what_was_tried_and_why_the_rest_was_not_enough(engine
     assert found.reference == "stiffened, 8 elements, 2880 steps"
 
 
+@pytest.mark.exhaustive(group="choice", share=2)
 def test_all_sensors_of_the_engine_need_its_dynamics():
     """The main bearing's force misses 1.1 % quasi-statically, 1.4 % between instants of two degrees."""
     found = choose(read_scene("engine"))
@@ -92,6 +93,7 @@ def test_all_sensors_of_the_engine_need_its_dynamics():
     assert failed.worst_sensor == "main_bearing_force_x" and failed.error == pytest.approx(0.0139, abs=0.0005)
 
 
+@pytest.mark.exhaustive(group="choice", share=2)
 def test_at_six_times_the_speed_the_rod_acts_back_on_the_engine():
     """One-way deformation is 8 % off; the indicator spoke against quasi-statics, of which one model is run."""
     scene = with_settings(read_scene("engine"), ["main.speed=36000 rpm"])
@@ -104,6 +106,7 @@ def test_at_six_times_the_speed_the_rod_acts_back_on_the_engine():
     assert one_way.error > 0.05 and not one_way.within
 
 
+@pytest.mark.exhaustive(group="choice", share=2)
 def test_the_spin_up_needs_the_geometric_stiffness():
     """Without K_g it would go unstable: the indicator says so, and nothing without it is run."""
     scene = read_scene("spin-up")
@@ -115,6 +118,7 @@ def test_the_spin_up_needs_the_geometric_stiffness():
     assert error(scene, found, ["solve.preset=coupled", "solve.tolerance=1e-8"]) <= 0.01
 
 
+@pytest.mark.exhaustive(group="choice", share=2)
 def test_what_the_indicator_speaks_against_is_tried_once_and_what_cannot_be_run_is_named():
     """Shaken at its resonance the cross is 98 % off quasi-statically; coupled can't place bars on pins by poses."""
     scene = with_settings(read_scene("pin-ended-cross"), ["solve.duration=0.5 s", "solve.steps=1000"])
@@ -157,6 +161,7 @@ def test_where_the_reference_does_not_converge_nothing_is_chosen():
         choose(scene, 1e-4, ["mid_transverse", "rod_force"])
 
 
+@pytest.mark.exhaustive(group="choice", share=2)
 def test_a_model_that_steps_over_the_force_of_a_press_is_not_chosen(tmp_path):
     """50 kN for 1.9 degrees between two steps of 180: where the rod is at 103 degrees it carries F / cos(phi_2)."""
     scene = with_settings(read_scene("engine"), press(tmp_path))
@@ -174,6 +179,7 @@ def test_a_force_that_the_finest_model_steps_over_leaves_nothing_to_choose_by(tm
         choose(scene, 0.1, ["rod_force_piston"])
 
 
+@pytest.mark.exhaustive(group="choice", share=2)
 def test_a_run_from_rest_stays_one_from_rest():
     """The piston's acceleration from rest is about twice that of the periodic state."""
     scene = with_settings(read_scene("engine"), ["solve.start=zero", "solve.duration=0.01 s", "solve.steps=720"])
@@ -360,6 +366,7 @@ PRUNED = {
 }
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("case", PRUNED)
 def test_a_pruned_module_gives_the_same_without_the_dropped_terms(tmp_path, monkeypatch, case):
     settings, gone = PRUNED[case]

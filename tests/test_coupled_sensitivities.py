@@ -46,15 +46,18 @@ def check(scene, names, frozen=True, step=5e-4):
             np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=3e-6 * size, err_msg=where)
 
 
+@pytest.mark.exhaustive(group="runs", share=2)
 def test_pendulum_that_swings_freely():
     check(PENDULUM, ["strip.length", "hinge.angle", "gravity.1"], step=1e-4)
 
 
+@pytest.mark.exhaustive(group="runs", share=2)
 def test_closed_loop_that_a_motor_turns():
     check(FOUR_BAR, ["coupler.length", "masses.flywheel.inertia", "ground.right.0"], step=2e-3)
     check(FOUR_BAR, ["damping.rayleigh.ratio"], step=3e-3)
 
 
+@pytest.mark.exhaustive(group="runs", share=2)
 @pytest.mark.parametrize("frozen", [True, False])
 def test_driven_engine_from_equilibrium(frozen):
     engine = (*ENGINE, *START)
@@ -68,6 +71,7 @@ def test_the_basis_moves():
     assert max(abs(kept[name] - moved[name]).max() / abs(kept[name]).max() for name in kept) > 1e-4
 
 
+@pytest.mark.exhaustive(group="runs", share=2)
 def test_periodic_engine(monkeypatch):
     monkeypatch.setattr(coupled, "REPEATS", 1e-12)
     scene = (*ENGINE, *FIXED, "solve.start=periodic")

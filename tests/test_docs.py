@@ -198,7 +198,7 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
     folder = tmp_path_factory.mktemp("scenes")
     for name, text in SCENES.items():
         (folder / f"{name}.toml").write_text(text)
-    return {name: simulate(load(read_scene(folder / f"{name}.toml"))) for name in SCENES}
+    return {name: solve(load(read_scene(folder / f"{name}.toml"))) for name in SCENES}
 
 
 def test_every_complete_scene_runs(solved):

@@ -35,9 +35,13 @@ def imports(path: Path, at_import_only: bool = False) -> tuple[str, ...]:
 
 
 @cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def _imports(path: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    return tuple(imported(tree, False)), tuple(imported(tree, True))
+    return tuple(imported(tree_of(path), False)), tuple(imported(tree_of(path), True))
 
 
 def imported(tree: ast.AST, at_import_only: bool) -> Iterator[str]:
@@ -268,7 +272,7 @@ COMPILES = {"njit", "compiled", "inlined", "_cached"}
 def test_long_functions_are_compiled_loops_that_say_why():
     found, folder = {}, FOLDERS["kaneflex"]
     for path in modules("kaneflex"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree_of(path)):
             if not isinstance(node, ast.FunctionDef):
                 continue
             given = node.args
@@ -298,7 +302,7 @@ def test_cached_loops_are_stamped_with_every_compiled_part_they_import():
     assert len(cached) >= 4
     for name in cached:
         parts = compiled & set(imports(trees[name])) - {name}
-        assert parts <= stamps(ast.parse(texts[name])), name
+        assert parts <= stamps(tree_of(trees[name])), name
 
 
 def stamps(tree: ast.Module) -> set[str]:

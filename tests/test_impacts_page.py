@@ -31,7 +31,7 @@ def row(start: str) -> list[float]:
 def outputs(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
-        unrendered(patch)
+        unrendered(patch, drawn=False)
         for text in blocks("toml"):
             Path(text.split()[1]).write_text(text)
         yield [cli(*shlex.split(line)[1:]) for text in blocks("sh") for line in text.splitlines()]

@@ -62,9 +62,11 @@ def test_a_second_process_computes_the_same_without_numba(called, tmp_path):
     assert called() == [False, *found]
     kept = {place: place.read_bytes() for place in (tmp_path / "cache").glob("functions.scaled-*.machine")}
     assert len(kept) == 2
-    for wrong in (lambda data: b"", lambda data: data[:40], lambda data: bytes(32) + data[32:]):  # of other files
-        for place, data in kept.items():
-            place.write_bytes(wrong(data))
+    torn = zip(kept, (b"", *(data[:40] for data in list(kept.values())[1:])), strict=True)
+    of_other_files = ((place, bytes(32) + data[32:]) for place, data in kept.items())
+    for wrong in (torn, of_other_files):
+        for place, data in wrong:
+            place.write_bytes(data)
         assert called() == [True, *found]
         assert {place: place.read_bytes() for place in kept} == kept
     source = tmp_path / "functions.py"

@@ -36,6 +36,7 @@ def _lifted(tmp_path, name, *settings):
     return flat, read_scene(path)
 
 
+@pytest.mark.exhaustive(group="cycles", share=2)
 def test_a_planar_cycle_lifted_and_turned_is_the_same(tmp_path, count):
     """A blade that a force pushes once a turn: every sensor, and its multipliers among those of space."""
     plane, space = map(solved, _lifted(tmp_path, "rotating-cantilever", "solve.modes=3"))
@@ -47,6 +48,7 @@ def test_a_planar_cycle_lifted_and_turned_is_the_same(tmp_path, count):
         assert abs(space.multipliers - multiplier).min() < 2e-5
 
 
+@pytest.mark.exhaustive(group="cycles", share=2)
 def test_what_nothing_damps_is_found_and_not_called_unstable(tmp_path, count):
     plane, space = map(solved, _lifted(tmp_path, "rotating-cantilever", "solve.modes=2", "damping=none"))
     assert space.outcome is Outcome.COMPLETED and "multiplier is 1 within" in space.message and len(count) <= 4
@@ -54,6 +56,7 @@ def test_what_nothing_damps_is_found_and_not_called_unstable(tmp_path, count):
     assert abs(space.series["tip_transverse"].values - expected).max() < 1e-5 * abs(expected).max()
 
 
+@pytest.mark.exhaustive(group="cycles", share=2)
 def test_a_cycle_whose_disturbances_grow_says_so(tmp_path):
     """In the first tongue of its pulsating force a strut would leave its motion, by the planar multiplier."""
     flat, deep = _lifted(tmp_path, "pulsating-strut", "solve.modes=1", "drives.clock.speed=2517 rpm")
@@ -113,6 +116,7 @@ def _pendulum(tmp_path, text=PENDULUM):
     return read_scene(path)
 
 
+@pytest.mark.exhaustive(group="cycles", share=2)
 def test_waiting_leads_to_the_same_motion(tmp_path, monkeypatch, count):
     """A pendulum on a ball that is pushed around: Newton's method has its cycle, and so has cycle after cycle."""
     found = solved(_pendulum(tmp_path))

@@ -203,7 +203,7 @@ def test_a_rod_in_space_that_acts_back_is_stressed_as_one_that_does_not():
     largest = []
     for preset in ("stiffened", "coupled"):
         scene = kaneflex.scene.with_settings(kaneflex.read_scene("spatial-slider-crank-elastic"),
-                                             [f"solve.preset={preset}", "solve.steps=500"])  # fmt: skip
+                                             [f"solve.preset={preset}", "solve.steps=250"])  # fmt: skip
         model = kaneflex.load(scene)
         found = solve(model).stresses["rod"]
         assert found.x[found.largest[0]] == pytest.approx(0.125, abs=0.02)

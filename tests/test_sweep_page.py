@@ -24,7 +24,7 @@ def outputs(tmp_path_factory):
     """What the commands of the page print, run in a folder that has its study."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
-        unrendered(patch)
+        unrendered(patch, drawn=False)
         Path("rod.toml").write_text(block("toml"))
         commands = [shlex.split(line)[1:] for line in block("sh").splitlines()]
         yield [cli(*arguments) for arguments in commands]

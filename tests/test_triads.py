@@ -165,6 +165,20 @@ def test_a_four_bar_by_newton_is_the_one_in_closed_form(tmp_path, monkeypatch):
             assert abs(here[name] - there[name]).max() <= 1e-11 * max(1e-3, abs(there[name]).max()), name
 
 
+@pytest.mark.exhaustive(group="order", share=2)
+def test_two_drives():
+    """A second crank moves the left rocker's foot: the seeds are then tabulated against time."""
+    text = MECHANISMS["three rockers"].replace('"ground.left", "left', '"shaker.end", "left')
+    shake = "[bodies.shaker]\nlength = '10 mm'\n[joints]\nshake = {revolute = ['ground.left', 'shaker.start']}"
+    text = text.replace("[joints]", shake)
+    text = text.replace("[drives]", "[drives]\nshake = {speed = '240 rpm', cycle = '720 deg'}")
+    scene = scene_of(text)
+    rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, scene.period, 300))
+    assert max(gaps(scene, rigid)) < 1e-12 * 0.35
+    assert imbalance(scene, rigid) < 1e-10
+
+
+@pytest.mark.exhaustive(group="order", share=2)
 def test_the_order_of_the_bodies_does_not_matter():
     one = motion("three rockers")
     lines = HEAD.splitlines()
@@ -178,23 +192,11 @@ def test_the_order_of_the_bodies_does_not_matter():
             assert other.at(times)[name] == pytest.approx(there, rel=1e-10, abs=1e-10 * abs(there).max()), name
 
 
-def test_two_drives():
-    """A second crank moves the left rocker's foot: the seeds are then tabulated against time."""
-    text = MECHANISMS["three rockers"].replace('"ground.left", "left', '"shaker.end", "left')
-    shake = "[bodies.shaker]\nlength = '10 mm'\n[joints]\nshake = {revolute = ['ground.left', 'shaker.start']}"
-    text = text.replace("[joints]", shake)
-    text = text.replace("[drives]", "[drives]\nshake = {speed = '240 rpm', cycle = '720 deg'}")
-    scene = scene_of(text)
-    rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, scene.period, 300))
-    assert max(gaps(scene, rigid)) < 1e-12 * 0.35
-    assert imbalance(scene, rigid) < 1e-10
-
-
 def test_it_turns_by_itself_and_keeps_its_energy():
     text = MECHANISMS["three rockers"].split("[drives]")[0].replace("[1.0, -9.81]", "[0, 0]")
-    text += "[drives]\nmain = {free = true, initial_speed = '60 rpm'}\n[solve]\npreset = 'rigid'\nduration = '3 s'\n"
+    text += "[drives]\nmain = {free = true, initial_speed = '60 rpm'}\n[solve]\npreset = 'rigid'\nduration = '1 s'\n"
     scene = scene_of(text)
-    rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, 3.0, 400))
+    rigid = solved(scene).model.motion.at(np.linspace(0.0, 1.0, 150))
     energy = 0.0
     for name, body in scene.bodies.items():
         c, s, w = (rigid[f"{name}.{key}"] for key in ("c", "s", "omega"))

@@ -103,7 +103,7 @@ def test_jeffcotts_rotor_whirls_at_one_frequency_both_ways(share):
 
 def test_a_sweep_finds_the_critical_speed_and_not_half_of_it():
     """In turning axes order 1 meets the forward whirl at half the critical speed; fixed axes have no crossing there."""
-    speeds = JEFFCOTTS * np.linspace(0.3, 1.3, 6)
+    speeds = JEFFCOTTS * np.linspace(0.4, 1.3, 4)
     found = sweep(scene_of(tomllib.loads(JEFFCOTT)), speeds, 4)
     assert found.axes == "fixed"
     assert {*found.modes[:2]} == {"forward whirl 1", "backward whirl 1"}
@@ -121,7 +121,7 @@ def test_the_command_prints_critical_speeds_in_rpm(tmp_path, monkeypatch):
     unrendered(monkeypatch)
     file = tmp_path / "rotor.toml"
     file.write_text(ONE_DISC)
-    speeds = ("--vary", "main.speed=200:500rpm", "--points", "7", "--orders", "1")
+    speeds = ("--vary", "main.speed=200:500rpm", "--points", "4", "--orders", "1")
     done = cli("stability", file, *speeds, "-o", tmp_path / "found")
     assert done.exit_code == 0, done.output
     rpm = critical_speed() / RPM
