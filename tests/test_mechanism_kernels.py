@@ -13,6 +13,7 @@ from runs import at_instant, model, run
 
 import kaneflex
 from kaneflex.mechanism import kernels as compiled
+from kaneflex.solve.free_motion import integrated
 from kaneflex.support.errors import SceneError
 
 T = 0.0037
@@ -38,7 +39,7 @@ CASES = {
 def test_they_are_what_is_integrated(case):
     """M, C, K, F and K's parts by their sums of monomial x matrix; what the options leave out is zero."""
     scene, settings, zero = CASES[case]
-    found = model(scene, *settings)
+    found = integrated(model(scene, *settings))
     kernels, t = found.kernels, 0.37 * found.options.duration
     assert kernels.coordinates == found.reduced.coordinates and len(kernels.coordinates) > 0
     parts = ("K_s", "K_d", "K_c", "K_g")
@@ -162,6 +163,17 @@ def safe_with(safe, own):
     """Checked kernels with the shapes of the others, for `called`."""
     safe.shapes = own.shapes
     return safe
+
+
+def test_kernels_of_free_joints_are_those_of_a_run():
+    found = model("engine-torque", "solve.duration=2 ms", "solve.steps=20", "solve.errors=none")
+    with pytest.raises(SceneError, match=r"a run integrates it\. Use the model of a run"):
+        _ = found.kernels
+    moved = kaneflex.simulate(found).model
+    places = called(moved.kernels, "positions", 0.001)
+    point = moved.kernels.points.index("rod_1.start")
+    rigid = moved.motion.at(0.001)
+    assert places[point] == pytest.approx([rigid["rod_1.x"][0], rigid["rod_1.y"][0]], abs=1e-12)
 
 
 def test_coupled_equations_have_kernels_of_their_own():

@@ -22,7 +22,7 @@ from kaneflex.mechanism.affine import Affine, Monomial, as_array, coefficients, 
 from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.products import Products
-from kaneflex.mechanism.rigid_motion import RigidKinematics
+from kaneflex.mechanism.rigid_motion import RigidKinematics, not_integrated
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.spatial_check import refuse_in_space
@@ -245,7 +245,8 @@ class Model:
     def kernels(self) -> Kernels:
         """Compiled kernels of the integrated equations, with the term groups that the options keep, and argument p.
 
-        Raises SceneError under preset ``coupled``, whose matrices depend on where the mechanism goes, and in space.
+        Raises SceneError under preset ``coupled``, whose matrices depend on where the mechanism goes, in space, and
+        with free joints before a run.
         """
         from kaneflex.mechanism.kernels import Kernels, bind, place_of_points, scalars_of
 
@@ -255,6 +256,8 @@ class Model:
                 "solve.preset", "coupled", "its M, K and F depend on the coordinates, not on time alone",
                 "Use model.coupled.engine, which moves the bodies, or another preset",
             )  # fmt: skip
+        if self.motion.is_start:
+            raise not_integrated(self.options.duration)
         points = {
             f"{name}.{point}": (name, place)
             for name, body in self.scene.bodies.items() for point, place in body.points_all.items()
