@@ -4,7 +4,7 @@ Import its modules, not names of the package: the printer of C needs no SymPy.
 
 The pipeline, one file a stage:
 
-    mechanism   Scene.structure() -> SymbolicMechanism: the runtime's Mechanism with symbols for numbers
+    mechanism   scene.structure -> SymbolicMechanism: the runtime's Mechanism with symbols for numbers
     constraints what joints and drives demand, as residuals with multipliers
     rigid       Mechanism -> Kane's equations of the free bodies and the constraints between them
     closure     the positions of all bodies from the drives, in closed form

@@ -23,7 +23,7 @@ from kaneflex.derive.spatial_elements import spatial_element_texts
 from kaneflex.derive.spatial_module import generate_spatial
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes
-from kaneflex.scene.structure import coupled_hash
+from kaneflex.scene.structure import coupled_hash, structure_hash
 
 INDEX = '''"""Modules of kaneflex: elements, bodies, joints, tables, scenes. Do not edit: ``make derive`` makes them."""
 
@@ -51,7 +51,7 @@ def modules() -> dict[str, str]:
     for name in sorted(shipped_scenes()):
         scene = read_scene(name)
         shapes = shape_counts(scene) if scene.solve.preset == "coupled" else None
-        structure = scene.structure_hash() if shapes is None else coupled_hash(scene, shapes)
+        structure = structure_hash(scene) if shapes is None else coupled_hash(scene, shapes)
         if structure not in structures:
             if shapes is None:
                 structures[structure] = name.replace("-", "_")

@@ -24,6 +24,7 @@ from kaneflex.derive.names import Names
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Assignment
 from kaneflex.derive.steps import Steps
+from kaneflex.scene.structure import structure_of
 from kaneflex.support.contract import ELEMENT_KERNELS
 
 Progress = Callable[[str], None]
@@ -56,7 +57,7 @@ def generate_coupled(
 ) -> str:
     """Text of the coupled module of a scene with so many shapes of each link that has some."""
     progress("courses and loads")
-    description = scene.structure()
+    description = structure_of(scene)
     mechanism = read_structure(description)
     number = mechanism.names.number
     shapes = {number["body", name]: count for name, count in counts.items()}

@@ -14,6 +14,7 @@ from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import share
+from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.support.contract import (
     BEAMS,
     ELEMENT_KERNELS,
@@ -104,7 +105,7 @@ def generate(scene: Any, progress: Progress = lambda stage: None) -> str:
     progress : callable
         Called with the name of each stage as it begins.
     """
-    return generate_pruned(scene, (), scene.structure_hash(), progress)
+    return generate_pruned(scene, (), structure_hash(scene), progress)
 
 
 def generate_pruned(
@@ -115,7 +116,7 @@ def generate_pruned(
     Without "elastic" nothing deforms: of the links the scalars of the motion remain, which their rigid forces need.
     """
     progress("Kane's equations")
-    equations = derive_equations(scene.structure())
+    equations = derive_equations(structure_of(scene))
     if "elastic" in without:
         equations = replace(equations, beam="", terms=())
     else:

@@ -15,6 +15,7 @@ from kaneflex.derive.beam import Element, Term
 from kaneflex.derive.generate import Equations, Progress, derive_equations, lower
 from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, seen_length, subscripted
 from kaneflex.derive.program import Program
+from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.support.contract import FORMAT
 from kaneflex.support.escaping import latex as escaped
 
@@ -38,11 +39,11 @@ def latex(scene: Any, progress: Progress = lambda stage: None) -> str:
         Called with the name of each stage as it begins.
     """
     progress("Kane's equations")
-    equations = derive_equations(scene.structure())
+    equations = derive_equations(structure_of(scene))
     progress("programs")
     programs = [kernel.program for kernel, _ in lower(equations)]
     progress("LaTeX")
-    return latex_document(equations, programs, scene.name, scene.structure_hash())
+    return latex_document(equations, programs, scene.name, structure_hash(scene))
 
 
 def latex_document(equations: Equations, programs: Sequence[Program], scene: str, structure: str) -> str:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import sympy as sm
 
 from kaneflex.derive.constraints import multiplier
+from kaneflex.derive.rigid import Rates, Solved
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import Vector
 from kaneflex.support.contract import LINK_SCALARS
-
-if TYPE_CHECKING:
-    from kaneflex.derive.motion import Rates, Solved
 
 
 def link_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> tuple[Scalar, ...]:

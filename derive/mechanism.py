@@ -1,6 +1,6 @@
 """A scene's mechanism in symbols.
 
-Built from ``Scene.structure()`` alone, so that nothing can enter the equations that the structure hash
+Built from `structure_of(scene)` alone, so that nothing can enter the equations that the structure hash
 does not know: a number of the scene is here either a symbol (a run-time parameter) or exactly 0, 1 or -1. Bodies,
 joints and the like are numbered, their names are kept beside them (see :mod:`kaneflex.derive.names`).
 """
@@ -58,7 +58,7 @@ class SymbolicMechanism(Mechanism):
 
 
 def read_structure(structure: Mapping[str, Any]) -> SymbolicMechanism:
-    """Turn ``Scene.structure()`` into symbols."""
+    """Turn `structure_of(scene)` into symbols."""
     structure, names = numbered(structure)
     parameters = Parameters()
 

@@ -24,12 +24,12 @@ from kaneflex.derive.mechanism import SymbolicMechanism
 from kaneflex.derive.names import Names
 from kaneflex.derive.newton import Loop
 from kaneflex.derive.program import Program
-from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
+from kaneflex.derive.rigid import Drive, Rates, RigidEquations, Solved, rigid_equations
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
 from kaneflex.mechanism.parts import Load, Mechanism
-from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_acceleration, minus
+from kaneflex.mechanism.planar import GROUND, Pose
 from kaneflex.support.contract import BODY_SCALARS, COURSES
 
 
@@ -115,20 +115,6 @@ def _state_symbols(name: str) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
     return sm.Symbol(f"{name}_angle_"), sm.Symbol(f"{name}_speed_"), sm.Symbol(f"{name}_acceleration_")
 
 
-@dataclass(frozen=True)
-class Solved:
-    """The rigid motion in symbols: drives, rates, loads, springs, reactions by multiplier, the loops' margins."""
-
-    drives: dict[str, Drive]
-    rates: Rates
-    loads: dict[str, sm.Expr]
-    springs: list[Scalar]
-    reactions: dict[sm.Symbol, sm.Expr]
-    margins: dict[str, sm.Expr]
-    gaps: dict[str, sm.Expr]
-    loops: tuple[Loop, ...]
-
-
 def _solve(mechanism: SymbolicMechanism, equations: RigidEquations, drives: dict[str, Drive], steps: Steps) -> Solved:
     angles = {name: drive.angle for name, drive in drives.items()}
     with _told(mechanism.names):
@@ -175,15 +161,6 @@ def _still(mechanism: SymbolicMechanism) -> Motion:
 def _load_scalars(mechanism: Mechanism, loads: dict[str, sm.Expr]) -> list[Scalar]:
     unit = {name: load.unit for name, load in mechanism.loads.items()}
     return [Scalar(name, unit[name], "magnitude of the load", value) for name, value in loads.items()]
-
-
-@dataclass(frozen=True)
-class Drive:
-    """Coordinate of a drive with its first and second time derivative."""
-
-    angle: sm.Expr
-    speed: sm.Expr
-    acceleration: sm.Expr
 
 
 def _drives(mechanism: SymbolicMechanism, steps: Steps, states: Sequence[str] = ()) -> dict[str, Drive]:
@@ -275,56 +252,6 @@ def check_known(law: str, mechanism: SymbolicMechanism, key: str) -> None:
         if re.search(rf"\b{joint}(_speed)?\b", law):
             reason = f"it knows {joint}, and only preset coupled knows coordinates of joints without a drive"
             raise SceneError(key, law, reason, "Use preset coupled, or write the law in a joint that has a drive")
-
-
-class Rates:
-    """Velocities and accelerations of all bodies, and the substitution that brings equations to these symbols."""
-
-    def __init__(self, mechanism, equations: RigidEquations, drives, poses: dict[str, Pose], steps: Steps):
-        self.poses = poses
-        self.to_symbols: dict[sm.Expr, sm.Expr] = {}
-        unknown_v, unknown_a = [], []
-        rate: dict[sm.Expr, sm.Symbol] = {}
-        for name in mechanism.bodies:
-            at, pose = equations.coordinates[name], poses[name]
-            self.to_symbols |= {at.c: pose.c, at.s: pose.s, at.x: pose.x, at.y: pose.y}
-            for coordinate, letter in ((at.x, "x"), (at.y, "y"), (at.phi, "phi")):
-                v, a = sm.Symbol(f"v_{letter}_{name}"), sm.Symbol(f"a_{letter}_{name}")
-                if letter == "phi":
-                    v, a = sm.Symbol(f"omega_{name}"), sm.Symbol(f"epsilon_{name}")
-                rate |= {coordinate.diff(TIME): v, coordinate.diff(TIME, 2): a}
-                unknown_v.append(v)
-                unknown_a.append(a)
-        for name, coordinate in equations.drive_coordinate.items():
-            rate |= {coordinate.diff(TIME): drives[name].speed, coordinate.diff(TIME, 2): drives[name].acceleration}
-        # Velocity level, J v = -dg/dt; acceleration level, J a = -dJ/dt v; both by the constraint's total derivative.
-        first = [
-            (c.name, c.residual.diff(TIME).xreplace(rate).xreplace(self.to_symbols)) for c in equations.constraints
-        ]
-        self.velocity = solve_blocks(first, unknown_v, steps)
-        second = [
-            (
-                c.name,
-                c.residual.diff(TIME, 2).xreplace(rate).xreplace(self.to_symbols).xreplace(self.velocity),
-            )
-            for c in equations.constraints
-        ]
-        self.acceleration = solve_blocks(second, unknown_a, steps)
-        self.value: dict[str, dict[str, sm.Expr]] = {}
-        for name in mechanism.bodies:
-            v_x, v_y, omega = (self.velocity[sm.Symbol(f"{u}_{name}")] for u in ("v_x", "v_y", "omega"))
-            a_x, a_y, epsilon = (self.acceleration[sm.Symbol(f"{u}_{name}")] for u in ("a_x", "a_y", "epsilon"))
-            for speed, velocity, acceleration in zip(
-                equations.speeds[name], (v_x, v_y, omega), (a_x, a_y, epsilon), strict=True
-            ):
-                self.to_symbols |= {speed.diff(TIME): acceleration, speed: velocity}
-            self.value[name] = dict(v_x=v_x, v_y=v_y, omega=omega, a_x=a_x, a_y=a_y, epsilon=epsilon)
-
-    def specific_force(self, body: str, point: BodyPoint, gravity: Vector) -> Vector:
-        """a - g of a body-fixed point, global: a_O + epsilon S R r - omega^2 R r - g."""
-        value = self.value[body]
-        x, y = carried_acceleration(self.poses[body].turn(point.at), value["omega"], value["epsilon"])
-        return minus((value["a_x"] + x, value["a_y"] + y), gravity)
 
 
 def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scalar]:

@@ -15,12 +15,13 @@ from kaneflex.derive.generate import operations_table
 from kaneflex.derive.laws import Switches
 from kaneflex.derive.mechanism import read_structure
 from kaneflex.derive.printers import numba_printer as emit
+from kaneflex.scene.structure import structure_hash, structure_of
 
 
 def generate_spatial(scene: Any, progress: Callable[[str], None] = lambda stage: None) -> str:
     """Text of the module for a scene's structure; equal structures give equal text."""
     progress("courses and loads")
-    mechanism, switches = read_structure(scene.structure()), Switches()
+    mechanism, switches = read_structure(structure_of(scene)), Switches()
     kernels, parameters = courses_and_loads(mechanism, switches)
     told = mechanism.names.told
     return module_text.module(
@@ -32,6 +33,6 @@ def generate_spatial(scene: Any, progress: Callable[[str], None] = lambda stage:
             operations_table(emit.operations(kernels)),
         ],
         *printed(kernels, mechanism.names),
-        structure=scene.structure_hash(),
+        structure=structure_hash(scene),
         made="kaneflex derive SCENE -o FILE.py",
     )

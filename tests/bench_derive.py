@@ -21,6 +21,7 @@ from chains import chain
 from rich.progress import track
 
 from kaneflex.multibody.binding import generate_text, import_file
+from kaneflex.scene.structure import structure_hash
 from kaneflex.support.atomic_output import write_text
 from kaneflex.support.contract import REQUIRED_ATTRIBUTES
 
@@ -85,7 +86,7 @@ def derive_seconds(count: int, closed: bool, folder: Path) -> tuple[float, Path,
     seconds = time.perf_counter() - started
     path = folder / f"{scene.name.replace('-', '_')}.py"
     write_text(path, text)
-    return seconds, path, scene.structure_hash()
+    return seconds, path, structure_hash(scene)
 
 
 def compile_seconds(path: Path, structure: str) -> float:

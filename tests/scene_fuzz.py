@@ -34,6 +34,7 @@ from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.options import acting, resolve_options
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.start import Start
+from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.solution import Solution
@@ -366,7 +367,7 @@ def examine(file: Path, placed: bool = False) -> Scene | UserError:
                 assert all(held_nodes(mechanism, link) is not None for link in links)
             elif options.dynamics != "rigid" and elastic:
                 check_elastic(scene)
-            acting(scene, options).structure_hash()
+            structure_hash(acting(scene, options))
             if not scene.is_spatial:
                 shape_counts(scene)
             if placed and scene.joints:

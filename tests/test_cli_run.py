@@ -14,6 +14,7 @@ from command_line import cli, refused, unrendered
 
 from kaneflex.report.summary import Summary
 from kaneflex.scene import read_scene
+from kaneflex.scene.structure import structure_hash
 from kaneflex.support.errors import OutputError
 from kaneflex.support.output_folders import _locked, whole_folder
 
@@ -57,7 +58,7 @@ def test_summary_file_holds_every_sensor_and_what_was_set(finished):
     summary = Summary.model_validate_json((folder / "summary.json").read_text())
     assert set(SENSORS) <= set(summary.sensors)
     assert (summary.scene, summary.preset, summary.outcome) == ("engine", "quasistatic", "completed")
-    assert summary.structure == read_scene("engine").structure_hash()
+    assert summary.structure == structure_hash(read_scene("engine"))
     assert summary.settings == ["rod.elements=1", "solve.preset=quasistatic", "solve.steps=240"]
     assert summary.options["steps"] == summary.steps == 240 and summary.elements == {"rod": 1}
     assert summary.degrees_of_freedom == summary.modes_kept == len(summary.frequencies_hz) == 3

@@ -36,7 +36,7 @@ from kaneflex.multibody.system import build_system
 from kaneflex.multibody.tables import CONTACT_MECHANISM
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
-from kaneflex.support import quick_compiling
+from kaneflex.support import inner
 from kaneflex.support.inner import PART
 
 KINDS = (
@@ -47,8 +47,7 @@ ROW, MATRIX, PAIR = types.float64[::1], types.float64[:, ::1], types.UniTuple(ty
 
 @pytest.fixture(autouse=True)
 def quick():
-    quick_compiling.use()
-    quick_compiling.prepare()
+    inner.prepare()
 
 
 @pytest.mark.parametrize("often", [(700, 10, 10), (0, 10, 10)])

@@ -13,6 +13,7 @@ from kaneflex.report.presentation import parts, printed
 from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.contact_law import cylinders
 from kaneflex.scene.options import resolve_options
+from kaneflex.scene.structure import structure_hash
 
 STEEL = 2.1e11 / (1 - 0.3**2) / 2
 """E* of steel on steel [Pa]."""
@@ -90,11 +91,11 @@ def test_settings_and_copies_know_the_clearance_as_it_is_written():
     scene = written()
     wider = with_settings(scene, ["wrist.clearance.radial=0.2 mm", "stop.contact.restitution=0.7"])
     assert wider.contacts["wrist"].reach == 0.2e-3 and wider.contacts["stop"].contact.restitution == 0.7
-    assert wider.structure_hash() == scene.structure_hash()
+    assert structure_hash(wider) == structure_hash(scene)
     copied = scene.model_copy(update={"joints": dict(scene.joints), "contacts": {}})
     assert with_settings(copied, []).contacts.keys() == {"wrist"}
     law = with_settings(scene, ["stop.contact.law=flores"])
-    assert mechanism_of(law).contacts["stop"].law == "flores" and law.structure_hash() == scene.structure_hash()
+    assert mechanism_of(law).contacts["stop"].law == "flores" and structure_hash(law) == structure_hash(scene)
 
 
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, -1.0), (0.6, 0.8)])

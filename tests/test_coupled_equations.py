@@ -16,7 +16,7 @@ from kaneflex.generated.body import kernels
 from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.linearisation import Instant, linear, prepare
-from kaneflex.multibody.run import rigid_state
+from kaneflex.multibody.system import rigid_state
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled import simulate_coupled
 from kaneflex.solve.coupled_linearisation import modes_at_rest

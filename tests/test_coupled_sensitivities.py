@@ -11,9 +11,8 @@ from test_sensitivities import differences
 
 from kaneflex.solve import coupled
 from kaneflex.study.sensitivity.parameters import find_parameters
-from kaneflex.study.sensitivity.replay import Replay
 from kaneflex.study.sensitivity.report import sensitivities
-from kaneflex.study.sensitivity.slopes import neighbour_at
+from kaneflex.study.sensitivity.slopes import Replay, neighbour_at
 
 PENDULUM = ("elastic-pendulum", "solve.duration=0.01", "solve.steps=200", "solve.tolerance=1e-9")
 RINGING = ("elastic-pendulum", "solve.duration=0.5", "solve.steps=40", "solve.tolerance=1e-10")

@@ -18,6 +18,7 @@ from kaneflex.derive.generate import derive_equations, lower
 from kaneflex.derive.latex import latex_document, printed_matrix
 from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, seen_length
 from kaneflex.scene import read_scene
+from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.contract import ELEMENT_KERNELS, LINK_SCALARS
 from kaneflex.support.escaping import latex as escaped
@@ -28,9 +29,9 @@ SCENES = ("engine", "four-bar", "double-pendulum")
 @cache
 def derived(name: str):
     scene = read_scene(name)
-    equations = derive_equations(scene.structure())
+    equations = derive_equations(structure_of(scene))
     programs = [kernel.program for kernel, _ in lower(equations)]
-    return equations, programs, latex_document(equations, programs, scene.name, scene.structure_hash())
+    return equations, programs, latex_document(equations, programs, scene.name, structure_hash(scene))
 
 
 def printed_programs(name: str):

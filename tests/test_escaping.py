@@ -20,7 +20,7 @@ from kaneflex.cli import main
 from kaneflex.derive.c_module import places, prefix_of
 from kaneflex.multibody.binding import generate_text
 from kaneflex.scene import read_scene, scene_of
-from kaneflex.solve.modelica import modelica
+from kaneflex.solve.statespace import modelica
 from kaneflex.support import escaping
 from kaneflex.support.errors import SceneError
 from kaneflex.support.html import shown

@@ -18,9 +18,9 @@ from kaneflex.multibody.building import reference_modes
 from kaneflex.plots import bode
 from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene
+from kaneflex.solve.linearisation import linearise
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.statespace import linearise
 from kaneflex.support.errors import OutputError, SceneError
 
 CANTILEVER = """

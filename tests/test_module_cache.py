@@ -16,6 +16,7 @@ from kaneflex.derive.generate import generate
 from kaneflex.generated import rows
 from kaneflex.multibody.binding import find_module
 from kaneflex.scene import read_scene
+from kaneflex.scene.structure import structure_hash
 from kaneflex.support import module_cache
 from kaneflex.support.errors import SceneError
 
@@ -125,7 +126,7 @@ def found(tmp_path, monkeypatch):
     """A function that finds the pendulum's module as a new process would, and says what it was told."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     scene = pendulum(tmp_path)
-    name = f"kaneflex_{scene.structure_hash()}"
+    name = f"kaneflex_{structure_hash(scene)}"
 
     def find():
         sys.modules.pop(name, None)

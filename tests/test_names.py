@@ -13,6 +13,7 @@ from kaneflex.derive.names import numbered
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module, find_module, find_spatial_module
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.scene.structure import structure_of
 
 SCENES = {
     "engine": (), "quick-return": (), "two-link-arm": (), "stick-slip": (), "bouncing-bar": (),
@@ -33,7 +34,7 @@ def test_what_is_derived_knows_no_names(name):
     scene = read_scene(name)
     for seed in range(3):
         new = renaming.drawn(scene, seed)
-        plain, other = scene.structure(), renaming.renamed(scene, new).structure()
+        plain, other = structure_of(scene), structure_of(renaming.renamed(scene, new))
         for table in ("loads", "drives"):
             laws = [entry.pop("law", "") for entry in other[table].values()]
             assert laws == [new.law(entry.pop("law", "")) for entry in plain[table].values()]

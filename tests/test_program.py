@@ -26,6 +26,7 @@ from kaneflex.generated import laws
 from kaneflex.generated.packs import unpacked
 from kaneflex.scene import read_scene
 from kaneflex.scene.laws import FUNCTIONS, ON_ARRAYS, parse_law
+from kaneflex.scene.structure import structure_of
 
 a, b, c, x, y, z = sm.symbols("a b c x y z")
 INPUTS = (a, b, c)
@@ -357,7 +358,7 @@ gas = "none"
 push = {force_on = "piston", direction = [-1, 0], law = "1e3 * exp(-t) * cos(2 * main) + 5 * main_speed"}
 """)
     scene = read_scene(file)
-    equations = derive_equations(scene.structure())
+    equations = derive_equations(structure_of(scene))
     motion, told = equations.motion, equations.mechanism.names.told
     parameters = {told(path): symbol for path, (symbol, _) in equations.mechanism.parameters.items()}
     value = next(scalar.value for scalar in motion.scalars if told(scalar.name) == "push")

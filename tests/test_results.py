@@ -34,6 +34,7 @@ from kaneflex.report.summary import (
 )
 from kaneflex.report.tables import _sensor_row, run_lines, sensor_cells
 from kaneflex.response.time_statistics import statistics
+from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.mode_angle_envelope import PeakSpread
 from kaneflex.solve.touching import ContactSummary, FrictionSummary
 from kaneflex.solve.unresolved import UnresolvedMode
@@ -144,7 +145,7 @@ def test_file_holds_what_the_dataset_holds(solution, stored):
     with xarray.open_dataset(stored) as found:
         xarray.testing.assert_identical(found.load(), solution.dataset)
         assert found.attrs["outcome"] == "completed" and found.attrs["preset"] == "quasistatic"
-        assert found.attrs["structure"] == solution.model.scene.structure_hash()
+        assert found.attrs["structure"] == structure_hash(solution.model.scene)
 
 
 def test_file_is_the_one_that_xarray_writes(tmp_path):

@@ -14,6 +14,7 @@ import kaneflex
 from kaneflex.scene import json_schema, read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.read import _validated
+from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import _SI_OF_COMMON, ANGULAR_SPEED, FREQUENCY, LENGTH, SECOND_MOMENT, to_si
 
@@ -196,7 +197,7 @@ def test_settings_read_what_they_change_anew_and_nothing_else(name):
     body = next(iter(before.bodies))
     after = with_settings(before, [f"bodies.{body}.mass=0.123", "solve.duration=1.5"])
     entire = _validated(after.raw, after.source)
-    assert after == entire and after.raw == entire.raw and after.structure() == entire.structure()
+    assert after == entire and after.raw == entire.raw and structure_of(after) == structure_of(entire)
     assert after.bodies[body].mass == 0.123 and after.solve.duration == 1.5
     for other in before.bodies.keys() - {body}:
         assert after.bodies[other] is before.bodies[other]
@@ -238,26 +239,26 @@ def test_bad_settings(setting, message):
 
 
 def test_structure_holds_topology_and_zeros_only():
-    structure = read_scene("engine").structure()
-    assert structure["bodies"]["rod"] == {"elastic": True, "mass": "*", "inertia": "*", "centre": ["*", 0]}
-    assert structure["joints"]["bore"] == {
+    found = structure_of(read_scene("engine"))
+    assert found["bodies"]["rod"] == {"elastic": True, "mass": "*", "inertia": "*", "centre": ["*", 0]}
+    assert found["joints"]["bore"] == {
         "kind": "prismatic",
         "between": ["ground.origin", "piston.start"],
         "direction": [1, 0],
         "closes_loop": True,
     }
-    assert structure["loads"]["gas"] == {
+    assert found["loads"]["gas"] == {
         "on": "piston.start", "axes": "global", "direction": [-1, 0], "kind": "table", "against": "main",
     }  # fmt: skip
-    assert structure["gravity"] == [0, 0]
-    assert json.loads(json.dumps(structure)) == structure
+    assert found["gravity"] == [0, 0]
+    assert json.loads(json.dumps(found)) == found
 
 
 def test_structure_of_named_points_and_laws(four_bar):
-    structure = read_scene(four_bar).structure()
-    assert structure["points"] == {"crank.hole": ["*", "*"], "ground.far": ["*", 0]}
-    assert structure["loads"]["push"]["law"] == "5 * sin(main) + main_speed * t"
-    assert structure["loads"]["push"]["direction"] == ["*", "*"]
+    found = structure_of(read_scene(four_bar))
+    assert found["points"] == {"crank.hole": ["*", "*"], "ground.far": ["*", 0]}
+    assert found["loads"]["push"]["law"] == "5 * sin(main) + main_speed * t"
+    assert found["loads"]["push"]["direction"] == ["*", "*"]
 
 
 RUN_TIME = """rod.length=150 mm|rod.elements=1|rod.I=1e-8|crank.mass=2|drives.main.speed=100 rpm
@@ -268,7 +269,7 @@ sensors.tip_axial=none|loads.gas.closing=0.5|pin.rotation=shared""".replace("\n"
 @pytest.mark.parametrize("setting", RUN_TIME)
 def test_run_time_numbers_do_not_change_the_structure(setting):
     engine = read_scene("engine")
-    assert with_settings(engine, [setting]).structure_hash() == engine.structure_hash()
+    assert structure_hash(with_settings(engine, [setting])) == structure_hash(engine)
 
 
 @pytest.mark.parametrize(
@@ -278,7 +279,7 @@ def test_run_time_numbers_do_not_change_the_structure(setting):
 )  # fmt: skip
 def test_what_the_equations_depend_on_changes_the_structure(setting):
     engine = read_scene("engine")
-    assert with_settings(engine, [setting]).structure_hash() != engine.structure_hash()
+    assert structure_hash(with_settings(engine, [setting])) != structure_hash(engine)
 
 
 def test_structure_keeps_the_order_of_the_file_which_the_equations_are_derived_in(four_bar, tmp_path):
@@ -288,13 +289,13 @@ def test_structure_keeps_the_order_of_the_file_which_the_equations_are_derived_i
     lines[at : at + 3] = [lines[at + 2], lines[at + 1], lines[at]]
     other = tmp_path / "other.toml"
     other.write_text("\n".join(lines))
-    found, plain = read_scene(other).structure(), read_scene(four_bar).structure()
+    found, plain = structure_of(read_scene(other)), structure_of(read_scene(four_bar))
     assert found == plain and [*found["bodies"]] == [*plain["bodies"]][::-1]
-    assert read_scene(other).structure_hash() != read_scene(four_bar).structure_hash()
+    assert structure_hash(read_scene(other)) != structure_hash(read_scene(four_bar))
 
 
 def test_structure_hash_is_the_same_over_hash_seeds():
-    code = "from kaneflex.scene import read_scene; print(read_scene('engine-3').structure_hash())"
+    code = "from kaneflex.scene import read_scene, structure; print(structure.structure_hash(read_scene('engine-3')))"
     command = [sys.executable, "-c", code]
     first, second = (
         subprocess.run(command, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, check=True)

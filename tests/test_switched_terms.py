@@ -5,6 +5,7 @@ import pytest
 from runs import derived_on_the_fly
 
 from kaneflex.multibody.building import reference_modes
+from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
@@ -74,7 +75,7 @@ def test_a_scene_without_the_terms(folder, case):
 @pytest.mark.parametrize(("term", "name"), [("rotary", "torque_rigid"), ("shear", "end"), ("gravity", "torque_rigid")])
 def test_every_term_matters_here_and_the_module_stays(folder, term, name):
     whole, part = (derived_on_the_fly(SWINGING, folder, *settings) for settings in ((), off(term)))
-    assert part.motion.module.STRUCTURE == whole.motion.module.STRUCTURE == whole.scene.structure_hash()
+    assert part.motion.module.STRUCTURE == whole.motion.module.STRUCTURE == structure_hash(whole.scene)
     found, expected = (solve(model).series[name].values for model in (part, whole))
     assert np.abs(found - expected).max() > 1e-3 * np.abs(expected).max()
     assert not part.warnings

@@ -20,6 +20,7 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.quantities import Address
+from kaneflex.scene.structure import structure_hash
 from kaneflex.support.errors import SceneError
 
 HEAD = """
@@ -152,7 +153,7 @@ def test_a_four_bar_by_newton_is_the_one_in_closed_form(tmp_path, monkeypatch):
     scene = with_settings(read_scene("four-bar"), ["solve.preset=rigid"])
     exact = kaneflex.load(scene).motion
     monkeypatch.setattr(closure, "_place_dyad", lambda *_: False)
-    structure = scene.structure_hash()
+    structure = structure_hash(scene)
     (tmp_path / "newton.py").write_text(generate_text(scene))
     module = import_file(tmp_path / "newton.py", structure)
     monkeypatch.delitem(sys.modules, module.__name__)

@@ -31,13 +31,13 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.solve.code import equations as equations
     from kaneflex.solve.coupled_state import read_state as read_state
     from kaneflex.solve.fmu import export_fmu as export_fmu
+    from kaneflex.solve.linearisation import linearise as linearise
     from kaneflex.solve.loading import load as load
     from kaneflex.solve.modes import Modes as Modes
     from kaneflex.solve.modes import modes as modes
     from kaneflex.solve.simulation import simulate as simulate
     from kaneflex.solve.solution import Solution as Solution
     from kaneflex.solve.statespace import StateSpace as StateSpace
-    from kaneflex.solve.statespace import linearise as linearise
     from kaneflex.study.cluster import on_cluster as on_cluster
     from kaneflex.study.comparison import Comparison as Comparison
     from kaneflex.study.comparison import compare as compare
@@ -66,11 +66,12 @@ scene: Scene read_scene scene_of shipped_scenes with_settings
 solve.code: derive_code equations
 solve.coupled_state: read_state
 solve.fmu: export_fmu
+solve.linearisation: linearise
 solve.loading: load
 solve.modes: Modes modes
 solve.simulation: simulate
 solve.solution: Solution
-solve.statespace: StateSpace linearise
+solve.statespace: StateSpace
 study.cluster: on_cluster
 study.comparison: Comparison compare
 study.sensitivity.report: Sensitivities sensitivities

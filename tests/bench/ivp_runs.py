@@ -20,6 +20,7 @@ from kaneflex.integrate.outcome import Trajectory
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.structure import structure_of
 from kaneflex.solve.loading import load
 
 TITLE = "Whole runs against solve_ivp"
@@ -231,7 +232,7 @@ def lambdified_slope(model: Model) -> Slope:
 
 def symbolic_monomials(model: Model) -> tuple[sm.Symbol, list[sm.Expr]]:
     """Time, and the products of the motion's scalars that the equations are made of, with the scene's numbers."""
-    equations = derive_equations(model.scene.structure())
+    equations = derive_equations(structure_of(model.scene))
     parameters = [symbol for symbol, _ in equations.mechanism.parameters.values()]
     program = equations.motion.program(tuple(parameters))
     numbers = model.motion.parameters[: len(parameters)]

@@ -17,6 +17,7 @@ from kaneflex.derive.generate import Equations, derive_equations
 from kaneflex.generated import slider_crank_150
 from kaneflex.multibody.binding import bind_parameters
 from kaneflex.scene import read_scene
+from kaneflex.scene.structure import structure_of
 from kaneflex.support.contract import ELEMENT_KERNELS
 
 SAMPLES = 16
@@ -54,7 +55,7 @@ class Task:
 
 @cache
 def equations() -> Equations:
-    return derive_equations(read_scene("slider-crank-150").structure())
+    return derive_equations(structure_of(read_scene("slider-crank-150")))
 
 
 def element_task() -> Task:

@@ -193,9 +193,10 @@ def linearise(
       kaneflex linearise engine --at main=90deg -o engine.mat --bode bode.png
     """
     from kaneflex.report.tables import poles_table
+    from kaneflex.solve.linearisation import available_sensors
+    from kaneflex.solve.linearisation import linearise as state_space
     from kaneflex.solve.loading import load
-    from kaneflex.solve.statespace import available_sensors, check_file_kind
-    from kaneflex.solve.statespace import linearise as state_space
+    from kaneflex.solve.statespace import check_file_kind
 
     check_file_kind(output)
     refuse_existing(output, force, "engine.npz")
@@ -289,6 +290,7 @@ def derive(
       kaneflex derive engine --language c -o engine-c
       kaneflex derive engine --standalone -o engine_model.py
     """
+    from kaneflex.scene.structure import structure_hash
     from kaneflex.solve.code import derive_code
 
     if coupled:
@@ -315,7 +317,7 @@ def derive(
         text = derive_code(scene, "standalone" if standalone else "module", waiting)
     write_text(output, text)
     plain = not standalone and scene.solve.preset != "coupled"
-    if asked.settings and plain and scene.structure_hash() == read(asked.name, []).structure_hash():
+    if asked.settings and plain and structure_hash(scene) == structure_hash(read(asked.name, [])):
         echo("Note: the module contains no numbers of the scene, so --set has no effect", err=True)
     echo(f"{text.count(chr(10))} lines written to {output}" if standalone else f"Written to {output}")
 

@@ -11,7 +11,7 @@ from kaneflex.mechanism.parts import Body, Contact, Drive, Friction, Joint, Load
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector, quarter_turn
 from kaneflex.scene.numbers import number_at
 from kaneflex.scene.scene import Scene
-from kaneflex.scene.structure import ANY
+from kaneflex.scene.structure import ANY, share_structure, structure_of
 from kaneflex.support.contract import COURSES
 from kaneflex.support.kept import Kept
 
@@ -46,7 +46,7 @@ def same_mechanism(scene: Scene, like: Scene) -> bool:
     ):
         return False
     _MADE.of(scene, lambda: mechanism_of(like))
-    scene.built_like(like)
+    share_structure(scene, like)
     return True
 
 
@@ -66,7 +66,7 @@ def _differ_by_speed(drives: Mapping[str, Any], like: Mapping[str, Any]) -> bool
 def _made(scene: Scene) -> NumericMechanism:
     held = ("table", *COURSES)  # the place of a table in a module is not a number of the mechanism
     found = read(
-        scene.structure(), lambda path, *_: None if path.rpartition(".")[2] in held else number_at(scene, path)
+        structure_of(scene), lambda path, *_: None if path.rpartition(".")[2] in held else number_at(scene, path)
     )
     joints = {name: replace(joint, near=scene.joints[name].near) for name, joint in found.joints.items()}
     bodies = {name: replace(body, free=scene.floating[name].place) if name in scene.floating else body
@@ -109,7 +109,7 @@ def _friction(held: Any) -> Friction:
 
 
 def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:
-    """Mechanism of ``Scene.structure()``; its numbers are requested by their paths."""
+    """Mechanism of `structure_of(scene)`; its numbers are requested by their paths."""
     reader = _Reader(structure, numbers)
 
     def each(table: str, make: Callable) -> dict[str, Any]:

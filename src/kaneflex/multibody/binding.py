@@ -19,7 +19,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.numbers import number_at
 from kaneflex.scene.options import acting, left_out, resolve_options
 from kaneflex.scene.spatial_check import refuse_in_space
-from kaneflex.scene.structure import coupled_hash, pruned_hash
+from kaneflex.scene.structure import coupled_hash, pruned_hash, structure_hash
 from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES, SPATIAL_ATTRIBUTES
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep, kept, sealed
@@ -32,7 +32,7 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
 
     Returns the module and the seconds of derivation.
     """
-    return _find(scene.structure_hash(), lambda stage: generate_text(scene, stage), REQUIRED_ATTRIBUTES, progress)
+    return _find(structure_hash(scene), lambda stage: generate_text(scene, stage), REQUIRED_ATTRIBUTES, progress)
 
 
 Counts = Mapping[str, tuple[int, ...]]
@@ -55,7 +55,7 @@ def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage
 
 def find_spatial_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     """Module of drives and loads of a scene in space; see :func:`find_module`."""
-    return _find(scene.structure_hash(), lambda stage: spatial_text(scene, stage), SPATIAL_ATTRIBUTES, progress)
+    return _find(structure_hash(scene), lambda stage: spatial_text(scene, stage), SPATIAL_ATTRIBUTES, progress)
 
 
 def spatial_text(scene: Scene, progress: Progress = lambda stage: None) -> str:

@@ -6,18 +6,12 @@ detects a wrong branch; but closing the loops on it changes speeds and thus the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.energy import LARGEST_JUMP
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.multibody.trajectory import CoupledTrajectory
-
-if TYPE_CHECKING:
-    from kaneflex.multibody.run import Run
 
 _PART_OF_A_DRIFT = 0.02
 """Share of the energy error that, lost between two instants at a singular position, identifies this as its cause."""
@@ -88,18 +82,14 @@ def cause(system: CoupledSystem, path: CoupledTrajectory) -> str:
     )
 
 
-def cut(run: Run, found: CoupledTrajectory) -> CoupledTrajectory:
-    """Part of a run up to where it left its branch, with an outcome that reports it."""
-    left = jump(run.system, found)
+def departure(system: CoupledSystem, path: CoupledTrajectory, integrator: str) -> tuple[int, str] | None:
+    """Last stored instant on the run's branch, and a message, if it left its branch; None otherwise."""
+    left = jump(system, path)
     if left is None:
-        return found
+        return None
     k, when = left
-    run.filled, run.here = k, run.rows[k].copy()
-    run.impacts = tuple(impact for impact in run.impacts if impact.begin <= run.times[k])
-    cure = "start beyond it on the intended branch" if run.method.integrator == "radau" else _CURE
-    message = (
+    cure = "start beyond it on the intended branch" if integrator == "radau" else _CURE
+    return k, (
         f"the energy balance jumps at t = {when:.6g} s, where the loops pass a singular position: the run would "
         f"continue on a wrong branch. A smaller solve.tolerance does not help; {cure}"
     )
-    ends = found.ends[found.ends <= run.times[k]]
-    return run.trajectory(run.rows[: k + 1], Outcome.SINGULAR, message, found.ns_per_step, ends)

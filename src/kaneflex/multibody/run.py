@@ -10,13 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody import collocation, impacts, rubbing, slopes
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.coefficients import GAUSS, RADAU
 from kaneflex.multibody.dense_output import balance
-from kaneflex.multibody.scipy_run import by_scipy
-from kaneflex.multibody.system import BODY, CoupledSystem
+from kaneflex.multibody.system import CoupledSystem
 from kaneflex.multibody.trajectory import CoupledTrajectory
 
 _PATIENCE = 5_000_000
@@ -59,22 +57,6 @@ class Method:
     bounded: tuple[str, ...] = ()
 
 
-def rigid_states(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
-    """States q and v (n_times, size) of the undeformed bodies of a rigid motion, their angles without jumps."""
-    q, v = np.zeros((2, len(rigid.times), system.size))
-    for name, k in system.start.items():
-        turn = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
-        q[:, k : k + BODY] = np.column_stack([rigid[f"{name}.x"], rigid[f"{name}.y"], turn])
-        v[:, k : k + BODY] = np.column_stack([rigid[f"{name}.{rate}"] for rate in ("v_x", "v_y", "omega")])
-    return q, v
-
-
-def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
-    """The same at the first time."""
-    q, v = rigid_states(system, rigid)
-    return q[0], v[0]
-
-
 Stop = Callable[[CoupledTrajectory], bool]
 """Condition to stop a run, evaluated on every piece, whose first instant is the last one of the piece before."""
 
@@ -99,9 +81,10 @@ def integrate(
     ns = 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1])
     found = run.trajectory(run.rows[: run.filled + 1], *ended, ns, np.concatenate([_NONE, *run.ends]))
     if len(found.energy.jumps()):
-        from kaneflex.multibody.lost_branch import cut  # which few runs need
+        from kaneflex.multibody.lost_branch import departure  # which few runs need
 
-        found = cut(run, found)
+        left = departure(system, found, method.integrator)
+        found = found if left is None else run.cut(*left, found)
     changes = [row for row in run.changes if times[0] <= row[0] <= times[run.filled]]
     return replace(found, changes=run.trajectory(np.array(changes))) if changes else found
 
@@ -163,7 +146,7 @@ class Run:
         while self.filled + 1 < len(self.times):
             before = self.filled
             rows = slice(before, before + 1 + min(most, _PIECE))
-            ended = by_scipy(self, rows, self._share(progress, rows)) if scipy else self._collocation(rows, most)
+            ended = self._by_scipy(rows, self._share(progress, rows)) if scipy else self._collocation(rows, most)
             if len(self.changes) % 2:
                 self.changes.append(self.here.copy())
             if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
@@ -327,6 +310,24 @@ class Run:
             return collocation.PARADOX if len(self.engine.holds) else collocation.SINGULAR
         return ended
 
+    def _by_scipy(self, rows: slice, progress: Callable[[float], None] | None) -> int:
+        from kaneflex.multibody.scipy_run import by_scipy
+
+        method, times = self.method, self.times[rows]
+        ended, found, steps = by_scipy(
+            self.engine, self.here, times, self.longest, method.tolerance, method.length, self.evaluations, progress
+        )
+        self.rows[self.filled + 1 : self.filled + 1 + len(found)] = found
+        self.filled, self.counts[0] = self.filled + len(found), self.counts[0] + steps
+        return ended
+
+    def cut(self, k: int, message: str, found: CoupledTrajectory) -> CoupledTrajectory:
+        """Part of the run up to stored instant k, where it left its branch."""
+        self.filled, self.here = k, self.rows[k].copy()
+        self.impacts = tuple(impact for impact in self.impacts if impact.begin <= self.times[k])
+        ends = found.ends[found.ends <= self.times[k]]
+        return self.trajectory(self.rows[: k + 1], Outcome.SINGULAR, message, found.ns_per_step, ends)
+
     def _rest(self) -> bool:
         """Continue after a change of resting contacts, with other dependent coordinates; False: singular."""
         self.engine.stand(self.here)
@@ -375,7 +376,6 @@ class Run:
 
 TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 """Coefficients of the integrators that control their error."""
-
 
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"
 _ENDED = {

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.integrate.by_scipy import Progress, solution
 from kaneflex.multibody import collocation
 from kaneflex.multibody import tables as at
-
-if TYPE_CHECKING:
-    from kaneflex.multibody.run import Run
+from kaneflex.multibody.engine import Engine
 
 
-def by_scipy(run: Run, rows: slice, progress: Progress | None = None) -> int:
-    """Fill rows of a run, with works integrated beside the motion; returns the outcome.
+def by_scipy(
+    engine: Engine, here: np.ndarray, times: np.ndarray, longest: float, tolerance: float, length: float,
+    evaluations: list[int], progress: Progress | None = None,
+) -> tuple[int, np.ndarray, int]:  # fmt: skip
+    """Rows at ``times`` [s] after the first one, with works integrated beside the motion.
 
-    progress: called with the completed share of these rows.
+    here : row at the first time, which becomes that of the last one reached
+    longest : longest step [s]
+    tolerance, length : error allowed of angles [rad], and of displacements as a share of ``length`` [m]
+    evaluations : one number, the evaluations so far
+    progress : called with the completed share of these rows
+
+    Returns the outcome, the rows and the number of steps.
     """
-    engine, times = run.engine, run.times[rows]
     y, v, a, _ = engine.motion
-    engine.stand(run.here)
+    engine.stand(here)
     engine.choose(float(times[0]))
     free = engine.independent
     works, last = engine.count(at.WORKS), times[0]
@@ -43,24 +48,25 @@ def by_scipy(run: Run, rows: slice, progress: Progress | None = None) -> int:
         row = stand(t, x)
         return np.concatenate([x[len(free) : 2 * len(free)], a[free], engine.unfold(row[None])[5][0]])
 
-    first = np.concatenate([y[free], v[free], run.here[-works:]])
-    scale = run.scale[free]
-    allowed = np.concatenate([scale, scale / run.longest, np.full(works, math.inf)])
-    sizes = np.concatenate([np.ones(2 * len(free)) * run.method.length, np.zeros(works)])
+    first = np.concatenate([y[free], v[free], here[-works:]])
+    scale = tolerance * np.where(engine.turns[free], 1.0, length)
+    allowed = np.concatenate([scale, scale / longest, np.full(works, math.inf)])
+    sizes = np.concatenate([np.ones(2 * len(free)) * length, np.zeros(works)])
+    ended, rows, steps = collocation.SINGULAR, list[np.ndarray](), 0
     try:
         curve, failed = solution(
-            "Radau", slope, (times[0], times[-1]), first, progress, run.evaluations,
-            max_step=run.longest, rtol=run.method.tolerance, atol=allowed, sizes=sizes,
+            "Radau", slope, (times[0], times[-1]), first, progress, evaluations,
+            max_step=longest, rtol=tolerance, atol=allowed, sizes=sizes,
         )  # fmt: skip
-        steps = [] if curve is None else curve.ts
-        engine.stand(run.here)
+        reached = times[:1] if curve is None else curve.ts
+        engine.stand(here)
         last = times[0]
-        for t in np.union1d(steps[1:], times[1:][times[1:] <= max(steps, default=times[0])]):
+        for t in np.union1d(reached[1:], times[1:][times[1:] <= max(reached)]):
             row = stand(float(t), curve(t))
-            if t == run.times[run.filled + 1]:
-                run.filled += 1
-                run.rows[run.filled] = run.here[:] = row
+            if t == times[len(rows) + 1]:
+                here[:] = row
+                rows.append(row)
+        ended, steps = collocation.TOO_SMALL if failed else collocation.DONE, len(reached) - 1
     except np.linalg.LinAlgError:
-        return collocation.SINGULAR
-    run.counts[0] += max(0, len(steps) - 1)
-    return collocation.TOO_SMALL if failed else collocation.DONE
+        pass
+    return ended, np.array(rows).reshape(-1, len(here)), steps

@@ -9,12 +9,13 @@ import numpy as np
 
 from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.spatial_bushings import ENERGY
 from kaneflex.multibody.spatial_choice import least_singular_values
 from kaneflex.multibody.spatial_curves import Curve, Standing
 from kaneflex.multibody.spatial_reactions import COMPONENTS, cross, joint_wrenches
-from kaneflex.multibody.spatial_sections import joined_frames, modal_scalars, modal_series
+from kaneflex.multibody.spatial_sections import Deformed, SectionFrame, deformed, modal_scalars, modal_series
 from kaneflex.multibody.spatial_system import SpatialSystem
 from kaneflex.multibody.spatial_tables import COORDINATE, COUNT
 from kaneflex.multibody.spatial_turns import Counts
@@ -221,7 +222,7 @@ class SpatialKinematics(RigidKinematics):
 
         mechanism = self.module.system.mechanism
         joint = mechanism.joints[name]
-        joint, first, second = joined_frames(motion, joint)
+        joint, first, second = motion.joined_frames(joint)
         if joint.kind == "prismatic":
             return slide_of(joint, first, second)[:2]
         if joint.kind == "spherical":
@@ -302,6 +303,22 @@ class SpatialMotion(RigidMotion):
     def frame(self, body: str) -> SpatialFrame:  # type: ignore[override]
         """The axes of a body, or of the ground."""
         return SpatialFrame(self, body)
+
+    def deformed(self, side: Side) -> Deformed:
+        """Motion of a point of a deforming body relative to its body's axes."""
+        return deformed(self, self.system.layout.shapes[side.body], side)
+
+    def section_frame(self, side: Side) -> tuple[SpatialFrame, Side]:
+        """Axes of the section at a point, and the point in these."""
+        if side.body not in self.system.layout.shapes:
+            return self.frame(side.body), side
+        frame = SectionFrame(self, side.body, np.asarray(side.at, float), self.deformed(side))
+        return frame, Side(side.body, (0.0, 0.0, 0.0))
+
+    def joined_frames(self, joint: SpatialJoint) -> tuple[SpatialJoint, SpatialFrame, SpatialFrame]:
+        """Joint with its sides in the axes of their sections, and these axes."""
+        (first, at_first), (second, at_second) = (self.section_frame(side) for side in joint.sides)
+        return replace(joint, sides=(at_first, at_second)), first, second
 
 
 def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.spatial import Side, SpatialJoint
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.spatial import Side
 from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
 from kaneflex.multibody.spatial_system import SpatialSystem
+from kaneflex.multibody.spatial_tables import Deformable
 from kaneflex.multibody.spatial_work import Instants
 from kaneflex.support.fingerprint import made_of
-
-if TYPE_CHECKING:
-    from kaneflex.multibody.spatial_motion import SpatialMotion
 
 _RATES = (("", "m"), ("_rate", "m/s"), ("_accel", "m/s^2"))
 
@@ -60,9 +58,8 @@ class Deformed:
     turning: tuple[np.ndarray, np.ndarray]
 
 
-def deformed(motion: SpatialMotion, side: Side) -> Deformed:
+def deformed(motion: RigidMotion, shapes: Deformable, side: Side) -> Deformed:
     """Motion of a point of a deforming body; a point beside its carrier moves rigidly with the section there."""
-    shapes = motion.system.layout.shapes[side.body]
     place = shapes.carrier(side.at)
     (rows, G), beside = shapes.at(place), np.subtract(side.at, place)
     q, u, b = (np.array([motion[f"{side.body}.shape_{k}{tail}"] for k in range(shapes.count)]) for tail, _ in _RATES)
@@ -133,17 +130,3 @@ class SectionFrame(SpatialFrame):
         if names[0] == "v_x":
             return self._frame.velocity(place, moved[1])
         return self._frame.acceleration(place, *moved[1:])
-
-
-def section_frame(motion: SpatialMotion, side: Side) -> tuple[SpatialFrame, Side]:
-    """Axes of the section at a point, and the point in these."""
-    if side.body not in motion.system.layout.shapes:
-        return motion.frame(side.body), side
-    at = np.asarray(side.at, float)
-    return SectionFrame(motion, side.body, at, deformed(motion, side)), Side(side.body, (0.0, 0.0, 0.0))
-
-
-def joined_frames(motion: SpatialMotion, joint: SpatialJoint) -> tuple[SpatialJoint, SpatialFrame, SpatialFrame]:
-    """Joint with its sides in the axes of their sections, and these axes."""
-    (first, at_first), (second, at_second) = (section_frame(motion, side) for side in joint.sides)
-    return replace(joint, sides=(at_first, at_second)), first, second

@@ -15,6 +15,7 @@ from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes, sha
 from kaneflex.mechanism.joints import coordinate, drive_reaction, reactions, residuals
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import Pose, pose_at
+from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module
 from kaneflex.multibody.blocks import Blocks
@@ -312,3 +313,19 @@ def with_stretch(scene: Scene) -> Scene:
         for name, body in scene.bodies.items()
     }
     return scene.seen(bodies=bodies)
+
+
+def rigid_states(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
+    """States q and v (n_times, size) of the undeformed bodies of a rigid motion, their angles without jumps."""
+    q, v = np.zeros((2, len(rigid.times), system.size))
+    for name, k in system.start.items():
+        turn = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
+        q[:, k : k + BODY] = np.column_stack([rigid[f"{name}.x"], rigid[f"{name}.y"], turn])
+        v[:, k : k + BODY] = np.column_stack([rigid[f"{name}.{rate}"] for rate in ("v_x", "v_y", "omega")])
+    return q, v
+
+
+def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
+    """The same at the first time."""
+    q, v = rigid_states(system, rigid)
+    return q[0], v[0]

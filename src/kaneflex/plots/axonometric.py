@@ -16,8 +16,8 @@ from kaneflex.scene.quantities import Vector
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
+    from kaneflex.response.elastic_motion import SpatialElasticMotion
     from kaneflex.response.motion import Motion
-    from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
 
 
 def _view(azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:

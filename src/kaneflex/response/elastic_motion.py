@@ -5,29 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from kaneflex.fem.assembly import ElasticEquations
+from kaneflex.fem.links import Part, with_rayleigh
+from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
-from kaneflex.response.deformation import Deformation, deform, follow
+from kaneflex.multibody.model import Model, keep_terms
+from kaneflex.response.deformation import Deformation, as_balanced, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
-from kaneflex.response.least_squares import Solver
+from kaneflex.response.least_squares import Solver, by_reflections
 from kaneflex.response.motion import Motion, Section, beside_axis
 from kaneflex.response.reactions import consistent_reactions, spring_tension
 
-
-def elastic_motion(
-    model: Model, rigid: RigidMotion, coordinates: Rates, whole: Motion | None = None
-) -> ElasticMotion:
-    """Motion of a model of a one-way preset, in the plane or in space."""
-    if model.scene.is_spatial:
-        from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
-
-        return SpatialElasticMotion(model, rigid, coordinates, whole=whole)
-    return ElasticMotion(model, rigid, coordinates, whole=whole)
+if TYPE_CHECKING:
+    from kaneflex.fem.spatial_map import SpatialMap
+    from kaneflex.multibody.spatial_elastic import DeformingKinematics
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,3 +79,186 @@ class ElasticMotion(Motion):
     @cached_property
     def _reactions(self) -> dict[str, np.ndarray]:
         return consistent_reactions(self.model, self.rigid, self.coordinates, self._displaced.links, self.solver)
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialElasticMotion(ElasticMotion):
+    """Rigid motion in space with elastic coordinates about it; displacements have six components."""
+
+    def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Rates:
+        model = self.model
+        if body in model.links:
+            moved, arm = self._displaced.links[body].at(at[0]), np.array([0.0, *at[1:]])
+        elif model.frame is not None and body in model.frame.bodies:
+            moved, arm = follow(model, self.rigid, self._displaced.coordinates, model.frame.bodies[body]), np.array(at)
+        else:
+            return self._still()
+        if not arm.any():
+            return moved
+        return cast(Rates, tuple(
+            np.vstack([part[:3] + np.cross(part[3:], arm[:, None], axis=0), part[3:]]) for part in moved
+        ))  # fmt: skip
+
+    def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
+        own = self.rigid.frame(body).to_body(vector)
+        if body == GROUND or self.model.scene.bodies[body].deforms:
+            return own
+        return own - np.cross(self.displacement(body)[0][3:], own, axis=0)
+
+    def section(self, link: str, x: float, after: bool = False) -> Section:
+        if link in self.model.links:
+            return self._elastic_section(link, x, after)
+        return self.rigid_section(link, x, after)
+
+    def rigid_section(self, link: str, x: float, after: bool = False) -> Section:
+        from kaneflex.response.spatial_deformation import rigid_section
+
+        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x, after))
+
+    def reaction(self, name: str) -> np.ndarray:
+        return self._exerted[name] if self.model.links else self.rigid[name]
+
+    def spring_tension(self, name: str) -> np.ndarray:
+        spring = self.model.scene.springs[name]
+        if not self.model.links:
+            return self.rigid[f"{name}.{'tension' if spring.torsional_at is None else 'torque'}"]
+        if spring.torsional_at is None:
+            force = self._spring_force(name)
+            directed = self._map.joined.mechanism.springs[name].is_directed
+            return -force[0] if directed else np.hypot(np.hypot(force[1], force[2]), force[3])
+        between = self._ordered(self._map.rotation(spring.torsional_at))
+        turned, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, between)
+        damped = spring.damping * rate[0] if self.model.options.damping else 0.0
+        return self.rigid[f"{name}.torque"] + spring.stiffness * turned[0] + damped
+
+    def _spring_force(self, name: str, geometric: bool = False) -> np.ndarray:
+        """Generalised force of a spring between two points, (4, n_times): along it, and in global axes if it needs no
+        direction, or with the ``geometric`` stiffness."""
+        from kaneflex.multibody.spatial_elastic import spring_part
+
+        own, options = spring_part(name, self._map.joined.mechanism.springs[name]).matrices, self.model.options
+        apart, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, self._ordered(self._map.of(name)))
+        force = self.rigid.column_of(own["F"]) - self.rigid.apply(own["K_s"], apart)
+        if options.damping:
+            force = force - self.rigid.apply(own["C_s"], rate)
+        return force - self.rigid.apply(own["K_g"], apart) if geometric and options.geometric else force
+
+    def change_of(self, name: str, freedom: str) -> Rates:
+        """Change of a joint's coordinate ("angle" or "position") by deformation, with rates, (n_times,) each."""
+        joined, none = self._map.joined, np.zeros(len(self.times))
+        joint = joined.mechanism.joints[name]
+        row = [move for move, _ in joint.moves].index(freedom) - len(joint.moves)
+        found = [none, none, none]
+        for c, side in zip(joined.coefficients(self.rigid, joint, freedoms=True), joint.sides, strict=True):
+            if side.body != GROUND:
+                c_0, c_1, c_2 = c[:, :, row].transpose(0, 2, 1)
+                d, d_rate, d_accel = self.displacement(side.body, side.at)
+                found[0] = found[0] + (c_0 * d).sum(axis=0)
+                found[1] = found[1] + (c_1 * d + c_0 * d_rate).sum(axis=0)
+                found[2] = found[2] + (c_2 * d + 2.0 * c_1 * d_rate + c_0 * d_accel).sum(axis=0)
+        return found[0], found[1], found[2]
+
+    @property
+    def _map(self) -> SpatialMap:
+        return cast("DeformingKinematics", self.model.motion).deforming.map
+
+    def _ordered(self, L: Affine) -> Affine:
+        """Matrix over the map's coordinates, reordered to the model's."""
+        names = self._map.coordinates
+        if self.model.frame is None or self.model.frame.coordinates == names:
+            return L
+        place = [names.index(name) for name in self.model.frame.coordinates]
+        return L @ Affine.constant(np.eye(len(names))[:, place])
+
+    @cached_property
+    def _deformed(self) -> Mapping[str, Deformation]:
+        from kaneflex.response.spatial_deformation import SpatialDeformation
+
+        return {name: deform(self.model, self.rigid, self.coordinates, name, SpatialDeformation)
+                for name in self.model.links}  # fmt: skip
+
+    @cached_property
+    def _exerted(self) -> dict[str, np.ndarray]:
+        """Forces of joints and drives, by the names of the rigid motion.
+
+        Multipliers balance every joint's node and every rigid body, whose own equations have their sum as residual.
+        Redundant rows exert nothing; indeterminate reactions are reported when the scene is loaded.
+        """
+        joined, rigid = self._map.joined, self.rigid
+        residual = np.zeros((len(rigid.times), joined.size), rigid.values.dtype)
+        for name, part in joined.parts.items():
+            columns = slice(joined.first[name], joined.first[name] + part.size)
+            if name in self.model.links:
+                residual[:, columns] = self._of_link(name, part).T
+            else:
+                residual[:, columns] = self._of_body(name, part).T
+        for name, (at, on_second) in self.model.scene.joint_torques.items():
+            torque = on_second * self._torque(name)
+            of = joined.mechanism.joints[at]
+            for side, sign in zip(of.sides, (-1.0, 1.0), strict=True):
+                point = joined.point(side)
+                if point is not None:
+                    stands = joined.mechanism.stands
+                    axis = stands(side.body).T @ stands(of.sides[0].body) @ of.axes[0]
+                    residual[:, point[0]] -= sign * torque[:, None] * (axis @ point[1][3:])
+        parting = joined.parting(rigid)[0]
+        for name in joined.springs:
+            first = joined.first[name] - joined.size
+            force = self._spring_force(name, geometric=True)
+            residual[:, joined.tied] -= np.einsum("tki,kt->ti", parting[:, first : first + 4], force)
+        J, where = joined.rows(rigid)
+        rows, tied = self._map.rows, joined.tied
+        scale = joined.measure[tied]
+        solve = self.solver or by_reflections
+        found = np.zeros_like(J[0][:, :, 0])
+        found[:, rows] = solve((J[0][:, rows] * scale).transpose(0, 2, 1), residual[:, tied] * scale)
+        exerted: dict[str, np.ndarray] = {}
+        for name, own in where.items():
+            wrench, drive = joined.exerted(rigid, name, found[:, own])
+            parts = [f"{name}.{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]
+            exerted |= dict(zip(parts, wrench, strict=True))
+            # a drive that leaves the elastic rotation free exerts nothing
+            exerted[f"{name}.drive"] = np.zeros(len(rigid.times)) if drive is None else drive
+        return exerted
+
+    def _torque(self, name: str) -> np.ndarray:
+        """Torque of a load at a joint, or of a torsional spring against its joint's rotation."""
+        spring = name.removesuffix(".torque")
+        return self.spring_tension(spring) if spring in self.model.scene.springs else self.rigid[name]
+
+    def _of_link(self, name: str, part: Part) -> np.ndarray:
+        """Forces of the joints on a link's coordinates, (size, n_times), at the nodes of its part."""
+        deformed = self._deformed[name]
+        total = -deformed.pushes()
+        for e in range(len(deformed.link.nodes) - 1):
+            forces = deformed.end_forces(e)
+            for node, own in ((e, forces[:6]), (e + 1, forces[6:])):
+                total[list(deformed.link.part.place[node])] += own
+        found = np.zeros((part.size, len(self.times)), total.dtype)
+        for node, rows in part.place.items():
+            found[list(rows)] = total[list(deformed.link.part.place[node])]
+        return found
+
+    def _of_body(self, name: str, part: Part) -> np.ndarray:
+        """Forces of the joints on a rigid body's coordinates, (6, n_times)."""
+        model, L = self.model, self._ordered(self._map.of(name))
+        options = model.options
+        if options.dynamics == "quasistatic":  # C_d acts on the rotation of the axes only, as a spin term
+            options = replace(options, gyroscopic=options.spin)
+        part = with_rayleigh(part, *model.rayleigh)
+        own = keep_terms(ElasticEquations(part.coordinates, K_c=Affine.zero(6, 6), **part.matrices), options)
+        q, q_rate, q_accel = as_balanced(model, self.rigid, self.coordinates, L)
+        total = -self.rigid.column_of(own["F"])
+        if not L.pattern().any():
+            return total
+        for key, series in (("M", q_accel), ("C", q_rate), ("K", q)):
+            total += self.rigid.apply(own[key], series)
+        return total
+
+
+def elastic_motion(
+    model: Model, rigid: RigidMotion, coordinates: Rates, whole: Motion | None = None
+) -> ElasticMotion:
+    """Motion of a model of a one-way preset, in the plane or in space."""
+    kind = SpatialElasticMotion if model.scene.is_spatial else ElasticMotion
+    return kind(model, rigid, coordinates, whole=whole)

@@ -17,7 +17,7 @@ import numpy as np
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.response.elastic_motion import ElasticMotion
+from kaneflex.response.elastic_motion import ElasticMotion, SpatialElasticMotion
 from kaneflex.response.sensors import reads
 
 Terms = Mapping[tuple[int, int], float]
@@ -253,7 +253,6 @@ def _traced(
         instant = RigidMotion(model.motion, np.zeros(1), scalars.T)
         return _Traced(model, instant, coordinates, solver=tape.solve, turns=turns)
     from kaneflex.multibody.spatial_motion import SpatialMotion
-    from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
 
     here = SpatialMotion(model.motion, np.zeros(1), scalars.T)
     return SpatialElasticMotion(model, here, coordinates, solver=tape.solve)

@@ -13,7 +13,6 @@ from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.spatial_motion import SpatialMotion
-from kaneflex.multibody.spatial_sections import Deformed, deformed, section_frame
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.spatial_dalembert import SpatialBalance
 from kaneflex.response.spatial_deformation import rigid_section
@@ -50,7 +49,7 @@ class SpatialCoupledMotion(Motion):
         angular velocities."""
         if body not in self._moving.system.layout.shapes:
             return self._still()
-        found = self._deformed(body, at)
+        found = self._moving.deformed(Side(body, at))
         angles = rotation_vector(found.turned)
         return cast(Rates, tuple(
             np.vstack([moved, turned])
@@ -60,7 +59,7 @@ class SpatialCoupledMotion(Motion):
     def from_rigid(self, body: str, at: tuple[float, ...]) -> np.ndarray:
         """Displacement and rotation of a point relative to the rigid mechanism, in the rigid body's axes, (6,
         n_times)."""
-        frame, (section, side) = self.beside.frame(body), section_frame(self._moving, Side(body, at))
+        frame, (section, side) = self.beside.frame(body), self._moving.section_frame(Side(body, at))
         apart = frame.to_body(section.place(side.at) - frame.place(np.asarray(at)))
         turned = np.einsum("jit,jkt->ikt", frame.axes, section.axes)
         return np.vstack([apart, rotation_vector(turned)])
@@ -94,9 +93,6 @@ class SpatialCoupledMotion(Motion):
     @cached_property
     def _balances(self) -> dict[str, SpatialBalance]:
         return {body: SpatialBalance(self._moving, body) for body in self._moving.system.layout.shapes}
-
-    def _deformed(self, body: str, at: tuple[float, ...]) -> Deformed:
-        return deformed(self._moving, Side(body, at))
 
     @property
     def _moving(self) -> SpatialMotion:

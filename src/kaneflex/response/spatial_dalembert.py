@@ -14,7 +14,6 @@ from kaneflex.mechanism.spatial import Side
 from kaneflex.mechanism.spatial_frame import SpatialFrame, cross
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
 from kaneflex.multibody.spatial_motion import SpatialMotion
-from kaneflex.multibody.spatial_sections import section_frame
 from kaneflex.multibody.spatial_shapes import SpatialShapes
 from kaneflex.response.dalembert import GAUSS, DAlembert
 
@@ -55,7 +54,7 @@ class SpatialBalance(DAlembert):
     def _pushing(self) -> Iterator[tuple[float, np.ndarray]]:
         mechanism = self.motion.system.mechanism
         spread = {name for name, load in mechanism.loads.items() if load.is_spread}
-        for each in wrenches_on(mechanism, self.motion, self.body, lambda side: section_frame(self.motion, side)):
+        for each in wrenches_on(mechanism, self.motion, self.body, self.motion.section_frame):
             if each.by not in spread:
                 yield each.on[0], np.vstack([each.force, cross(each.at, each.force) + each.moment])
 
@@ -83,7 +82,7 @@ class SpatialBalance(DAlembert):
         return Rotation.from_rotvec((self._shapes.turn @ q).T).as_matrix().transpose(1, 2, 0)
 
     def _section(self, x: float) -> SpatialFrame:
-        return section_frame(self.motion, Side(self.body, (x, 0.0, 0.0)))[0]
+        return self.motion.section_frame(Side(self.body, (x, 0.0, 0.0)))[0]
 
     def _place(self, section: SpatialFrame) -> np.ndarray:
         """Position of a section in the body's axes."""

@@ -11,10 +11,9 @@ from kaneflex.mechanism.body_frame import BodyFrame, Rates
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_rates
 from kaneflex.multibody.spatial_motion import SpatialMotion
-from kaneflex.multibody.spatial_sections import joined_frames
-from kaneflex.response.sensors import Reader, address_of
+from kaneflex.response.elastic_motion import SpatialElasticMotion
+from kaneflex.response.readings import Reader, address_of
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
-from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, SPRING_KINDS, Sensor
@@ -135,7 +134,7 @@ class SpatialReader(Reader):
         """Angle of a joint, continuous over turns [rad], or its slide [m], with its rates."""
         name = address_of(sensor).body
         joint = spatial_mechanism_of(self.scene).joints[name]
-        joint, first, second = joined_frames(cast(SpatialMotion, self.rigid), joint)
+        joint, first, second = cast(SpatialMotion, self.rigid).joined_frames(joint)
         if sensor.component != "angle":
             rigid = slide_of(joint, first, second)
         else:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from kaneflex.scene import Scene
 from kaneflex.scene.contact_check import refuse_bristles, refuse_contacts
 from kaneflex.scene.law_check import load_jump
 from kaneflex.support.errors import SceneError, refuse
-
-if TYPE_CHECKING:
-    from kaneflex.scene.options import Options
 
 COUPLED_INTEGRATORS = ("radau", "gauss", "scipy")
 """Integrators of preset coupled."""
@@ -98,38 +93,3 @@ def check_laws(scene: Scene, dynamics: str) -> None:
         if jump is not None and scene.solve.integrator == "scipy" and dynamics == "coupled":
             reason = f"{jump} jumps, and scipy's Radau would step over the jump"
             raise SceneError(key, load.law, reason, "Use integrator radau or gauss, which end a step there")
-
-
-_STATELESS = {
-    "rigid": "nothing deforms, so there is no initial deformation",
-    "quasistatic": "preset quasistatic solves each instant separately",
-    "frozen": "preset paper always starts from rest",
-}
-"""Reason why a kind of dynamics cannot start from a given state."""
-
-
-def check_options(options: Options) -> None:
-    """Raise SceneError unless start, reduction and integrator fit each other and the kind of dynamics."""
-    start, dynamics, integrator = options.start, options.dynamics, options.integrator
-    exact = integrator == "exact-modal"
-    refuse(
-        (start == "given" and dynamics in _STATELESS, "solve.start", "a table of a state", _STATELESS.get(dynamics, ""),
-         "Use preset linear, stiffened or coupled with an elastic body, or solve.start = zero"),
-        (start == "periodic" and dynamics in ("dynamic", "coupled") and not options.cycles, "solve.start", "periodic",
-         "solve.duration replaces the cycle, so there is no period",
-         "Give a drive a cycle and no duration, or start from zero or quasistatic"),
-        (dynamics == "frozen" and options.reduction != "modal", "solve.reduction", options.reduction,
-         f"preset {options.preset} uses modes of the whole mechanism", "Leave the reduction out"),
-        (start == "periodic" and dynamics == "dynamic" and integrator == "scipy", "solve.integrator", "scipy",
-         "this integrator finds no periodic state, and solve.start is periodic",
-         "Start from zero or quasistatic, like --set solve.start=quasistatic, or use another integrator"),
-        (start != "periodic" and dynamics == "dynamic" and integrator == "spectral", "solve.integrator", "spectral",
-         f"this integrator finds periodic motions, and solve.start is {start}",
-         "Use radau, or start periodic, like --set solve.start=periodic"),
-        (options.bounded and dynamics == "coupled" and integrator == "scipy", "solve.bounded", list(options.bounded),
-         "scipy's Radau applies solve.tolerance to all that it integrates",
-         "Leave it out, or use integrator radau or gauss"),
-        (exact != (dynamics == "frozen") and dynamics in ("frozen", "dynamic"), "solve.integrator", integrator,
-         f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}",
-         "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"),
-    )  # fmt: skip

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from kaneflex.scene import Scene
-from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws, check_options
+from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws
 from kaneflex.scene.start import Start
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, refuse
 
 DEFAULT_MODES = 3
 """Default number of fixed-interface modes of a link in the coupled equations."""
@@ -194,7 +194,7 @@ def resolve_options(scene: Scene) -> Options:
         forward_tolerance=solve.forward.tolerance,
         errors=solve.errors,
     )
-    check_options(options)
+    _check_options(options)
     return options
 
 
@@ -290,3 +290,38 @@ def default_steps(scene: Scene, duration: float) -> int:
 def modes_of(scene: Scene) -> int:
     """Number of fixed-interface modes of each link in the coupled equations."""
     return DEFAULT_MODES if scene.solve.modes == "all" else scene.solve.modes
+
+
+_STATELESS = {
+    "rigid": "nothing deforms, so there is no initial deformation",
+    "quasistatic": "preset quasistatic solves each instant separately",
+    "frozen": "preset paper always starts from rest",
+}
+"""Reason why a kind of dynamics cannot start from a given state."""
+
+
+def _check_options(options: Options) -> None:
+    """Raise SceneError unless start, reduction and integrator fit each other and the kind of dynamics."""
+    start, dynamics, integrator = options.start, options.dynamics, options.integrator
+    exact = integrator == "exact-modal"
+    refuse(
+        (start == "given" and dynamics in _STATELESS, "solve.start", "a table of a state", _STATELESS.get(dynamics, ""),
+         "Use preset linear, stiffened or coupled with an elastic body, or solve.start = zero"),
+        (start == "periodic" and dynamics in ("dynamic", "coupled") and not options.cycles, "solve.start", "periodic",
+         "solve.duration replaces the cycle, so there is no period",
+         "Give a drive a cycle and no duration, or start from zero or quasistatic"),
+        (dynamics == "frozen" and options.reduction != "modal", "solve.reduction", options.reduction,
+         f"preset {options.preset} uses modes of the whole mechanism", "Leave the reduction out"),
+        (start == "periodic" and dynamics == "dynamic" and integrator == "scipy", "solve.integrator", "scipy",
+         "this integrator finds no periodic state, and solve.start is periodic",
+         "Start from zero or quasistatic, like --set solve.start=quasistatic, or use another integrator"),
+        (start != "periodic" and dynamics == "dynamic" and integrator == "spectral", "solve.integrator", "spectral",
+         f"this integrator finds periodic motions, and solve.start is {start}",
+         "Use radau, or start periodic, like --set solve.start=periodic"),
+        (options.bounded and dynamics == "coupled" and integrator == "scipy", "solve.bounded", list(options.bounded),
+         "scipy's Radau applies solve.tolerance to all that it integrates",
+         "Leave it out, or use integrator radau or gauss"),
+        (exact != (dynamics == "frozen") and dynamics in ("frozen", "dynamic"), "solve.integrator", integrator,
+         f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}",
+         "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"),
+    )  # fmt: skip

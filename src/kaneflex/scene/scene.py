@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from copy import deepcopy
 from functools import cached_property
 from typing import Any, Literal
 
@@ -22,7 +21,6 @@ from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.escaping import visible
-from kaneflex.support.kept import Kept
 from kaneflex.support.units import SENSED, to_si
 
 
@@ -348,23 +346,3 @@ class Scene(SceneTable):
         laws = [law for law in map(self.argument, self.loads) if law is not None]
         free = (name for name in self.joints if name not in self.drives)
         return tuple(name for name in free if any(law.uses_any([name]) for law in laws))
-
-    def structure(self) -> dict[str, Any]:
-        """Structure that the equations depend on, as plain data (see `kaneflex.scene.structure`)."""
-        from kaneflex.scene.structure import structure
-
-        return deepcopy(_STRUCTURES.of(self, lambda: structure(self)))
-
-    def structure_hash(self) -> str:
-        """Name of the structure; equal structures share one generated module."""
-        from kaneflex.scene.structure import structure_hash
-
-        return _HASHES.of(self, lambda: structure_hash(self))
-
-    def built_like(self, other: Scene) -> None:
-        """Copy the structure's name from a scene with the same structure."""
-        _HASHES.of(self, other.structure_hash)
-
-
-_STRUCTURES: Kept[Scene, dict[str, Any]] = Kept()
-_HASHES: Kept[Scene, str] = Kept()

@@ -9,24 +9,32 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from copy import deepcopy
+from typing import Any
 
 from kaneflex.scene.laws import parse_law
 from kaneflex.scene.quantities import Address
+from kaneflex.scene.scene import Scene
 from kaneflex.support.contract import FORMAT
-
-if TYPE_CHECKING:
-    from kaneflex.scene.scene import Scene
+from kaneflex.support.kept import Kept
 
 ANY = "*"
 """Mark of a number that is a parameter of the equations."""
 
 
-def structure(scene: Scene) -> dict[str, Any]:
+_STRUCTURES: Kept[Scene, dict[str, Any]] = Kept()
+_HASHES: Kept[Scene, str] = Kept()
+
+
+def structure_of(scene: Scene) -> dict[str, Any]:
     """Structure as plain data, every table in the scene's order, which is also the order of derivation.
 
     Numbers that are exactly 0 (in directions also 1 and -1) remain, all others become "*".
     """
+    return deepcopy(_STRUCTURES.of(scene, lambda: _structure(scene)))
+
+
+def _structure(scene: Scene) -> dict[str, Any]:
     if scene.is_spatial:
         return _in_space(scene)
     tables = {"springs": _spring, "contacts": _contact}
@@ -61,19 +69,27 @@ def _in_space(scene: Scene) -> dict[str, Any]:
 
 
 def structure_hash(scene: Scene) -> str:
-    """Hash of sixteen hexadecimal digits of the structure and the format of generated modules."""
-    return _digits({"format": FORMAT, **scene.structure()})
+    """Name of the structure: hash of sixteen hexadecimal digits of the structure and the format of generated modules.
+
+    Equal structures share one generated module.
+    """
+    return _HASHES.of(scene, lambda: _digits({"format": FORMAT, **structure_of(scene)}))
+
+
+def share_structure(scene: Scene, other: Scene) -> None:
+    """Copy the structure's name from another scene with the same structure."""
+    _HASHES.of(scene, lambda: structure_hash(other))
 
 
 def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, ...]]) -> str:
     """Hash of the structure with these numbers of axial and transverse shapes of each elastic link."""
     counts = {name: list(numbers) for name, numbers in shapes.items()}
-    return _digits({"format": FORMAT, "shapes": counts, **scene.structure()})
+    return _digits({"format": FORMAT, "shapes": counts, **structure_of(scene)})
 
 
 def pruned_hash(scene: Scene, without: Sequence[str]) -> str:
     """Hash of the structure without some groups of terms."""
-    return _digits({"format": FORMAT, "without": sorted(without), **scene.structure()})
+    return _digits({"format": FORMAT, "without": sorted(without), **structure_of(scene)})
 
 
 def _digits(content: Mapping[str, Any]) -> str:

@@ -25,8 +25,8 @@ from kaneflex.multibody.model import Model
 from kaneflex.multibody.orbit import orbit_start
 from kaneflex.multibody.returning import Returning, returning
 from kaneflex.multibody.rigid_twin import FollowedKinematics, TwinKinematics
-from kaneflex.multibody.run import Method, integrate, rigid_state, rigid_states
-from kaneflex.multibody.system import CoupledSystem
+from kaneflex.multibody.run import Method, integrate
+from kaneflex.multibody.system import CoupledSystem, rigid_state, rigid_states
 from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene

@@ -15,9 +15,9 @@ from kaneflex.multibody.counted_turns import unwrapped
 from kaneflex.multibody.linear_equations import Linear
 from kaneflex.multibody.linearisation import Instant, at_rest, equilibrium, linear, prepare, probes
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.run import rigid_state
 from kaneflex.multibody.spatial_coupled import CoupledKinematics, balanced
 from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.system import rigid_state
 from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion

@@ -169,8 +169,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     """Variant of :func:`load` for preset coupled, which needs the coupled module only."""
     from kaneflex.multibody.held_twice import check_sensors, undetermined
     from kaneflex.multibody.rigid_twin import build_twin
-    from kaneflex.multibody.run import rigid_state
-    from kaneflex.multibody.system import build_system, with_stretch
+    from kaneflex.multibody.system import build_system, rigid_state, with_stretch
     from kaneflex.multibody.weightless import check_weighty
     from kaneflex.solve.contact_lines import check_lines
 

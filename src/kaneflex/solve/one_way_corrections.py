@@ -29,7 +29,6 @@ from kaneflex.solve.initial import given_state
 from kaneflex.solve.simulation import not_repeated
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.work import seconds_of_steps
-from kaneflex.support.spatial_contract import SPATIAL_NODE
 
 _RICHEST: Mapping[str, object] = {
     "preset": "stiffened", "reduction": None, "modes": "all", "terms": {}, "integrator": None,
@@ -203,7 +202,11 @@ def embedded(richer: Model, motion: ElasticMotion, rate: int = 0) -> np.ndarray:
     """
     known = dict(zip(motion.model.coordinates, motion.coordinates[rate], strict=True))
     z = np.zeros((len(richer.coordinates), len(motion.times)))
-    nodes, names = {}, SPATIAL_NODE if motion.model.scene.is_spatial else DOFS
+    nodes, names = {}, tuple[str, ...](DOFS)
+    if motion.model.scene.is_spatial:
+        from kaneflex.support.spatial_contract import SPATIAL_NODE
+
+        names = SPATIAL_NODE
     for name, link in motion.model.links.items():
         q = motion.nodes(name, rate)
         places = (link.locate(x) for x in richer.links[name].nodes)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
 from kaneflex.multibody.model import Model
-from kaneflex.response.sensors import address_of
+from kaneflex.response.readings import address_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 from kaneflex.solve import standalone_text as parts

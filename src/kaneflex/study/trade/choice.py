@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
+from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.quasistatic import LARGEST_DENSE
@@ -251,4 +252,4 @@ def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str]) -> Path:
     """
     files = {place: Path(file).read_bytes() for place, file in file_places(scene).items()}
     about = digest(scene, files, sorted(sensors), tolerance)
-    return cache_folder() / "choices" / f"{scene.structure_hash()}-{about}.json"
+    return cache_folder() / "choices" / f"{structure_hash(scene)}-{about}.json"
