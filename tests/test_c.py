@@ -34,7 +34,8 @@ from kaneflex.response.sensors import measure
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.c_model import CModel, c_model, method_in_c
 from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.simulation import run_of, solve
+from kaneflex.solve.one_way_run import run_of
+from kaneflex.solve.simulation import solve
 from kaneflex.support.contract import ELEMENT_KERNELS
 from kaneflex.support.errors import SceneError
 

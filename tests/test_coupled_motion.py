@@ -15,7 +15,7 @@ from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.dalembert import Balance, balanced
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled import as_solution
+from kaneflex.solve.coupled import as_result
 
 
 def still(system: CoupledSystem, q: np.ndarray) -> CoupledTrajectory:
@@ -32,7 +32,7 @@ def test_rates_are_the_derivatives_of_places():
     rates, phases = 60 * np.linspace(1.0, 2.0, n), 2.4 * np.arange(n)
     angle = rates * times[:, None] + phases
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
-    solution = as_solution(given, replace(still(given.coupled, q), times=times, v=v, a=a), 0.0)
+    solution = as_result(given, replace(still(given.coupled, q), times=times, v=v, a=a), 0.0)
     motion = solution.motion
     found = {"coordinates": solution.coordinates} | {x: motion.moving_place("rod", (x, 0.0)) for x in (0.0, 0.11, 0.3)}
     for name, (place, rate, accel) in found.items():

@@ -8,8 +8,8 @@ import kaneflex
 from kaneflex import load
 from kaneflex.scene import with_settings
 from kaneflex.solve import one_way_corrections
+from kaneflex.solve.run_result import seconds_of_steps
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.work import seconds_of_steps
 
 FINE = ("solve.preset=stiffened", "solve.modes=all", "solve.integrator=radau")
 

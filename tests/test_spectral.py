@@ -20,7 +20,7 @@ from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.integrate.spectral import Grid, periodic_orbit
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.scene import with_settings
-from kaneflex.solve.simulation import run_of
+from kaneflex.solve.one_way_run import run_of
 
 W = 3.0
 PERIOD = 2 * np.pi / W

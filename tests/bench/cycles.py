@@ -14,7 +14,7 @@ from kaneflex.integrate.run import Run, integrate
 from kaneflex.integrate.spectral import Orbit, periodic_orbit
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import run_of
+from kaneflex.solve.one_way_run import run_of
 
 ABOUT = """\
 *A cycle*: the periodic motion at one of 64 speeds on one core by `integrate`. The error is the rms difference of the

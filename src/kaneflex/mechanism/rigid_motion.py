@@ -27,10 +27,8 @@ class RigidKinematics:
     module: ModuleType
     parameters: np.ndarray
 
-    @property
-    def is_start(self) -> bool:
-        """True if free joints are not integrated yet, so that the motion is known at its start only."""
-        return False
+    is_start = False
+    """True before free joints are integrated: the motion is then known at its start only."""
 
     @cached_property
     def column(self) -> dict[str, int]:

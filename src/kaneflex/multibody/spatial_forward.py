@@ -42,23 +42,6 @@ _PIECE = 256
 """Steps per call of compiled code, after which a run can be interrupted."""
 
 
-def integrate(
-    system: SpatialSystem, start: State, module: SpatialModule, options: Options, share: Share = lambda done: None
-) -> tuple[SpatialKinematics, Energy]:
-    """Motion and energy from a start over the duration of ``options``, by its method and tolerance.
-
-    ``share`` is called with the completed share.
-
-    Raises
-    ------
-    SceneError
-        If the motion can't continue, or takes too many evaluations; it names the time.
-    """
-    run = Run(system, options, start, share)
-    run.go()
-    return run.moving(module)
-
-
 class Run(Curve):
     """Steps of an integration from a start, and the curves between them."""
 

@@ -127,7 +127,7 @@ class SpatialKinematics(RigidKinematics):
     curve: Curve
 
     @property
-    def is_start(self) -> bool:
+    def is_start(self) -> bool:  # type: ignore[override]
         return isinstance(self.curve, Standing)
 
     def table(self, times: np.ndarray) -> np.ndarray:

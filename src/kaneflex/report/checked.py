@@ -23,7 +23,7 @@ from kaneflex.report.presentation import (
 )
 from kaneflex.scene.plausible import stubby_links
 from kaneflex.solve.initial import start_coordinates
-from kaneflex.solve.solution import natural_frequencies
+from kaneflex.solve.run_result import natural_frequencies
 from kaneflex.solve.validity import foreseen
 from kaneflex.support.kept import Kept
 

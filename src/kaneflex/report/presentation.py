@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.mechanism.reach import courses_of, instants, reach_lines
-from kaneflex.report.contacts import contact_line, friction_line
 from kaneflex.scene.options import has_term, moves_with_links
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.spatial_check import SEVERAL_FREEDOMS
@@ -181,10 +180,21 @@ def parts(scene: Scene) -> Blocks:
         "drives": {name: _drive(scene, name) for name in scene.drives},
         "loads": {name: _load(load) for name, load in scene.loads.items()},
         "springs": {name: _spring(spring) for name, spring in scene.springs.items()},
-        "contacts": {name: contact_line(contact) for name, contact in scene.contacts.items()},
-        "friction": {name: friction_line(friction) for name, friction in scene.frictions.items()},
+        **_touching(scene),
         "sensors": {name: scene.meaning_of(sensor) for name, sensor in scene.sensors.items()},
         "events": {name: _event(scene, event) for name, event in scene.events.items()},
+    }
+
+
+def _touching(scene: Scene) -> Blocks:
+    """Contacts and friction."""
+    if not (scene.contacts or scene.frictions):
+        return {}
+    from kaneflex.report.contacts import contact_line, friction_line
+
+    return {
+        "contacts": {name: contact_line(contact) for name, contact in scene.contacts.items()},
+        "friction": {name: friction_line(friction) for name, friction in scene.frictions.items()},
     }
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from kaneflex.solve.mode_angle_envelope import PeakSpread, mode_angle_spread
-from kaneflex.solve.solution import MOST_FREQUENCIES
+from kaneflex.solve.run_result import MOST_FREQUENCIES
 from kaneflex.solve.touching import ContactSummary, FrictionSummary, contact_summaries, friction_summaries
 from kaneflex.solve.unresolved import UnresolvedMode, unresolved
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative

@@ -18,7 +18,7 @@ from kaneflex.support.errors import SceneError
 if TYPE_CHECKING:
     from kaneflex.response.coupled_motion import CoupledMotion
     from kaneflex.scene.quantities import Address
-    from kaneflex.solve.solution import Solution
+    from kaneflex.solve.run_result import RunResult
 
 _SHARE = 0.01
 """Distance of a contact line from the link's axis that is accepted, as a share of the link's deflection."""
@@ -61,7 +61,7 @@ def _place(scene: Scene, first: RigidMotion, side: Address) -> tuple[float, floa
     return x, y
 
 
-def off_their_lines(solution: Solution) -> Iterator[str]:
+def off_their_lines(solution: RunResult) -> Iterator[str]:
     """Warnings of contacts that act where the axis of their elastic link leaves its straight line."""
     motion, scene = solution.motion, solution.model.scene
     for name, contact in _lines(scene):

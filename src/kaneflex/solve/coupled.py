@@ -31,11 +31,11 @@ from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import State, check_closed
-from kaneflex.solve.events import happens
+from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.forward import with_courses
 from kaneflex.solve.initial import given_start, laid_over, start_dimensions
+from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.slow_start import first_rates, followed
-from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
@@ -46,7 +46,7 @@ _HARMONICS = 1e-6
 
 def simulate_coupled(
     model: Model, progress: Callable[[float], None] | None = None, after: State | None = None
-) -> Solution:
+) -> RunResult:
     """Integrate the coupled equations over the model's duration, from the state ``after`` if given."""
     started = time.perf_counter()
     system, options = model.coupled, model.options
@@ -59,7 +59,7 @@ def simulate_coupled(
     stops = [event for event in model.scene.events.values() if event.stop]
 
     def stop(part: CoupledTrajectory) -> bool:
-        return happens(as_solution(model, part, 0.0), stops)
+        return happens(as_result(model, part, 0.0), stops)
 
     if options.start == "periodic":
         bare, period = partial(_undeformed, model, q), float(times[-1] - times[0])
@@ -67,7 +67,7 @@ def simulate_coupled(
         trajectory = repeated(model, times, start or (q, v), progress)
     else:
         trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
-    return as_solution(model, trajectory, time.perf_counter() - started)
+    return until_stop(as_result(model, trajectory, time.perf_counter() - started))
 
 
 def repeated(
@@ -138,7 +138,7 @@ def _given(
     return found, start_rates.fitted(scene, system, found, v, tables.velocities)
 
 
-def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
+def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
     """Solution of a coupled trajectory; the free drives of its rigid mechanism follow the coupled motion."""
     free = model.module.FREE  # its order may differ from the scene's
     if free and len(trajectory.times) > 1:
@@ -153,7 +153,7 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
     if isinstance(model.motion, TwinKinematics) and not model.coupled.shape_columns:
         motion = FollowedKinematics(model.motion.module, model.motion.parameters, trajectory)
         model = replace(model, motion=motion)
-    return Solution(model, trajectory, seconds)
+    return RunResult(model, trajectory, seconds)
 
 
 def longest(scene: Scene) -> float:

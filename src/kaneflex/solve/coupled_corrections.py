@@ -21,12 +21,12 @@ from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
-from kaneflex.solve.coupled import as_solution, beginning, method_of, repeated
+from kaneflex.solve.coupled import as_result, beginning, method_of, repeated, simulate_coupled
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.loading import load, refined
-from kaneflex.solve.simulation import solve, storing
-from kaneflex.solve.solution import Solution
+from kaneflex.solve.one_way_run import run_one_way, storing
+from kaneflex.solve.run_result import RunResult
 
 _TIGHTER, _LEAST = 32.0, 1e-13
 """Factor by which the tolerance of richer runs is smaller, and its least value. The error is of fifth order
@@ -38,7 +38,7 @@ _MANY = 6
 by its elements."""
 
 
-def coupled_stages(solution: Solution, progress: Progress) -> tuple[Read, list[Stage]]:
+def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[Stage]]:
     """Values of a run of preset ``coupled``, and stages of successively richer models."""
     read = Read.of(solution, solution.model.options.start == "periodic")
     moved = _in_space if solution.model.scene.is_spatial else _in_plane
@@ -92,7 +92,7 @@ def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) ->
         start = beginning(model) if options.start == "quasistatic" and first == 0.0 else begun
         found = integrate(model.coupled, *start, times, method_of(model), progress)
     _check(found.outcome, found.message)
-    return as_solution(model, found, 0.0).motion.taken(2 * read.stored)
+    return as_result(model, found, 0.0).motion.taken(2 * read.stored)
 
 
 def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
@@ -148,7 +148,7 @@ def coupling_change(read: Read, stages: list[Stage], progress: Progress) -> dict
     are the run's.
     """
     model = load(_as_coupled(read))
-    found = solve(model, progress)
+    found = (run_one_way if model.scene.is_spatial else simulate_coupled)(model, progress)
     _check(found.outcome, found.message)
     motion: Motion
     if model.scene.is_spatial:

@@ -25,7 +25,7 @@ from kaneflex.response.sensors import sensor_values
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled import as_solution
+from kaneflex.solve.coupled import as_result
 from kaneflex.support.errors import SceneError
 
 
@@ -108,7 +108,7 @@ def _beside_in_plane(model: Model, found: Linear[Instant]) -> tuple[Motion, np.n
     for k, name in enumerate(inputs(model), start=2 * len(found.names)):
         shift[name] = np.zeros(len(away))
         shift[name][4 * k : 4 * k + 4] = away[4 * k : 4 * k + 4]
-    motion = cast(CoupledMotion, as_solution(model, trajectory, 0.0).motion)
+    motion = cast(CoupledMotion, as_result(model, trajectory, 0.0).motion)
     return replace(motion, shift=shift), weights
 
 

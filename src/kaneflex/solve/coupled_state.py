@@ -14,7 +14,7 @@ from kaneflex.support.labelled import read_labelled
 
 if TYPE_CHECKING:
     from kaneflex.multibody.system import CoupledSystem
-    from kaneflex.solve.solution import Solution
+    from kaneflex.solve.run_result import RunResult
 
 _OF_STATE = ("state", "last_state", "last_rate")
 _OPEN = 1e-3
@@ -75,7 +75,7 @@ def check_closed(
             raise SceneError(key, source, opens, cure)
 
 
-def last_state(solution: Solution) -> State:
+def last_state(solution: RunResult) -> State:
     """Last state of a coupled solution. Raises SceneError if there is none."""
     if solution.model.coupled is None:
         raise _none(repr(solution))

@@ -18,8 +18,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.scene.options import left_out
 from kaneflex.scene.structure import pruned_hash
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown
-from kaneflex.solve.solution import Solution
-from kaneflex.solve.work import nominal_seconds
+from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.support.errors import SceneError
 
 KINDS = ("time", "modes", "terms", "elements")
@@ -54,7 +53,7 @@ class ErrorEstimate:
 
 
 def error_estimates(
-    solution: Solution, progress: Progress = lambda done: None
+    solution: RunResult, progress: Progress = lambda done: None
 ) -> tuple[Mapping[str, ErrorEstimate], str]:
     """Error estimate of each sensor, and the reason if there is none, or none for the one-way coupling.
 
@@ -78,7 +77,7 @@ def error_estimates(
     return _estimates(read, stages), said
 
 
-def _stages(solution: Solution, progress: Progress) -> tuple[Read, list[Stage]]:
+def _stages(solution: RunResult, progress: Progress) -> tuple[Read, list[Stage]]:
     if solution.model.options.dynamics == "coupled":
         from kaneflex.solve.coupled_corrections import coupled_stages
 
@@ -128,7 +127,7 @@ def _apart(one: np.ndarray, other: np.ndarray) -> float:
     return float(found.max(initial=0.0, where=np.isfinite(found)))
 
 
-def _impossible(solution: Solution) -> str:
+def _impossible(solution: RunResult) -> str:
     """Reason why nothing is estimated, in words; empty if estimates are possible."""
     model, options = solution.model, solution.model.options
     if options.errors == "none":
@@ -142,7 +141,7 @@ def _impossible(solution: Solution) -> str:
     return _too_long(solution) if options.dynamics == "coupled" else _impossible_one_way(model)
 
 
-def _too_long(solution: Solution) -> str:
+def _too_long(solution: RunResult) -> str:
     """Reason why a long coupled run has no estimates; empty if it is short."""
     seconds = nominal_seconds(solution)
     if seconds <= LONGEST or solution.model.options.errors == "all":

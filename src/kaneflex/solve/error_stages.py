@@ -13,8 +13,8 @@ from kaneflex.response.motion import Motion
 from kaneflex.response.sensors import measure
 from kaneflex.scene import Scene
 from kaneflex.scene.bodies import Body
-from kaneflex.solve.simulation import storing
-from kaneflex.solve.solution import Solution
+from kaneflex.solve.one_way_run import storing
+from kaneflex.solve.run_result import RunResult
 
 Stage = tuple[str, Mapping[str, np.ndarray]]
 """Kind of enrichment, and the sensors' values with it at the compared instants."""
@@ -35,13 +35,13 @@ class Read:
     whether richer models are periodic, too; ``steps``: of the run between two of the instants.
     """
 
-    run: Solution
+    run: RunResult
     stored: np.ndarray
     periodic: bool
     steps: int
 
     @classmethod
-    def of(cls, solution: Solution, periodic: bool) -> Read:
+    def of(cls, solution: RunResult, periodic: bool) -> Read:
         run = solution
         while run.whole is not None:
             run = run.whole

@@ -12,13 +12,13 @@ from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.events import Event
 
 if TYPE_CHECKING:
-    from kaneflex.solve.solution import Solution
+    from kaneflex.solve.run_result import RunResult
 
 _RESOLUTION = 1e-12
 """Tolerance of an event's time as a share of the run."""
 
 
-def find_events(solution: Solution) -> dict[str, np.ndarray]:
+def find_events(solution: RunResult) -> dict[str, np.ndarray]:
     """Times of every event of the scene [s], ascending.
 
     A sensor that crosses a value twice between two stored instants is not detected.
@@ -26,13 +26,15 @@ def find_events(solution: Solution) -> dict[str, np.ndarray]:
     return {name: _times(solution, event) for name, event in solution.model.scene.events.items()}
 
 
-def happens(solution: Solution, events: Iterable[Event]) -> bool:
+def happens(solution: RunResult, events: Iterable[Event]) -> bool:
     """True if any of these events lies within the solution."""
     return any(len(_passed(_gap(solution, event), event.direction)) for event in events)
 
 
-def until_stop(solution: Solution) -> Solution:
-    """The solution up to the first event that stops it; unchanged if there is none."""
+def until_stop(solution: RunResult) -> RunResult:
+    """The run up to the first event that stops it; unchanged if there is none."""
+    if not any(event.stop for event in solution.model.scene.events.values()) or len(solution.times) < 2:
+        return solution
     stops = {
         times[0]: name
         for name, times in find_events(solution).items()
@@ -46,7 +48,7 @@ def until_stop(solution: Solution) -> Solution:
     return replace(found, trajectory=replace(found.trajectory, message=words))
 
 
-def _gap(solution: Solution, event: Event) -> np.ndarray:
+def _gap(solution: RunResult, event: Event) -> np.ndarray:
     scene = solution.model.scene
     return sensor_values(solution.motion, scene.sensors[event.sensor]) - scene.level(event)
 
@@ -58,7 +60,7 @@ def _passed(gap: np.ndarray, direction: str) -> np.ndarray:
     return np.flatnonzero({"up": up, "down": down, "both": up | down}[direction])
 
 
-def _times(solution: Solution, event: Event) -> np.ndarray:
+def _times(solution: RunResult, event: Event) -> np.ndarray:
     from scipy.optimize.elementwise import find_root
 
     times = solution.times

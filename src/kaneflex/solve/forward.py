@@ -45,9 +45,7 @@ class StartKinematics(RigidKinematics):
 
     given: np.ndarray
 
-    @property
-    def is_start(self) -> bool:
-        return True
+    is_start = True
 
     def table(self, times: np.ndarray) -> np.ndarray:
         if np.any(times):

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from kaneflex.mechanism.closure import check_closure
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.building import moving
 from kaneflex.multibody.model import Model
-from kaneflex.solve.law_checks import check_motion
+from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import silent
 
@@ -47,5 +49,7 @@ def _in_plane(model: Model, share: Share) -> Model:
     scene, options, start = model.scene, model.options, model.motion
     assert isinstance(start, StartKinematics)
     motion, energy = integrate_free_joints(scene, model.module, start.given, options, share)
-    check_motion(scene, motion, options)
+    check_closure(mechanism_of(scene), motion, options.duration)
+    check_springs(scene, motion, options)
+    check_finite(scene, motion, options)
     return moving(model, motion, energy)

@@ -129,19 +129,6 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.linalg.solve(weighted @ basis, weighted @ np.column_stack([z, v])).T)
 
 
-def check_start(model: Model) -> None:
-    """Raise SceneError if the model can't start from the given state, or bodies penetrate each other at the start."""
-    if model.options.start != "given" or model.coupled_in_space is not None:  # in space it is checked already
-        check_apart(model)
-        return
-    if model.coupled is None:
-        given_state(model)
-    else:
-        from kaneflex.solve.coupled import beginning
-
-        beginning(model)
-
-
 def check_apart(model: Model) -> None:
     """Raise SceneError if the sides of a contact penetrate each other at the start, beyond rounding."""
     mechanism, rigid = mechanism_of(model.scene), model.motion.at(0.0)

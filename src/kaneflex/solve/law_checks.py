@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kaneflex.mechanism.closure import SWEEP, check_closure
-from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.springs import points_meet
 from kaneflex.scene import Scene
@@ -21,14 +20,6 @@ _MEETING = 1e-3
 """Share of a spring's greatest length below which its direction is undefined."""
 _MOST = 20_000
 """Largest number of instants at which laws are checked before the computation."""
-
-
-def check_motion(scene: Scene, motion: RigidKinematics, options: Options) -> None:
-    """Raise SceneError unless loops of a planar scene close over the run, laws are finite and springs have a direction.
-    """
-    check_closure(mechanism_of(scene), motion, options.duration)
-    check_springs(scene, motion, options)
-    check_finite(scene, motion, options)
 
 
 def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.fem.mobility import check_determined, check_held_twice
-from kaneflex.mechanism.closure import SWEEP, stand
+from kaneflex.mechanism.closure import SWEEP, check_closure, stand
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
@@ -27,12 +27,12 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.solve.initial import check_start
-from kaneflex.solve.law_checks import check_finite, check_motion, check_springs
+from kaneflex.solve.initial import check_apart, given_state
+from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import MAX_STORED, check_memory
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
-from kaneflex.support.terminal import silent
+from kaneflex.support.terminal import compiled_by, silent
 
 if TYPE_CHECKING:
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
@@ -95,7 +95,9 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
     if scene.is_spatial:
         from kaneflex.solve.spatial_loading import load_spatial
 
-        return load_spatial(scene, options, progress, started)
+        ignored = ignored_of(scene, options)
+        model, more, derived, compiled = load_spatial(acting(scene, options), options, progress)
+        return timed(_with_warnings(model, (*ignored, *more)), started, derived, compiled)
     if options.dynamics == "coupled":
         return _load_coupled(scene, options, progress, started)
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
@@ -118,34 +120,41 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
 
         motion = at_start(scene, module, motion.parameters)
     else:
-        check_motion(scene, motion, options)
+        check_closure(mechanism_of(scene), motion, options.duration)
+        check_springs(scene, motion, options)
+        check_finite(scene, motion, options)
     model = build_model(scene, options, motion, like=like)
-    warnings = (*implausible(scene), *ignored)
-    if module.FREE and options.dynamics != "rigid":
-        warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
-    return timed(with_warnings(model, warnings), started, derived, compiled)
+    return timed(_with_warnings(model, ignored), started, derived, compiled)
 
 
-def with_warnings(model: Model, more: tuple[str, ...]) -> Model:
-    """The model with further warnings; those of the equations follow from the motion, which may not be known yet."""
-    return replace(model, warnings=more if model.motion.is_start else (*model.warnings, *more))
-
-
-def compiled_by(progress: Progress, *compile: Callable[[], object]) -> float:
-    """Seconds that compilation takes, by making these calls."""
-    progress("compiling, first time only")
-    started = time.perf_counter()
-    for call in compile:
-        call()
-    return time.perf_counter() - started
+def _with_warnings(model: Model, ignored: tuple[str, ...]) -> Model:
+    """The model with warnings of its scene and ignored entries; those of its equations follow from the motion, which
+    may not be known yet."""
+    free, own = model.module.FREE, () if model.motion.is_start else model.warnings
+    one_way = free and model.options.dynamics not in ("rigid", "coupled")
+    joints = (ONE_WAY.format(joints=", ".join(free)),) if one_way else ()
+    return replace(model, warnings=(*own, *implausible(model.scene), *ignored, *joints))
 
 
 def timed(model: Model, started: float, derived: float, compiled: float) -> Model:
     """The model with the times of its stages [s], its start checked."""
     set_up = time.perf_counter() - started - derived - compiled
     model = replace(model, seconds={"derive": derived, "compile": compiled, "set_up": set_up})
-    check_start(model)
+    _check_start(model)
     return model
+
+
+def _check_start(model: Model) -> None:
+    """Raise SceneError if the model can't start from the given state, or bodies penetrate each other at the start."""
+    if model.options.start != "given" or model.coupled_in_space is not None:  # in space it is checked already
+        check_apart(model)
+        return
+    if model.coupled is None:
+        given_state(model)
+    else:
+        from kaneflex.solve.coupled import beginning
+
+        beginning(model)
 
 
 def has_elastic_stage(scene: Scene) -> bool:
@@ -264,7 +273,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     if scene.is_spatial:
         from kaneflex.solve.spatial_loading import neighbour_in_space
 
-        return neighbour_in_space(model, scene, frozen)
+        return neighbour_in_space(model, scene, neighbour_options(model, scene), frozen)
     scene = as_it_starts(scene if model.coupled is None else without_poses(scene))
     options = neighbour_options(model, scene)
     scene = acting(scene, options)

@@ -14,7 +14,7 @@ from kaneflex.scene import with_settings
 from kaneflex.scene.read import SceneLike
 from kaneflex.solve.free_motion import uncoupled
 from kaneflex.solve.loading import load
-from kaneflex.solve.solution import MOST_FREQUENCIES
+from kaneflex.solve.run_result import MOST_FREQUENCIES
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
 

@@ -26,9 +26,8 @@ from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.error_stages import READ, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.initial import given_state
-from kaneflex.solve.simulation import not_repeated
-from kaneflex.solve.solution import Solution
-from kaneflex.solve.work import seconds_of_steps
+from kaneflex.solve.one_way_run import not_repeated
+from kaneflex.solve.run_result import RunResult, seconds_of_steps
 
 _RICHEST: Mapping[str, object] = {
     "preset": "stiffened", "reduction": None, "modes": "all", "terms": {}, "integrator": None,
@@ -41,7 +40,7 @@ _COUNTS = 1e-6
 """Share of a coordinate's largest harmonic below which a harmonic is neglected."""
 
 
-def one_way_stages(solution: Solution) -> tuple[Read, list[Stage]]:
+def one_way_stages(solution: RunResult) -> tuple[Read, list[Stage]]:
     """Values of a one-way run, and stages of successively richer models."""
     richer = list(_richer(solution.model))
     read = Read.of(solution, _is_periodic(solution.model, richer))
@@ -165,7 +164,7 @@ def _start(richer: Model, near: ElasticMotion, read: Read) -> tuple[np.ndarray, 
     return z, v
 
 
-def _instants(solution: Solution) -> int:
+def _instants(solution: RunResult) -> int:
     """Number of instants of the grid: four per significant harmonic, a power of two."""
     z = solution.coordinates[0][:, :-1]
     if not z.size:

@@ -14,7 +14,7 @@ import numpy as np
 
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
-from kaneflex.solve.simulation import not_repeated
+from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.support.errors import SceneError
 
 _FEWEST, _MOST = 32, 1024

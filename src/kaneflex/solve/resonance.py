@@ -18,7 +18,7 @@ import numpy as np
 
 from kaneflex.multibody.building import has_modes, keep_terms, reference_modes
 from kaneflex.multibody.model import Model
-from kaneflex.solve.solution import Solution
+from kaneflex.solve.run_result import RunResult
 
 _MODES, _INSTANTS = 10, 64
 """Number of modes checked, and instants over which their stiffness and damping are averaged."""
@@ -42,7 +42,7 @@ class _Resonance(NamedTuple):
     amplified: float
 
 
-def near_resonance(solution: Solution) -> list[str]:
+def near_resonance(solution: RunResult) -> list[str]:
     """Warning if a harmonic of the excitation is so close to a mode that the peak depends on their distance."""
     model, span = solution.model, float(np.ptp(solution.times)) if len(solution.times) else 0.0
     moves = model.options.dynamics == "dynamic" or (model.coupled is not None and model.scene.period is not None)
@@ -70,7 +70,7 @@ def _named(model: Model, frequency: float) -> str:
     return f"order {frequency * scene.period:.4g} of the cycle, {frequency:.4g} Hz,"
 
 
-def _resonances(solution: Solution, span: float) -> Iterator[_Resonance]:
+def _resonances(solution: RunResult, span: float) -> Iterator[_Resonance]:
     """Resonances of each mode with the nearest harmonics."""
     model, rigid = solution.model, solution.motion.rigid
     omega, shapes = reference_modes(model, min(model.equations.size, _MODES))
@@ -107,7 +107,7 @@ def _answers(own: np.ndarray, damping: float, turning: float) -> np.ndarray:
     return 1.0 / np.hypot(own**2 - turning**2, damping * turning)
 
 
-def _harmonics(solution: Solution, force: np.ndarray, near: float, span: float) -> list[tuple[float, float]]:
+def _harmonics(solution: RunResult, force: np.ndarray, near: float, span: float) -> list[tuple[float, float]]:
     """Frequency [Hz] and amplitude of a force's (n_times,) harmonics next to a frequency."""
     times, period = solution.times, solution.model.scene.period
     if period is None:  # largest nearby line of a windowed spectrum

@@ -10,15 +10,15 @@ from kaneflex.solve.touching import labelled_contacts, labelled_frictions
 from kaneflex.support.labelled import Entry, Labelled
 
 if TYPE_CHECKING:
-    from kaneflex.solve.solution import Solution
+    from kaneflex.solve.run_result import RunResult
 
 
-def labelled(solution: Solution) -> Labelled:
+def labelled(solution: RunResult) -> Labelled:
     """All sensors of a solution as labelled arrays.
 
     Parameters
     ----------
-    solution : Solution
+    solution : RunResult
 
     Returns
     -------
@@ -64,7 +64,7 @@ def labelled(solution: Solution) -> Labelled:
     return Labelled(variables, coordinates, about)
 
 
-def _last_state(solution: Solution) -> tuple[tuple, dict[str, tuple]]:
+def _last_state(solution: RunResult) -> tuple[tuple, dict[str, tuple]]:
     """Names of the coordinates, and their last values and rates, from which another run can continue."""
     from kaneflex.solve.coupled_state import last_state
 

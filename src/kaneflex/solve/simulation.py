@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-import time
 import warnings
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import Model
 from kaneflex.scene.read import SceneLike
-from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import model_from
-from kaneflex.solve.memory import MAX_STORED
+from kaneflex.solve.one_way_run import Progress, run_one_way
 from kaneflex.solve.solution import Solution
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, ValidityWarning
-from kaneflex.support.terminal import silent
 
 if TYPE_CHECKING:
-    from kaneflex.integrate.run import Run
     from kaneflex.solve.coupled_state import State
 
-Progress = Callable[[float], None]
-_REPEATS = 1e-6
-"""Relative change over a cycle that counts as periodic."""
-_ROUNDING = 1e-12
-"""Change over a cycle, relative to the largest value of the same unit, that counts as rounding."""
 
 
 @takes(model="model", progress="function", after="state")
@@ -72,135 +60,8 @@ def solve(model: Model, progress: Progress | None = None, after: Solution | Stat
         from kaneflex.solve.coupled_state import last_state
 
         state = last_state(after) if isinstance(after, Solution) else after
-        return _until_stop(simulate_coupled(model, progress, state))
+        return Solution.of(simulate_coupled(model, progress, state))
     if after is not None:
         reason = "only coupled runs of planar scenes can be continued"
         raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled of a planar scene")
-    started = time.perf_counter()
-    if model.awaits_run:
-        model, progress = _moved(model, progress or silent)
-    trajectory = _METHODS[model.options.dynamics](model, progress)
-    return _until_stop(Solution(model, trajectory, time.perf_counter() - started))
-
-
-def _moved(model: Model, progress: Progress) -> tuple[Model, Progress]:
-    """Model with an integrated motion, which half of the work is if elastic equations follow, and the rest's progress.
-    """
-    from kaneflex.solve.free_motion import integrated
-
-    part = 1.0 if model.options.dynamics in ("rigid", "coupled") else 0.5
-    found = integrated(model, lambda done: progress(part * done))
-    return found, lambda done: progress(part + (1.0 - part) * done)
-
-
-def _until_stop(solution: Solution) -> Solution:
-    if not any(event.stop for event in solution.model.scene.events.values()) or len(solution.times) < 2:
-        return solution
-    from kaneflex.solve.events import until_stop
-
-    return until_stop(solution)
-
-
-def _instants(model: Model) -> np.ndarray:
-    return model.step * np.arange(model.options.steps + 1)
-
-
-def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
-    times = _instants(model)
-    none = np.zeros((len(times), 0))
-    coupled = model.coupled_in_space
-    if coupled is not None and coupled.verdict is not None:
-        return Trajectory(times, none, none, none, *coupled.verdict, 0.0)
-    return _completed(times, none, none, none, 0.0)
-
-
-def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
-    from kaneflex.solve.quasistatic import quasistatic
-
-    times = _instants(model)
-    started = time.perf_counter()
-    periodic = model.options.cycles and not_repeated(model) is None
-    z, v, a = quasistatic(model, times, periodic, progress)
-    ns = 1e9 * (time.perf_counter() - started) / len(times)
-    return _completed(times, z, v, a, ns)
-
-
-def storing(model: Model) -> int:
-    """Number of steps per stored one."""
-    return max(1, -(-model.options.steps // MAX_STORED))
-
-
-def not_repeated(model: Model) -> str | None:
-    """Scalar that is not periodic, in words; None if motion and loads are periodic."""
-    period = model.scene.period
-    assert period is not None  # checked with the scene
-    cycle = model.motion.at(np.linspace(0.0, period, 65))
-    column, ends = cycle.motion.column, cycle.values[[0, -1]]
-    sizes, changes = abs(cycle.values).max(axis=0).tolist(), abs(ends[1] - ends[0]).tolist()
-    unit_of, largest = {name: unit for name, unit, *_ in model.module.SCALARS}, cycle.magnitudes(period)
-    for name in sorted({name for monomial in model.monomials for name in monomial} & column.keys()):
-        k, rounding = column[name], _ROUNDING * largest.get(unit_of.get(name), 0.0)
-        if changes[k] > _REPEATS * sizes[k] + rounding:
-            return f"{name} is {ends[0, k]:.6g} at first and {ends[1, k]:.6g} a cycle later"
-    return None
-
-
-def _check_repeats(model: Model) -> None:
-    """Raise SceneError unless motion and loads are periodic, as a periodic start needs."""
-    reason = not_repeated(model)
-    if reason is not None:
-        raise SceneError(
-            "solve.start", "periodic", reason,
-            "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic",
-        )  # fmt: skip
-
-
-def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, ns: float) -> Trajectory:
-    return Trajectory(times, z, v, a, Outcome.COMPLETED, Outcome.COMPLETED.value, None, ns)
-
-
-def _integrated(model: Model, progress: Progress | None) -> Trajectory:
-    from kaneflex.integrate.run import integrate
-
-    return integrate(run_of(model), progress)
-
-
-def run_of(model: Model) -> Run:
-    """Equations, start and steps of a model for the integrator.
-
-    Raises
-    ------
-    SceneError
-        If a periodic start is requested and the motion or a load is not periodic.
-    """
-    from kaneflex.integrate.run import Run
-
-    options = model.options
-    start: object = options.start
-    if options.start == "periodic":
-        _check_repeats(model)
-    if options.start == "quasistatic":
-        from kaneflex.solve.slow_start import slow_start
-
-        start = slow_start(model)
-    if options.start == "given":
-        start = given_state(model)
-    return Run(
-        model.system,
-        model.scalars,
-        0.0,
-        model.step,
-        options.steps,
-        options.integrator,
-        start=start,
-        period_steps=options.steps if options.start == "periodic" else None,
-        every=storing(model),
-        rho_infinity=options.rho_infinity,
-        tolerance=options.tolerance,
-    )
-
-
-_METHODS = {
-    "rigid": _as_moved, "coupled": _as_moved, "quasistatic": _quasistatic,
-    "dynamic": _integrated, "frozen": _integrated,
-}  # fmt: skip
+    return Solution.of(run_one_way(model, progress))

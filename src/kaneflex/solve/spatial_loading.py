@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
 
+from kaneflex.mechanism.closure import SWEEP
 from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.building import build_model, reference_instant, rigid_model
 from kaneflex.multibody.model import Model
@@ -20,29 +21,23 @@ from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting, moves_with_links
-from kaneflex.scene.plausible import implausible
 from kaneflex.solve.law_checks import check_finite, check_springs
-from kaneflex.solve.loading import (
-    ONE_WAY,
-    SWEEP,
-    Progress,
-    compiled_by,
-    ignored_of,
-    neighbour_options,
-    timed,
-    with_warnings,
-)
 from kaneflex.solve.memory import check_memory
 from kaneflex.solve.spatial_checks import check_stage, with_open_reactions
 from kaneflex.solve.spatial_initial import given_state
 from kaneflex.support.errors import SceneError
+from kaneflex.support.terminal import compiled_by
+
+Progress = Callable[[str], None]
 
 
-def load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
-    """Variant of :func:`kaneflex.solve.loading.load` for mechanisms in space."""
-    ignored, scene = ignored_of(scene, options), acting(scene, options)
+def load_spatial(
+    scene: Scene, options: Options, progress: Progress
+) -> tuple[Model, tuple[str, ...], float, float]:
+    """Model of a mechanism in space, notes on its scene, and the seconds of derivation and compilation."""
+    notes: tuple[str, ...] = ()
     if options.dynamics == "coupled" and not moves_with_links(scene, options.dynamics):
-        ignored += tuple(_idle_settings(scene))
+        notes = tuple(_idle_settings(scene))
         if "tolerance" not in scene.solve.forward.model_fields_set:
             options = replace(options, forward_tolerance=scene.solve.tolerance or options.forward_tolerance)
     generated, derived = find_spatial_module(scene, progress)
@@ -61,11 +56,7 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
         check_finite(scene, moved, options)
     model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
-    warnings = (*implausible(scene), *ignored)
-    if motion.module.FREE and options.dynamics not in ("rigid", "coupled"):
-        warnings = (*warnings, ONE_WAY.format(joints=", ".join(motion.module.FREE)))
-    warnings += tuple(_beyond(system, scene)) if coupled else ()
-    return timed(with_warnings(model, warnings), started, derived, compiled)
+    return model, (*notes, *(_beyond(system, scene) if coupled else ())), derived, compiled
 
 
 def _idle_settings(scene: Scene) -> Iterator[str]:
@@ -98,9 +89,8 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
     return rigid_model(scene, options, motion, reference_instant(scene, options, rigid)[0])
 
 
-def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
-    """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space."""
-    options = neighbour_options(model, scene)
+def neighbour_in_space(model: Model, scene: Scene, options: Options, frozen: bool) -> Model:
+    """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space, with options of the neighbour."""
     if options.dynamics == "coupled":
         return refined_in_space(model, scene, options)
     scene = acting(scene, options)

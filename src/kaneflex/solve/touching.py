@@ -12,7 +12,7 @@ from kaneflex.multibody.rubbing import STUCK, FrictionRecord
 from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
-    from kaneflex.solve.solution import Solution
+    from kaneflex.solve.run_result import RunResult
     from kaneflex.support.labelled import Entry
 
 _ABOUT = {
@@ -55,7 +55,7 @@ class ContactSummary(PlainTable):
     rests_since_s: float | None = Field(description="instant from which it stays closed to the end, s")
 
 
-def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
+def contact_summaries(solution: RunResult) -> dict[str, ContactSummary]:
     """Summary of every contact by name; empty if the equations have no contacts."""
     record = record_of(solution)
     found = {}
@@ -75,7 +75,7 @@ def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
     return found
 
 
-def friction_summaries(solution: Solution) -> dict[str, FrictionSummary]:
+def friction_summaries(solution: RunResult) -> dict[str, FrictionSummary]:
     """Summary of every friction by the name of its joint or contact."""
     record, found = _rubbing(solution), {}
     for k, name in enumerate(() if record is None else record.names):
@@ -91,7 +91,7 @@ def friction_summaries(solution: Solution) -> dict[str, FrictionSummary]:
     return found
 
 
-def undetermined_frictions(solution: Solution) -> list[str]:
+def undetermined_frictions(solution: RunResult) -> list[str]:
     """Warnings of joints held still by both their drive and friction, whose shares are indeterminate."""
     record, scene, found = _rubbing(solution), solution.model.scene, []
     for k, name in enumerate(() if record is None else record.names):
@@ -114,7 +114,7 @@ def undetermined_frictions(solution: Solution) -> list[str]:
     return found
 
 
-def labelled_frictions(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
+def labelled_frictions(solution: RunResult) -> tuple[dict[str, Entry], dict[str, Entry]]:
     """Coordinates and variables of frictions: ``friction_force`` etc. over time and ``friction``, of pins
     ``pin_torque`` etc. over ``pin``."""
     record = _rubbing(solution)
@@ -141,7 +141,7 @@ def labelled_frictions(solution: Solution) -> tuple[dict[str, Entry], dict[str, 
     return coordinates, variables
 
 
-def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
+def labelled_contacts(solution: RunResult) -> tuple[dict[str, Entry], dict[str, Entry]]:
     """Coordinates and variables of contacts: ``contact_gap`` etc. over time and ``contact``, ``impact_begin`` etc.
     over ``impact``, of backlash over ``flank`` and ``flank_impact``; ``clearance_x`` etc. over time and
     ``clearance``."""
@@ -193,7 +193,7 @@ def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, En
     return variables
 
 
-def eccentricity(solution: Solution, name: str) -> np.ndarray:
+def eccentricity(solution: RunResult, name: str) -> np.ndarray:
     """Eccentricity of a pin or block in its clearance, (n_times,): 0 in the middle, 1 at contact, more under
     penetration.
 
@@ -204,7 +204,7 @@ def eccentricity(solution: Solution, name: str) -> np.ndarray:
     return 1.0 - gaps.min(axis=0) / loose.room
 
 
-def _in_clearances(solution: Solution) -> dict[str, Entry]:
+def _in_clearances(solution: RunResult) -> dict[str, Entry]:
     """Positions of pins and blocks in their clearances."""
     both, names = ("time", "clearance"), list(solution.model.scene.loose)
     places = np.array([solution.motion.clearance(name) for name in names])
@@ -222,12 +222,12 @@ def _in_clearances(solution: Solution) -> dict[str, Entry]:
     return found | {"eccentricity": (both, ratio, {"units": "1", "long_name": meaning})}
 
 
-def _rubbing(solution: Solution) -> FrictionRecord | None:
+def _rubbing(solution: RunResult) -> FrictionRecord | None:
     record = getattr(solution.trajectory, "frictions", None)
     return record if record is not None and record.names and len(record.force) else None
 
 
-def record_of(solution: Solution) -> ContactRecord | None:
+def record_of(solution: RunResult) -> ContactRecord | None:
     """Record of a run's contacts; None without contacts, or if the run stopped at its start."""
     record = getattr(solution.trajectory, "contacts", None)
     return record if record is not None and record.names and len(record.gap) else None

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from kaneflex.integrate.outcome import Trajectory
-from kaneflex.solve.solution import Solution
+from kaneflex.solve.run_result import RunResult
 from kaneflex.support.errors import SceneError
 from kaneflex.support.plain_table import PlainTable
 
@@ -30,7 +30,7 @@ class UnresolvedMode(PlainTable):
     steps_per_period: float = Field(description="mean steps per period, below 3")
 
 
-def unresolved(solution: Solution) -> list[UnresolvedMode]:
+def unresolved(solution: RunResult) -> list[UnresolvedMode]:
     """Modes with fewer than FEWEST_STEPS mean steps per period, by frequency; none without coupled equations.
 
     Under error control the vibration of these modes is below the tolerance, so displacements are correct within it.
@@ -59,7 +59,7 @@ def unresolved(solution: Solution) -> list[UnresolvedMode]:
     return found
 
 
-def left_by_gauss(solution: Solution) -> list[str]:
+def left_by_gauss(solution: RunResult) -> list[str]:
     """Warning if damping is faster than a step of Gauss's method, which is A-stable, but not L-stable.
 
     Steps with damping laws, or dampers between points, use Radau.

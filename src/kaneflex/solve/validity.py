@@ -12,11 +12,11 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.scene.options import moves_with_links
+from kaneflex.solve.one_way_run import run_of, run_one_way, storing
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.resonance import near_resonance
-from kaneflex.solve.solution import Solution
+from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.solve.touching import undetermined_frictions
-from kaneflex.solve.work import nominal_seconds
 from kaneflex.support.errors import UserError
 
 ADDED_UP = 0.01
@@ -54,7 +54,7 @@ ZERO = 1e-6
 """Share of the largest reading in a unit below which a sensor's peak may be rounding error."""
 
 
-def validity_warnings(solution: Solution, frequencies: Sequence[float]) -> list[str]:
+def validity_warnings(solution: RunResult, frequencies: Sequence[float]) -> list[str]:
     """Warnings about a finished run: unresolved modes, large deflections, energy balance and others."""
     model, coupled = solution.model, solution.model.coupled is not None
     stepped = not getattr(solution.trajectory, "solver", "").startswith("spectral")  # harmonics resolve all modes
@@ -116,7 +116,7 @@ def _deformed(name: str, length: float, stretched: np.ndarray, share: float, cou
         )
 
 
-def _unbalanced(solution: Solution) -> Iterator[str]:
+def _unbalanced(solution: RunResult) -> Iterator[str]:
     """Warning if the energy balance of integrated free joints does not close."""
     energy, options = solution.energy, solution.model.options
     if energy is None or energy.drift <= LARGEST_GAP or _stood(solution):
@@ -136,7 +136,7 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
         yield f"the energy balance of the rigid mechanism {missing}; {lower}"
 
 
-def _stood(solution: Solution) -> bool:
+def _stood(solution: RunResult) -> bool:
     """True if nothing moved except for rounding, for example held by friction: the energy error is then rounding."""
     system, trajectory = solution.model.coupled, solution.trajectory
     if system is None or isinstance(trajectory, Trajectory) or not len(solution.times):
@@ -145,7 +145,7 @@ def _stood(solution: Solution) -> bool:
     return bool((moved <= STILL * (system.mechanism.size or 1.0)).all())
 
 
-def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
+def _uncoupled(solution: RunResult, shares: dict[str, float]) -> list[str]:
     """Warning if the neglected effect of deflections on the motion matters.
 
     In a loop, a transverse deflection rotates forces and inertia by about its share of the link's length: the stiffness
@@ -160,13 +160,11 @@ def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
         return []
     if solution.outcome is not Outcome.COMPLETED or nominal_seconds(solution) > LONGEST_SECOND:
         return []
-    from kaneflex.solve.simulation import solve
-
     equations, reduced = (
         replace(each, K_s=each.K_s * (1.0 + COUPLING * share)) for each in (model.equations, model.reduced)
     )
     try:
-        other = solve(replace(model, equations=equations, reduced=reduced))
+        other = run_one_way(replace(model, equations=equations, reduced=reduced))
     except UserError:  # close to having no such state, which is reported elsewhere
         return []
     if other.outcome is not Outcome.COMPLETED:
@@ -217,7 +215,7 @@ def _ill_conditioned(model: Model, times: np.ndarray) -> list[str]:
     ]
 
 
-def _parted(solution: Solution) -> list[str]:
+def _parted(solution: RunResult) -> list[str]:
     """Warning if forces or accelerations computed in two ways differ: the difference estimates their error.
 
     The error of a single step shows in the accelerations, see `_by_velocities`. Accumulated errors, such as numerical
@@ -245,7 +243,7 @@ def _parted(solution: Solution) -> list[str]:
     ]
 
 
-def _by_velocities(solution: Solution) -> Solution:
+def _by_velocities(solution: RunResult) -> RunResult:
     """Solution with accelerations from differences of velocities.
 
     The equations of motion give accelerations from the residual of loads and stiffness, so that a tiny displacement
@@ -265,10 +263,9 @@ def _by_velocities(solution: Solution) -> Solution:
     return replace(solution, trajectory=replace(run, a=by_velocities))
 
 
-def _in_half_steps(solution: Solution) -> Solution:
+def _in_half_steps(solution: RunResult) -> RunResult:
     """The same run with half the step, at the same instants; the given one if that run fails."""
     from kaneflex.integrate.run import integrate
-    from kaneflex.solve.simulation import run_of, storing
 
     model = solution.model
     halved = replace(model, options=replace(model.options, steps=2 * model.options.steps))
@@ -279,7 +276,7 @@ def _in_half_steps(solution: Solution) -> Solution:
     return replace(solution, trajectory=found) if found.outcome is Outcome.COMPLETED else solution
 
 
-def _apart(solution: Solution, other: Solution) -> dict[str, np.ndarray]:
+def _apart(solution: RunResult, other: RunResult) -> dict[str, np.ndarray]:
     """Difference of every sensor in two runs, at common instants, as a share of its peak.
 
     Sensors that are zero up to rounding are compared with the largest reading of their unit.
@@ -293,17 +290,17 @@ def _apart(solution: Solution, other: Solution) -> dict[str, np.ndarray]:
     return found
 
 
-def _zero(solution: Solution) -> set[str]:
+def _zero(solution: RunResult) -> set[str]:
     """Sensors that may be zero up to rounding."""
     peaks, least = _peaks(solution), _least_peaks(solution)
     return {name for name, series in solution.series.items() if peaks[name] <= least[series.unit]}
 
 
-def _peaks(solution: Solution) -> dict[str, float]:
+def _peaks(solution: RunResult) -> dict[str, float]:
     return {name: float(abs(series.values).max()) for name, series in solution.series.items()}
 
 
-def _least_peaks(solution: Solution) -> dict[str, float]:
+def _least_peaks(solution: RunResult) -> dict[str, float]:
     """Peak by unit below which a sensor may be rounding error: a share of the largest."""
     found: dict[str, float] = {}
     for name, peak in _peaks(solution).items():
@@ -312,7 +309,7 @@ def _least_peaks(solution: Solution) -> dict[str, float]:
     return found
 
 
-def _part_by(solution: Solution, ways: str, parts: dict[str, np.ndarray]) -> list[str]:
+def _part_by(solution: RunResult, ways: str, parts: dict[str, np.ndarray]) -> list[str]:
     """Sensor that differs most between two ways, with size and time; empty if differences are accepted."""
     largest = {name: (part.max(initial=0.0), np.sqrt(np.mean(part**2))) for name, part in parts.items() if len(part)}
     parted = [name for name, (one, mean) in largest.items() if one > LARGEST_PART or mean > MEAN_PART]
@@ -324,7 +321,7 @@ def _part_by(solution: Solution, ways: str, parts: dict[str, np.ndarray]) -> lis
     return [f"{worst} {ways} differs by {largest[worst][0]:.2g} of its peak at t = {at:.6g} s{more}"]
 
 
-def _lost(solution: Solution) -> Iterator[str]:
+def _lost(solution: RunResult) -> Iterator[str]:
     """Warnings of sensors without value in a coupled run."""
     for name, series in solution.series.items():
         lost = ~np.isfinite(series.values)
@@ -336,7 +333,7 @@ def _lost(solution: Solution) -> Iterator[str]:
             )
 
 
-def _jammed(solution: Solution) -> Iterator[str]:
+def _jammed(solution: RunResult) -> Iterator[str]:
     """Warnings of contacts that friction jams."""
     record = getattr(solution.trajectory, "frictions", None)
     for name, instant in () if record is None else zip(record.names, record.jams, strict=True):
@@ -347,7 +344,7 @@ def _jammed(solution: Solution) -> Iterator[str]:
             )
 
 
-def _loose(solution: Solution) -> list[str]:
+def _loose(solution: RunResult) -> list[str]:
     """Warning if the tolerance of coupled steps is large compared with the largest deformation."""
     from kaneflex.solve.coupled import longest
 
@@ -366,13 +363,13 @@ def _loose(solution: Solution) -> list[str]:
     ]
 
 
-def _left_ringing(solution: Solution) -> list[str]:
+def _left_ringing(solution: RunResult) -> list[str]:
     """Warning if unresolved vibrations of a coupled run are large compared with slow accelerations.
 
     A mode that the steps don't resolve may vibrate with a displacement d up to the tolerance, an acceleration of
     omega^2 d. This is checked by a run with a tenth of the tolerance.
     """
-    from kaneflex.solve.coupled import longest
+    from kaneflex.solve.coupled import longest, simulate_coupled
     from kaneflex.solve.unresolved import left_by_gauss, unresolved
 
     model, series, found = solution.model, solution.series, left_by_gauss(solution)
@@ -385,10 +382,8 @@ def _left_ringing(solution: Solution) -> list[str]:
     rings = options.tolerance * length * highest**2 > LARGEST_PART * min(peaks)
     if not rings or nominal_seconds(solution) > LONGEST_SECOND:
         return found
-    from kaneflex.solve.simulation import solve
-
     tenth = 0.1 * options.tolerance
-    other = solve(replace(model, options=replace(options, tolerance=tenth)))
+    other = simulate_coupled(replace(model, options=replace(options, tolerance=tenth)))
     parts = _apart(solution, other) if other.outcome is Outcome.COMPLETED else {}
     return found + [
         f"{text}: vibrations below the tolerance affect accelerations; lower solve.tolerance, or use preset "

@@ -17,12 +17,13 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.compiled_readings import CompiledReadings
 from kaneflex.scene import Scene, with_settings
 from kaneflex.solve.loading import load
+from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 
 Settings = Sequence[str]
 """Settings path=value over a scene."""
-Solver = Callable[[Model], Solution]
+Solver = Callable[[Model], RunResult]
 Name = TypeVar("Name", bound=Hashable)
 Found = TypeVar("Found")
 
@@ -81,7 +82,7 @@ def has_compiled_readings(model: Model) -> bool:
 
 def read(
     models: Mapping[Name, Callable[[], Model]],
-    reader: Callable[[Name, Solution], Found],
+    reader: Callable[[Name, RunResult], Found],
     solver: Solver = solve,
 ) -> Iterator[tuple[Name, Found | Exception]]:
     """Yield the reading of each model's solution in order, or the exception raised instead.

@@ -47,6 +47,15 @@ def share_of(progress: Callable[[str], None], name: str) -> Callable[[float], No
     return progress.share_of(name) if isinstance(progress, Waiting) else lambda done: None
 
 
+def compiled_by(progress: Callable[[str], None], *compile: Callable[[], object]) -> float:
+    """Seconds that compilation takes, by making these calls."""
+    progress("compiling, first time only")
+    started = time.perf_counter()
+    for call in compile:
+        call()
+    return time.perf_counter() - started
+
+
 def block(title: str, entries: Mapping[str, str]) -> str:
     """Names and their texts, indented under a bold title; empty without names."""
     if not entries:

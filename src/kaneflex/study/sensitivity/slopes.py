@@ -23,9 +23,10 @@ from kaneflex.multibody.returning import Returning, returning
 from kaneflex.multibody.run import integrate
 from kaneflex.multibody.trajectory import CoupledTrajectory
 from kaneflex.scene.structure import structure_hash
-from kaneflex.solve.coupled import as_solution, beginning, method_of
+from kaneflex.solve.coupled import as_result, beginning, method_of
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.quasistatic import mechanism_modes
+from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.variants import Solver, read
@@ -106,7 +107,7 @@ class Replay:
 
     solution: Solution
 
-    def __call__(self, model: Model) -> Solution:
+    def __call__(self, model: Model) -> RunResult:
         """Run of a neighbour; if its first cycle is not completed, that cycle.
 
         For periodic runs, one Newton step with the monodromy matrix of the own run moves the start of the cycle to the
@@ -122,14 +123,14 @@ class Replay:
             start = self._beside(start)
             cycle = self._run(model, *start)
             if cycle.outcome is not Outcome.COMPLETED:
-                return as_solution(model, cycle, 0.0)
+                return as_result(model, cycle, 0.0)
             if not np.linalg.cond(self._returning) < _SINGULAR:
                 raise SceneError(
                     "solve.start", "periodic", "the periodic motion is not isolated: others exist nearby",
                     "Add damping, or start from zero or quasistatic",
                 )  # fmt: skip
             start = self._cycle.moved(model.coupled, *start, -np.linalg.solve(self._returning, self._gap(model, cycle)))
-        return as_solution(model, self._run(model, *start), 0.0)
+        return as_result(model, self._run(model, *start), 0.0)
 
     @property
     def _own(self) -> CoupledTrajectory:
@@ -217,7 +218,7 @@ def bend(values: Sequence[np.ndarray], step: float) -> np.ndarray:
     return (highest - lowest) / (4.0 * step) - (high - low) / (2.0 * step)
 
 
-def _values(neighbour: tuple[Parameter, int], solution: Solution) -> Slopes:
+def _values(neighbour: tuple[Parameter, int], solution: RunResult) -> Slopes:
     """Sensors of a neighbour's run, which must be complete."""
     parameter, _ = neighbour
     if solution.outcome is not Outcome.COMPLETED:

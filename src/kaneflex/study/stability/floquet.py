@@ -11,7 +11,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import leading
 from kaneflex.integrate.run import cycle_map
 from kaneflex.multibody.model import Model
-from kaneflex.solve.simulation import not_repeated
+from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.support.errors import SceneError
 
 FIRST_STEPS, MOST_STEPS = 256, 16384

@@ -26,8 +26,8 @@ from kaneflex.scene.options import Options, resolve_options
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import load
 from kaneflex.solve.one_way_corrections import embedded
+from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.solve.quasistatic import mechanism_modes, quasistatic
-from kaneflex.solve.simulation import not_repeated
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference
 from kaneflex.study.trade.candidates import elements_of
