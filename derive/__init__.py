@@ -20,11 +20,11 @@ The pipeline, one file a stage:
     rows        rows of modules' tables, each kind said once: rows_text() -> module text
     c_module    kernels of a generated module as C11: generate_c(module, name) -> texts of files
     generate    the whole: generate(scene) -> module text; generate_pruned: without some groups of terms
-    flexible    Kane's equations of one free body with modal coordinates
     joints      what joints and springs do between two sections of bodies, printed once: joints_text() -> module text
     contact     what two sections do to each other where they touch: contact_text() -> module text
     friction    what resists sliding: friction_text() -> module text
     space       Kane's equations of a free body in space, and what joints and springs do there: spatial_text()
+    body_equations  a body in the plane: its equations in space, restricted; printed by body
     body_kinds  kinds of shapes and the sums over the mass that each requires; body_loops prints loops over them
     body_space  bodies in space that deform, printed by kinds of shapes: spatial_shapes_text()
     spatial_module    drives and loads of a scene in space: generate_spatial(scene) -> text

@@ -6,8 +6,16 @@ from itertools import pairwise
 
 import sympy as sm
 
-from kaneflex.derive.body_equations import ACROSS, ALONG, EPSILON, MOTION, OMEGA, BodyEquations, body_equations
-from kaneflex.derive.flexible import Slice
+from kaneflex.derive.body_equations import (
+    ACROSS,
+    ALONG,
+    EPSILON,
+    MOTION,
+    OMEGA,
+    BodyEquations,
+    body_equations,
+    place,
+)  # fmt: skip
 from kaneflex.derive.loops import COORDINATES, Loops, added, code
 from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK
 
@@ -26,8 +34,7 @@ def kernels() -> list[str]:
 
 def _place() -> list[sm.Expr]:
     """xi, eta and the rotation of a point with one shape of each kind, in the body's axes."""
-    xi, eta, turn = Slice(1, 1, rotary=True).place([B[0]], [A[0]])
-    return [xi, eta + sm.Symbol("Y"), turn]
+    return list(place([B[0]], [A[0]]))
 
 
 def _rate(expression: sm.Expr) -> sm.Expr:

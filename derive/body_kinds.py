@@ -122,6 +122,18 @@ def summed(kinds: Iterable[str], expression: sm.Expr) -> sm.Expr:
     return sum((_SECTION.get(powers, sm.S.Zero) * coefficient for powers, coefficient in terms), sm.S.Zero).expand()
 
 
+def moment(kinds: Sequence[str], name: str, j: int, k: int) -> sm.Expr:
+    """Sum over the mass of N_x, x_N_y, N_x_N_y, G_x or x_G_y of shapes of these kinds, in products of their fields."""
+    *before, letter, axis = name.split("_")
+    G = second_order(kinds[j], j, kinds[k], k) if letter == "G" else first_order(kinds[k], k)
+    whole = G[XYZ.index(axis)]
+    if len(before) == 2:
+        whole *= first_order(kinds[j], j)[XYZ.index(before[1])]
+    elif before:
+        whole *= R[XYZ.index(before[0])]
+    return summed(kinds, whole.expand())
+
+
 def _symmetric(Q: sm.Matrix) -> sm.Matrix:
     """tr(Q) 1 - sym(Q)."""
     return Q.trace() * sm.eye(3) - (Q + Q.T) / 2

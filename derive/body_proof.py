@@ -1,7 +1,8 @@
 """Proof that the printed kernels of a body are Kane's equations: their loops run over symbols, and nothing is left.
 
 The text itself is executed with symbols in its arrays, for small numbers of shapes, and compared with what KanesMethod
-derives of a body with as many (:mod:`kaneflex.derive.flexible`). Sums over equal indices are no different for more.
+derives of a body with as many (:mod:`kaneflex.derive.body_equations`). Sums over equal indices are no different for
+more.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from types import SimpleNamespace
 import sympy as sm
 from sympy.physics.mechanics import dynamicsymbols
 
-from kaneflex.derive.flexible import Slice, flexible_body
+from kaneflex.derive.body_equations import ACROSS, ALONG, EPSILON, OMEGA, place, planar_equations
 from kaneflex.derive.loops import block_symbols
 from kaneflex.derive.rigid import TIME
-from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, Slot
+from kaneflex.derive.spatial_shapes import coordinates
+from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK
 
 PROVED = ((0, 0), (1, 0), (0, 1), (1, 2), (2, 2))
 """Numbers of axial and transverse shapes for which the kernels are proved: every sum runs over none, one and two."""
@@ -68,44 +70,43 @@ def comparisons(text: str, axial: int, transverse: int) -> Comparisons:
 
 
 def _of_body(kernels: SimpleNamespace, axial: int, transverse: int):
-    body = flexible_body(axial, transverse, True)
-    n, shapes = len(body.q), axial + transverse
-    known = {moment.name for moment in body.moments}
-    p = _block(BODY_BLOCK, axial, transverse, known | {f"stiffness_{k}" for k in range(shapes)} | _damping(shapes))
+    shapes = axial + transverse
+    n, own = 3 + shapes, planar_equations(axial, transverse)
+    p = [expression for expression, *_ in block_symbols(BODY_BLOCK, axial, transverse)]
     stiffness = sm.diag(*(sm.Symbol(f"stiffness_{k}") for k in range(shapes)))
     damping = sm.Matrix(shapes, shapes, lambda j, k: sm.Symbol(f"damping_{min(j, k)}_{max(j, k)}"))
-    modal, rates = sm.Matrix(body.q[3:]), sm.Matrix(body.v[3:])
-    u, rate = sm.Matrix(body.v), sm.Matrix(sm.symbols(f"accel_:{n}"))
-    g_x, g_y = body.gravity
-    q, v, a = list(modal), list(rates), list(rate[3:])
+    q, v, a = (list(of) for of in zip(*map(coordinates, range(shapes)), strict=True)) if shapes else ([], [], [])
+    modal, rates = sm.Matrix(shapes, 1, q), sm.Matrix(shapes, 1, v)
+    inside = sm.Matrix([0, 0, 0, *(stiffness * modal + damping * rates)])
+    turn = sm.eye(n)
+    turn[:2, :2] = sm.Matrix([[C, -S], [S, C]])
+    x, y, v_x, v_y = sm.symbols("x y v_x v_y")
 
-    M = body.mass
+    M = own.jacobian([ALONG, ACROSS, EPSILON, *a])
     out = [sm.S.Zero] * n**2
     kernels.inertia(p, 0, q, 0, C, S, out, 0)
-    yield "inertia", out, list(M)
+    yield "inertia", out, list(turn * M * turn.T)
 
     out = [sm.S.Zero] * n
-    kernels.inverse(p, 0, q, v, a, 0, C, S, u[2], rate[0] - g_x, rate[1] - g_y, rate[2], out, 0)
-    inside = [0, 0, 0, *(stiffness * modal + damping * rates)]
-    yield "inverse", out, list(M * rate - body.forcing + sm.Matrix(inside))
+    kernels.inverse(p, 0, q, v, a, 0, C, S, OMEGA, x, y, EPSILON, out, 0)
+    yield "inverse", out, list(turn * own.xreplace({ALONG: C * x + S * y, ACROSS: C * y - S * x}) + inside)
 
     out = [sm.S.Zero] * 3
-    place = kernels.energy(p, 0, q, v, 0, C, S, *u[:3], out)
+    centre = kernels.energy(p, 0, q, v, 0, C, S, v_x, v_y, OMEGA, out)
+    u = turn.T * sm.Matrix([v_x, v_y, OMEGA, *v])
     strain, lost = (modal.T * stiffness * modal / 2, rates.T * damping * rates) if shapes else ([0], [0])
     yield "energy", out, [(u.T * M * u)[0] / 2, strain[0], lost[0]]
-    weight = -sum(g * (body.moments[0].symbol * r + of) for g, r, of in zip(body.gravity, body.q, place, strict=False))
-    yield "weight", [weight], [body.weight]
+    yield "centre", list(centre), list(turn[:2, :2] * sm.Matrix([M[1, 2], -M[0, 2]]))
 
 
 def _of_point(kernels: SimpleNamespace, axial: int, transverse: int):
-    slice_ = Slice(axial, transverse, rotary=True)
-    p = _block(POINT_BLOCK, axial, transverse, {str(symbol) for symbol in slice_.functions} | {"share"})
+    p = [expression for expression, *_ in block_symbols(POINT_BLOCK, axial, transverse)]
     b, a = ([dynamicsymbols(f"{name}_{k}") for k in range(count)] for name, count in (("b", axial), ("a", transverse)))
     modal = [*b, *a]
     q, v, a2 = ([sm.Symbol(f"{name}_{k}") for k in range(len(modal))] for name in ("q", "v", "accel"))
     plain = {c: symbol for c, symbol in zip(modal, q, strict=True)}
     rates = {c.diff(TIME, k): symbol for k, of in ((1, v), (2, a2)) for c, symbol in zip(modal, of, strict=True)}
-    inside = slice_.place(b, a)
+    inside = place(b, a)
 
     out = [sm.S.Zero] * 9
     kernels.deform(p, 0, q, v, a2, 0, out, 0)
@@ -125,17 +126,6 @@ def _of_point(kernels: SimpleNamespace, axial: int, transverse: int):
     out = [sm.S.Zero] * W.cols
     kernels.push(p, 0, q, 0, C, S, *force, out, 0)
     yield "push", out, list(W.T * force)
-
-
-def _damping(shapes: int) -> set[str]:
-    return {f"damping_{j}_{k}" for k in range(shapes) for j in range(k + 1)}
-
-
-def _block(block: Iterable[Slot], axial: int, transverse: int, known: set[str]) -> list[sm.Expr]:
-    """A block of symbols called as the moments are; what a body does not have is zero."""
-    found = [expression for expression, *_ in block_symbols(block, axial, transverse)]
-    unknown = {symbol: sm.S.Zero for x in found for symbol in x.free_symbols if symbol.name not in known}
-    return [expression.xreplace(unknown) for expression in found]
 
 
 def _plain(expression: sm.Expr) -> sm.Expr:

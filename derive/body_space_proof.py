@@ -14,7 +14,7 @@ from itertools import combinations_with_replacement
 import sympy as sm
 from sympy.polys.rings import PolyElement, PolyRing
 
-from kaneflex.derive.body_kinds import CUBIC, KINDS, XYZ, R, first_order, reading_order, second_order, summed
+from kaneflex.derive.body_kinds import CUBIC, KINDS, moment, reading_order
 from kaneflex.derive.body_proof import Comparisons, demand_equal, functions
 from kaneflex.derive.spatial_shapes import (
     ACCEL,
@@ -50,7 +50,7 @@ def prove(text: str) -> None:
 def comparisons(text: str, kinds: tuple[str, str]) -> Comparisons:
     """Every kernel of a body with one shape of each of these kinds."""
     kernels, fields = functions(text), list(reading_order(kinds))
-    moments = {symbol: _moment(kinds, *of) for symbol, *of in _MOMENTS}
+    moments = {symbol: moment(kinds, *of) for symbol, *of in _MOMENTS}
     known = (*MOTION, *VELOCITY, *(x for of in _COORDINATES for x in of), *_ELASTIC)
     free = set().union(*(value.free_symbols for value in (*moments.values(), *fields))) - {*known}
     ring = PolyRing([*known, *sorted(free, key=str)], sm.QQ, "lex")
@@ -92,18 +92,6 @@ def _kane() -> Callable:
     M = equations.jacobian([*ACCEL, *EPSILON, *_COORDINATES[2]])
     moments = dict.fromkeys(symbol for symbol, *_ in _MOMENTS)
     return sm.lambdify([*MOTION, *(x for of in _COORDINATES for x in of), *moments], [*equations, *M], "math")
-
-
-def _moment(kinds: tuple[str, str], name: str, j: int, k: int) -> sm.Expr:
-    """Sum over the mass of N_x, x_N_y, N_x_N_y, G_x or x_G_y of shapes of these kinds, in products of their fields."""
-    *before, letter, axis = name.split("_")
-    G = second_order(kinds[j], j, kinds[k], k) if letter == "G" else first_order(kinds[k], k)
-    whole = G[XYZ.index(axis)]
-    if len(before) == 2:
-        whole *= first_order(kinds[j], j)[XYZ.index(before[1])]
-    elif before:
-        whole *= R[XYZ.index(before[0])]
-    return summed(kinds, whole.expand())
 
 
 def _cubic(text: str) -> Comparisons:

@@ -53,10 +53,16 @@ def pair(name: str, j: int, k: int) -> sm.Symbol:
 
 
 @cache
-def shaped_equations(count: int) -> sm.Matrix:
+def shaped_equations(count: int, planar: bool = False) -> sm.Matrix:
     """-fr* of a body with so many shapes in moments and MOTION, less that of the same body without: three forces, three
-    moments about its origin, then the row of each shape, (6 + count, 1)."""
-    rows = [_orders(row) for row in _of_particle(count)]
+    moments about its origin, then the row of each shape, (6 + count, 1).
+
+    ``planar``: of particles at z = 0 that stay there.
+    """
+    still = [_PLACE[2], *OMEGA[:2], *EPSILON[:2], ACCEL[2]]
+    still += [_N("z", j) for j in range(count)] + [_G("z", j, k) for j in range(count) for k in range(j, count)]
+    particle = _of_particle(count).xreplace(dict.fromkeys(still * planar, sm.S.Zero))
+    rows = [_orders(row) for row in particle]
     return sm.Matrix([_summed(first + second, count) for _, first, second in rows])
 
 
@@ -130,7 +136,7 @@ def _summed(expression: sm.Expr, count: int) -> sm.Expr:
     total = sm.S.Zero
     for powers, coefficient in sm.Poly(expression.expand(), *fields).terms():
         product = tuple(f for f, power in zip(fields, powers, strict=True) for _ in range(power))
-        total += products[product] * coefficient
+        total += products[product] * coefficient if coefficient else 0
     left = total.free_symbols & {_MASS, *_PLACE, *fields}
     if left or total.has(sm.Derivative):
         raise ValueError(f"Kane's equations of a body that deforms depend on {sorted(map(str, left))}")

@@ -10,7 +10,7 @@ import sympy as sm
 from runs import moments
 
 import kaneflex
-from kaneflex.derive.flexible import flexible_body
+from kaneflex.derive.body_equations import planar_equations
 from kaneflex.fem.shape_functions import shape_functions
 from kaneflex.generated.body import kernels
 from kaneflex.multibody.blocks import Blocks
@@ -22,7 +22,6 @@ from kaneflex.solve.coupled import simulate_coupled
 from kaneflex.solve.coupled_linearisation import modes_at_rest
 
 DATA = Path(__file__).parent / "data"
-S, C = sm.sin(sm.Symbol("phi")), sm.cos(sm.Symbol("phi"))
 
 
 def symbols(text):
@@ -32,25 +31,20 @@ def symbols(text):
 def test_a_body_without_shapes_is_the_rigid_body():
     """Mass matrix and forces of a rigid body about a point that is not its centre (Shabana 2013, eq. 3.4)."""
     m, m_X, m_Y, m_XX, m_YY, J, w = symbols("mass mass_X mass_Y mass_X_X mass_Y_Y inertia omega")
-    g_x, g_y = symbols("g_x g_y")
-    body = flexible_body(0, 0, True)
-    across, along = -S * m_X - C * m_Y, C * m_X - S * m_Y
-    M = sm.Matrix([[m, 0, across], [0, m, along], [across, along, m_XX + m_YY + J]])
-    f = sm.Matrix([m * g_x + w**2 * along, m * g_y - w**2 * across, across * g_x + along * g_y])
-    assert (body.mass - M).expand() == sm.zeros(3, 3)
-    assert (body.forcing - f).expand() == sm.zeros(3, 1)
+    a_x, a_y, epsilon = symbols("along across epsilon")  # less gravity, in the body's axes
+    M = sm.Matrix([[m, 0, -m_Y], [0, m, m_X], [-m_Y, m_X, m_XX + m_YY + J]])
+    f = sm.Matrix([w**2 * m_X, w**2 * m_Y, 0])
+    assert (planar_equations(0, 0) - (M * sm.Matrix([a_x, a_y, epsilon]) - f)).expand() == sm.zeros(3, 1)
 
 
 def linear_part():
     """d(M q'' - f)/d(q, q', q'') of the two modal rows about a rigid motion, at phi = 0 and without deformation."""
-    body = flexible_body(1, 1, False)
-    accelerations = sm.Matrix(symbols("a_x a_y epsilon b_2 a_2"))
-    residual = (body.mass * accelerations - body.forcing)[3:, :]
-    modal, rates = body.q[3:], body.v[3:]
-    still = dict.fromkeys((*body.q, *rates, *symbols("b_2 a_2 g_x g_y")), 0)
+    residual = planar_equations(1, 1)[3:, :]
+    modal, rates, accelerations = (symbols(f"{letter}_0 {letter}_1") for letter in "qvb")
+    still = dict.fromkeys((*modal, *rates, *accelerations, *symbols("inertia_psi_0 inertia_psi_0_psi_0")), 0)
     return [
         sm.Matrix(residual).jacobian(unknowns).xreplace(still).applyfunc(sm.expand)
-        for unknowns in (modal, rates, symbols("b_2 a_2"))
+        for unknowns in (modal, rates, accelerations)
     ]
 
 
@@ -58,7 +52,7 @@ def test_linearised_about_a_prescribed_motion_it_is_the_stiffened_link():
     """K = -omega^2 M + epsilon G + K_g with P of the link's own inertia, C = 2 omega G, M: term by term."""
     K, C_, M = linear_part()
     ss, ww, sw, H, XH = symbols("mass_s_0_s_0 mass_w_0_w_0 mass_s_0_w_0 mass_H_0_0 mass_X_H_0_0")
-    a_x, w, e = symbols("a_x omega epsilon")
+    a_x, w, e = symbols("along omega epsilon")
     G = sm.Matrix([[0, -sw], [sw, 0]])
     K_g = sm.Matrix([[0, 0], [0, -a_x * H + w**2 * XH]])  # P = omega^2 int_X^L rho A x dx - a_x int_X^L rho A dx
     assert M == sm.diag(ss, ww)
@@ -68,12 +62,12 @@ def test_linearised_about_a_prescribed_motion_it_is_the_stiffened_link():
 
 def test_rotary_inertia_turns_with_the_section():
     """A section carries 1/2 rho I (omega + psi')^2: mass beside translation, and nothing in K."""
-    body = flexible_body(0, 1, True)
+    equations = planar_equations(0, 1)
     ww, psi, psi2 = symbols("mass_w_0_w_0 inertia_psi_0 inertia_psi_0_psi_0")
-    straight = body.mass.xreplace(dict.fromkeys(body.q, 0))
-    assert straight[3, 3] == ww + psi2
-    assert straight[2, 3] == symbols("mass_X_w_0") + psi
-    assert not body.forcing.free_symbols & {psi, psi2}
+    assert equations[3].coeff(sm.Symbol("b_0")) == ww + psi2
+    assert equations[3].coeff(sm.Symbol("epsilon")) == symbols("mass_X_w_0") + psi
+    still = equations.xreplace(dict.fromkeys(symbols("epsilon b_0"), 0))
+    assert not still.free_symbols & {psi, psi2}
 
 
 @pytest.fixture(scope="module")
