@@ -78,7 +78,8 @@ def interpreted(module: types.ModuleType) -> dict[str, object]:
 def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
     bound = integrated(model(name))
     module, p = bound.module, bound.motion.parameters
-    library = ctypes.CDLL(str(built(c_model(bound.scene).texts, tmp_path, compiler, *SHARED, level="-O2")))
+    level = "-O2" if name == "engine" else "-O0"
+    library = ctypes.CDLL(str(built(c_model(bound.scene).texts, tmp_path, compiler, *SHARED, level=level)))
     prefix = name.replace("-", "_")
     times = np.linspace(0.0, bound.options.duration, 97)
     expected = bound.motion.table(times)
@@ -131,7 +132,8 @@ def test_a_program_without_python_takes_the_steps_of_a_run(name, integrator, com
     made = c_model(scene)
     assert {*scene.sensors} - {*made.readings.sensors} == {"round"}
     assert "Not round." in made.texts[f"{made.name}_data.h"]
-    assert off_the_run(made, ran(made, tmp_path, compiler, "-O2")) < 1e-9
+    level = "-O2" if (name, integrator) == ("engine", "radau") else "-O0"
+    assert off_the_run(made, ran(made, tmp_path, compiler, level)) < 1e-9
 
 
 # A loop closed about links that bend both ways, from rest over more than a cycle; one that is held once too often,

@@ -206,50 +206,6 @@ def elastic_shares(scene, elements, steps):
     return {each.sensor: each.peak_difference / each.reference_peak for each in found.differences}
 
 
-@pytest.mark.exhaustive(group="beams", share=3)
-def test_an_elastic_rod_in_space(peer, exhaustive):
-    """It bends both ways by some 3e-4 of its length; what is left in the displacements falls with the square of
-    Exudyn's elements' size, and is none of the forces'."""
-    peer("exudyn")
-    scene = with_settings(read_scene("spatial-slider-crank-elastic"), ["drives.shaft.speed=300 rpm"])
-    fine = elastic_shares(scene, 12, 180)
-    assert set(fine) == set(scene.sensors)
-    assert fine["slider_x"] < 1e-7 and fine["rod_force"] < 4e-3
-    assert fine["side_force"] < 1e-3 and fine["crank_torque"] < 1e-3
-    coarse = elastic_shares(scene, 6, 180) if exhaustive else {}
-    for sensor in ("mid_y", "mid_z", "rod_moment"):
-        assert fine[sensor] < 0.02 and fine[sensor] < 0.3 * coarse.get(sensor, 1.0), sensor
-
-
-@pytest.mark.exhaustive(group="beams", share=3)
-def test_links_that_bend_more_are_further_apart(peer, exhaustive):
-    """The follower of the four-bar bends by 1 % of its length at 300 rpm and by 0.1 % at 100 rpm, where what is left in
-    displacements is the size of Exudyn's elements."""
-    peer("exudyn")
-    scene = read_scene("four-bar-misaligned")
-    slow = elastic_shares(with_settings(scene, ["drives.main.speed=100 rpm"]), 8, 180)
-    assert slow["out_of_plane"] < 5e-5 and slow["follower_moment"] < 0.01 and slow["crank_torque"] < 5e-3
-    assert slow["coupler_mid"] < 0.03 and slow["follower_mid"] < 0.03
-    if exhaustive:
-        fast = elastic_shares(scene, 8, 180)
-        assert fast["coupler_mid"] < 0.05 and fast["follower_mid"] < 0.05
-        assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
-
-
-@pytest.mark.exhaustive(group="beams", share=3)
-def test_a_four_bar_that_bends_back_on_its_motion_is_that_of_exact_rods(peer, exhaustive):
-    """From rest to 1 % of its links' lengths, undamped: what is left under preset coupled is the size of Exudyn's
-    elements, squared. Its coupler hangs on a universal joint, its follower on a pin that is none of its axes."""
-    peer("exudyn")
-    settings = ["solve.preset=coupled", "solve.modes=5", "damping=none", "sensors.follower_moment=none"]
-    settings += ["solve.start=zero", "solve.duration=9 ms", "solve.steps=36"]
-    scene = with_settings(read_scene("four-bar-misaligned"), settings)
-    fine, coarse = elastic_shares(scene, 16, 80), elastic_shares(scene, 8, 40) if exhaustive else {}
-    for sensor in ("coupler_mid", "follower_mid"):
-        assert fine[sensor] < 4e-3 and 3 * fine[sensor] < coarse.get(sensor, 1.0), sensor
-    assert fine["out_of_plane"] < 3e-3
-
-
 CANTILEVER = """
 gravity = [0, 0, -9.81]
 [bodies.arm]
@@ -299,7 +255,7 @@ start = "periodic"
 """
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(group="beams", share=4)
 def test_sections_rotations_and_rates_of_an_elastic_arm(peer, tmp_path, exhaustive):
     """A heavy fork across the tip of an arm that turns bends it both ways and twists it. The moments that
     displaced forces have, which one-way coupling leaves out, fall with the displacements of an arm eight times stiffer.
@@ -310,6 +266,50 @@ def test_sections_rotations_and_rates_of_an_elastic_arm(peer, tmp_path, exhausti
     if exhaustive:
         soft = elastic_shares(scene_of(tmp_path, CANTILEVER), 8, 180)
         assert all(4 * stiff[each] < soft[each] < 0.06 for each in ("motor", "moment", "shear", "place"))
+
+
+@pytest.mark.exhaustive(group="beams", share=4)
+def test_an_elastic_rod_in_space(peer, exhaustive):
+    """It bends both ways by some 3e-4 of its length; what is left in the displacements falls with the square of
+    Exudyn's elements' size, and is none of the forces'."""
+    peer("exudyn")
+    scene = with_settings(read_scene("spatial-slider-crank-elastic"), ["drives.shaft.speed=300 rpm"])
+    fine = elastic_shares(scene, 12, 180)
+    assert set(fine) == set(scene.sensors)
+    assert fine["slider_x"] < 1e-7 and fine["rod_force"] < 4e-3
+    assert fine["side_force"] < 1e-3 and fine["crank_torque"] < 1e-3
+    coarse = elastic_shares(scene, 6, 180) if exhaustive else {}
+    for sensor in ("mid_y", "mid_z", "rod_moment"):
+        assert fine[sensor] < 0.02 and fine[sensor] < 0.3 * coarse.get(sensor, 1.0), sensor
+
+
+@pytest.mark.exhaustive(group="beams", share=4)
+def test_links_that_bend_more_are_further_apart(peer, exhaustive):
+    """The follower of the four-bar bends by 1 % of its length at 300 rpm and by 0.1 % at 100 rpm, where what is left in
+    displacements is the size of Exudyn's elements."""
+    peer("exudyn")
+    scene = read_scene("four-bar-misaligned")
+    slow = elastic_shares(with_settings(scene, ["drives.main.speed=100 rpm"]), 8, 180)
+    assert slow["out_of_plane"] < 5e-5 and slow["follower_moment"] < 0.01 and slow["crank_torque"] < 5e-3
+    assert slow["coupler_mid"] < 0.03 and slow["follower_mid"] < 0.03
+    if exhaustive:
+        fast = elastic_shares(scene, 8, 180)
+        assert fast["coupler_mid"] < 0.05 and fast["follower_mid"] < 0.05
+        assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
+
+
+@pytest.mark.exhaustive(group="beams", share=4)
+def test_a_four_bar_that_bends_back_on_its_motion_is_that_of_exact_rods(peer, exhaustive):
+    """From rest to 1 % of its links' lengths, undamped: what is left under preset coupled is the size of Exudyn's
+    elements, squared. Its coupler hangs on a universal joint, its follower on a pin that is none of its axes."""
+    peer("exudyn")
+    settings = ["solve.preset=coupled", "solve.modes=5", "damping=none", "sensors.follower_moment=none"]
+    settings += ["solve.start=zero", "solve.duration=9 ms", "solve.steps=36"]
+    scene = with_settings(read_scene("four-bar-misaligned"), settings)
+    fine, coarse = elastic_shares(scene, 16, 80), elastic_shares(scene, 8, 40) if exhaustive else {}
+    for sensor in ("coupler_mid", "follower_mid"):
+        assert fine[sensor] < 4e-3 and 3 * fine[sensor] < coarse.get(sensor, 1.0), sensor
+    assert fine["out_of_plane"] < 3e-3
 
 
 @pytest.mark.parametrize(
