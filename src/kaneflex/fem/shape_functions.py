@@ -12,22 +12,22 @@ def shape_functions(x: float, length: float, phi_s: float = 0.0, growth: float =
     loads at its nodes (Przemieniecki 1968): v' - theta is the shear strain -phi_s length^2 d3v/dx3 / 12. Its theta
     bows where E I grows over the element, by `growth` of its mean.
     """
-    s = x / length
-    b = 1.0 / (1.0 + phi_s)
+    x = float(x)  # numbers of NumPy are slow
+    s, b = x / length, 1.0 / (1.0 + float(phi_s))
     c = 1.0 - b
-    shear = c * s * (1 - s) * length / 2
-    shape = np.array([
-        [1 - s, 0, 0, s, 0, 0],
-        [0, b * (1 - 3 * s**2 + 2 * s**3) + c * (1 - s), b * x * (1 - s) ** 2 + shear,
-         0, b * (3 * s**2 - 2 * s**3) + c * s, b * x * (s**2 - s) - shear],
-        [0, 6 * b * (s**2 - s) / length, b * (1 - 4 * s + 3 * s**2) + c * (1 - s),
-         0, 6 * b * (s - s**2) / length, b * (3 * s**2 - 2 * s) + c * s],
-    ])  # fmt: skip
-    bow = c * growth / 12 * np.array([0, 0, -1, 0, 0, 1])
-    shape[1] += length * (3 * s**2 - 2 * s**3 - s) * bow
-    shape[2] += 6 * (s - s**2) * bow
-    strain = c * np.array([0, -1 / length, -1 / 2, 0, 1 / length, -1 / 2]) - bow
-    return np.vstack([shape, shape[2] + strain])
+    shear, bow = c * s * (1 - s) * length / 2, c * float(growth) / 12
+    hump, bend, mean = length * (3 * s**2 - 2 * s**3 - s) * bow, 6 * (s - s**2) * bow, c / length
+    v = (b * (1 - 3 * s**2 + 2 * s**3) + c * (1 - s), b * x * (1 - s) ** 2 + shear - hump,
+         b * (3 * s**2 - 2 * s**3) + c * s, b * x * (s**2 - s) - shear + hump)  # fmt: skip
+    theta = (6 * b * (s**2 - s) / length, b * (1 - 4 * s + 3 * s**2) + c * (1 - s) - bend,
+             6 * b * (s - s**2) / length, b * (3 * s**2 - 2 * s) + c * s + bend)  # fmt: skip
+    strain = -mean, -c / 2 + bow, mean, -c / 2 - bow
+    return np.array([
+        1 - s, 0, 0, s, 0, 0,
+        0, v[0], v[1], 0, v[2], v[3],
+        0, theta[0], theta[1], 0, theta[2], theta[3],
+        0, theta[0] + strain[0], theta[1] + strain[1], 0, theta[2] + strain[2], theta[3] + strain[3],
+    ]).reshape(4, 6)  # fmt: skip
 
 
 def spatial_shape_functions(
@@ -40,12 +40,14 @@ def spatial_shape_functions(
     found = np.zeros((8, 12))
     u, v, theta, slope = shape_functions(x, length, phi[0], growth[0])
     _, w, minus_theta_y, slope_z = shape_functions(x, length, phi[1], growth[1])
-    signs = np.array([1, 1, -1, 1, 1, -1])
-    found[np.ix_((0, 1, 5, 6), _Y_PLANE)] = u, v, theta, slope
-    found[np.ix_((2, 4, 7), _Z_PLANE)] = w * signs, -minus_theta_y * signs, slope_z * signs
+    found[_Y_PLANE] = u, v, theta, slope
+    found[_Z_PLANE] = w * _SIGNS, -minus_theta_y * _SIGNS, slope_z * _SIGNS
     found[3, [3, 9]] = u[[0, 3]]
     return found
 
 
-_Y_PLANE, _Z_PLANE = (0, 1, 5, 6, 7, 11), (0, 2, 4, 6, 8, 10)
-"""The planar element's coordinates u, v, theta in each plane of bending."""
+_Y_PLANE = np.ix_((0, 1, 5, 6), (0, 1, 5, 6, 7, 11))
+_Z_PLANE = np.ix_((2, 4, 7), (0, 2, 4, 6, 8, 10))
+"""Rows, and the planar element's coordinates u, v, theta, in each plane of bending."""
+_SIGNS = np.array([1, 1, -1, 1, 1, -1])
+"""Signs of these in the x-z plane, where theta_y = -w'."""

@@ -146,7 +146,7 @@ def _turn_on(q: np.ndarray, u: np.ndarray, theta: np.ndarray, rate: np.ndarray) 
 def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
     """Warnings about bodies with large bending at a joint whose rotation their shapes can represent as well, though a
     law or a spring uses the joint's angle."""
-    system, seen, found = motion.module.system, motion.at(times), list[str]()
+    system, seen, found = motion.module.system, motion.moved(times), list[str]()
     mechanism, layout = system.mechanism, system.layout
     for name, (_, child) in layout.tree.items():
         joint = mechanism.joints[name]

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint
@@ -300,13 +301,27 @@ class SpatialMotion(RigidMotion):
     def taken(self, instants: np.ndarray) -> SpatialMotion:
         return SpatialMotion(self.motion, self.times[instants], self.values[instants])
 
+    def modal(self, body: str) -> Rates:
+        """Amplitudes of a body's shapes, their rates and accelerations, (count, n_times) each."""
+        if body not in self._modal:
+            count = self.system.layout.shapes[body].count
+            names = [name for name, _ in modal_scalars(body, count)]
+            found = np.array([self[name] for name in names]).reshape(3, count, len(self.times))
+            self._modal[body] = found[0], found[1], found[2]
+        return self._modal[body]
+
+    @cached_property
+    def _modal(self) -> dict[str, Rates]:
+        """Results, as every section of a body reads them."""
+        return {}
+
     def frame(self, body: str) -> SpatialFrame:  # type: ignore[override]
         """The axes of a body, or of the ground."""
         return SpatialFrame(self, body)
 
     def deformed(self, side: Side) -> Deformed:
         """Motion of a point of a deforming body relative to its body's axes."""
-        return deformed(self, self.system.layout.shapes[side.body], side)
+        return deformed(self.system.layout.shapes[side.body], side, self.modal(side.body))
 
     def section_frame(self, side: Side) -> tuple[SpatialFrame, Side]:
         """Axes of the section at a point, and the point in these."""

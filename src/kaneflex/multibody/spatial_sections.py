@@ -11,7 +11,6 @@ from numba import njit
 
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side
 from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
 from kaneflex.multibody.spatial_system import SpatialSystem
@@ -58,11 +57,11 @@ class Deformed:
     turning: tuple[np.ndarray, np.ndarray]
 
 
-def deformed(motion: RigidMotion, shapes: Deformable, side: Side) -> Deformed:
+def deformed(shapes: Deformable, side: Side, amplitudes: Rates) -> Deformed:
     """Motion of a point of a deforming body; a point beside its carrier moves rigidly with the section there."""
     place = shapes.carrier(side.at)
     (rows, G), beside = shapes.at(place), np.subtract(side.at, place)
-    q, u, b = (np.array([motion[f"{side.body}.shape_{k}{tail}"] for k in range(shapes.count)]) for tail, _ in _RATES)
+    q, u, b = amplitudes
     d, d_rate, d_accel = (rows[:3] @ of for of in (q, u, b))
 
     def second(one: np.ndarray, other: np.ndarray) -> np.ndarray:

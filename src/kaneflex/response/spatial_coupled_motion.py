@@ -31,11 +31,7 @@ class SpatialCoupledMotion(Motion):
         return cast(Rates, tuple(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def modal(self, body: str) -> Rates:
-        count = self._moving.system.layout.shapes[body].count
-        return cast(Rates, tuple(
-            np.array([self.rigid[f"{body}.shape_{k}{tail}"] for k in range(count)]).reshape(-1, len(self.times))
-            for tail in ("", "_rate", "_accel")
-        ))  # fmt: skip
+        return self._moving.modal(body)
 
     @property
     def has_rigid_forces(self) -> bool:

@@ -11,9 +11,10 @@ import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.spatial import Side
-from kaneflex.mechanism.spatial_frame import SpatialFrame, cross
+from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
 from kaneflex.multibody.spatial_motion import SpatialMotion
+from kaneflex.multibody.spatial_sections import Deformed
 from kaneflex.multibody.spatial_shapes import SpatialShapes
 from kaneflex.response.dalembert import GAUSS, DAlembert
 
@@ -29,27 +30,48 @@ class SpatialBalance(DAlembert):
         """Section forces N, V_y, V_z, T, M_y, M_z at x [m] from the start, in the axes of the tangent, the chord or
         the mean rotation, as in the plane; (6, n_times)."""
         total = self.before(x, after)
-        total[3:] -= cross(self._place(self._section(x)), total[:3])
+        total[3:] -= cross(self._place(x, self._at(x)), total[:3])
         return cast(np.ndarray, np.einsum("jit,kjt->kit", self._axes, total.reshape(2, 3, -1)).reshape(6, -1))
 
     def _sums(self, e: int, b: float) -> np.ndarray:
-        scene, frame, total = self.motion.system.scene, self._frame, np.zeros((6, len(self.motion.times)))
-        profile, gravity = scene.bodies[self.body].spatial_profile, self.motion.system.mechanism.gravity[:, None]
-        a = self._link.nodes[e]
-        for point, weight in zip(*GAUSS, strict=True) if b > a else ():
-            x = 0.5 * (a + b) + 0.5 * (b - a) * point
-            section, made_of = profile.at(x)
+        a, n = self._link.nodes[e], len(self.motion.times)
+        if not b > a:
+            return np.zeros((6, n))
+        points, weights = 0.5 * (a + b) + 0.5 * (b - a) * GAUSS[0], 0.5 * (b - a) * GAUSS[1]
+        parts, (rho_A, rho_I) = [self._at(x) for x in points], self._inertia(points)
+        turned, place = (np.concatenate(each, axis=-1) for each in (
+            [part.turned for part in parts], [self._place(*at) for at in zip(points, parts, strict=True)]
+        ))  # fmt: skip
+        _, rate, accel, turning, faster = (
+            np.hstack(each) for each in zip(*((*part.moved, *part.turning) for part in parts), strict=True)
+        )  # fmt: skip
+        falling, omega, epsilon = (np.tile(part, len(points)) for part in self._carried)
+        accel += falling + cross(epsilon, place) + cross(omega, cross(omega, place)) + 2.0 * cross(omega, rate)
+        to_section, I = turned.swapaxes(0, 1), np.repeat(rho_I, n, axis=1)
+        own = applied(to_section, omega + turning)
+        own_rate = applied(to_section, epsilon + cross(omega, turning) + faster)
+        force = np.repeat(rho_A, n) * accel
+        for first, rise in self._spread:
+            force -= np.tile(first, len(points)) + np.kron(points, rise)
+        moment = cross(place, force) + applied(turned, I * own_rate + cross(own, I * own))
+        return np.asarray(np.vstack([force, moment]).reshape(6, -1, n).transpose(0, 2, 1) @ weights)
+
+    def _inertia(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mass and rotary inertias about x, y, z per length at some points, (n,) and (3, n)."""
+        profile, found = self.motion.system.scene.bodies[self.body].spatial_profile, []
+        for section, made_of in map(profile.at, points):
             assert made_of.rho is not None  # checked with the scene
-            here = self._section(x)
-            of_area = np.array([section.I_y + section.I_z, section.I_y * profile.rotary, section.I_z * profile.rotary])
-            omega, epsilon = here.to_body(here.omega), here.to_body(here.epsilon)
-            inertia = made_of.rho * of_area[:, None]
-            turning = here.to_global(inertia * epsilon + cross(omega, inertia * omega))
-            force = made_of.rho * section.A * frame.to_body(here.acceleration(np.zeros(3)) - gravity)
-            force -= sum(first + x * rise for first, rise in self._spread)
-            moment = cross(self._place(here), force) + frame.to_body(turning)
-            total += 0.5 * (b - a) * weight * np.vstack([force, moment])
-        return total
+            turns = section.I_y + section.I_z, section.I_y * profile.rotary, section.I_z * profile.rotary
+            found.append([made_of.rho * of for of in (section.A, *turns)])
+        of_mass, *of_turns = np.array(found).T
+        return of_mass, np.array(of_turns)
+
+    @cached_property
+    def _carried(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Acceleration of the origin less gravity, angular velocity and acceleration of the body's axes, in these."""
+        frame, gravity = self._frame, self.motion.system.mechanism.gravity[:, None]
+        of = frame.acceleration(np.zeros(3)) - gravity, frame.omega, frame.epsilon
+        return frame.to_body(of[0]), frame.to_body(of[1]), frame.to_body(of[2])
 
     def _pushing(self) -> Iterator[tuple[float, np.ndarray]]:
         mechanism = self.motion.system.mechanism
@@ -68,8 +90,8 @@ class SpatialBalance(DAlembert):
         for name, load in scene.spreads.items():
             if load.spread_on == self.body:
                 direction = np.outer(loads[name].direction, self.motion[name])
-                start = self._section(0.0)
-                push = self._frame.to_body(start.to_global(direction) if loads[name].in_body else direction)
+                turned = self._at(0.0).turned
+                push = applied(turned, direction) if loads[name].in_body else self._frame.to_body(direction)
                 first, last = load.profile
                 yield first * push, (last - first) / self._link.length * push
 
@@ -78,15 +100,15 @@ class SpatialBalance(DAlembert):
         """Axes of the components in the body's axes, columns (3, 3, n_times)."""
         from scipy.spatial.transform import Rotation
 
-        q = np.array([self.motion[f"{self.body}.shape_{k}"] for k in range(self._shapes.count)])
+        q, *_ = self.motion.modal(self.body)
         return Rotation.from_rotvec((self._shapes.turn @ q).T).as_matrix().transpose(1, 2, 0)
 
-    def _section(self, x: float) -> SpatialFrame:
-        return self.motion.section_frame(Side(self.body, (x, 0.0, 0.0)))[0]
+    def _at(self, x: float) -> Deformed:
+        return self.motion.deformed(Side(self.body, (x, 0.0, 0.0)))
 
-    def _place(self, section: SpatialFrame) -> np.ndarray:
+    def _place(self, x: float, section: Deformed) -> np.ndarray:
         """Position of a section in the body's axes."""
-        return self._frame.to_body(section.place(np.zeros(3)) - self._frame.origin)
+        return np.asarray(section.moved[0] + np.array([[x], [0.0], [0.0]]))
 
     @cached_property
     def _frame(self) -> SpatialFrame:

@@ -26,10 +26,8 @@ def slow_state(system: SpatialSystem, start: State, duration: float) -> State:
         still = balanced(system, start)
         columns = independent_shapes(system, still)
         beside, which = neighbours(system, still, columns), still.choice.independent[columns]
-        slope = beside.slopes(system.instants(beside.found).du[:, which])
-        system.project(still.t, still.q, still.u, still.choice)
-        N = system.basis(still.choice)[columns]
-        inertia = N @ system.mass(still.sizes) @ N.T
+        slope = np.linalg.solve(beside.mass, beside.forces)[columns]
+        inertia = beside.mass[np.ix_(columns, columns)]
 
         def residual(times: np.ndarray, z: np.ndarray) -> np.ndarray:
             later = (times - still.t)[:, None]
