@@ -8,10 +8,11 @@ import pytest
 from integrate_cases import affine, constant, parametric
 
 from kaneflex.integrate import periodic
+from kaneflex.integrate.by_steps import cycle_map, periodic_near
 from kaneflex.integrate.methods import METHODS, tableau
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import _verdict
-from kaneflex.integrate.run import Run, cycle_map, integrate, periodic_near
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
@@ -310,7 +311,7 @@ def test_shapes_are_checked():
 
 
 def test_import_leaves_scipy_integrate_alone():
-    code = "import sys, kaneflex.integrate.run; print('scipy.integrate' in sys.modules)"
+    code = "import sys, kaneflex.integrate.by_steps; print('scipy.integrate' in sys.modules)"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert result.stdout.strip() == "False", result.stderr
 

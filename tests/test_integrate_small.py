@@ -7,7 +7,8 @@ import pytest
 from integrate_cases import affine
 
 from kaneflex.integrate import conventions, dense, steppers, stepping
-from kaneflex.integrate.run import Run, integrate, set_up
+from kaneflex.integrate.by_steps import set_up
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.integrate.stepping import State, Stored
 
 STEPS, EVERY, ENOUGH = 21, 3, 1e300

@@ -6,8 +6,9 @@ from integrate_cases import affine
 from runs import model
 
 from kaneflex.integrate import stepping
+from kaneflex.integrate.by_steps import cycle_map, set_up
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.run import Run, cycle_map, integrate, set_up
+from kaneflex.integrate.run import Run, integrate
 
 ALWAYS, NEVER = 1, 10**9
 METHODS = ("newmark", "generalised-alpha")

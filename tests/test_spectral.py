@@ -12,11 +12,12 @@ from scipy.sparse import csr_array
 import kaneflex
 from kaneflex import load, simulate
 from kaneflex.integrate import conventions
+from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.conventions import ORDER, aligned, turns
 from kaneflex.integrate.disturbances import monodromy
 from kaneflex.integrate.fourier import interpolate, to_harmonics, to_instants
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.run import Run, cycle_map, integrate
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.integrate.spectral import Grid, periodic_orbit
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.scene import with_settings

@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
-from kaneflex.integrate.run import Run, cycle_map, integrate
+from kaneflex.integrate.by_steps import cycle_map
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.response.frozen import buckling, freeze, lost_stiffness
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.validity import validity_warnings

@@ -1,6 +1,7 @@
 """Integrators of M(t) z'' + C(t) z' + K(t) z = F(t), reading a table of the motion's scalars.
 
-run                       integrate a system
+task, run                 input of an integration; integrate a system
+by_steps, by_scipy        with steps of equal length; with steps that scipy chooses
 methods, outcome          which methods there are; how a run ended
 system, streams           what is integrated; its table, in pieces or in segments of time
 stepping, periodic        drive the loops over a run, and to the motion that repeats itself

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.task import Progress
 from kaneflex.support.errors import UserError
+
+if TYPE_CHECKING:
+    from kaneflex.integrate.streams import CoefficientStream
+    from kaneflex.integrate.system import AffineSystem
 
 IMPLICIT = ("Radau", "BDF", "LSODA")
 """Implicit methods of scipy, which use a Jacobian."""
@@ -29,7 +36,6 @@ _DECAYS = 1e5
 """Number of time constants of the fastest decay in a run above which it is stiff from its start."""
 
 Rates = Callable[[float, np.ndarray], np.ndarray]
-Progress = Callable[[float], None]
 
 
 def solution(
@@ -132,3 +138,44 @@ def jacobian_of(rates: Rates, sizes: np.ndarray) -> Callable[[float, np.ndarray]
         return found
 
     return jacobian
+
+
+_RELATIVE, _ABSOLUTE = 1e-11, 1e-16  # tolerances: near the best that the methods of solve_ivp reach
+_METHODS = ("DOP853", "Radau", "LSODA", "RK45", "BDF")
+
+
+def solve_ivp_run(
+    system: AffineSystem,
+    stream: CoefficientStream,
+    n_steps: int,
+    every: int,
+    start: tuple[np.ndarray, np.ndarray],
+    scipy_method: str,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Integrate with steps chosen by scipy's method and report at every `every`-th step of the stream."""
+    if scipy_method not in _METHODS:
+        cure = f"Use one of {', '.join(_METHODS)}"
+        raise UserError("scipy_method", scipy_method, "unknown to solve_ivp", cure)
+    n = system.n
+    times = stream.t0 + stream.step * (every * np.arange(n_steps // every + 1))
+
+    def accelerations(t: float, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        row = stream.row(t)
+        mass, damping, stiffness, force = (system.dense(name, row) for name in ("M", "C", "K", "F"))
+        return np.linalg.solve(mass, force - damping @ v - stiffness @ z)
+
+    def slope(t: float, x: np.ndarray) -> np.ndarray:
+        return np.concatenate((x[n:], accelerations(t, x[:n], x[n:])))
+
+    span, first = (times[0], times[-1]), np.concatenate(start)
+    started = time.perf_counter()
+    curve, failed = solution(scipy_method, slope, span, first, progress, [0], rtol=_RELATIVE, atol=_ABSOLUTE)
+    spent = time.perf_counter() - started
+    times = times[times <= (span[0] if curve is None else curve.t_max)]
+    states = first[None] if curve is None else curve(times).T
+    z, v = states[:, :n], states[:, n:]
+    a = np.array([accelerations(*each) for each in zip(times, z, v, strict=True)]).reshape(-1, n)
+    outcome = Outcome.UNSTABLE if failed else Outcome.COMPLETED
+    message = f"{outcome.value}: {failed}" if failed else outcome.value
+    return Trajectory(times, z, v, a, outcome, message, None, 1e9 * spent / n_steps)

@@ -244,8 +244,26 @@ def _moved(n, w, factor, basis, small, count, z, out):
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 @made_of(conventions.__file__, lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
 def corrected(
-    n, w, sums, factor, shapes, modes, circle, across, omega, tolerance, share, over_tail, slowest, start, its_circle,
-    vectors, taken, signals, small, history,
+    n,
+    w,
+    sums,
+    factor,
+    shapes,
+    modes,
+    circle,
+    across,
+    omega,
+    tolerance,
+    share,
+    over_tail,
+    slowest,
+    start,
+    its_circle,
+    vectors,
+    taken,
+    signals,
+    small,
+    history,
 ):
     """Motion on one grid, to the accuracy of the grid, in place of vectors[0], (blocks, n, LANES).
 

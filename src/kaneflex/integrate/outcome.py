@@ -66,3 +66,8 @@ class Trajectory:
         None if not computed.
         """
         return self.floquet() if callable(self.floquet) else self.floquet
+
+
+def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
+    """Multipliers of largest modulus (2 n of them), largest first."""
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")][: 2 * n].astype(complex)

@@ -8,9 +8,10 @@ from functools import reduce
 import numpy as np
 
 from kaneflex.integrate.conventions import LANES
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.outcome import Outcome, leading
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
 from kaneflex.integrate.streams import TimeSegments
+from kaneflex.integrate.task import LONGEST_STEP
 from kaneflex.support.errors import SceneError
 
 Maps = tuple[TimeSegments, np.ndarray, np.ndarray]
@@ -20,7 +21,6 @@ _GROWS = 1e6  # in a cycle, of which rounding becomes 1e-10
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
 _MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
 _FOR_A_STEP, _MOST_OPERATIONS = 300, 1.5e12  # by n^2: of all 2 n states (engine: 4e10 in 6.5 s of a core); of a cycle
-LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
 _SHARE, _MOST_CYCLES = 1e-4, 100
 """Relative residual of the periodic state after its correction, and largest number of cycles for it."""
 _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the root of the rounding error
@@ -200,11 +200,6 @@ def unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
     load_factor = np.zeros(size + 1)
     load_factor[size] = 1.0
     return states_of(setup, np.broadcast_to(x.reshape(*x.shape, *(1 for _ in lanes)), (*x.shape, *lanes))), load_factor
-
-
-def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
-    """Multipliers of largest modulus (2 n of them), largest first."""
-    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")][: 2 * n].astype(complex)
 
 
 def states_of(setup: Setup, x: np.ndarray) -> State:

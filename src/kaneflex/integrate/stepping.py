@@ -16,10 +16,8 @@ from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.streams import CoefficientStream, TimeSegments
 from kaneflex.integrate.system import AffineSystem, Layout, layout_of
+from kaneflex.integrate.task import Progress
 from kaneflex.support.machine_code import Kernel
-
-Progress = Callable[[float], None]
-"""Called with the finished share of the work, 0 to 1, a few times a second."""
 
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
 _RUNAWAY = 1e12  # times the largest displacement that the forces could cause on the free masses

@@ -9,10 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.integrate.conventions import LANES
+from kaneflex.integrate.task import Table
 from kaneflex.support.errors import UserError
-
-Table = Callable[[np.ndarray], np.ndarray]
-"""Scalars of the motion, shape (n_times, n_scalars), at times, shape (n_times,), in s."""
 
 LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without a cycle: 16 MB
 

@@ -12,10 +12,9 @@ from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, draw_triad, frame_axes
+from kaneflex.plots.drawing import draw_outline, draw_scenery, draw_triad, frame_axes
 from kaneflex.plots.enlarged import caption_at, enlarged
 from kaneflex.plots.link_colours import LinkColours, stress_field
-from kaneflex.plots.mechanism import grounded
 from kaneflex.plots.style import new_figure, wrapped
 from kaneflex.plots.view import FRAMES, frames_of, view
 from kaneflex.support.errors import installed, told
@@ -110,8 +109,7 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     axes = figure.subplots()
     width, height = frame_axes(axes, [still, moved], fixed)
     figure.set_size_inches(6.0, min(6.0, max(2.4, 5.2 * height / width + 1.1)))
-    draw_scenery(axes, fixed)
-    draw_guides(axes, fixed, grounded(solution.model.scene), still)
+    draw_scenery(axes, fixed, still)
     ghosts = [] if fixed.view is not None else [draw_outline(axes, still, 0, ghost=True)]
     solid = draw_outline(axes, moved, 0)
     caption = axes.set_title(caption_at(shown, 0))

@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, draw_triad, frame_axes
+from kaneflex.plots.drawing import MM, draw_outline, draw_scenery, draw_triad, frame_axes
 from kaneflex.plots.enlarged import Enlarged, caption_at, enlarged
 from kaneflex.plots.link_colours import LinkColours, displacement_field, stress_field
-from kaneflex.plots.mechanism import grounded
 from kaneflex.plots.style import new_figure, readable
 from kaneflex.plots.view import View, view
 from kaneflex.response.section_forces import joint_force
@@ -50,7 +49,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     field = None
     if found.moved.links and found.visible:
         field = stress_field(solution, shown.instants) or displacement_field(shown)
-    _draw(figure, axes, shown, found, 0.0 if field is None else _BAR)
+    _draw(figure, axes, found, 0.0 if field is None else _BAR)
     if field is not None:
         colours = LinkColours(axes, found.moved, field)
         width = figure.get_size_inches()[0]
@@ -110,7 +109,7 @@ def _joint_forces(solution: Solution) -> dict[str, np.ndarray]:
     return found
 
 
-def _draw(figure: Figure, axes: Axes, shown: View, found: Enlarged, beside: float) -> None:
+def _draw(figure: Figure, axes: Axes, found: Enlarged, beside: float) -> None:
     """Both outlines with the ground, in axes that fit them."""
     fixed = found.fixed
     width, height = frame_axes(axes, [found.still, found.moved], fixed, swept=False)
@@ -126,8 +125,7 @@ def _draw(figure: Figure, axes: Axes, shown: View, found: Enlarged, beside: floa
     (start, end), (low, high) = axes.get_xlim(), axes.get_ylim()
     wider, taller = max(0.0, across * height / tall - width) / 2, max(0.0, tall * width / across - height) / 2
     axes.set(xlim=(start - wider, end + wider), ylim=(low - taller, high + taller))
-    draw_scenery(axes, fixed)
-    draw_guides(axes, fixed, grounded(shown.solution.model.scene), found.still)
+    draw_scenery(axes, fixed, found.still)
     if found.visible:
         draw_outline(axes, found.still, 0, ghost=True)
     draw_outline(axes, found.moved, 0)

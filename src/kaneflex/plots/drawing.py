@@ -59,21 +59,35 @@ def ticks(points: np.ndarray) -> np.ndarray:
     return np.stack([at - across, at + across, np.full_like(at, np.nan)], axis=1).reshape(-1, 2)
 
 
-def draw_scenery(axes: Axes, fixed: Scenery) -> None:
-    """Ground pivots as triangles on a hatched base; the axes of the picture, in space as a triad with a scale."""
+def draw_scenery(axes: Axes, fixed: Scenery, outline: Outline) -> list[np.ndarray]:
+    """What stands still: pivots as triangles on a hatched base, and guides; returns their lines [mm].
+
+    A guide on the ground has two faces at the width of the body between them; in space it is an axis.
+    """
     size = MM * fixed.size
     strokes: list[np.ndarray] = []
-    for x, y in MM * fixed.pivots:
-        half, depth = 0.022 * size, 0.04 * size
-        triangle = np.array([(x, y), (x - half, y - depth), (x + half, y - depth)])
+    others = [MM * ends for ends in fixed.guides.values()] if fixed.view is not None else []
+    for ends in others:
+        axes.plot(*ends.T, color=GREY, linewidth=1.0, linestyle="-.", zorder=1)
+    for pivot in MM * fixed.pivots:
+        triangle = pivot + size * np.array([(0.0, 0.0), (-0.022, -0.04), (0.022, -0.04)])
         axes.add_patch(Polygon(triangle, facecolor="white", edgecolor="black", linewidth=0.9, zorder=1.5))
-        strokes += hatched(np.array([(x - 1.8 * half, y - depth), (x + 1.8 * half, y - depth)]), size, below=True)
+        others.append(triangle[[1, 0, 2]])
+        strokes += hatched(pivot + size * np.array([(-0.0396, -0.04), (0.0396, -0.04)]), size, below=True)
+    if fixed.view is None:
+        axes.set(xlabel="x [mm]", ylabel="y [mm]")
+        guides = {name: ends for name, ends in fixed.guides.items() if name not in fixed.carried}
+        # cylinders that share a bore are drawn once
+        bores = {tuple(np.round(ends.ravel() / fixed.size * 1e6)): name for name, ends in reversed(guides.items())}
+        for name in reversed(bores.values()):
+            box, ends = outline.boxes[name][0], MM * guides[name]
+            across = 0.5 * MM * (box[0] - box[3])
+            for face in (ends + across, ends[::-1] - across):
+                strokes += hatched(face, size, below=False)
     axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
     axes.set_aspect("equal")
     axes.grid(False)
-    if fixed.view is None:
-        axes.set_xlabel("x [mm]")
-        axes.set_ylabel("y [mm]")
+    return strokes + others
 
 
 def draw_triad(axes: Axes, view: np.ndarray, unit: str = "mm") -> list[np.ndarray]:
@@ -95,27 +109,6 @@ def draw_triad(axes: Axes, view: np.ndarray, unit: str = "mm") -> list[np.ndarra
     beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 8}
     axes.annotate(f"{length:g} {unit}", (ends[1], level[0]), (4, 0), **beside)
     return [*(np.array([origin, origin + 1.3 * reach * tip]) for tip in view.T), np.column_stack([ends, level])]
-
-
-def draw_guides(axes: Axes, fixed: Scenery, grounded: Mapping[str, bool], outline: Outline) -> None:
-    """Both faces of every guide on the ground, at the width of the body between them; in space its axis."""
-    if fixed.view is not None:
-        for ends in fixed.guides.values():
-            axes.plot(*(MM * ends).T, color=GREY, linewidth=1.0, linestyle="-.", zorder=1)
-        return
-    size = MM * fixed.size
-    strokes: list[np.ndarray] = []
-    drawn: set[tuple[int, ...]] = set()
-    for name, ends in fixed.guides.items():
-        key = tuple(np.round(ends.ravel() / fixed.size * 1e6).astype(int))
-        if not grounded[name] or key in drawn:  # cylinders that share a bore are drawn once
-            continue
-        drawn.add(key)
-        box = outline.boxes[name][0]
-        across = 0.5 * MM * (box[0] - box[3])
-        faces = (MM * ends + across, MM * ends[::-1] - across)
-        strokes += [stroke for face in faces for stroke in hatched(face, size, below=False)]
-    axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
 
 
 def hatched(face: np.ndarray, size: float, below: bool) -> list[np.ndarray]:

@@ -55,8 +55,8 @@ def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
     swept = np.concatenate(swept)
     lower, upper = swept.min(axis=0), swept.max(axis=0)
     size = float(np.hypot(*(upper - lower))) or 1.0
-    guides = {}
-    for name, (carrier, rider, direction) in guides_of(scene).items():
+    guides, all_guides = {}, guides_of(scene)
+    for name, (carrier, rider, direction) in all_guides.items():
         points = _rigid_point(rigid, rider.body, scene.point(rider))
         if carrier.body != "ground":
             points = _to_body(rigid, carrier.body, points)
@@ -69,7 +69,8 @@ def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
         for address in joint.addresses
         if joint.kind != "prismatic" and address.body == "ground"
     ]
-    return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper)
+    held = frozenset(name for name, (carrier, *_) in all_guides.items() if carrier.body != "ground")
+    return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper, carried=held)
 
 
 def guides_of(scene: Scene) -> dict[str, tuple[Address, Address, Place]]:
@@ -77,11 +78,6 @@ def guides_of(scene: Scene) -> dict[str, tuple[Address, Address, Place]]:
     sides = {name: (joint.addresses, joint.direction) for name, joint in scene.joints.items()}
     sides |= {name: (joint.sides, joint.direction) for name, joint in scene.loose.items()}
     return {name: (*pair, direction) for name, (pair, direction) in sides.items() if direction is not None}
-
-
-def grounded(scene: Scene) -> dict[str, bool]:
-    """Guides by name, true where the ground carries them."""
-    return {name: carrier.body == "ground" for name, (carrier, *_) in guides_of(scene).items()}
 
 
 def _travel(points: np.ndarray, direction: np.ndarray, margin: float, carried: list[Place]) -> np.ndarray:

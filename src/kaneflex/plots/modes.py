@@ -12,14 +12,13 @@ from matplotlib.lines import Line2D
 from kaneflex.multibody.building import has_modes, reference_modes
 from kaneflex.plots.drawing import (
     ROUNDING,
-    draw_guides,
     draw_outline,
     draw_scenery,
     draw_triad,
     frame_axes,
     small_drawings,
 )
-from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
+from kaneflex.plots.mechanism import outline, rigid_outline, scenery
 from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.style import GREY, PALETTE, shade, wrapped
 from kaneflex.plots.view import angle_name
@@ -53,8 +52,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     figure.suptitle(_title(solution, figure.get_figwidth()))
     for k, axes in enumerate(panels):
         frame_axes(axes, [still, positive, negative], fixed, swept=fixed.view is None)
-        draw_scenery(axes, fixed)
-        draw_guides(axes, fixed, grounded(model.scene), still)
+        draw_scenery(axes, fixed, still)
         draw_outline(axes, still, k, ghost=True)
         draw_outline(axes, negative, k, shade(PALETTE[5], 0.3), links_only=True)
         draw_outline(axes, positive, k)

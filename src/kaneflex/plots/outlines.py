@@ -32,6 +32,8 @@ class Scenery:
         Corners of the region that it sweeps in the picture [m].
     view : ndarray (2, 3) or None
         Projection of a mechanism in space; its columns are the global axes in the picture.
+    carried : frozenset of str
+        Guides in the plane that a body carries, not the ground.
     """
 
     pivots: np.ndarray
@@ -40,6 +42,7 @@ class Scenery:
     lower: np.ndarray
     upper: np.ndarray
     view: np.ndarray | None = None
+    carried: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
-from kaneflex.plots.mechanism import grounded, rigid_outline, scenery
+from kaneflex.plots.drawing import MM, draw_outline, draw_scenery, frame_axes
+from kaneflex.plots.mechanism import rigid_outline, scenery
 from kaneflex.plots.style import PALETTE, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
 from kaneflex.response.sensors import sensor_values
@@ -37,8 +37,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     figure = new_figure(11.8, 5.0, f"Paths and hodographs{shown.note}{note}")
     path, hodograph = figure.subplots(1, 2)
     outline = rigid_outline(scene, shown.rigid, fixed)
-    draw_scenery(path, fixed)
-    draw_guides(path, fixed, grounded(scene), outline)
+    draw_scenery(path, fixed, outline)
     draw_outline(path, outline, 0, ghost=True)
     drawn = [*zip(curves.items(), PALETTE, strict=False)]
     hodographs = [velocity(shown, point) for ((point, *_), _), _ in drawn]

@@ -19,7 +19,6 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.drawing import (
     MM,
     ROUNDING,
-    draw_guides,
     draw_outline,
     draw_scenery,
     draw_triad,
@@ -28,7 +27,7 @@ from kaneflex.plots.drawing import (
     small_drawings,
 )
 from kaneflex.plots.labels import Labels
-from kaneflex.plots.mechanism import grounded, rigid_outline, rigid_scenery
+from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
 from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.sensor_marks import SENSOR, listed, mark_sensors, sensors_by_place
 from kaneflex.plots.standing import Standing
@@ -68,13 +67,12 @@ def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
     sensors = sensors_by_place(scene, stand)
     below = _arrange(figure, axes, shape, title, listed(sensors), _FLAT_VIEWS if scene.is_spatial else 0.0)
     axes.set_title(_configuration(scene, stand))
-    draw_scenery(axes, fixed)
-    draw_guides(axes, fixed, grounded(scene), drawn)
+    ground = draw_scenery(axes, fixed, drawn)
     for (kind, name), line in draw_outline(axes, drawn, 0, colour=ELASTIC).lines.items():
         if kind == "links":
             line.set_marker("none")  # marks stand for nodes here
             _mark_nodes(axes, stand, name)
-    labels = Labels(axes, [*_paths(drawn), *_ground_points(fixed), *_faces(fixed, drawn)])
+    labels = Labels(axes, [*_paths(drawn), *ground])
     if fixed.view is not None:
         for corner in draw_triad(axes, fixed.view):
             labels.block(corner)
@@ -95,8 +93,7 @@ def branches(scene: Scene, ways: Sequence[tuple[str, Placement]]) -> Figure:
     figure.suptitle(wrapped(title, figure.get_figwidth()))
     for axes, (told, _), each, drawn in zip(panels, ways, fixed, outlines, strict=True):
         frame_axes(axes, outlines, each)
-        draw_scenery(axes, each)
-        draw_guides(axes, each, grounded(scene), drawn)
+        draw_scenery(axes, each, drawn)
         draw_outline(axes, drawn, 0, colour=ELASTIC)
         own = axes is panels[0]
         axes.set_title(fill(f"{'this scene: ' * own}{told or 'no loop to choose'}", 38), fontsize=8)
@@ -161,23 +158,6 @@ def _paths(drawn: Outline) -> list[np.ndarray]:
     """Lines of the bodies [mm], which labels keep clear of."""
     parts = [*drawn.links.values(), *drawn.bars.values(), *drawn.boxes.values()]
     return [MM * part[0] for part in parts]
-
-
-def _ground_points(fixed: Scenery) -> list[np.ndarray]:
-    """The triangles under ground pivots, as drawing.draw_scenery draws them, and their hatching."""
-    corners = fixed.size * np.array([(0, 0), (-0.04, -0.04), (-0.05, -0.056), (0.05, -0.056), (0.04, -0.04), (0, 0)])
-    return [MM * (pivot + corners) for pivot in fixed.pivots]
-
-
-def _faces(fixed: Scenery, drawn: Outline) -> list[np.ndarray]:
-    """The hatched faces of the guides."""
-    lines = []
-    if fixed.view is not None:
-        return [MM * ends for ends in fixed.guides.values()]
-    for name, ends in fixed.guides.items():
-        box = drawn.boxes[name][0]
-        lines += [MM * (ends + share * (box[0] - box[3])) for share in (-0.62, -0.5, 0.5, 0.62)]
-    return lines
 
 
 class _Parts:

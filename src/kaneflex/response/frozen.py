@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.model import Model, keep_terms
 
 INSTANTS, FEW_INSTANTS = 144, 36
@@ -45,6 +44,8 @@ class Frozen:
 
 def freeze(model: Model, count: int, instants: int) -> Frozen:
     """Poles of M z'' + C z' + K z = 0 with the coefficients of each of ``instants`` instants of a cycle."""
+    from kaneflex.multibody.linear_equations import state_matrix
+
     count = min(count, model.reduced.size)
     times = np.arange(instants) * model.scene.period / instants
     rigid = model.motion.at(times)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from pydantic import Field, field_validator, model_validator
 
 from kaneflex.scene.beams import Beam
-from kaneflex.scene.modal_data import ModalData, modal_data_of, read_modal_data
 from kaneflex.scene.profile import Profile, SpatialProfile
 from kaneflex.scene.quantities import (
     Angle,
@@ -24,7 +24,19 @@ from kaneflex.scene.rotation import Rotation
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.errors import Fault
 
+if TYPE_CHECKING:
+    from kaneflex.scene.modal_data import ModalData
+
 _SAME_MASS = 1e-6  # relative difference permitted between a beam's mass and rho A length if both are given
+
+
+def _modal(path: object) -> ModalData | None:
+    """Modal data in a file, if one is named."""
+    if not isinstance(path, str):
+        return None
+    from kaneflex.scene.modal_data import read_modal_data
+
+    return read_modal_data(path)
 
 
 def _profile(data: dict) -> Profile | None:
@@ -35,12 +47,12 @@ def _profile(data: dict) -> Profile | None:
 
 
 def _default_length(data: dict) -> float | None:
-    modal = modal_data_of(data)
+    modal = _modal(data.get("modal_data"))
     return modal.length if modal else None
 
 
 def _default_mass(data: dict) -> float:
-    modal = modal_data_of(data)
+    modal = _modal(data.get("modal_data"))
     if modal is not None:
         return modal.rigid[0]
     profile = _profile(data)
@@ -48,7 +60,7 @@ def _default_mass(data: dict) -> float:
 
 
 def _default_centre(data: dict) -> tuple[float, ...]:
-    modal = modal_data_of(data)
+    modal = _modal(data.get("modal_data"))
     if modal is not None:
         return modal.rigid[1]
     profile, length = _profile(data), data.get("length") or 0.0
@@ -59,7 +71,7 @@ def _default_centre(data: dict) -> tuple[float, ...]:
 
 
 def _default_inertia(data: dict) -> float | tuple[float, ...]:
-    modal = modal_data_of(data)
+    modal = _modal(data.get("modal_data"))
     if modal is not None:
         return modal.rigid[2]
     profile, length = _profile(data), data.get("length") or 0.0
@@ -120,8 +132,7 @@ class Body(SceneTable):
     @field_validator("modal_data")
     @classmethod
     def _readable(cls, path: str | None) -> str | None:
-        if path is not None:
-            read_modal_data(path)
+        _modal(path)
         return path
 
     @model_validator(mode="after")
@@ -194,7 +205,7 @@ class Body(SceneTable):
     @cached_property
     def modal(self) -> ModalData | None:
         """Modal data of the link; None for a beam or a rigid body."""
-        return modal_data_of({"modal_data": self.modal_data})
+        return _modal(self.modal_data)
 
     @cached_property
     def profile(self) -> Profile:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.recovery import STRESSES
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.sensors import POINT_KINDS, Sensor
 from kaneflex.support.errors import Problem
+
+if TYPE_CHECKING:
+    from kaneflex.scene.modal_data import ModalData
 
 
 def modal_problems(scene: Scene) -> Iterator[Problem]:

@@ -314,9 +314,3 @@ def _planar_energies(a: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         [a["mass_w"][:, None], turn, a["mass_w_w"] + a["inertia_psi_psi"]],
     ])  # fmt: skip
     return {"mass_s_s": along, "mass_w_w": across}
-
-
-def modal_data_of(entries: Mapping[str, object]) -> ModalData | None:
-    """Modal data named by a body's entries, if any."""
-    path = entries.get("modal_data")
-    return read_modal_data(path) if isinstance(path, str) else None

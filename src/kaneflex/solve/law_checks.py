@@ -8,7 +8,6 @@ import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.mechanism.springs import points_meet
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -101,8 +100,9 @@ def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> No
     directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
     if not directed:
         return
-    rigid = motion.at(np.linspace(0.0, options.duration, SWEEP + 1))
+    from kaneflex.mechanism.springs import points_meet
 
+    rigid = motion.at(np.linspace(0.0, options.duration, SWEEP + 1))
     for name, spring in directed.items():
         start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)
         d = end - start

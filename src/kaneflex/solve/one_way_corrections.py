@@ -17,7 +17,7 @@ import numpy as np
 from kaneflex.fem.links import DOFS
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.run import Run, integrate, periodic_near
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.integrate.spectral import FEWEST, Grid, at_instants, improved
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.multibody.building import build_model
@@ -136,6 +136,8 @@ def _stepped(read: Read, richer: Model, near: ElasticMotion, finer: int = 1) -> 
     run = Run(richer.system, richer.scalars, 0.0, model.step / finer, every * (len(read.stored) - 1), "radau",
               _start(richer, near, read), every=every)  # fmt: skip
     if read.periodic:
+        from kaneflex.integrate.by_steps import periodic_near
+
         found = periodic_near(replace(run, n_steps=finer * model.options.steps))
         if found is None:
             raise Unknown("corrections converge too slowly, by harmonics and by cycles")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field
 
-from kaneflex.multibody.impacts import COLUMNS, ContactRecord
-from kaneflex.multibody.rubbing import STUCK, FrictionRecord
 from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.impacts import ContactRecord
+    from kaneflex.multibody.rubbing import FrictionRecord
     from kaneflex.solve.run_result import RunResult
     from kaneflex.support.labelled import Entry
 
@@ -85,7 +85,7 @@ def friction_summaries(solution: RunResult) -> dict[str, FrictionSummary]:
             lost=record.lost[-1, k],
             largest_force=None if turns else largest,
             largest_torque=largest if turns else None,
-            stuck=float((record.mode[:, k] == STUCK).mean()),
+            stuck=float(_stuck(record)[:, k].mean()),
             jams_at_s=None if np.isnan(record.jams[k]) else record.jams[k],
         )
     return found
@@ -125,7 +125,7 @@ def labelled_frictions(solution: RunResult) -> tuple[dict[str, Entry], dict[str,
         columns = [k for k, name in enumerate(names) if solution.model.scene.turns_at(name) == turns]
         if record is None or not columns:
             continue
-        both, sticks = ("time", kind), (record.mode[:, columns] == STUCK).astype(np.int8)
+        both, sticks = ("time", kind), _stuck(record)[:, columns].astype(np.int8)
         about = "joints and contacts with friction" if not turns else "pins with friction"
         coordinates[kind] = (kind, np.array(names)[columns], {"long_name": about})
         for key, values, unit, meaning in (
@@ -183,6 +183,8 @@ def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, En
     impacts = [impact for impact in record.impacts if impact.contact in names]
     each = "flank_impact" if turns else "impact"
     if impacts:
+        from kaneflex.multibody.impacts import COLUMNS
+
         number = [names.index(impact.contact) for impact in impacts]
         about = {"long_name": f"number of its {kind}, from 0 on, among those of the coordinate {kind}"}
         variables[f"{each}_{kind}"] = (each, np.array(number, np.int32), about)
@@ -220,6 +222,13 @@ def _in_clearances(solution: RunResult) -> dict[str, Entry]:
     ratio = np.array([eccentricity(solution, name) for name in names]).T
     meaning = "eccentricity: 0 in the middle of a clearance, 1 where its sides touch"
     return found | {"eccentricity": (both, ratio, {"units": "1", "long_name": meaning})}
+
+
+def _stuck(record: FrictionRecord) -> np.ndarray:
+    """Instants at which each friction sticks, (n_times, n_frictions) of bool."""
+    from kaneflex.multibody.rubbing import STUCK
+
+    return record.mode == STUCK
 
 
 def _rubbing(solution: RunResult) -> FrictionRecord | None:

@@ -13,7 +13,6 @@ from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.scene.options import moves_with_links
 from kaneflex.solve.one_way_run import run_of, run_one_way, storing
-from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.solve.touching import undetermined_frictions
@@ -204,7 +203,11 @@ def _ill_conditioned(model: Model, times: np.ndarray) -> list[str]:
     static = model.options.dynamics == "quasistatic" or (
         model.options.dynamics == "dynamic" and model.options.start == "quasistatic"
     )
-    if not static or not len(times) or mechanism_modes(model, times[0]):
+    if not static or not len(times):
+        return []
+    from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
+
+    if mechanism_modes(model, times[0]):
         return []
     share = lost_digits(model, times[0])
     if share <= LARGEST_ROUNDING:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import leading
-from kaneflex.integrate.run import cycle_map
 from kaneflex.multibody.model import Model
 from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.support.errors import SceneError

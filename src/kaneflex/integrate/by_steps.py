@@ -1,0 +1,159 @@
+"""Integration in steps of equal length, from a given state or the periodic one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from kaneflex.integrate.methods import method_named
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.periodic import Beginning, Cycle, corrected_state, over_a_cycle, periodic_state, repeated
+from kaneflex.integrate.stepping import Setup, State, Stored, advance
+from kaneflex.integrate.streams import CoefficientStream, one_after_the_other
+from kaneflex.integrate.system import AffineSystem
+from kaneflex.integrate.task import LEFT, Progress, Run, Table, check_arguments, steps_of_cycle
+from kaneflex.support.errors import UserError
+
+
+def by_steps(run: Run, progress: Progress | None = None) -> Trajectory:
+    """Integrate by any method but "spectral"; see :func:`kaneflex.integrate.run.integrate`."""
+    chosen, system = method_named(run.method), run.system
+    if chosen.coefficients is None:
+        stream = CoefficientStream(run.table, system.n_scalars, run.t0, run.step, chosen.nodes, run.period_steps)
+        from kaneflex.integrate.by_scipy import solve_ivp_run
+
+        return solve_ivp_run(system, stream, run.n_steps, run.every, given_state(run), run.scipy_method, progress)
+    setup = set_up(run, progress)
+    if run.start == "periodic":
+        found = _naming_the_steps(periodic_state(setup, steps_of_cycle(run)), run)
+    else:
+        found = _started(setup, *given_state(run))
+    if found.state is None:
+        empty = np.zeros((0, system.n))
+        ended = (found.outcome, found.message, found.multipliers)
+        return Trajectory(np.zeros(0), empty, empty, empty, *ended, ns_per_step=0.0)
+    return _run(setup, found, run.n_steps, run.every)
+
+
+def periodic_start(run: Run, progress: Progress | None = None) -> Beginning:
+    """Periodic state of a run and its stability."""
+    return periodic_state(set_up(run, progress), steps_of_cycle(run))
+
+
+def cycle_map(
+    system: AffineSystem, table: Table, t0: float, period: float, steps: int, method: str = "radau",
+    rho_infinity: float = 0.8,
+) -> Cycle:  # fmt: skip
+    """Discrete monodromy matrix of `steps` steps of a method over one period [s].
+
+    Arguments otherwise as `Run` has them; not for the method "scipy". Raises UserError as `integrate` does.
+    """
+    cycle = (system, table, t0, period / steps, steps, method, "periodic", steps)
+    run = Run(*cycle, rho_infinity=rho_infinity)
+    check_arguments(run)
+    return over_a_cycle(set_up(run), steps)
+
+
+def periodic_near(run: Run) -> tuple[np.ndarray, np.ndarray] | None:
+    """Start of a periodic motion near a given state, with all steps of a run as its cycle; None if not found.
+
+    For methods with fixed steps that carry z and v alone. Raises UserError as `integrate` does.
+    """
+    check_arguments(run)
+    setup = set_up(replace(run, period_steps=run.n_steps))
+    return corrected_state(setup, run.n_steps, *given_state(run))
+
+
+def _naming_the_steps(found: Beginning, run: Run) -> Beginning:
+    """Message for growth caused by the steps, not the machine: with the same steps of radau nothing grows."""
+    if found.outcome is not Outcome.UNSTABLE or run.method == "radau" or found.multipliers is None:
+        return found
+    steps = steps_of_cycle(run)
+    own = cycle_map(run.system, run.table, run.t0, run.step * steps, steps)
+    if own.monodromy is None or abs(np.linalg.eigvals(own.monodromy)).max() > 1.0:
+        return found
+    growth = abs(found.multipliers[0])
+    message = (
+        f"unstable steps: with {run.method} a disturbance grows by {growth:.4g} in a cycle, in the "
+        "machine it does not; use integrator radau, or more steps"
+    )
+    return replace(found, state=None, message=message)
+
+
+def set_up(run: Run, progress: Progress | None = None) -> Setup:
+    """Setup of a run with fixed steps; raises UserError as `integrate` does."""
+    method, system = method_named(run.method), run.system
+    if method.lanes:
+        read, constant = partial(one_after_the_other, nodes=len(method.nodes)), None
+    else:
+        from kaneflex.integrate.modal import constants, forces
+
+        read, constant = partial(forces, system), constants(system)
+    times = (run.t0, run.step, method.nodes, run.period_steps)
+    stream = CoefficientStream(run.table, system.n_scalars, *times, read, constant)
+    row = stream.first_row()
+    coefficients = np.array(method.coefficients(system, row, run.step, run.rho_infinity))
+    return Setup(system, method, stream, coefficients, _scales(system, row, run.step, method.state_vectors), progress)
+
+
+def _scales(system: AffineSystem, row: np.ndarray, step: float, state_vectors: int) -> tuple[float, ...]:
+    """Powers of a time: a step, or the fastest vibration's 1 / omega if a step is longer.
+
+    Products of a cycle's matrices would lose small numbers compared with velocities times a long step.
+    """
+    diagonal = slice(system.half_bandwidth, None, 2 * system.half_bandwidth + 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squares = np.abs((system.K @ row)[diagonal] / (system.M @ row)[diagonal])
+    fastest = np.sqrt(squares[np.isfinite(squares)].max(initial=0.0))
+    time = step if fastest * step <= 1.0 else 1.0 / fastest
+    return (1.0, time, time * time)[:state_vectors]
+
+
+def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
+    state = State.zeros(1, setup.system.n)
+    state.z[0], state.v[0] = z, v
+    if not setup.consistent(state, np.ones(1)):
+        outcome = Outcome.SINGULAR
+        return Beginning(None, None, outcome, f"{outcome.value}: M is singular at t = {setup.stream.t0:.9g} s")
+    state.a[:] = state.q
+    return Beginning(state, None, Outcome.COMPLETED, "")
+
+
+def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int) -> Trajectory:
+    outcome, message = beginning.outcome, beginning.message + LEFT
+    if outcome is Outcome.COMPLETED:
+        message = "; ".join(filter(None, (outcome.value, beginning.message)))
+    t0, step = setup.stream.t0, setup.stream.step
+    rows = n_steps // every + 1
+    cycle = repeated(setup, beginning)
+    if cycle is not None:
+        motion, ns_per_step = cycle
+        steps = every * np.arange(rows)
+        ended = (outcome, message, beginning.multipliers)
+        return Trajectory(t0 + step * steps, *(each[steps % len(each)] for each in motion), *ended, ns_per_step)
+    state = beginning.state
+    setup.consistent(state, np.ones(1))
+    stored = Stored.of(state, rows)
+    advanced = advance(setup, state, np.ones(1), n_steps, every, stored, True)
+    if advanced.outcome is not Outcome.COMPLETED:
+        at = t0 + advanced.steps * step
+        message = f"{advanced.outcome.value}, at t = {at:.9g} s, step {advanced.steps} of {n_steps}"
+        # without the failed step, and without earlier numbers that are not finite
+        rows = max(advanced.steps - 1, 0) // every + 1
+        rows = int(np.logical_and.accumulate(np.isfinite(np.hstack(stored)[:rows]).all(axis=1)).sum())
+    times = t0 + step * (every * np.arange(rows))
+    ended = (advanced.outcome if advanced.outcome is not Outcome.COMPLETED else outcome, message, beginning.multipliers)
+    return Trajectory(times, *(out[:rows] for out in stored), *ended, advanced.ns_per_step)
+
+
+def given_state(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    n = run.system.n
+    if isinstance(run.start, str):
+        return np.zeros(n), np.zeros(n)
+    z, v = (np.asarray(part, dtype=float) for part in run.start)
+    for name, part in (("z", z), ("v", v)):
+        if part.shape != (n,) or not np.isfinite(part).all():
+            raise UserError(f"start {name}", part, f"must be {n} finite numbers", "Give one number for each coordinate")
+    return z, v
