@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kaneflex import SceneError, load
-from kaneflex.report.contacts import contact_line
+from kaneflex.report.presentation import contact_line
 from kaneflex.report.summary import summarise
 from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.quantities import CONTACT_RESULTS

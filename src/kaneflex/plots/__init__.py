@@ -120,12 +120,13 @@ def draw(kind: str, found: object, folder: Path) -> list[Path]:
     """Write the picture of what a study found into a folder that exists, as KIND.png and KIND.svg.
 
     ``kind`` is the module that makes it: "overlay" of a comparison, "sensitivities", "stability", "terms", "trade"; of
-    a sweep's dataset "sweep", "bifurcation" or "poincare".
+    a sweep's dataset "sweep", and "bifurcation" or "poincare" by functions of these names there.
     """
     from kaneflex.plots.style import save, styled
 
+    module, function = ("sweep", kind) if kind in ("bifurcation", "poincare") else (kind, "figure")
     with styled():
-        return save(import_module(f"kaneflex.plots.{kind}").figure(found), folder / kind)
+        return save(getattr(import_module(f"kaneflex.plots.{module}"), function)(found), folder / kind)
 
 
 @takes(solution="solution", kinds="text")

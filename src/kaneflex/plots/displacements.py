@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from kaneflex.plots.style import cells, new_figure, plot_curves, readable
+from kaneflex.plots.style import new_figure, pages, plot_curves, readable
 from kaneflex.plots.view import View, view
 from kaneflex.response.thinning import envelope, thinned
 
@@ -31,12 +31,11 @@ def figures(solution: Solution) -> dict[str, Figure]:
     pictures = {}
     panels = _nodal(shown)
     if panels:
-        columns = 1 if len(panels) <= 3 else 2 if len(panels) <= 6 else 3
         title = f"Elastic displacements of the nodes at joints and ends, global axes{shown.note}"
-        pictures["nodal_displacements"] = _figure(shown, panels, columns, title)
+        pictures["nodal_displacements"] = _figure(shown, panels, title)
     for name, length in shown.lengths.items():
         title = f"Displacements at half the length of {name}{shown.note}"
-        pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, length), 1, title)
+        pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, length), title)
     return pictures
 
 
@@ -48,15 +47,11 @@ def surfaces(solution: Solution) -> dict[str, Figure]:
     return {f"surfaces_{name}": _surfaces(shown, name, length) for name, length in shown.lengths.items()}
 
 
-def _figure(shown: View, panels: list[Panel], columns: int, title: str) -> Figure:
-    rows = -(-len(panels) // columns)
-    figure = new_figure(7.0 if columns == 1 else 4.4 * columns, 0.7 + 2.0 * rows, title)
-    grid = cells(figure, rows, columns, len(panels), sharex=True)
+def _figure(shown: View, panels: list[Panel], title: str) -> Figure:
+    figure, grid = pages(len(panels), title, 7.0, 2.0)
     for axes, (heading, quantity, unit, curves) in zip(grid, panels, strict=True):
         plot_curves(axes, shown.x, curves, unit, heading, quantity)
-    for axes in grid[-columns:]:
-        axes.tick_params(labelbottom=True)
-        shown.label_x(axes)
+    shown.finish(grid)
     return figure
 
 

@@ -60,7 +60,7 @@ def ticks(points: np.ndarray) -> np.ndarray:
 
 
 def draw_scenery(axes: Axes, fixed: Scenery, outline: Outline) -> list[np.ndarray]:
-    """What stands still: pivots as triangles on a hatched base, and guides; returns their lines [mm].
+    """Draw pivots as triangles on a hatched base, and guides; returns their lines [mm].
 
     A guide on the ground has two faces at the width of the body between them; in space it is an axis.
     """

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import legend_beside, new_figure, readable
+from kaneflex.plots.style import legend_beside, pages, readable
 from kaneflex.plots.view import view
 
 if TYPE_CHECKING:
@@ -19,8 +19,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     if energy is None or len(energy.kinetic) != len(solution.times) or not energy.stored.any():
         return {}
     shown = view(solution)
-    page = new_figure(8.4, 4.6, f"Energy, drift {energy.drift:.1e} of the energy that is exchanged{shown.note}")
-    panels = page.subplots(2, 1, sharex=True)
+    page, panels = pages(2, f"Energy, drift {energy.drift:.1e} of the energy that is exchanged{shown.note}", 8.4, 1.9)
     stored = {"kinetic": energy.kinetic, "strain, springs": energy.strain, "weight": energy.weight}
     grown = energy.stored - energy.stored[0]
     balance = {"stored, growth": grown, "dissipated": energy.dissipated, "supplied": energy.supplied}
@@ -36,5 +35,5 @@ def figures(solution: Solution) -> dict[str, Figure]:
         axes.margins(x=0)
         if curves:
             legend_beside(axes)
-    shown.label_x(panels[-1])
+    shown.finish(panels)
     return {"energy": page}

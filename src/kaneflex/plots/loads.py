@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import new_figure, place, plot_curves, readable
+from kaneflex.plots.style import new_figure, pages, plot_curves, readable
 from kaneflex.plots.view import View, view
 from kaneflex.response.motion import Motion
 from kaneflex.scene.headings import abscissae
@@ -61,13 +61,11 @@ def _over_run(shown: View, sizes: dict[str, np.ndarray]) -> Figure:
         title = f"{quantity} {towards.pop()}" if len(towards) == 1 else quantity
         panels.append(Panel(title, quantity.lower(), unit, group))
     heading = "Gas pressure and loads" if pressures else "Loads"
-    figure = new_figure(6.6, 0.8 + 2.3 * len(panels), f"{heading}{shown.note}", "none")
-    places = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    figure, places = pages(len(panels), f"{heading}{shown.note}", 6.6, 2.3)
     for axes, (title, quantity, unit, curves) in zip(places, panels, strict=True):
         plot_curves(axes, shown.x, curves.items(), unit, title, quantity)
         _mark_peak(axes, shown, [*curves.values()], unit)
-    shown.label_x(places[-1])
-    place([*places], len(panels))
+    shown.finish(places)
     return figure
 
 

@@ -22,6 +22,7 @@ from kaneflex.plots.style import (
     legend_above,
     legend_beside,
     new_figure,
+    pages,
     plot_curves,
     readable,
 )
@@ -130,8 +131,7 @@ def _records(solution: Solution, readings: dict[str, str]) -> Figure:
         for wanted, title in titles.items()
     ]
     kinds = [kind for kind in (*kinds, *_others(solution)) if kind[3]]
-    figure = new_figure(8.4, 0.7 + 1.9 * len(kinds), f"Records over time{shown.note}")
-    panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = pages(len(kinds), f"Records over time{shown.note}", 8.4, 1.9)
     for axes, (title, quantity, unit, names, forces) in zip(panels, kinds, strict=True):
         curves = [(name, solution.series[name].values[shown.instants]) for name in names]
         plot_curves(axes, shown.x, curves, unit, title, quantity)
@@ -139,7 +139,7 @@ def _records(solution: Solution, readings: dict[str, str]) -> Figure:
             _mark_reversals(axes, shown, curves, title)
         _mark_zones(axes, shown)
         legend_beside(axes)
-    shown.label_x(panels[-1])
+    shown.finish(panels)
     return figure
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, finish, legend_beside, pages, readable, shade
+from kaneflex.plots.style import PALETTE, legend_beside, pages, readable, shade
 from kaneflex.plots.view import View, view
 from kaneflex.scene.quantities import Address
 
@@ -45,8 +45,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     figure, panels = pages(len(groups), f"Sensors{shown.note}", 7.2, 1.7)
     for axes, (title, names) in zip(panels, groups.items(), strict=True):
         _panel(axes, shown, title, names)
-    for axes in finish(panels, shown.x_label):
-        shown.label_x(axes)
+    shown.finish(panels)
     return {"sensors": figure}
 
 

@@ -239,7 +239,7 @@ def legend_above(axes: Axes) -> None:
     """A legend in one row at the right end of the title's line, where it hides no curve."""
     count = len(axes.get_legend_handles_labels()[0])
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 0.985), borderaxespad=0.0, ncols=count,
+        loc="lower right", bbox_to_anchor=(0.999, 0.985), borderaxespad=0.0, ncols=count,
         columnspacing=1.2, handlelength=1.6, handletextpad=0.5, borderpad=0.2,
     )  # fmt: skip
 

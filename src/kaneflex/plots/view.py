@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.plots.style import mark_angles, readable
+from kaneflex.plots.style import finish, mark_angles, readable
 from kaneflex.response.motion import Motion
 from kaneflex.response.thinning import MISSED, frames, missed
 
@@ -103,6 +103,11 @@ class View:
         """Impacts of a contact that begin in the time that is shown."""
         first, last = self.times[0], self.times[-1]
         return [each for each in self.solution.impacts if each.contact == contact and first <= each.begin <= last]
+
+    def finish(self, panels: list[Axes]) -> None:
+        """Name the abscissa of a page's panels and give them their margins."""
+        for axes in finish(panels, self.x_label):
+            self.label_x(axes)
 
     def label_x(self, axes: Axes) -> None:
         """Name the abscissa and put its ticks at round angles."""
