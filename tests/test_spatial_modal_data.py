@@ -75,7 +75,6 @@ def exported(tmp_path_factory):
     return folder
 
 
-@pytest.mark.exhaustive
 @pytest.mark.parametrize("how", HELD)
 def test_data_fed_back_give_the_same_motion(tmp_path, how):
     """But for the error of the steps, which don't end alike: damped and with twist that couples bending."""

@@ -382,7 +382,6 @@ SLOW = {
 }
 
 
-@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("scene", SLOW)
 def test_the_slow_motion_is_the_same_under_every_preset(scene):
     """In the plane and in space. Where coupling hardly matters both ways to solve it ring as little as each other."""
