@@ -53,7 +53,7 @@ class SpatialMap:
         found = []
         for name, row, column in self._entries():
             labels = self.joined.labels[row], self.joined.labels[self.choice.independent[column]]
-            units = [_unit_name(label) for label in labels]
+            units = ["rad" if label.rpartition(".")[2].startswith("theta") else "m" for label in labels]
             ratio = "1" if units[0] == units[1] else "/".join(units)
             meaning = f"displacement {labels[0]} by that of {labels[1]}"
             for kind, per in (("value", ""), ("rate", "/s"), ("accel", "/s^2")):
@@ -133,7 +133,3 @@ def _of_tied(joined: Joined, motion: RigidMotion, choice: Choice) -> tuple[np.nd
     rows = np.append(joined.tied, np.arange(joined.size, len(joined.measures)))
     columns = np.flatnonzero(np.isin(choice.independent, joined.tied))
     return joined.tied_maps(motion, choice, columns), rows, columns
-
-
-def _unit_name(label: str) -> str:
-    return "rad" if label.rpartition(".")[2].startswith("theta") else "m"

@@ -40,7 +40,8 @@ Blocks = dict[str, Mapping[str, str]]
 
 def printed(scene: Scene, blocks: Blocks) -> str:
     """A scene's name and description, and below them blocks."""
-    return "\n".join([f"{scene.name}: {scene.description}", *blocks_text(blocks)])
+    below = (block(title, texts) for title, texts in blocks.items() if texts)
+    return "\n".join([f"{scene.name}: {scene.description}", *below])
 
 
 def as_json(scene: Scene, blocks: Blocks, **more: object) -> str:
@@ -48,11 +49,6 @@ def as_json(scene: Scene, blocks: Blocks, **more: object) -> str:
     plain = {title: {name: text.strip() for name, text in texts.items()} for title, texts in blocks.items() if texts}
     data = {"scene": scene.name, "description": scene.description, **plain, **more}
     return json.dumps(data, indent=2, ensure_ascii=False)
-
-
-def blocks_text(blocks: Blocks) -> list[str]:
-    """Blocks as they are printed; those without entries are left out."""
-    return [block(title, texts) for title, texts in blocks.items() if texts]
 
 
 def modelled(model: Model) -> Blocks:

@@ -170,7 +170,8 @@ def run_lines(summary: Summary) -> str:
         parts.append(f"{timing.ns_per_step / 1e3**thousands:.4g} {('ns', 'us', 'ms')[thousands]} a step")
     steps = f"{summary.steps} steps over {summary.duration_s:.6g} s"
     if summary.outcome != "completed" and not _is_whole(summary):
-        steps = f"{summary.steps} steps asked for, {_reached(summary)}"
+        reached = f"results over {summary.duration_s:.6g} s" if summary.stored else "none of them taken"
+        steps = f"{summary.steps} steps asked for, {reached}"
     solver = f"{summary.solver}\n" if summary.solver else ""
     rigid = [name for name, entry in summary.sensors.items()
              if entry.meaning.endswith(OF_RIGID) and f"{name}_rigid" in summary.sensors]  # fmt: skip
@@ -194,10 +195,6 @@ def ending(summary: Summary) -> str:
 
 def _is_whole(summary: Summary) -> bool:
     return summary.duration_s > (1.0 - 1e-9) * summary.steps * summary.step_s
-
-
-def _reached(summary: Summary) -> str:
-    return f"results over {summary.duration_s:.6g} s" if summary.stored else "none of them taken"
 
 
 def modes_table(found: Modes) -> str:

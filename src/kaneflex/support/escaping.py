@@ -58,12 +58,9 @@ def c_inline(text: str) -> str:
 
 def c_literal(text: str) -> str:
     """C string literal; UTF-8 bytes beyond ASCII are octal. Question marks are escaped against trigraphs."""
-    inside = (chr(byte) if _plain_in_c(byte) else f"\\{byte:03o}" for byte in text.encode("utf-8", "replace"))
+    plain = [0x20 <= byte < 0x7F and chr(byte) not in '\\"?' for byte in range(256)]
+    inside = (chr(byte) if plain[byte] else f"\\{byte:03o}" for byte in text.encode("utf-8", "replace"))
     return f'"{"".join(inside)}"'
-
-
-def _plain_in_c(byte: int) -> bool:
-    return 0x20 <= byte < 0x7F and chr(byte) not in '\\"?'
 
 
 def ascii_identifier(name: str) -> str:
