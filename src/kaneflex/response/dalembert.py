@@ -18,7 +18,7 @@ from kaneflex.response.section_forces import Forces, LinkForces, spread_loads
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
-    from kaneflex.response.coupled_motion import CoupledMotion
+    from kaneflex.response.floating_motion import FloatingMotion
 
 GAUSS = np.polynomial.legendre.leggauss(5)
 """Exact for rho A (r x a) of an element: v is cubic, u with its shortening of fifth degree."""
@@ -95,7 +95,7 @@ class Balance(DAlembert):
         of the floating frame.
     """
 
-    motion: CoupledMotion
+    motion: FloatingMotion
     link: str
     forces: Mapping[float, tuple[np.ndarray, np.ndarray]]
 
@@ -192,7 +192,7 @@ class Balanced:
 class FloatingForces(LinkForces):
     """Forces on the links of a coupled motion in their floating frames, with lumped masses on the deflected axis."""
 
-    def __init__(self, motion: CoupledMotion):
+    def __init__(self, motion: FloatingMotion):
         super().__init__(motion.model.scene, motion.floating)
         self.motion = motion
 
@@ -209,7 +209,7 @@ class FloatingForces(LinkForces):
         return Balance(self.motion, link, forces)
 
 
-def balanced(motion: CoupledMotion) -> dict[str, Balanced]:
+def balanced(motion: FloatingMotion) -> dict[str, Balanced]:
     """Section forces of every link of a coupled motion."""
     loud, quiet = FloatingForces(motion), FloatingForces(motion.quiet)
     return {name: Balanced(loud.balance(name), quiet.balance(name)) for name in motion.system.links}
