@@ -3,6 +3,7 @@
 import ctypes
 import math
 from collections import namedtuple
+from types import FunctionType
 
 import numpy as np
 import pytest
@@ -80,6 +81,62 @@ def test_vectors_and_complex_numbers_are_those_of_numba(compiler, tmp_path):
     for x, y, s in np.random.default_rng(1).normal(size=(20, 3)):
         assert library.vectors(x, y) == pytest.approx(vectors(x, y), rel=1e-13)
         assert library.pairs(x, y, s) == pytest.approx(pairs(complex(x, y), s), rel=1e-13)
+
+
+class Vectors(types.Type):
+    """Vectors of d numbers at an address, or without d a matrix by two indices."""
+
+    def __init__(self, dtype, **more):
+        self.dtype = dtype
+        vars(self).update(more)
+        super().__init__(f"Vectors({dtype}, {more})")
+
+
+@njit
+def factorised(v, z, A, n):
+    """Rows of vectors stored whole, real ones among complex ones, and an elimination in a matrix."""
+    for j in range(n):
+        v[j] = axpy(2.0, v[j], v[0])
+        z[j] = v[j]
+        z[j] = axpy(z[j, 1], z[j], v[j])
+    for i in range(n):
+        for k in range(i):
+            A[i, i] -= A[i, k] * v[k, 0]
+        if A[i, i] == 0.0:
+            return False
+        A[i, i] = 1.0 / A[i, i]
+    return True
+
+
+class Rows:
+    """An array whose rows are tuples."""
+
+    def __init__(self, array):
+        self.array = array
+
+    def __getitem__(self, k):
+        return tuple(self.array[k]) if isinstance(k, int) else self.array[k]
+
+    def __setitem__(self, k, value):
+        self.array[k] = value
+
+
+def test_vectors_and_matrices_at_addresses_are_those_of_python(compiler, tmp_path):
+    printer, n = Printer(), 4
+    printer.function(factorised, (Vectors(D, d=3), Vectors(Z, d=3), Vectors(D), types.int64), "", "factorised")
+    text = HEADS + printer.text() + "bool call(several_ddd *v, several_zzz *z, double *A, int64_t n);\n"
+    text += "bool call(several_ddd *v, several_zzz *z, double *A, int64_t n)\n"
+    text += "{ return factorised(v, z, (view_d){A, n}, n); }\n"
+    library = ctypes.CDLL(str(built({"vectors.c": text}, tmp_path, compiler, *SHARED)))
+    random = np.random.default_rng(2)
+    given = random.normal(size=(n, 3)), np.zeros((n, 3), complex), random.normal(size=(n, n))
+    expected, found = ([each.copy() for each in given] for _ in range(2))
+    of_python = FunctionType(factorised.py_func.__code__, {"axpy": axpy.py_func})
+    assert of_python(*(Rows(each) for each in expected), n)
+    library.call.restype = ctypes.c_bool
+    assert library.call(*(ctypes.c_void_p(each.ctypes.data) for each in found), ctypes.c_int64(n))
+    for one, other in zip(expected, found, strict=True):
+        np.testing.assert_allclose(other, one, rtol=1e-14)
 
 
 REFUSED = {

@@ -246,7 +246,7 @@ class Expressions:
     def _chosen(self, node: ast.Call, called: Any, kinds: Sequence[Any]) -> Any:
         """The compiled function of these types of arguments: of several of one name the one that numba chooses."""
         if hasattr(called, "choose"):
-            return called.choose(*kinds)
+            return called.choose(kinds)
         if hasattr(called, "py_func"):
             return called
         key, context = (called, *kinds), cpu_target.typing_context
@@ -277,10 +277,10 @@ class Expressions:
         return "", types.void
 
     def _addressed(self, node: ast.Call) -> Expression:
-        """Vectors or a view that begin at an address; numba says of which type they are."""
+        """Numbers, vectors or a view that begin at an address; numba says of which type they are."""
         texts, kinds = self.expressions(node.args)
         of = self.object_of(node.func)._defn(cpu_target.typing_context, *kinds)[0].return_type
-        if not hasattr(of, "d"):
+        if not hasattr(of, "d") and not isinstance(of, types.CPointer):
             return self._record(of, texts)
         return f"({self.printer.declared(of)}){grouped(texts[-1])}", of
 
@@ -337,7 +337,8 @@ def _is_special(called: Any) -> bool:
 
 _SPECIAL: Mapping[str, Callable[[Expressions, ast.Call], Expression]] = {
     "apart": Expressions._mark, "together": Expressions._mark, "inside": Expressions._mark,
-    "shifted": Expressions._shifted, "vectors": Expressions._addressed, "view": Expressions._addressed,
+    "shifted": Expressions._shifted, "after": Expressions._shifted, "numbers_of": Expressions._addressed,
+    "vectors": Expressions._addressed, "view": Expressions._addressed,
     "width": Expressions._count, "len": Expressions._count, "abs": Expressions._absolute,
     "int": Expressions._converted, "float": Expressions._converted, "complex": Expressions._converted,
     "bool": Expressions._converted,

@@ -5,15 +5,16 @@ and C share one text of every law. A function is printed once for each list of a
 the type of a variable is the widest type assigned to it. The subset of Python:
 
 - Values: bool, int, float and complex; tuples and named tuples of values; addresses of numbers, ``w[k]``, and
-  ``shifted(w, k)``. Of other types those with ``parts`` (a record, by its address), ``width`` (whole numbers in rows,
-  ``f[k]``, ``f[row, k]``), ``d`` (vectors of d numbers: ``v[j]`` is a tuple, ``v[j, k]`` a number), or none of these (a
-  view, by two indices).
+  ``shifted(w, k)`` or ``after(w, k)``. Of other types those with ``parts`` (a record, by its address), ``width`` (whole
+  numbers in rows, ``f[k]``, ``f[row, k]``), ``d`` (vectors of d numbers: ``v[j]`` is a tuple, ``v[j, k]`` a number), or
+  none of these (a view, by two indices).
 - Statements: assignment to names and places, to several at once, and in a chain; ``+= -= *= /=``; ``if``; ``while``;
   ``for`` over a ``range``, whose bounds count once; ``break``, ``continue``, ``pass``, and ``return`` anywhere.
 - Expressions: arithmetic, ``//`` and ``%`` with Python's signs, ``**`` of floats, comparisons of real numbers, ``and or
   not``, ``a if b else c``; ``math``'s functions; ``abs int float complex bool``; ``len`` of a tuple; modules' numbers.
 - Calls of compiled functions by position. Of several functions of one name (numba's ``overload``, or an object with
   ``choose``) that of the arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
+- Intrinsics ``vectors``, ``view`` and ``numbers_of``, which give addresses another type; ``width`` of vectors.
 - ``unpacked``, ``pack`` and ``fill`` of ``generated/packs.py``; the marks ``apart``, ``together`` and ``inside``.
 
 C leaves the order open in which the operands of an expression are computed: none may store what another one reads.
@@ -221,6 +222,8 @@ class _Written(Expressions):
         places = [] if targets or "(" not in text else ["(void)"]
         for target in targets:
             of = self._take(target, kind)
+            if of != kind and not (of in WIDTH and kind in WIDTH):
+                text = self._as(of, text, kind) if len(targets) == 1 else self.refuse(node)
             if kind in WIDTH and len(targets) > 1 and self.wider(node, of, kind) != of:
                 self.refuse(node, "a place for whole numbers in a chain")
             places.append(self._place(target))
@@ -230,6 +233,14 @@ class _Written(Expressions):
             places[0] = f"const {declared}" if self.stores[first] == 1 and "*" not in declared else declared
         if places:
             self._line(f"{' = '.join(places)} = {bare(text)};".replace("(void) = ", "(void)"))
+
+    def _as(self, of: Any, text: str, kind: Any) -> str:
+        """A tuple of numbers as one of wider numbers."""
+        tuples = isinstance(of, types.UniTuple) and isinstance(kind, types.UniTuple) and of.count == kind.count
+        if not tuples or self.wider(self.tree, of.dtype, kind.dtype) != of.dtype:
+            self.refuse(self.tree, f"{kind} stored as {of}")
+        value = self._copied(text, kind)
+        return f"({self.printer.declared(of)}){{{', '.join(f'{value}.{name}' for name, _ in parts_of(kind))}}}"
 
     def _packs(self, node: ast.expr) -> Any:
         """The function of ``generated/packs.py`` that is called."""
@@ -243,7 +254,10 @@ class _Written(Expressions):
             return
         if isinstance(node.value, ast.Tuple) and len(node.value.elts) == len(targets):
             values = [self.expression(value) for value in node.value.elts]
-            if self._meet(targets, node.value.elts):
+            names = {target.id if isinstance(target, ast.Name) else "" for target in targets[:-1]}
+            later = [each for value in node.value.elts[1:] for each in ast.walk(value)]
+            stored = "" in names and any(isinstance(each, ast.Subscript | ast.Call) for each in later)
+            if stored or any(isinstance(each, ast.Name) and each.id in names for each in later):
                 values = [(self._copied(*value), value[1]) for value in values]
         else:
             text, whole = self.expression(node.value)
@@ -255,11 +269,10 @@ class _Written(Expressions):
             self._store([target], *value, node)
 
     def _read(self, targets: Sequence[ast.expr], array: ast.expr, _: ast.expr, *start: ast.expr) -> None:
-        """Elements of an array one by one, except those named ``_``."""
+        """Elements of an array one by one."""
         for k, target in enumerate(targets):
-            if not (isinstance(target, ast.Name) and target.id == "_"):
-                place = _after(start[0], k) if start else ast.Constant(k)
-                self._store([target], *self.expression(ast.Subscript(array, place)), target)
+            place = _after(start[0], k) if start else ast.Constant(k)
+            self._store([target], *self.expression(ast.Subscript(array, place)), target)
 
     def _pack(self, out: ast.expr, place: ast.expr, values: ast.Tuple) -> None:
         """Values to places side by side."""
@@ -284,18 +297,6 @@ class _Written(Expressions):
             shared.setdefault(text, []).append(f"{self.expression(out)[0]}[{i}][{j}]")
         for text, places in shared.items():
             self._line(f"{' = '.join(places)} = {bare(text)};")
-
-    @staticmethod
-    def _meet(targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> bool:
-        """True if a value may use a target that is assigned before it."""
-        for k, target in enumerate(targets):
-            later = [node for value in values[k + 1 :] for node in ast.walk(value)]
-            if isinstance(target, ast.Name):
-                if any(isinstance(node, ast.Name) and node.id == target.id for node in later):
-                    return True
-            elif any(isinstance(node, (ast.Subscript, ast.Call)) for node in later):
-                return True
-        return False
 
     def _copied(self, text: str, kind: Any) -> str:
         """Name of a variable of its own that has a value."""
@@ -370,11 +371,10 @@ class _Written(Expressions):
         head = f"for (int64_t {k} = {bare(start)}, {end} = {bare(stop)}; {k} {'<' if step > 0 else '>'} {end}; {on})"
         self._within(head, node.body, "" if own else f"{self.named(target.id)} = {k};")
 
-    def _Break(self, node: ast.Break) -> None:
-        self._line("break;")
+    def _Break(self, node: ast.Break | ast.Continue) -> None:
+        self._line(f"{ast.unparse(node)};")
 
-    def _Continue(self, node: ast.Continue) -> None:
-        self._line("continue;")
+    _Continue = _Break
 
     def _Return(self, node: ast.Return) -> None:
         if node.value is None:

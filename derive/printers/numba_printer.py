@@ -129,8 +129,9 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     """One jitted function: parameters and scalars read once, then the assignments, which store what is asked for, then
     the other stores."""
     printer = NumbaPrinter(identifiers)
-    read, told = reads(kernel, printer), statements(kernel, printer)
-    body = [*packs.loads(read)]
+    used = set().union(*(e.free_symbols for _, e in (*kernel.program.assignments, *kernel.program.outputs)))
+    told = statements(kernel, printer)
+    body = [*packs.loads((printer.doprint(symbol), source) for symbol, source in kernel.reads if symbol in used)]
     if kernel.packed:
         slots = {}
         for name, places, value in told:
@@ -146,13 +147,6 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     text = textwrap.indent("\n".join([f'"""{kernel.doc}"""', *body]), "    ")
     options = "forceinline=True, **OPTIONS" if kernel.inline else "**OPTIONS"
     return f"@njit({options})\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{text}\n"
-
-
-def reads(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, str]]:
-    """Reads of a kernel from its arrays: name of the number, its place."""
-    program = kernel.program
-    used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)))
-    return ((printer.doprint(symbol), source) for symbol, source in kernel.reads if symbol in used)
 
 
 def statements(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, list[str], str]]:

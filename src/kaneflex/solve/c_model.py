@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def c_model(
         check_cycle(scene, asked)
     model = integrated(load(scene, progress))
     name, texts = prefix_of(scene.name), dict[str, str]()
-    data = [array_in_c("double", f"{name}_p", map(_number, model.motion.parameters))]
+    data = [array_in_c("double", f"{name}_p", model.motion.parameters, "")]
     sources, declared, readings = [f"{name}.c", f"{name}_data.c"], "", None
     start: Start = (), ()
     if model.options.dynamics in _STEPPED and model.reduced.size > 0:
@@ -126,10 +127,10 @@ def _motion(found: Harmonics, model: Model, name: str) -> dict[str, str]:
     p = [(path, f"{path} [{unit}]") for path, unit in module.PARAMETERS]
     arrays: dict[str, tuple[str, Iterable[object]]] = {
         "places": ("size_t", found.columns),
-        "drifts": ("double", map(_number, found.drifts)),
-        "numbers": ("double", map(_number, found.numbers.ravel())),
+        "drifts": ("double", found.drifts),
+        "numbers": ("double", found.numbers.ravel()),
     }
-    texts = [array_in_c(kind, f"{name}_series_{key}", values, "static ") for key, (kind, values) in arrays.items()]
+    texts = [array_in_c(kind, f"{name}_series_{key}", values) for key, (kind, values) in arrays.items()]
     held = ", ".join(f"{name}_series_{key}" for key in arrays)
     texts.append(f"static const kaneflex_series {name}_series = {{\n    {_number(found.period)}, {len(found.columns)}, "
                  f"{found.count},\n    {held}\n}};\n")  # fmt: skip
@@ -172,14 +173,14 @@ def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
         "factors": ("size_t", [place for each in places for place in each]),
         "sum_ends": ("size_t", ends[1:]),
         "sum_products": ("size_t", what),
-        "sum_constants": ("double", map(_number, constants)),
-        "nodes": ("double", map(_number, nodes)),
-        "weights": ("double", map(_number, weights)),
-        "z_0": ("double", map(_number, begun.z[0])),
-        "v_0": ("double", map(_number, begun.v[0])),
+        "sum_constants": ("double", constants),
+        "nodes": ("double", nodes),
+        "weights": ("double", weights),
+        "z_0": ("double", begun.z[0]),
+        "v_0": ("double", begun.v[0]),
         "coordinates": ("char *const", map(c_literal, model.reduced.coordinates)),
     }
-    texts = [array_in_c(kind, f"{name}_{key}", values, "static ") for key, (kind, values) in arrays.items()]
+    texts = [array_in_c(kind, f"{name}_{key}", values) for key, (kind, values) in arrays.items()]
     sizes = (system.n, system.half_bandwidth, len(model.motion.column), len(places), max(method.stages, 1))
     period = model.options.steps if model.options.cycles else 0
     held = ", ".join(f"{name}_{key}" for key in arrays)
@@ -200,10 +201,10 @@ def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], d
         "stages": ("size_t", readings.stages.ravel()),
         "ends": ("size_t", readings.ends),
         "pairs": ("size_t", readings.pairs.ravel()),
-        "constants": ("double", map(_number, readings.constants)),
+        "constants": ("double", readings.constants),
         "sensors": ("char *const", map(c_literal, readings.sensors)),
     }
-    texts = [array_in_c(kind, f"{name}_read_{key}", values, "static ") for key, (kind, values) in arrays.items()]
+    texts = [array_in_c(kind, f"{name}_read_{key}", values) for key, (kind, values) in arrays.items()]
     memory = max(rows * (n + 1) + n * n for _, rows, n in readings.stages.tolist())  # x and y fit in n * n
     count, held = len(readings.sensors), ", ".join(f"{name}_read_{key}" for key in arrays)
     numbers = f"    {count}, {readings.given}, {readings.count}, {memory}, {len(readings.stages) - 1},\n    {held}\n"
@@ -213,14 +214,21 @@ def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], d
     return [*texts, f"const kaneflex_readings {name}_readings = {{\n{numbers}}};\n"], said
 
 
-def array_in_c(kind: str, name: str, values: Iterable[object], scope: str = "") -> str:
-    found = [str(value) for value in values]
-    lines = "".join(f"    {value},\n" for value in found or ["0"])  # C has no empty arrays
+def array_in_c(kind: str, name: str, values: Iterable[Any], scope: str = "static ") -> str:
+    """Definition of an array of numbers or texts, eight in a line; C has no empty arrays."""
+    text: Callable[[Any], str] = _number if kind == "double" else str if kind == "char *const" else _whole
+    found = [text(value) for value in values] or ["0"]
+    lines = "".join(f"    {', '.join(found[k : k + 8])},\n" for k in range(0, len(found), 8))
     return f"{scope}const {kind} {name}[] = {{\n{lines}}};\n"
 
 
+def _whole(value: Any) -> str:
+    return str(int(value))
+
+
 def _number(value: float) -> str:
-    return repr(float(value))
+    text = repr(float(value))
+    return {"inf": "INFINITY", "-inf": "-INFINITY", "nan": "NAN"}.get(text, text)
 
 
 _MOTION_H = """/* The rigid motion of a mechanism in space, by kaneflex. Do not edit.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -156,21 +156,21 @@ def _data(run: Run, name: str) -> Iterator[str]:
     engine, system = run.engine, run.system
     plan, bodies, sections, acts, w = engine.tables
     for key, table in (("plan", plan), ("bodies", bodies), ("sections", sections), ("acts", acts)):
-        yield _whole(f"{name}_{key}", table.ravel())
+        yield array_in_c("int64_t", f"{name}_{key}", table.ravel())
     there = np.flatnonzero((w != 0.0) | ~np.isfinite(w))
-    yield _whole(f"{name}_places", there)
-    yield _real(f"{name}_numbers", w[there])
-    yield _real(f"{name}_p", engine.p)
-    yield _real(f"{name}_row", run.here)
-    yield _whole(f"{name}_order", system.order)
-    yield _whole(f"{name}_exerted", system.exerted)
-    yield _whole(f"{name}_unknown", [name_ in system.undetermined for name_ in system.constraints])
-    yield _whole(f"{name}_free", engine.independent)
+    yield array_in_c("int64_t", f"{name}_places", there)
+    yield array_in_c("double", f"{name}_numbers", w[there])
+    yield array_in_c("double", f"{name}_p", engine.p)
+    yield array_in_c("double", f"{name}_row", run.here)
+    yield array_in_c("int64_t", f"{name}_order", system.order)
+    yield array_in_c("int64_t", f"{name}_exerted", system.exerted)
+    yield array_in_c("int64_t", f"{name}_unknown", [name_ in system.undetermined for name_ in system.constraints])
+    yield array_in_c("int64_t", f"{name}_free", engine.independent)
     kinds = np.repeat(np.arange(len(engine.kinds)), len(at.BODY_KERNELS))  # which of several each kernel is
-    yield _whole(f"{name}_kernels", [*(0,) * len(at.STRUCTURE_KERNELS), *kinds])
+    yield array_in_c("int64_t", f"{name}_kernels", [*(0,) * len(at.STRUCTURE_KERNELS), *kinds])
     names = {"coordinate": [key for key, _ in system.coordinates], "force": system.constraints, "free": engine.names}
     for key, found in names.items():
-        yield array_in_c("char *const", f"{name}_{key}_names", map(c_literal, found))
+        yield array_in_c("char *const", f"{name}_{key}_names", map(c_literal, found), "")
     yield f"static const double {name}_first_step = {run.step!r};\n"
     yield from _method(RADAU, f"{name}_radau")
     if run.method.integrator == "gauss":
@@ -181,27 +181,10 @@ def _method(table: Table, name: str) -> Iterator[str]:
     """Coefficients of the collocation method; complex ones as pairs."""
     for key, values in table._asdict().items():
         flat = np.ascontiguousarray(values).ravel()
-        yield _real(f"{name}_{key}", flat.view(float) if np.iscomplexobj(flat) else flat, "")
-    complex_ones = [key for key, values in table._asdict().items() if np.iscomplexobj(values)]
-    parts = (f"(double complex *){name}_{key}" if key in complex_ones else f"{name}_{key}" for key in table._fields)
+        yield array_in_c("double", f"{name}_{key}", flat.view(float))
+    kinds = {key: "double complex" if np.iscomplexobj(values) else "double" for key, values in table._asdict().items()}
+    parts = (f"({kind} *){name}_{key}" for key, kind in kinds.items())
     yield f"static const table {name}_method = {{\n    {', '.join(parts)}\n}};\n"
-
-
-def _whole(name: str, values: Iterable[object]) -> str:
-    return _wrapped(f"static const int64_t {name}[]", [str(int(value)) for value in values])  # type: ignore[call-overload]
-
-
-def _real(name: str, values: Sequence[float] | np.ndarray, kept: str = "const ") -> str:
-    from kaneflex.derive.printers.c_types import constant
-
-    return _wrapped(f"static {kept}double {name}[]", [constant(float(value))[0] for value in values])
-
-
-def _wrapped(head: str, values: list[str]) -> str:
-    """Array definition with several numbers per line; C has no empty arrays."""
-    values = values or ["0"]
-    lines = "\n".join(f"    {', '.join(values[k : k + 8])}," for k in range(0, len(values), 8))
-    return f"{head} = {{\n{lines}\n}};\n"
 
 
 _ABOUT = {

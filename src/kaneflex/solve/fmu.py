@@ -181,7 +181,7 @@ def _described(made: CModel, token: str) -> str:
     """C source that connects the model with the shared functions."""
     name, settable, numbers = made.name, list(_settable(made.model)), len(made.model.motion.parameters)
     inputs = sum(variable.causality == "input" for _, variable in settable)
-    places = array_in_c("size_t", f"{name}_places", [place for place, _ in settable], "static ")
+    places = array_in_c("size_t", f"{name}_places", [place for place, _ in settable])
     return (
         f'#include "{name}_data.h"\n#include "kaneflex_fmu.h"\n\n{places}\n'
         f"const kaneflex_fmu_model kaneflex_fmu = {{\n"
