@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import ctypes
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numba.core import cgutils
 from numba.core.errors import NumbaExperimentalFeatureWarning
-from numba.types import FunctionType, float64
+from numba.extending import intrinsic
+from numba.types import FunctionType, UniTuple, boolean, float64, int64, void
 
 from kaneflex.multibody.tables import Handle
+
+_C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}
 
 
 @contextmanager
@@ -55,3 +59,35 @@ def by_address(value: Any) -> Any:
     if value.size and value.flags.writeable:
         return ctypes.addressof(ctypes.c_char.from_buffer(value.data))  # three times as fast as .ctypes.data
     return value.ctypes.data
+
+
+def entered(mechanism: Any, entries: Mapping[Any, Any]) -> Any:
+    """Intrinsic that returns the C addresses of entries; ``mechanism``: the type of their first argument."""
+
+    @intrinsic
+    def entered(typing):
+        def read(context, builder, sig, args):
+            found = []
+            for function, entry in entries.items():
+                of = entry.return_type(mechanism, *entry.args[1:])
+                made = function.get_compile_result(of)
+                context.active_code_library.add_linking_library(made.library)
+                kind = context.get_value_type(FunctionType(of).ftype).pointee
+                wrapper = cgutils.get_or_insert_function(builder.module, kind, made.fndesc.llvm_cfunc_wrapper_name)
+                found.append(builder.ptrtoint(wrapper, context.get_value_type(int64)))
+            return context.make_tuple(builder, sig.return_type, found)
+
+        return UniTuple(int64, len(entries))(), read
+
+    return entered
+
+
+def called(addresses: Any, entries: Mapping[Any, Any]) -> dict[Any, Callable[..., Any]]:
+    """C functions of entries by the compiled function that returns their addresses."""
+    with compiling():
+        found = addresses()
+    of_c: dict[Any, Callable[..., Any]] = {}
+    for (function, signature), address in zip(entries.items(), found, strict=True):
+        kinds: list[Any] = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]
+        of_c[function] = ctypes.CFUNCTYPE(*kinds)(address)
+    return of_c

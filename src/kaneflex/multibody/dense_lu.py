@@ -1,14 +1,11 @@
-"""Factors of small dense matrices in a long array: real or complex LU, and L D L^T of definite ones."""
+"""LU factors of small dense matrices, real or complex, in a long array."""
 
 from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.tables import IN_ORDER, OPTIONS, apart, magnitude, together
+from kaneflex.multibody.tables import IN_ORDER, OPTIONS, apart, magnitude
 from kaneflex.support.inner import once
-
-_DEFINITE = 1e-13
-"""Least pivot of a definite matrix, as a share of its diagonal entry."""
 
 
 @once
@@ -62,64 +59,3 @@ def substitute(a, at, n, pivots, first, x):
         for j in range(i + 1, n):
             total -= a[at + n * i + j] * a[x + j]
         a[x + i] = total * a[at + n * i + i]
-
-
-@once
-@njit(**IN_ORDER)
-def factorise_definite(a, at, n):
-    """Factors L D L^T of a symmetric matrix in place, 1/D on the diagonal; False unless positive definite."""
-    apart()
-    for k in range(n):
-        row = at + n * k
-        pivot = a[row + k]
-        for j in range(k):
-            pivot -= a[row + j] * a[row + j] * a[at + n * j + j]
-        if not pivot > _DEFINITE * a[row + k] or not pivot < 1e300:
-            return False
-        a[row + k] = 1.0 / pivot
-        for i in range(k + 1, n):
-            total = a[at + n * i + k]
-            for j in range(k):
-                total -= a[at + n * i + j] * a[row + j] * a[at + n * j + j]
-            a[at + n * i + k] = total
-    return True
-
-
-@once
-@njit(**OPTIONS)
-def factorise_wide(a, at, n, x):
-    """The same of a matrix with both triangles, from the upper one by whole rows; a column of room is at x."""
-    together()
-    for k in range(n):
-        a[x + k] = a[at + n * k + k]
-    for k in range(n):
-        row = at + n * k
-        pivot = a[row + k]
-        if not pivot > _DEFINITE * a[x + k] or not pivot < 1e300:
-            return False
-        inverse = 1.0 / pivot
-        for i in range(k + 1, n):
-            factor = a[row + i] * inverse
-            if factor != 0.0:
-                for j in range(i, n):
-                    a[at + n * i + j] -= factor * a[row + j]
-            a[at + n * i + k] = a[row + i]
-        a[row + k] = inverse
-    return True
-
-
-@once
-@njit(**IN_ORDER)
-def substitute_definite(a, at, n, x):
-    """Solve with the factors of :func:`factorise_definite`, in place: the right-hand side is at x."""
-    apart()
-    for i in range(n):
-        total = a[x + i]
-        for j in range(i):
-            total -= a[at + n * i + j] * a[x + j]
-        a[x + i] = total * a[at + n * i + i]
-    for i in range(n - 1, -1, -1):
-        total = 0.0
-        for j in range(i + 1, n):
-            total += a[at + n * j + i] * a[x + j]
-        a[x + i] -= total * a[at + n * i + i]

@@ -7,19 +7,16 @@ passed by address, so that a call takes a few microseconds.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from numba import njit
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.types import FunctionType, UniTuple, boolean, float64, int64, void
 
 from kaneflex.generated import contact, friction, joints
 from kaneflex.multibody import (
     acting,
+    addresses,
     bending,
     bristles,
     change_points,
@@ -52,46 +49,25 @@ from kaneflex.multibody import (
     unfolding,
     yielding,
 )  # fmt: skip
-from kaneflex.multibody.addresses import compiling
+from kaneflex.multibody.addresses import called, entered
 from kaneflex.multibody.tables import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, OUTER, Handed
 from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(
-    acting.__file__, bending.__file__, bristles.__file__, change_points.__file__, closed_factors.__file__,
-    coefficients.__file__, collocation.__file__, complementarity.__file__, contact.__file__, contact_numbers.__file__,
-    contact_search.__file__, contacts.__file__, dense_lu.__file__, dependents.__file__, friction.__file__,
-    hold_powers.__file__, holds.__file__, impulses.__file__, inner.__file__, joints.__file__, loops.__file__,
-    powers.__file__, recursion.__file__, reduction.__file__, rigid_contacts.__file__, rigid_friction.__file__,
-    rows.__file__, slopes.__file__, stand_ins.__file__, step_curve.__file__, sticking.__file__, switching.__file__,
-    tables.__file__, tree.__file__, unfolding.__file__, yielding.__file__,
+    acting.__file__, addresses.__file__, bending.__file__, bristles.__file__, change_points.__file__,
+    closed_factors.__file__, coefficients.__file__, collocation.__file__, complementarity.__file__,
+    contact.__file__, contact_numbers.__file__, contact_search.__file__, contacts.__file__, dense_lu.__file__,
+    dependents.__file__, friction.__file__, hold_powers.__file__, holds.__file__, impulses.__file__, inner.__file__,
+    joints.__file__, loops.__file__, powers.__file__, recursion.__file__, reduction.__file__,
+    rigid_contacts.__file__, rigid_friction.__file__, rows.__file__, slopes.__file__, stand_ins.__file__,
+    step_curve.__file__, sticking.__file__, switching.__file__, tables.__file__, tree.__file__, unfolding.__file__,
+    yielding.__file__,
 )  # fmt: skip
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
-_C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}
-
-
-def _entered(mechanism):
-    """Intrinsic that returns the C addresses of the entries."""
-
-    @intrinsic
-    def entered(typing):
-        def read(context, builder, sig, args):
-            found = []
-            for function, entry in ENTRIES.items():
-                of = entry.return_type(mechanism, *entry.args[1:])
-                made = function.get_compile_result(of)
-                context.active_code_library.add_linking_library(made.library)
-                kind = context.get_value_type(FunctionType(of).ftype).pointee
-                wrapper = cgutils.get_or_insert_function(builder.module, kind, made.fndesc.llvm_cfunc_wrapper_name)
-                found.append(builder.ptrtoint(wrapper, context.get_value_type(int64)))
-            return context.make_tuple(builder, sig.return_type, found)
-
-        return UniTuple(int64, len(ENTRIES))(), read
-
-    return entered
-
-
-_plain, _with_contacts, _with_holds = (_entered(each) for each in (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM))
+_plain, _with_contacts, _with_holds = (
+    entered(each, ENTRIES) for each in (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM)
+)
 
 
 @njit(cache=True, **OUTER)
@@ -123,10 +99,4 @@ def library(mechanism: Handed) -> dict[Any, Callable[..., Any]]:
 
     ``mechanism``: the argument type; those with contacts or holds have more functions.
     """
-    with compiling():
-        found = _ENTERED[mechanism]()
-    of_c: dict[Any, Callable[..., Any]] = {}
-    for (function, signature), address in zip(ENTRIES.items(), found, strict=True):
-        kinds: list[Any] = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]
-        of_c[function] = ctypes.CFUNCTYPE(*kinds)(address)
-    return of_c
+    return called(_ENTERED[mechanism], ENTRIES)

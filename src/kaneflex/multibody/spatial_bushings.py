@@ -8,8 +8,9 @@ import numpy as np
 from numba import njit
 
 from kaneflex.mechanism.spatial import SpatialMechanism
-from kaneflex.multibody.spatial_vectors import add_cross, less
-from kaneflex.multibody.tables import OPTIONS, apart
+from kaneflex.multibody.algebra import axpy, by_axis, cross, dot, minus, plus, scaled, store, turned
+from kaneflex.multibody.tables import OPTIONS, apart, larger
+from kaneflex.multibody.values import after
 from kaneflex.support.inner import once
 
 FORCE, MOMENT, ENERGY, POWER, ANGLE = 0, 3, 6, 7, 8
@@ -34,7 +35,7 @@ def overturned(mechanism: SpatialMechanism, rows: np.ndarray) -> tuple[str, str]
 
 @once
 @njit(**OPTIONS)
-def cushion(m, k, n):
+def cushion(m, n):
     """Fill the row of a bushing, where ``move`` was.
 
     d is where the second point is against the first, and phi the rotation vector of the second side's axes, both in
@@ -47,46 +48,27 @@ def cushion(m, k, n):
     proportional to d' and omega.
     """
     apart()
-    x, row, of, E, other = k.x, k.bushings[n], m.cushions[n], m.bushings[n, 2], m.bushings[n, 3]
-    one, two = k.sections[m.bushings[n, 0]], k.sections[m.bushings[n, 1]]
-    less(two, one, x, 0)
-    for i in range(3):
-        x[3 + i] = two[3 + i] - one[3 + i]
-        x[6 + i] = two[9 + i] - one[9 + i]
-        x[9 + i] = -one[9 + i]
-    add_cross(x, 9, x, 0, x, 3)
-    trace = 0.0
-    for i in range(3):
-        for j in range(3):
-            x[21 + 3 * i + j] = 0.0
-        x[12 + i] = x[15 + i] = x[18 + i] = 0.0
-        for l in range(3):
-            axis = k.axes[E + i, l]
-            x[12 + i] += axis * x[l]
-            x[15 + i] += axis * x[3 + l]
-            x[18 + i] += axis * x[6 + l]
-            for j in range(3):
-                x[21 + 3 * i + j] += axis * k.axes[other + j, l]
-        trace += x[21 + 4 * i]
-    cosine = max(0.5 * math.sqrt(max(1.0 + trace, 0.0)), _HALF_TURN)
-    x[30] = (x[28] - x[26]) / (4.0 * cosine)
-    x[31] = (x[23] - x[27]) / (4.0 * cosine)
-    x[32] = (x[24] - x[22]) / (4.0 * cosine)
-    sine = math.sqrt(x[30] ** 2 + x[31] ** 2 + x[32] ** 2)
+    one, two, row = 5 * m.bushing_ends[n, 0], 5 * m.bushing_ends[n, 1], 9 * n
+    E, other, away = m.bushing_ends[n, 2], m.bushing_ends[n, 3], minus(m.sections[two], m.sections[one])
+    rate = minus(minus(m.sections[two + 1], m.sections[one + 1]), cross(m.sections[one + 3], away))
+    omega = minus(m.sections[two + 3], m.sections[one + 3])
+    a, b = turned(m.axes, E, m.axes[other]), turned(m.axes, E, m.axes[other + 1])
+    c = turned(m.axes, E, m.axes[other + 2])  # the second side's axes in those of the first
+    cosine = larger(0.5 * math.sqrt(larger(1.0 + a[0] + b[1] + c[2], 0.0)), _HALF_TURN)
+    phi = scaled(0.25 / cosine, (b[2] - c[1], c[0] - a[2], a[1] - b[0]))
+    sine = math.sqrt(dot(phi, phi))
     angle = 2.0 * math.atan2(sine, cosine)
     share, curved = 2.0, 1.0 / 12.0
     if angle > _NO_ANGLE:
         share, curved = angle / sine, (1.0 - 0.5 * angle * cosine / sine) / angle**2
-    row[ENERGY] = row[POWER] = 0.0
-    row[ANGLE] = angle
-    for i in range(3):
-        x[30 + i] *= share
-        x[33 + i] = of[3 + i] * x[30 + i]
-        x[36 + i] = x[39 + i] = 0.0
-        row[ENERGY] += 0.5 * (of[i] * x[12 + i] ** 2 + x[33 + i] * x[30 + i])
-        row[POWER] += of[6 + i] * x[15 + i] ** 2 + of[9 + i] * x[18 + i] ** 2
-    add_cross(x, 30, x, 33, x, 36)
-    add_cross(x, 30, x, 36, x, 39)
-    for i in range(3):
-        row[FORCE + i] = of[i] * x[12 + i] + of[6 + i] * x[15 + i]
-        row[MOMENT + i] = x[33 + i] + 0.5 * x[36 + i] + curved * x[39 + i] + of[9 + i] * x[18 + i]
+    phi, d = scaled(share, phi), turned(m.axes, E, away)
+    rate, omega = turned(m.axes, E, rate), turned(m.axes, E, omega)
+    k_d, k_phi, c_d, c_phi = m.cushions[4 * n], m.cushions[4 * n + 1], m.cushions[4 * n + 2], m.cushions[4 * n + 3]
+    force, resists, turn = by_axis(k_d, d), by_axis(k_phi, phi), by_axis(c_phi, omega)
+    slowed, first = by_axis(c_d, rate), cross(phi, resists)
+    m.bushings[row + ENERGY] = 0.5 * (dot(force, d) + dot(resists, phi))
+    m.bushings[row + POWER] = dot(slowed, rate) + dot(turn, omega)
+    m.bushings[row + ANGLE] = angle
+    moment = axpy(curved, cross(phi, first), axpy(0.5, first, plus(resists, turn)))
+    store(after(m.bushings, row + FORCE), plus(force, slowed))
+    store(after(m.bushings, row + MOMENT), moment)

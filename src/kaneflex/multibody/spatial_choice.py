@@ -8,7 +8,7 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint
-from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_steps import Choice
 from kaneflex.multibody.spatial_system import SpatialSystem
 
 _RANK = 1e-9

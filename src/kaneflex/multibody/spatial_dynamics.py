@@ -1,4 +1,4 @@
-"""Compiled dynamics of a mechanism in space: loop closure, elimination of dependent speeds, reactions.
+"""Compiled dynamics of a mechanism in space: loop closure, accelerations, reactions.
 
 A *choice* names independent rows of the cuts, and divides the speeds into dependent, prescribed and independent ones,
 as many of these as degrees of freedom (Kane & Levinson 1985, sec. 2.13: nonholonomic partial velocities, as loops are
@@ -8,14 +8,15 @@ eliminated here at the level of speeds). All coordinates are integrated; the loo
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
 from numba import njit
+from numba.types import CPointer, int64
 
 from kaneflex.multibody import dense_lu
-from kaneflex.multibody.spatial_forces import demand, push
-from kaneflex.multibody.spatial_kinematics import accelerate, move, partials, place
+from kaneflex.multibody.algebra import force_at, joined, minus, plus
+from kaneflex.multibody.constrained import ALL, HARD, LENT, REAL_ROWS, factorise_rows, solve_rows
+from kaneflex.multibody.spatial_forces import demand, inertias, momenta, push
+from kaneflex.multibody.spatial_kinematics import accelerate, directions, geometry, move, place
 from kaneflex.multibody.spatial_tables import (
     BALL,
     COINCIDE,
@@ -32,8 +33,9 @@ from kaneflex.multibody.spatial_tables import (
     TURN,
     WHAT,
 )  # fmt: skip
-from kaneflex.multibody.spatial_vectors import add_cross
-from kaneflex.multibody.tables import OPTIONS, apart, larger, together
+from kaneflex.multibody.spatial_work import BODIES, CUTS, NODES, PHI, ROWS, SHAPES_OF_ALL, SPEEDS, SQUARES
+from kaneflex.multibody.tables import OPTIONS, Fixed, Handed, N, apart, larger
+from kaneflex.multibody.values import after, copy_vectors
 from kaneflex.support.inner import once
 
 _MOST = 30
@@ -43,28 +45,25 @@ _CLOSED = 1e-13
 _LARGEST = 0.3
 """Largest Newton step: the linearisation is poor beyond it."""
 
-
-class Choice(NamedTuple):
-    """Numbers of the independent rows of the cuts and of dependent, prescribed and independent speeds; the measures of
-    speeds and of rows (1 rad, or the mechanism's size); room for factors, a step, the basis and pivots."""
-
-    rows: np.ndarray
-    dependent: np.ndarray
-    prescribed: np.ndarray
-    independent: np.ndarray
-    measure: np.ndarray
-    row_measure: np.ndarray
-    room: np.ndarray
-    step: np.ndarray
-    basis: np.ndarray
-    pivots: np.ndarray
+KEPT_ROWS, PRESCRIBED, INDEPENDENT, LENDING = range(4)
+"""Places of a choice's ``counts``: rows, which are as many as dependent speeds; prescribed and independent speeds;
+speeds with virtual inertia."""
+CHOICE = Handed(
+    "Choice of speeds", counts=Fixed(1), rows=Fixed(1), dependent=Fixed(1), prescribed=Fixed(1), independent=Fixed(1),
+    lending=Fixed(1), lent=N, measure=N, row_measure=N, room=N, transposed=N, step=N, momentum=N, basis=N,
+    pivots=CPointer(int64), mass=REAL_ROWS,
+)  # fmt: skip
+"""Numbers of the independent rows of the cuts and of dependent, prescribed and independent speeds; virtual inertia of
+all speeds, and which have some; the measures of speeds and of rows (1 rad, or the mechanism's size); factors of J by
+dependent speeds, and of its transpose, with a right-hand side; a step, momenta, the basis and pivots; factors of the
+mass matrix."""
 
 
 @njit(**OPTIONS)
 def advance(m, q, step):
     """Move the coordinates by a step of the speeds: a ball turns by the rotation vector in its axes."""
     apart()
-    for n in range(len(m.nodes)):
+    for n in range(m.counts[NODES]):
         kind, k, s = m.nodes[n, KIND], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
         if kind == BALL:
             x, y, z = step[s], step[s + 1], step[s + 2]
@@ -95,7 +94,7 @@ def _compose(q, k, w, x, y, z):
 def coordinate_rates(m, q, u, out):
     """q' of the speeds: of a ball 1/2 q (0, omega)."""
     apart()
-    for n in range(len(m.nodes)):
+    for n in range(m.counts[NODES]):
         kind, k, s = m.nodes[n, KIND], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
         if kind == BALL:
             a, b, c, d = q[k], q[k + 1], q[k + 2], q[k + 3]
@@ -110,226 +109,231 @@ def coordinate_rates(m, q, u, out):
 
 
 @njit(**OPTIONS)
-def _fill(k, choice, A):
-    """Factorise J of the independent rows by the dependent speeds in A; False: singular."""
-    apart()
-    count = len(choice.dependent)
-    for i in range(count):
-        for j in range(count):
-            A[count * i + j] = k.J[choice.rows[i], choice.dependent[j]]
-    return dense_lu.factorise(A, 0, count, choice.pivots, 0)
-
-
-@njit(**OPTIONS)
-def close(m, q, k, choice):
+def close(m, c):
     """Close the loops by the dependent coordinates (Newton's method); True if it converges.
 
     The factors of J remain available.
     """
     apart()
-    count, A, step = len(choice.dependent), choice.room, choice.step
-    for s in range(len(step)):
+    count, A, step, speeds = c.counts[KEPT_ROWS], c.room, c.step, m.counts[SPEEDS]
+    for s in range(speeds):
         step[s] = 0.0
     for turn in range(_MOST):
-        place(m, q, k)
-        partials(m, k)
-        if not _fill(k, choice, A):
+        place(m)
+        directions(m)
+        for i in range(count):
+            for j in range(count):
+                A[count * i + j] = m.J[speeds * c.rows[i] + c.dependent[j]]
+        if not dense_lu.factorise(A, 0, count, c.pivots, 0):
             return False
         if count == 0:
             return True
         first = count * count
         for i in range(count):
-            A[first + i] = -k.rows[choice.rows[i], 0]
-        dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
+            A[first + i] = -m.rows[5 * c.rows[i]][0]
+        dense_lu.substitute(A, 0, count, c.pivots, 0, first)
         largest = 0.0
         for i in range(count):
-            largest = larger(largest, abs(A[first + i]) / choice.measure[choice.dependent[i]])
+            largest = larger(largest, abs(A[first + i]) / c.measure[c.dependent[i]])
         if not largest < 1e6:
             return False
         if largest < _CLOSED or (turn > 4 and largest < 100.0 * _CLOSED):
             return True
         shorter = _LARGEST / larger(_LARGEST, largest)
         for i in range(count):
-            step[choice.dependent[i]] = shorter * A[first + i]
-        advance(m, q, step)
+            step[c.dependent[i]] = shorter * A[first + i]
+        advance(m, m.q, step)
     return False
 
 
 @once
 @njit(**OPTIONS)
-def tie(k, choice, u, column, less):
-    """Fill dependent entries of u to satisfy J u + c = 0 in the independent rows, c a column of the rows (-1: none).
-
-    ``less``: all other entries count in c already.
-    """
+def tie(m, c, u, rate):
+    """Fill dependent entries of u, so that the independent rows' rates vanish: J u = 0 with u's other entries (``rate``
+    1), or J u + c = 0 with c the second rates of the rows (2), to which these already contribute."""
     apart()
-    count, A = len(choice.dependent), choice.room
+    count, A, speeds = c.counts[KEPT_ROWS], c.room, m.counts[SPEEDS]
     first = count * count
     for i in range(count):
-        row = choice.rows[i]
-        A[first + i] = -k.rows[row, column] if column >= 0 else 0.0
-        for n in range(0 if less else len(choice.prescribed)):
-            A[first + i] -= k.J[row, choice.prescribed[n]] * u[choice.prescribed[n]]
-        for n in range(0 if less else len(choice.independent)):
-            A[first + i] -= k.J[row, choice.independent[n]] * u[choice.independent[n]]
-    dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
+        row, J = c.rows[i], after(m.J, speeds * c.rows[i])
+        A[first + i] = -m.rows[5 * row][2] if rate == 2 else 0.0
+        if rate == 1:
+            for n in range(c.counts[PRESCRIBED]):
+                A[first + i] -= J[c.prescribed[n]] * u[c.prescribed[n]]
+            for n in range(c.counts[INDEPENDENT]):
+                A[first + i] -= J[c.independent[n]] * u[c.independent[n]]
+    dense_lu.substitute(A, 0, count, c.pivots, 0, first)
     for i in range(count):
-        u[choice.dependent[i]] = A[first + i]
+        u[c.dependent[i]] = A[first + i]
 
 
 @njit(**OPTIONS)
-def basis(k, choice):
+def basis(m, c):
     """Basis B of u = B u_independent + prescribed terms, (independent, speeds): row j is u for a unit of the j-th."""
     apart()
-    B, A, count = choice.basis, choice.room, len(choice.dependent)
+    A, count, speeds = c.room, c.counts[KEPT_ROWS], m.counts[SPEEDS]
     first = count * count
-    for j in range(len(choice.independent)):
-        for s in range(B.shape[1]):
-            B[j, s] = 0.0
-        B[j, choice.independent[j]] = 1.0
+    for j in range(c.counts[INDEPENDENT]):
+        B = after(c.basis, speeds * j)
+        for s in range(speeds):
+            B[s] = 0.0
+        B[c.independent[j]] = 1.0
         for i in range(count):
-            A[first + i] = -k.J[choice.rows[i], choice.independent[j]]
-        dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
+            A[first + i] = -m.J[speeds * c.rows[i] + c.independent[j]]
+        dense_lu.substitute(A, 0, count, c.pivots, 0, first)
         for i in range(count):
-            B[j, choice.dependent[i]] = A[first + i]
-
-
-@once
-@njit(**OPTIONS)
-def weigh(b, full, out):
-    """Product out = b full of a vector and a matrix of all speeds."""
-    together()
-    for t in range(len(out)):
-        out[t] = 0.0
-    for s in range(len(b)):
-        share = b[s]
-        if share != 0.0:
-            for t in range(len(out)):
-                out[t] += share * full[s, t]
+            B[c.dependent[i]] = A[first + i]
 
 
 @njit(**OPTIONS)
-def accelerations(m, k, choice, u, du, sizes):
-    """Accelerations du at closed loops (``close``) and consistent speeds (``tie``), from the prescribed rates in it.
-
-    Kane's equations of the independent speeds: B (M B^T x + h) = 0, h with prescribed and quadratic terms. False if the
-    mass matrix is singular or not positive definite: shapes of the first order can remove more inertia than there is.
-    """
+def react(m, c, h):
+    """Multipliers of the kept rows that take off the generalised forces h of the dependent speeds, behind the factors
+    of the transposed J; False: singular."""
     apart()
-    move(m, u, k)
-    for n in range(len(choice.dependent)):
-        du[choice.dependent[n]] = 0.0
-    for n in range(len(choice.independent)):
-        du[choice.independent[n]] = 0.0
-    accelerate(m, u, du, k)
-    free, speeds = len(choice.independent), len(u)
-    if free:
-        demand(m, k, sizes, True)
-        basis(k, choice)
-    if len(choice.dependent):
-        tie(k, choice, du, 2, True)
-    if free == 0:
-        return True
-    for s in range(speeds):
-        for n in range(len(choice.dependent)):
-            k.h[s] += k.M[s, choice.dependent[n]] * du[choice.dependent[n]]
-    B, A = choice.basis, choice.room
-    at = len(choice.dependent) ** 2 + len(choice.dependent)
-    x = at + free * free
-    for i in range(free):
-        asked = 0.0
-        for s in range(speeds):
-            asked -= B[i, s] * k.h[s]
-        A[x + i] = asked
-        weigh(B[i], k.M, choice.step)
-        for j in range(i + 1):
-            mass = 0.0
-            for s in range(speeds):
-                mass += choice.step[s] * B[j, s]
-            A[at + free * i + j] = mass
-    if not dense_lu.factorise_definite(A, at, free):
+    count, A, speeds = c.counts[KEPT_ROWS], c.transposed, m.counts[SPEEDS]
+    for i in range(count):
+        for j in range(count):
+            A[count * i + j] = m.J[speeds * c.rows[j] + c.dependent[i]]
+        A[count * count + i] = h[c.dependent[i]]
+    if not dense_lu.factorise(A, 0, count, c.pivots, count):
         return False
-    dense_lu.substitute_definite(A, at, free, x)
-    for s in range(speeds):
-        choice.step[s] = 0.0
-    for i in range(free):
-        for s in range(speeds):
-            choice.step[s] += A[x + i] * B[i, s]
-    for s in range(speeds):
-        du[s] += choice.step[s]
-        for n in range(speeds):
-            k.h[s] += k.M[s, n] * choice.step[n]
+    dense_lu.substitute(A, 0, count, c.pivots, count, count * count)
     return True
 
 
 @njit(**OPTIONS)
-def missed(m, k, choice, u, du, sizes, with_mass, out):
-    """Residual -B h of the equations of the independent speeds by given rates of these and of prescribed ones, with
-    closed loops and dependent speeds. Fills the rates of dependent speeds, and M where wanted."""
+def reduced(m, c, h, out):
+    """Generalised forces of the independent speeds: B h."""
     apart()
-    move(m, u, k)
-    for n in range(len(choice.dependent)):
-        du[choice.dependent[n]] = 0.0
-    accelerate(m, u, du, k)
-    if len(choice.dependent):
-        tie(k, choice, du, 2, True)
-        accelerate(m, u, du, k)
-    demand(m, k, sizes, with_mass)
-    if len(choice.dependent) or with_mass:
-        basis(k, choice)
-    for e in range(len(choice.independent)):
-        out[e] = -k.h[choice.independent[e]]
-        for n in range(len(choice.dependent)):
-            out[e] -= choice.basis[e, choice.dependent[n]] * k.h[choice.dependent[n]]
+    count, speeds = c.counts[KEPT_ROWS], m.counts[SPEEDS]
+    react(m, c, h)
+    for e in range(c.counts[INDEPENDENT]):
+        s = c.independent[e]
+        out[e] = h[s]
+        for i in range(count):
+            out[e] -= c.transposed[count * count + i] * m.J[speeds * c.rows[i] + s]
 
 
 @njit(**OPTIONS)
-def exerted(m, k, choice, sizes, multipliers, wrenches, drives):
-    """Forces of joints after ``accelerations``.
+def missed(m, c, with_mass, out):
+    """Residual B h of the equations of the independent speeds by given rates of these and of prescribed ones, with
+    closed loops and dependent speeds. Fills the rates of dependent speeds, and the inertias where wanted."""
+    apart()
+    move(m)
+    for n in range(c.counts[KEPT_ROWS]):
+        m.du[c.dependent[n]] = 0.0
+    accelerate(m)
+    if c.counts[KEPT_ROWS]:
+        tie(m, c, m.du, 2)
+        accelerate(m)
+    demand(m)
+    reduced(m, c, m.h, out)
+    if with_mass:
+        inertias(m)
+        geometry(m)
 
-    multipliers (n_rows,): of the cuts' rows, zero for redundant ones; wrenches (n_nodes, 6): force and moment about its
-    origin that a node's joint exerts on it; drives (n_speeds,): generalised forces along every speed beyond loads,
-    springs and cuts: of drives, along prescribed ones.
+
+@once
+@njit(**OPTIONS)
+def fill(m, c, f, h):
+    """Fill matrices and constraints of a tree with M + h C + h^2 K of its shapes, after ``inertias`` and ``geometry``;
+    other rows may follow."""
+    apart()
+    tree, speeds, rows = f.tree, m.counts[SPEEDS], f.rows
+    for b in range(m.counts[BODIES]):
+        tree.place[b], tree.arm[b] = m.place[b], m.arm[b]
+    copy_vectors(m.I, tree.I, 6 * m.counts[BODIES])
+    copy_vectors(m.E, tree.E, m.counts[SHAPES_OF_ALL])
+    copy_vectors(m.phi, tree.phi, m.counts[PHI])
+    copy_vectors(m.joint_axes, tree.S, speeds)
+    for k in range(m.counts[SQUARES]):
+        tree.L[k] = m.L[k] + h * (m.C[k] + h * m.K[k])
+    for s in range(speeds):
+        tree.D[s] = c.lent[s]
+    rows[HARD] = c.counts[KEPT_ROWS]
+    rows[LENT] = rows[ALL] = c.counts[KEPT_ROWS] + c.counts[LENDING]
+    for i in range(rows[LENT]):
+        for s in range(speeds):
+            f.a[speeds * i + s] = m.J[speeds * c.rows[i] + s] if i < rows[HARD] else 0.0
+            f.b[speeds * i + s] = 0.0
+        if i >= rows[HARD]:
+            s = c.lending[i - rows[HARD]]
+            f.a[speeds * i + s], f.b[speeds * i + s] = 1.0, -c.lent[s]
+
+
+@njit(**OPTIONS)
+def solve_reduced(m, c, f, r):
+    """Accelerations of all speeds at the tree's y, from generalised forces r of the independent ones."""
+    apart()
+    y = f.tree.y
+    for s in range(m.counts[SPEEDS]):
+        y[s] = 0.0
+    for e in range(c.counts[INDEPENDENT]):
+        y[c.independent[e]] = r[e]
+    solve_rows(f)
+
+
+@njit(**OPTIONS)
+def accelerations(m, c):
+    """Accelerations du at closed loops (``close``) and consistent speeds (``tie``), from the prescribed rates in it.
+
+    False if the mass matrix is singular.
     """
     apart()
-    demand(m, k, sizes, False)
-    count, A = len(choice.dependent), choice.room
-    first = count * count
-    for i in range(count):
-        for j in range(count):
-            A[count * i + j] = k.J[choice.rows[j], choice.dependent[i]]
-        A[first + i] = k.h[choice.dependent[i]]
-    if not dense_lu.factorise(A, 0, count, choice.pivots, 0):
+    for n in range(c.counts[INDEPENDENT]):
+        m.du[c.independent[n]] = 0.0
+    missed(m, c, True, c.step)
+    if c.counts[INDEPENDENT] == 0:
+        return True
+    fill(m, c, c.mass, 0.0)
+    if not factorise_rows(c.mass, 0.0):
         return False
-    dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
-    for row in range(len(multipliers)):
-        multipliers[row] = 0.0
-    for i in range(count):
-        multipliers[choice.rows[i]] = A[first + i]
-    for s in range(len(drives)):
-        drives[s] = k.h[s]
-        for i in range(count):
-            drives[s] -= k.J[choice.rows[i], s] * A[first + i]
-    pass_on(m, k, multipliers, wrenches)
-    return _fill(k, choice, A)
+    solve_reduced(m, c, c.mass, c.step)
+    x, y = c.step, c.mass.tree.y
+    for s in range(m.counts[SPEEDS]):
+        x[s] = -y[s] if c.mass.tree.free[s] != 0 else 0.0
+        m.du[s] += x[s]
+    if c.counts[PRESCRIBED]:  # h belongs to the accelerations again: drives exert the rest of it
+        momenta(m, x, c.momentum)
+        for s in range(m.counts[SPEEDS]):
+            m.h[s] += c.momentum[s]
+    return True
 
 
 @njit(**OPTIONS)
-def pass_on(m, k, multipliers, wrenches):
+def exerted(m, c):
+    """Forces of joints after ``accelerations``: multipliers of the cuts' rows, zero for redundant ones; wrenches of the
+    nodes; along every speed generalised forces beyond loads, springs and cuts: of drives, along prescribed ones.
+    """
+    apart()
+    demand(m)
+    count, speeds = c.counts[KEPT_ROWS], m.counts[SPEEDS]
+    if not react(m, c, m.h):
+        return False
+    for row in range(m.counts[ROWS]):
+        m.multipliers[row] = 0.0
+    for i in range(count):
+        m.multipliers[c.rows[i]] = c.transposed[count * count + i]
+    for s in range(speeds):
+        m.along[s] = m.h[s]
+        for i in range(count):
+            m.along[s] -= m.J[speeds * c.rows[i] + s] * c.transposed[count * count + i]
+    pass_on(m)
+    return True
+
+
+@njit(**OPTIONS)
+def pass_on(m):
     """Wrenches of the tree's joints from the bodies' residuals at F and the cuts' multipliers."""
     apart()
-    for c in range(len(m.cuts)):
+    for c in range(m.counts[CUTS]):
         for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
-            push(m, k, m.cuts[c, FIRST], k.rows[j], 3, multipliers[j])
-            push(m, k, m.cuts[c, SECOND], k.rows[j], 9, multipliers[j])
-    for n in range(len(m.nodes)):
-        for i in range(6):
-            wrenches[n, i] = k.F[n, i]
-    for n in range(len(m.nodes) - 1, -1, -1):
+            push(m, m.cuts[c, FIRST], joined(m.rows[5 * j + 1], m.rows[5 * j + 2]), m.multipliers[j])
+            push(m, m.cuts[c, SECOND], joined(m.rows[5 * j + 3], m.rows[5 * j + 4]), m.multipliers[j])
+    for n in range(m.counts[NODES]):
+        m.wrenches[n] = m.F[n]
+    for n in range(m.counts[NODES] - 1, -1, -1):
         parent = m.nodes[n, PARENT]
         if parent >= 0:
-            for i in range(3):
-                k.x[i] = k.r[n, i] - k.r[parent, i]
-            for i in range(6):
-                wrenches[parent, i] += wrenches[n, i]
-            add_cross(k.x, 0, wrenches[n], 0, wrenches[parent], 3)
+            passed = force_at(m.wrenches[n], minus(m.r[n], m.r[parent]))
+            m.wrenches[parent] = plus(m.wrenches[parent], passed)

@@ -20,13 +20,13 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.coefficients import RADAU, integrals
 from kaneflex.multibody.spatial_bushings import overturned
 from kaneflex.multibody.spatial_choice import choose_anew
+from kaneflex.multibody.spatial_collocation import EVALUATIONS, GROWTH, LONGEST, OUTCOME, ROW, WANTED
 from kaneflex.multibody.spatial_curves import Curve
-from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_instant import DONE, GROWN, OVERTURNED, REASONS
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.spatial_passing import EXACT, Passing
 from kaneflex.multibody.spatial_rows import MOVED, NEAR
-from kaneflex.multibody.spatial_steps import EVALUATIONS, GROWTH, LONGEST, OUTCOME, ROW, WANTED, step_size, steps_of
+from kaneflex.multibody.spatial_steps import Choice, step_size, steps_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -76,7 +76,7 @@ class Run(Curve):
         """State at the end, or where another choice of speeds is better."""
         system, options, choice = self.system, self.options, state.choice
         scale = options.tolerance * system.measure
-        steps = steps_of(system.tables, system.layout, choice, system.coordinates, scale, len(state.sizes))
+        steps = steps_of(system.tables, choice, system.coordinates, scale, len(state.sizes))
         times = options.duration / options.steps * np.arange(1, options.steps + 1)
         times[-1] = options.duration
         control = steps.control

@@ -1,8 +1,8 @@
 """Compiled kinematics of a tree of bodies in space, and of the cuts that close its loops.
 
 Kane's method with generalised speeds: the tree's joint rates, and a ball's relative angular velocity in its own axes
-(Kane & Levinson 1985, ch. 2). Positions, partial velocities, velocities and accelerations of all bodies, and the rows
-of the cuts. Vectors are global unless said otherwise and refer to a body's origin.
+(Kane & Levinson 1985, ch. 2). Outward passes over the tree (Kane's equations of order n, Rosenthal 1990): positions,
+velocities and accelerations of all nodes. Vectors are global unless said otherwise and refer to a node's origin.
 """
 
 from __future__ import annotations
@@ -13,9 +13,24 @@ from numba import njit
 
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.multibody.algebra import (
+    axpy,
+    cross,
+    dot,
+    first,
+    force_at,
+    joined,
+    last,
+    minus,
+    plus,
+    scaled,
+    turned,
+    turned_back,
+    twist_at,
+)
+from kaneflex.multibody.articulated import PARENT as PARENT_BODY
 from kaneflex.multibody.spatial_tables import (
     AT,
-    AXIS,
     AXIS_1,
     AXIS_2,
     BALL,
@@ -26,47 +41,41 @@ from kaneflex.multibody.spatial_tables import (
     KIND,
     PARENT,
     PERPENDICULAR,
-    PLACE,
-    ROTATION,
     ROW,
+    ROW_OF,
     SECOND,
-    SHIFT,
     SLIDE,
     SPEED,
     STATION,
     TURN,
     WHAT,
 )  # fmt: skip
-from kaneflex.multibody.spatial_vectors import add_cross, less, times
-from kaneflex.multibody.spatial_work import SECTION
+from kaneflex.multibody.spatial_work import AXES, BODIES, CUTS, NODES, SECTION, SECTIONS, SPEEDS, TWISTS
 from kaneflex.multibody.tables import OPTIONS, apart
+from kaneflex.multibody.values import after, inside, numbers_of
 from kaneflex.support.inner import once
+
+_NUMBERS, _PLACE, _AXIS, _SHIFT = 6, 3, 4, 5
+"""Vectors of a node's numbers, and the places of its joint's point, axis, and the joint's point in its own axes."""
 
 
 @njit(**OPTIONS)
-def _turn(kind, axis, q, k, R):
-    """Axes R of a node after its rotation: by an angle about an axis, or by a ball's quaternion at q[k]."""
+def _turn(m, n, w, x, y, z, two):
+    """Rotate the axes of a node by a quaternion (w, x, y, z), whose square is 2 / ``two``."""
     apart()
-    if kind == TURN:
-        half = 0.5 * q[k]
-        s = math.sin(half)
-        w, x, y, z = math.cos(half), s * axis[AXIS], s * axis[AXIS + 1], s * axis[AXIS + 2]
-        two = 2.0
-    else:
-        w, x, y, z = q[k], q[k + 1], q[k + 2], q[k + 3]
-        two = 2.0 / (w * w + x * x + y * y + z * z)
-    for i in range(3):
-        a, b, c = R[i, 0], R[i, 1], R[i, 2]
-        R[i, 0] = a * (1.0 - two * (y * y + z * z)) + b * two * (x * y + w * z) + c * two * (x * z - w * y)
-        R[i, 1] = a * two * (x * y - w * z) + b * (1.0 - two * (x * x + z * z)) + c * two * (y * z + w * x)
-        R[i, 2] = a * two * (x * z + w * y) + b * two * (y * z - w * x) + c * (1.0 - two * (x * x + y * y))
+    for i in range(3 * n, 3 * n + 3):
+        a, b, c = m.R[i]
+        m.R[i] = (
+            a * (1.0 - two * (y * y + z * z)) + b * two * (x * y + w * z) + c * two * (x * z - w * y),
+            a * two * (x * y - w * z) + b * (1.0 - two * (x * x + z * z)) + c * two * (y * z + w * x),
+            a * two * (x * z + w * y) + b * two * (y * z - w * x) + c * (1.0 - two * (x * x + y * y)),
+        )
 
 
 @njit(**OPTIONS)
 def _beyond(m, n, of, what):
     """Angle theta or rate theta' of the section at a node whose axes follow their body's mean rotation: its shapes are
     the next node, whose coordinates (of q) or speeds (of u) begin at COORDINATE or SPEED. Zero for other nodes."""
-    apart()
     found = 0.0
     for i in range(m.nodes[n, COUNT]):
         found += m.p[m.nodes[n, AT] + i] * of[m.nodes[n + 1, what] + i]
@@ -87,296 +96,288 @@ def goes(m, n, q, u):
 
 
 @njit(**OPTIONS)
-def place(m, q, k):
+def place(m):
     """Axes and origins of all nodes, then sections and axes."""
     apart()
-    x = k.x
-    for n in range(len(m.nodes)):
-        kind, parent, numbers, R, P, r = m.nodes[n, KIND], m.nodes[n, PARENT], m.numbers[n], k.R[n], k.P[n], k.r[n]
+    q = m.q
+    for n in range(m.counts[NODES]):
+        kind, parent, own, k = m.nodes[n, KIND], m.nodes[n, PARENT], _NUMBERS * n, m.nodes[n, COORDINATE]
+        P = m.numbers[own + _PLACE]
         if parent >= 0:
-            base = k.R[parent]
             for i in range(3):
-                for j in range(3):
-                    R[i, j] = 0.0
-                    for l in range(3):
-                        R[i, j] += base[i, l] * numbers[ROTATION + 3 * l + j]
-            times(base, numbers, PLACE, P, 0)
-            for i in range(3):
-                P[i] += k.r[parent, i]
+                m.R[3 * n + i] = turned_back(m.numbers, own, m.R[3 * parent + i])
+            P = plus(turned(m.R, 3 * parent, P), m.r[parent])
         else:
             for i in range(3):
-                P[i] = numbers[PLACE + i]
-                for j in range(3):
-                    R[i, j] = numbers[ROTATION + 3 * i + j]
+                m.R[3 * n + i] = m.numbers[own + i]
         if kind == SLIDE:
-            times(R, numbers, AXIS, x, 0)
-            for i in range(3):
-                P[i] += x[i] * q[m.nodes[n, COORDINATE]]
-        elif kind == TURN or kind == BALL:
-            _turn(kind, numbers, q, m.nodes[n, COORDINATE], R)
-        elif kind == STATION:
-            _deform(m, n, k, q)
-        times(R, numbers, SHIFT, x, 0)
-        for i in range(3):
-            r[i] = P[i] - x[i]
-    for n in range(len(m.twists)):
-        k.twists[n, 0] = stands(m, m.twists[n, 3], q)
-    for n in range(len(m.axis_on)):
-        _carried_to(k, m.axis_on[n], m.axes[n], k.axes[n])
-    for n in range(len(m.on)):
-        on = m.on[n]
-        _carried_to(k, on, m.at[n], k.sections[n])
-        for i in range(3):
-            k.sections[n, i] += k.r[on, i] if on >= 0 else 0.0
-
-
-@njit(**OPTIONS)
-def _carried_to(k, on, vector, out):
-    """A vector in a node's axes, or in the ground's, in global ones."""
-    apart()
-    if on >= 0:
-        times(k.R[on], vector, 0, out, 0)
-    else:
-        for i in range(3):
-            out[i] = vector[i]
-
-
-@once
-@njit(**OPTIONS)
-def _shaped(m, n, q, i, x, at):
-    """x[at] = N q and psi q of a station, coordinates from q[i]."""
-    apart()
-    count, o = m.nodes[n, COUNT], m.nodes[n, AT]
-    for row in range(6):
-        x[at + row] = 0.0
-        for s in range(count):
-            x[at + row] += m.p[o + count * row + s] * q[i + s]
-
-
-@njit(**OPTIONS)
-def _deform(m, n, k, q):
-    """Displace and rotate a station by N q + 1/2 G q q, and by theta = psi q."""
-    apart()
-    x, first, base = k.x, m.nodes[n, COORDINATE], k.R[m.nodes[n, PARENT]]
-    count, o = m.nodes[n, COUNT], m.nodes[n, AT]
-    _shaped(m, n, q, first, x, 0)
-    for row in range(3):
-        at = o + count * (6 + count * row)
-        for i in range(count):
-            for j in range(count):
-                x[row] += 0.5 * m.p[at + count * i + j] * q[first + i] * q[first + j]
-    times(base, x, 0, x, 6)
-    for i in range(3):
-        k.P[n, i] += x[6 + i]
-        k.turned[i], k.turned[3 + i] = x[3 + i], 0.0
-    shape_laws.section(k.turned, 0, k.turned, 6)
-    for i in range(3):
-        for j in range(3):
-            k.R[n, i, j] = 0.0
-            for l in range(3):
-                k.R[n, i, j] += base[i, l] * k.turned[6 + 3 * l + j]
-
-
-@njit(**OPTIONS)
-def _deformed_partials(m, n, k):
-    """Partial velocities of a station by its body's shapes, as G is symmetric N_j + G_jk q_k and T psi_j."""
-    apart()
-    x, base, Jv, Jw = k.x, k.R[m.nodes[n, PARENT]], k.Jv[n], k.Jw[n]
-    count, o, q, u = m.nodes[n, COUNT], m.nodes[n, AT], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
-    for i in range(3):
-        k.turned[i] = k.turned[3 + i] = 0.0
-        for s in range(count):
-            k.turned[i] += m.p[o + count * (3 + i) + s] * k.q[q + s]
-    shape_laws.section(k.turned, 0, k.turned, 6)
-    for j in range(count):
-        for i in range(3):
-            x[6 + i], x[9 + i] = m.p[o + count * i + j], 0.0
-            for l in range(3):
-                x[9 + i] += k.turned[15 + 3 * i + l] * m.p[o + count * (3 + l) + j]
-            for s in range(count):
-                x[6 + i] += m.p[o + count * (6 + count * i + j) + s] * k.q[q + s]
-        times(base, x, 6, Jv[u + j], 0)
-        times(base, x, 9, Jw[u + j], 0)
-
-
-@njit(**OPTIONS)
-def _deformed_accelerations(m, n, u, du, k):
-    """Add a station's motion relative to its body to a and e: 2 omega x d' + d'', omega x omega' and so on."""
-    apart()
-    x, parent, base = k.x, m.nodes[n, PARENT], k.R[m.nodes[n, PARENT]]
-    q, s = m.nodes[n, COORDINATE], m.nodes[n, SPEED]
-    count, o = m.nodes[n, COUNT], m.nodes[n, AT]
-    _shaped(m, n, k.q, q, x, 15)
-    _shaped(m, n, u, s, x, 21)
-    _shaped(m, n, du, s, x, 27)
-    for row in range(3):
-        at = o + count * (6 + count * row)
-        for i in range(count):
-            for j in range(count):
-                G = m.p[at + count * i + j]
-                x[21 + row] += G * k.q[q + i] * u[s + j]
-                x[27 + row] += G * (k.q[q + i] * du[s + j] + u[s + i] * u[s + j])
-    for i in range(3):
-        k.turned[i], k.turned[3 + i] = x[18 + i], x[24 + i]
-    shape_laws.section(k.turned, 0, k.turned, 6)
-    for i in range(3):
-        x[36 + i], x[39 + i] = 0.0, k.turned[24 + i]
-        for j in range(3):
-            x[36 + i] += k.turned[15 + 3 * i + j] * x[24 + j]
-            x[39 + i] += k.turned[15 + 3 * i + j] * x[30 + j]
-    times(base, x, 21, x, 0)
-    times(base, x, 27, x, 3)
-    times(base, x, 36, x, 6)
-    times(base, x, 39, x, 9)
-    for i in range(3):
-        k.a[n, i] += x[3 + i]
-        k.e[n, i] += x[9 + i]
-        x[i] *= 2.0
-    add_cross(k.w[parent], 0, x, 0, k.a[n], 0)
-    add_cross(k.w[parent], 0, x, 6, k.e[n], 0)
-
-
-@njit(**OPTIONS)
-def partials(m, k):
-    """Partial velocities of all nodes (Kane & Levinson 1985, sec. 2.14) and J of the cuts, after ``place``."""
-    apart()
-    x = k.x
-    for n in range(len(m.nodes)):
-        kind, parent, u, Jv, Jw, R = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED], k.Jv[n], k.Jw[n], k.R[n]
-        for s in range(len(k.h)):
-            for i in range(3):
-                Jw[s, i] = k.Jw[parent, s, i] if parent >= 0 else 0.0
-                Jv[s, i] = k.Jv[parent, s, i] if parent >= 0 else 0.0
-        if parent >= 0:
-            less(k.r[n], k.r[parent], x, 0)
-            for s in range(u):
-                add_cross(Jw[s], 0, x, 0, Jv[s], 0)
-        less(k.r[n], k.P[n], x, 0)
-        if kind == SLIDE:
-            times(R, m.numbers[n], AXIS, Jv[u], 0)
+            P = axpy(q[k], turned(m.R, 3 * n, m.numbers[own + _AXIS]), P)
         elif kind == TURN:
-            times(R, m.numbers[n], AXIS, Jw[u], 0)
-            add_cross(Jw[u], 0, x, 0, Jv[u], 0)
+            x, y, z = scaled(math.sin(0.5 * q[k]), m.numbers[own + _AXIS])
+            _turn(m, n, math.cos(0.5 * q[k]), x, y, z, 2.0)
         elif kind == BALL:
-            for j in range(3):
-                for i in range(3):
-                    Jw[u + j, i] = R[i, j]
-                add_cross(Jw[u + j], 0, x, 0, Jv[u + j], 0)
+            w, x, y, z = q[k], q[k + 1], q[k + 2], q[k + 3]
+            _turn(m, n, w, x, y, z, 2.0 / (w * w + x * x + y * y + z * z))
         elif kind == STATION:
-            _deformed_partials(m, n, k)
-    rows(m, k)
-    for c in range(len(m.cuts)):
-        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
-            for s in range(len(k.h)):
-                k.J[j, s] = 0.0
-            along(m, k, m.cuts[c, FIRST], k.rows[j], 3, k.J[j])
-            along(m, k, m.cuts[c, SECOND], k.rows[j], 9, k.J[j])
+            P = plus(P, _deform(m, n))
+        m.P[n] = P
+        m.r[n] = minus(P, turned(m.R, 3 * n, m.numbers[own + _SHIFT]))
+    for n in range(m.counts[TWISTS]):
+        m.twists[4 * n] = stands(m, m.twist_ends[n, 3], q)
+    for n in range(m.counts[AXES]):
+        on = m.axis_on[n]
+        m.axes[n] = turned(m.R, 3 * on, m.axis_at[n]) if on >= 0 else m.axis_at[n]
+    for n in range(m.counts[SECTIONS]):
+        on = m.on[n]
+        m.sections[5 * n] = plus(turned(m.R, 3 * on, m.at[n]), m.r[on]) if on >= 0 else m.at[n]
 
 
 @once
 @njit(**OPTIONS)
-def along(m, k, section, wrench, at, out):
-    """Add the generalised forces of a force and a moment at a section along every speed."""
+def _shaped(m, n, row, q):
+    """Vector of the rows N q or psi q (``row`` 0 or 3) of a station, coordinates from q on."""
     apart()
-    on, x = m.on[section], k.x
-    if on < 0:
-        return
-    less(k.sections[section], k.r[on], x, 0)
-    for i in range(3):
-        x[3 + i] = wrench[at + 3 + i]
-    add_cross(x, 0, wrench, at, x, 3)
-    for s in range(len(out)):
-        for i in range(3):
-            out[s] += wrench[at + i] * k.Jv[on, s, i] + x[3 + i] * k.Jw[on, s, i]
+    count, o = m.nodes[n, COUNT], m.nodes[n, AT] + m.nodes[n, COUNT] * row
+    x = y = z = 0.0
+    for s in range(count):
+        x += m.p[o + s] * q[s]
+        y += m.p[o + count + s] * q[s]
+        z += m.p[o + 2 * count + s] * q[s]
+    return x, y, z
 
 
 @njit(**OPTIONS)
-def rows(m, k):
+def _bent(m, n, q, v):
+    """Vector G q v of a station."""
+    apart()
+    count, x = m.nodes[n, COUNT], (0.0, 0.0, 0.0)
+    o, square = m.nodes[n, AT] + 6 * count, count * count
+    for i in range(count):
+        for j in range(count):
+            at = o + count * i + j
+            x = axpy(q[i] * v[j], (m.p[at], m.p[at + square], m.p[at + 2 * square]), x)
+    return x
+
+
+@njit(**OPTIONS)
+def _section(m, theta, rate):
+    """Rotation R, T and T' theta' of a section with its angles and their rates, at x[6], x[15] and x[24]."""
+    for i in range(3):
+        m.x[i], m.x[3 + i] = theta[i], rate[i]
+    shape_laws.section(m.x, 0, m.x, 6)
+
+
+@njit(**OPTIONS)
+def _of_x(m, k, a):
+    """The matrix at x[k], row by row, times a vector."""
+    return (m.x[k] * a[0] + m.x[k + 1] * a[1] + m.x[k + 2] * a[2],
+            m.x[k + 3] * a[0] + m.x[k + 4] * a[1] + m.x[k + 5] * a[2],
+            m.x[k + 6] * a[0] + m.x[k + 7] * a[1] + m.x[k + 8] * a[2])  # fmt: skip
+
+
+@njit(**OPTIONS)
+def _deform(m, n):
+    """Rotate a station by theta = psi q, and return its displacement N q + 1/2 G q q."""
+    apart()
+    q, base = after(m.q, m.nodes[n, COORDINATE]), 3 * m.nodes[n, PARENT]
+    _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
+    for i in range(3):
+        a, b, c = m.R[base + i]
+        m.R[3 * n + i] = (a * m.x[6] + b * m.x[9] + c * m.x[12], a * m.x[7] + b * m.x[10] + c * m.x[13],
+                          a * m.x[8] + b * m.x[11] + c * m.x[14])  # fmt: skip
+    return turned(m.R, base, axpy(0.5, _bent(m, n, q, q), _shaped(m, n, 0, q)))
+
+
+@njit(**OPTIONS)
+def _station_twists(m, n):
+    """Twist of a station for a unit of every shape of its body: as G is symmetric N_j + G_jk q_k, and T psi_j."""
+    apart()
+    count, o, base = m.nodes[n, COUNT], m.nodes[n, AT], 3 * m.nodes[n, PARENT]
+    q, square, phi = after(m.q, m.nodes[n, COORDINATE]), count * count, after(m.phi, m.nodes[n, ROW_OF])
+    _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
+    for j in range(count):
+        v = m.p[o + j], m.p[o + count + j], m.p[o + 2 * count + j]
+        for s in range(count):
+            at = o + count * (6 + j) + s
+            v = axpy(q[s], (m.p[at], m.p[at + square], m.p[at + 2 * square]), v)
+        at = o + 3 * count + j
+        omega = _of_x(m, 15, (m.p[at], m.p[at + count], m.p[at + 2 * count]))
+        phi[j] = joined(turned(m.R, base, v), turned(m.R, base, omega))
+
+
+@njit(**OPTIONS)
+def directions(m):
+    """Twists of all nodes for a unit of every speed relative to the parent, and J of the cuts, after ``place``."""
+    apart()
+    for n in range(m.counts[NODES]):
+        kind, s, arm = m.nodes[n, KIND], m.nodes[n, SPEED], minus(m.r[n], m.P[n])
+        if kind == SLIDE:
+            m.S[s] = joined(turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS]), (0.0, 0.0, 0.0))
+        elif kind == TURN:
+            axis = turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS])
+            m.S[s] = joined(cross(axis, arm), axis)
+        elif kind == BALL:
+            (a, b, c), (d, e, f), (g, h, i) = m.R[3 * n], m.R[3 * n + 1], m.R[3 * n + 2]
+            m.S[s] = joined(cross((a, d, g), arm), (a, d, g))
+            m.S[s + 1] = joined(cross((b, e, h), arm), (b, e, h))
+            m.S[s + 2] = joined(cross((c, f, i), arm), (c, f, i))
+        elif kind == STATION:
+            _station_twists(m, n)
+    rows(m)
+    J, speeds = m.J, m.counts[SPEEDS]
+    for c in range(m.counts[CUTS]):
+        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
+            row = after(J, speeds * j)
+            for s in range(speeds):
+                row[s] = 0.0
+            along(m, m.cuts[c, FIRST], joined(m.rows[5 * j + 1], m.rows[5 * j + 2]), 1.0, row)
+            along(m, m.cuts[c, SECOND], joined(m.rows[5 * j + 3], m.rows[5 * j + 4]), 1.0, row)
+
+
+@njit(**OPTIONS)
+def freedoms(m, n):
+    """Number of speeds of a joint's node."""
+    kind = m.nodes[n, KIND]
+    return 3 if kind == BALL else 1 if kind == TURN or kind == SLIDE else 0
+
+
+@njit(**OPTIONS)
+def geometry(m):
+    """Places of the bodies and axes of their joints at their origins, for factors, after ``directions``."""
+    apart()
+    for b in range(m.counts[BODIES]):
+        n, on = m.frames[b, 0], m.frames[b, 1]
+        if on >= 0:
+            m.place[b] = minus(m.r[on], m.r[m.frames[m.bodies[b, PARENT_BODY], 0]])
+            m.arm[b] = minus(m.r[n], m.r[on])
+    for n in range(m.counts[NODES]):
+        count = freedoms(m, n)
+        if count:
+            arm = minus(m.r[m.frames[m.nodes[n, ROW_OF], 0]], m.r[n])
+            for j in range(m.nodes[n, SPEED], m.nodes[n, SPEED] + count):
+                m.joint_axes[j] = twist_at(m.S[j], arm)
+
+
+@once
+@njit(**OPTIONS)
+def along(m, section, wrench, share, out):
+    """Add the generalised forces of a force and a moment at a section, times ``share``, along every speed: inwards from
+    its node, over whose tree alone it acts."""
+    apart()
+    n = m.on[section]
+    if n < 0:
+        return
+    wrench = force_at(scaled(share, wrench), minus(m.sections[5 * section], m.r[n]))
+    while n >= 0:
+        kind, s, parent = m.nodes[n, KIND], m.nodes[n, SPEED], m.nodes[n, PARENT]
+        if kind == STATION:
+            for j in range(m.nodes[n, COUNT]):
+                out[s + j] += dot(m.phi[m.nodes[n, ROW_OF] + j], wrench)
+        else:
+            for j in range(s, s + freedoms(m, n)):
+                out[j] += dot(m.S[j], wrench)
+        if parent >= 0:
+            wrench = force_at(wrench, minus(m.r[n], m.r[parent]))
+        n = parent
+
+
+@njit(**OPTIONS)
+def rows(m):
     """Residuals of the cuts, their rates and Jacobians by the sections' twists."""
     apart()
-    sections, axes, out = k.sections.reshape(-1), k.axes.reshape(-1), k.rows.reshape(-1)
-    for c in range(len(m.cuts)):
-        what, first, second, n = m.cuts[c, WHAT], m.cuts[c, FIRST], m.cuts[c, SECOND], SECTION * m.cuts[c, ROW]
+    sections, axes, out = numbers_of(m.sections), numbers_of(m.axes), numbers_of(m.rows)
+    for c in range(m.counts[CUTS]):
+        what, one, two, n = m.cuts[c, WHAT], m.cuts[c, FIRST], m.cuts[c, SECOND], SECTION * m.cuts[c, ROW]
         if what == COINCIDE:
-            laws.coincide(sections, first, second, out, n)
+            laws.coincide(sections, one, two, out, n)
         elif what == PERPENDICULAR:
-            laws.perpendicular(sections, first, second, axes, m.cuts[c, AXIS_1], m.cuts[c, AXIS_2], out, n)
+            laws.perpendicular(sections, one, two, axes, m.cuts[c, AXIS_1], m.cuts[c, AXIS_2], out, n)
         else:
-            laws.on_plane(sections, first, second, axes, m.cuts[c, AXIS_1], out, n)
+            laws.on_plane(sections, one, two, axes, m.cuts[c, AXIS_1], out, n)
 
 
 @njit(**OPTIONS)
-def move(m, u, k):
-    """Velocities of all nodes and sections, after ``partials``."""
+def relative(m, n, u):
+    """Twist of a node relative to its parent, by speeds."""
     apart()
-    for n in range(len(m.nodes)):
-        for i in range(3):
-            k.v[n, i] = k.w[n, i] = 0.0
-            for s in range(len(u)):
-                k.v[n, i] += k.Jv[n, s, i] * u[s]
-                k.w[n, i] += k.Jw[n, s, i] * u[s]
-    for n in range(len(m.on)):
-        on, section = m.on[n], k.sections[n]
-        for i in range(3, SECTION):
-            section[i] = 0.0
-        if on >= 0:
-            less(section, k.r[on], k.x, 0)
-            for i in range(3):
-                section[3 + i], section[9 + i] = k.v[on, i], k.w[on, i]
-            add_cross(k.w[on], 0, k.x, 0, section, 3)
+    s, twist = m.nodes[n, SPEED], (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if m.nodes[n, KIND] == STATION:
+        for j in range(m.nodes[n, COUNT]):
+            twist = axpy(u[s + j], m.phi[m.nodes[n, ROW_OF] + j], twist)
+    for j in range(s, s + freedoms(m, n)):
+        twist = axpy(u[j], m.S[j], twist)
+    return twist
 
 
 @njit(**OPTIONS)
-def accelerate(m, u, du, k):
+def move(m):
+    """Velocities of all nodes and sections, after ``directions``."""
+    apart()
+    for n in range(m.counts[NODES]):
+        parent, twist = m.nodes[n, PARENT], relative(m, n, m.u)
+        if parent >= 0:
+            twist = plus(twist, twist_at(joined(m.v[parent], m.w[parent]), minus(m.r[n], m.r[parent])))
+        m.v[n], m.w[n] = first(twist), last(twist)
+    nothing = 0.0, 0.0, 0.0
+    for n in range(m.counts[SECTIONS]):
+        on, at = m.on[n], 5 * n
+        m.sections[at + 1] = m.sections[at + 2] = m.sections[at + 3] = m.sections[at + 4] = nothing
+        if on >= 0:
+            m.sections[at + 1] = plus(m.v[on], cross(m.w[on], minus(m.sections[at], m.r[on])))
+            m.sections[at + 3] = m.w[on]
+
+
+@njit(**OPTIONS)
+def accelerate(m):
     """Accelerations of all nodes and sections, and the cuts' rows with their second rates, after ``move``."""
     apart()
-    x = k.x
-    for n in range(len(m.nodes)):
-        kind, parent, s, a, e, R = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED], k.a[n], k.e[n], k.R[n]
-        for i in range(3):
-            a[i] = k.a[parent, i] if parent >= 0 else 0.0
-            e[i] = k.e[parent, i] if parent >= 0 else 0.0
-            x[i] = k.w[parent, i] if parent >= 0 else 0.0
-            x[3 + i] = k.P[n, i] - (k.r[parent, i] if parent >= 0 else 0.0)
-        _centripetal(x, 0, e, x, 3, a, 0, x)
+    u, du = m.u, m.du
+    for n in range(m.counts[NODES]):
+        kind, parent, s = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED]
+        a = e = w = arm = 0.0, 0.0, 0.0
+        if parent >= 0:
+            e, w = m.e[parent], m.w[parent]
+            a = plus(m.a[parent], _centripetal(w, e, minus(m.P[n], m.r[parent])))
         if kind == SLIDE:
-            times(R, m.numbers[n], AXIS, x, 6)
-            for i in range(3):
-                a[i] += x[6 + i] * du[s]
-                x[6 + i] *= 2.0 * u[s]
-            add_cross(x, 0, x, 6, a, 0)
+            axis = first(m.S[s])
+            a = plus(axpy(du[s], axis, a), cross(w, scaled(2.0 * u[s], axis)))
         elif kind == TURN:
-            times(R, m.numbers[n], AXIS, x, 6)
-            for i in range(3):
-                e[i] += x[6 + i] * du[s]
-                x[6 + i] *= u[s]
-            add_cross(x, 0, x, 6, e, 0)
+            axis = last(m.S[s])
+            e = plus(axpy(du[s], axis, e), cross(w, scaled(u[s], axis)))
         elif kind == BALL:
-            times(R, du, s, x, 9)
-            times(R, u, s, x, 6)
-            for i in range(3):
-                e[i] += x[9 + i]
-            add_cross(x, 0, x, 6, e, 0)
+            e = plus(e, turned(m.R, 3 * n, (du[s], du[s + 1], du[s + 2])))
+            e = plus(e, cross(w, turned(m.R, 3 * n, (u[s], u[s + 1], u[s + 2]))))
         elif kind == STATION:
-            _deformed_accelerations(m, n, u, du, k)
-        less(k.r[n], k.P[n], x, 3)
-        _centripetal(k.w[n], 0, e, x, 3, a, 0, x)
-    for n in range(len(m.on)):
-        on, section = m.on[n], k.sections[n]
+            moved, faster, turning, e_turning = _station_accelerations(m, n)
+            a = plus(plus(a, faster), cross(w, scaled(2.0, moved)))
+            e = plus(plus(e, e_turning), cross(w, turning))
+        arm = minus(m.r[n], m.P[n])
+        m.a[n], m.e[n] = plus(a, _centripetal(m.w[n], e, arm)), e
+    for n in range(m.counts[SECTIONS]):
+        on, at = m.on[n], 5 * n
         if on >= 0:
-            less(section, k.r[on], x, 3)
-            for i in range(3):
-                section[6 + i], section[12 + i] = k.a[on, i], k.e[on, i]
-            _centripetal(k.w[on], 0, k.e[on], x, 3, section, 6, x)
-    rows(m, k)
+            m.sections[at + 2] = plus(m.a[on], _centripetal(m.w[on], m.e[on], minus(m.sections[at], m.r[on])))
+            m.sections[at + 4] = m.e[on]
+    rows(m)
 
 
-@once
 @njit(**OPTIONS)
-def _centripetal(w, i, e, arm, j, a, k, x):
-    """a += e x arm + w x (w x arm): acceleration of a point of a body against its origin's; x from 12 is filled."""
+def _station_accelerations(m, n):
+    """Velocity, acceleration, angular velocity and acceleration of a station relative to its body's axes, global."""
     apart()
-    x[12] = x[13] = x[14] = 0.0
-    add_cross(w, i, arm, j, x, 12)
-    add_cross(e, 0, arm, j, a, k)
-    add_cross(w, i, x, 12, a, k)
+    i, s, base = m.nodes[n, COORDINATE], m.nodes[n, SPEED], 3 * m.nodes[n, PARENT]
+    q, u, du = after(m.q, i), after(m.u, s), after(m.du, s)
+    rate, faster = _shaped(m, n, 3, u), _shaped(m, n, 3, du)
+    _section(m, _shaped(m, n, 3, q), rate)
+    moved = plus(_shaped(m, n, 0, u), _bent(m, n, q, u))
+    moving = plus(_shaped(m, n, 0, du), plus(_bent(m, n, q, du), _bent(m, n, u, u)))
+    turning = plus(_of_x(m, 15, faster), (m.x[24], m.x[25], m.x[26]))
+    return (turned(m.R, base, moved), turned(m.R, base, moving),
+            turned(m.R, base, _of_x(m, 15, rate)), turned(m.R, base, turning))  # fmt: skip
+
+
+@njit(**OPTIONS)
+def _centripetal(w, e, arm):
+    """e x arm + w x (w x arm): acceleration of a point of a body against its origin's."""
+    inside()
+    return plus(cross(e, arm), cross(w, cross(w, arm)))

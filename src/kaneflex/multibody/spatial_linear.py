@@ -103,7 +103,7 @@ class Neighbours(Curve):
         base = self.base
         self.system.project(base.t, base.q, base.u, base.choice)
         N = self.system.basis(base.choice)
-        return np.asarray(N @ self.system.mass(base.sizes) @ N.T)
+        return np.asarray(N @ self.system.mass() @ N.T)
 
 
 def neighbours(system: SpatialSystem, base: State, columns: Sequence[int] | np.ndarray | None = None) -> Neighbours:
@@ -184,7 +184,7 @@ def at_rest(system: SpatialSystem, t: float, q: np.ndarray) -> tuple[tuple[str, 
 
     choice, still = choose(system, q, prefer=True), np.zeros(system.speeds)
     base = system.project(t, q, still, choice)
-    N, M = system.basis(choice).copy(), system.mass(base.sizes).copy()
+    N, M = system.basis(choice).copy(), system.mass().copy()
     sections, axes, moved = system.work.sections.copy(), system.work.axes.copy(), []
     for row in N:
         system.project(t, base.q, row, choice)

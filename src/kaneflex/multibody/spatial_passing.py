@@ -15,7 +15,7 @@ import numpy as np
 
 from kaneflex.multibody.coefficients import RADAU
 from kaneflex.multibody.spatial_choice import least_singular_values
-from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_steps import Choice
 from kaneflex.multibody.spatial_system import SpatialSystem
 
 EXACT = 1e-10

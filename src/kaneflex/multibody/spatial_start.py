@@ -6,7 +6,7 @@ import numpy as np
 
 from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.spatial_choice import choose, given_speeds, named_speeds
-from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_steps import Choice
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.multibody.spatial_tables import COORDINATE
 from kaneflex.multibody.spatial_turns import angle_about
@@ -134,7 +134,7 @@ def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
     """Check that every freedom moves some inertia, at the position of ``work``."""
     if not len(choice.independent):
         return
-    B, M = system.basis(choice), system.mass(np.zeros(len(system.mechanism.loads)))
+    B, M = system.basis(choice), system.mass()
     unit = system.measure[choice.independent][:, None]
     inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
     if inertia[0] > _HEAVY * inertia[-1]:

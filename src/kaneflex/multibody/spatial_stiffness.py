@@ -1,4 +1,4 @@
-"""Compiled stiffness and damping of deforming bodies in space along the independent speeds, and powers."""
+"""Compiled stiffness and damping of springs and laws in space, as rows of a step's factors, and powers."""
 
 from __future__ import annotations
 
@@ -6,161 +6,160 @@ import math
 
 from numba import njit
 
+from kaneflex.multibody.algebra import dot, joined, minus, scaled
+from kaneflex.multibody.articulated import SQUARE
+from kaneflex.multibody.constrained import ALL, LENT
 from kaneflex.multibody.spatial_bushings import POWER
-from kaneflex.multibody.spatial_dynamics import weigh
+from kaneflex.multibody.spatial_dynamics import INDEPENDENT, PRESCRIBED, reduced, tie
+from kaneflex.multibody.spatial_forces import momenta
 from kaneflex.multibody.spatial_kinematics import along, goes
-from kaneflex.multibody.spatial_tables import SPEED
-from kaneflex.multibody.spatial_vectors import less
-from kaneflex.multibody.tables import MAGNITUDES, OPTIONS, address, apart, kernel
+from kaneflex.multibody.spatial_tables import COUNT, KIND, ROW_OF, SHAPES, SPEED
+from kaneflex.multibody.spatial_work import BUSHINGS, FORCES, LOADS, NODES, OBSERVED, SPEEDS, SPRINGS, TORQUES, TWISTS
+from kaneflex.multibody.tables import MAGNITUDES, OPTIONS, apart, kernel
+from kaneflex.multibody.values import after, numbers_of
+from kaneflex.support.inner import once
 
 _NUDGE = 1e-8
 """Change of a coordinate for a difference quotient, in rad or sizes of the mechanism: the root of rounding errors."""
 
 
 @njit(**OPTIONS)
-def _against(m, k, first, second, out):
-    """Generalised forces of a force and moment at k.x[84] on the second section, and opposite ones on the first."""
-    for n in range(len(out)):
-        out[n] = 0.0
-    along(m, k, first, k.x, 84, out)
-    for n in range(len(out)):
-        out[n] = -out[n]
-    along(m, k, second, k.x, 84, out)
+def _next_row(m, f):
+    """The next row, of zeros; ``stay`` with it by counting it."""
+    n = m.counts[SPEEDS]
+    at = n * f.rows[ALL]
+    for s in range(n):
+        f.a[at + s] = f.damped[at + s] = f.stiff[at + s] = 0.0
+    return at
 
 
+@once
 @njit(**OPTIONS)
-def _opposed(m, choice, k, s, first, second, stiffness, damping):
-    """Add a spring along a force and a moment at k.x[84] between two sections to the reduced matrices."""
+def _against(m, first, second, wrench, out):
+    """Generalised forces of a wrench on the second section, and of the opposite one on the first."""
     apart()
-    f, B, g = len(choice.independent), choice.basis, choice.step
-    _against(m, k, first, second, g)
-    for e in range(f):
-        s.defect[e] = 0.0
-        for n in range(len(g)):
-            s.defect[e] += B[e, n] * g[n]
-    for e in range(f):
-        for n in range(f):
-            s.stiff[e, n] += stiffness * s.defect[e] * s.defect[n]
-            s.damped[e, n] += damping * s.defect[e] * s.defect[n]
+    along(m, first, wrench, -1.0, out)
+    along(m, second, wrench, 1.0, out)
 
 
+@once
 @njit(**OPTIONS)
-def _unit(x, axis, at):
-    """A unit force (at 0) or moment (at 3) along an axis at x[84]."""
-    for i in range(6):
-        x[84 + i] = 0.0
-    for i in range(3):
-        x[84 + at + i] = axis[i]
-
-
-@njit(**OPTIONS)
-def reduced(choice, full, out, room):
-    """Reduced matrix B full B^T."""
+def _opposed(m, f, first, second, wrench, stiffness, damping):
+    """Add the row of a spring along a wrench between two sections."""
     apart()
-    f, B, dependent = len(choice.independent), choice.basis, choice.dependent
-    for e in range(f):
-        weigh(B[e], full, room)
-        for j in range(f):
-            total = room[choice.independent[j]]
-            for n in range(len(dependent)):
-                total += room[dependent[n]] * B[j, dependent[n]]
-            out[e, j] = total
+    at = _next_row(m, f)
+    _against(m, first, second, wrench, after(f.a, at))
+    for s in range(m.counts[SPEEDS]):
+        f.damped[at + s], f.stiff[at + s] = damping * f.a[at + s], stiffness * f.a[at + s]
+    f.rows[ALL] += 1
 
 
 @njit(**OPTIONS)
-def _drive_powers(choice, k, drives):
-    """Power of the prescribed drives by accelerations of the independent speeds: B M times the rest of the speeds."""
-    B, rest, speeds = choice.basis, choice.step, len(k.u)
-    for n in range(speeds):
-        rest[n] = k.u[n]
-        for e in range(len(drives)):
-            rest[n] -= B[e, n] * k.u[choice.independent[e]]
-    for e in range(len(drives)):
-        drives[e] = 0.0
-        for i in range(speeds):
-            if B[e, i] != 0.0:
-                for n in range(speeds):
-                    drives[e] += B[e, i] * k.M[i, n] * rest[n]
+def _feel(m, node, share, unit, out):
+    """Add derivatives of a joint's rate by all speeds, times ``share``; ``unit`` is zero before and after."""
+    for s in range(m.counts[SPEEDS]):
+        unit[s] = 1.0
+        out[s] += share * goes(m, node, m.q, unit)
+        unit[s] = 0.0
 
 
 @njit(**OPTIONS)
-def _pulled(m, choice, k, s, share, node, by_speed):
-    """Add the derivative of a load by the coordinate or the speed of a joint to the reduced matrices.
-
-    ``share``, the load's generalised force along every speed, is at choice.step.
-    """
+def _add_laws(m, c, f, sizes, t, h):
+    """Add rows of the loads' derivatives by coordinates and speeds of joints, as difference quotients for a step of h:
+    otherwise a light body on a nonlinear damper would limit the step."""
     apart()
-    f, B, out = len(choice.independent), choice.basis, s.damped if by_speed else s.stiff
-    for e in range(f):
-        s.defect[e] = 0.0
-        for n in range(B.shape[1]):
-            s.defect[e] -= share * B[e, n] * choice.step[n]
-    for n in range(f):
-        moved = goes(m, node, k.q, B[n])
-        for e in range(f):
-            out[e, n] += s.defect[e] * moved
+    loads = m.counts[LOADS]
+    first, n = f.rows[ALL], m.counts[SPEEDS]
+    for k in range(loads if m.counts[OBSERVED] else 0):
+        at = _next_row(m, f)
+        for l in range(m.counts[FORCES]):
+            if m.forces[l, 2] == k:
+                along(m, m.forces[l, 0], joined(m.axes[m.forces[l, 1]], (0.0, 0.0, 0.0)), 1.0, after(f.a, at))
+        for l in range(m.counts[TORQUES]):
+            if m.torques[l, 3] == k:
+                moment = joined((0.0, 0.0, 0.0), m.axes[m.torques[l, 2]])
+                _against(m, m.torques[l, 0], m.torques[l, 1], moment, after(f.a, at))
+        f.rows[ALL] += 1
+    for s in range(n):
+        c.step[s] = 0.0
+    for i in range(2 * m.counts[OBSERVED]):
+        node, by_speed = m.observed[i // 2, 1], i % 2
+        at, nudge = m.observed[i // 2, 0] + by_speed, _NUDGE * c.measure[m.nodes[node, SPEED]]
+        before = m.law_x[at]
+        m.law_x[at] = before + (nudge / h if by_speed else nudge)
+        nudge = m.law_x[at] - before
+        kernel(m.kernels, MAGNITUDES)(t, m.law_x, 0, m.law_p, sizes, 0)
+        m.law_x[at] = before
+        for k in range(loads):
+            slope = (sizes[k] + m.added[k] - m.sizes[k]) / nudge
+            if slope != 0.0 and abs(slope) < 1e300:
+                _feel(m, node, -slope, c.step, after(f.damped if by_speed else f.stiff, n * (first + k)))
 
 
 @njit(**OPTIONS)
-def _add_slopes(m, choice, k, law, s, t, h):
-    """Add derivatives of the loads' sizes by coordinates and speeds of joints, as difference quotients, to the reduced
-    matrices of a step of h: otherwise a light body on a nonlinear damper would limit the step."""
+def add_rows(m, c, f, sizes, t, h):
+    """Rows of springs, bushings and laws of loads at t, for a step of h, behind those of constraints."""
     apart()
-    x, sizes = k.x, address(s.sizes)
-    for i in range(2 * len(law.told)):
-        node, by_speed = law.told[i // 2, 1], i % 2
-        at, nudge = law.told[i // 2, 0] + by_speed, _NUDGE * choice.measure[m.nodes[node, SPEED]]
-        before = law.x[at]
-        law.x[at] = before + (nudge / h if by_speed else nudge)
-        nudge = law.x[at] - before
-        kernel(address(law.kernels), MAGNITUDES)(t, address(law.x), 0, address(law.p), sizes, 0)
-        law.x[at] = before
-        for n in range(len(k.sizes)):
-            slope = (s.sizes[n] + law.added[n] - k.sizes[n]) / nudge
-            if slope == 0.0 or not abs(slope) < 1e300:
-                continue
-            for l in range(len(choice.step)):
-                choice.step[l] = 0.0
-            for l in range(len(m.forces)):
-                if m.forces[l, 2] == n:
-                    _unit(x, k.axes[m.forces[l, 1]], 0)
-                    along(m, k, m.forces[l, 0], x, 84, choice.step)
-            for l in range(len(m.torques)):
-                if m.torques[l, 3] == n:
-                    _unit(x, k.axes[m.torques[l, 2]], 3)
-                    _against(m, k, m.torques[l, 0], m.torques[l, 1], choice.step)
-            _pulled(m, choice, k, s, slope, node, by_speed)
-
-
-@njit(**OPTIONS)
-def reduce(m, choice, k, law, s, t, h):
-    """Matrices K and C of the independent speeds after projection at t, for a step of h."""
-    apart()
-    x = k.x
-    _drive_powers(choice, k, s.drives)
-    reduced(choice, s.K, s.stiff, choice.step)
-    reduced(choice, s.C, s.damped, choice.step)
-    for n in range(len(m.springs)):
-        first, second = m.springs[n, 0], m.springs[n, 1]
-        less(k.sections[second], k.sections[first], x, 90)
-        length = math.sqrt(x[90] ** 2 + x[91] ** 2 + x[92] ** 2)
+    nothing = 0.0, 0.0, 0.0
+    for n in range(m.counts[SPRINGS]):
+        first, second = m.spring_ends[n, 0], m.spring_ends[n, 1]
+        d = minus(m.sections[5 * second], m.sections[5 * first])
+        length = math.sqrt(dot(d, d))
         if length > 0.0:
-            for i in range(3):
-                x[84 + i], x[87 + i] = x[90 + i] / length, 0.0
-            _opposed(m, choice, k, s, first, second, m.stiffness[n, 0], m.stiffness[n, 1])
-    for n in range(len(m.twists)):
-        _unit(x, k.axes[m.twists[n, 2]], 3)
-        _opposed(m, choice, k, s, m.twists[n, 0], m.twists[n, 1], m.torsion[n, 0], m.torsion[n, 1])
-    for n in range(len(m.bushings)):
-        for i in range(6):
-            _unit(x, k.axes[m.bushings[n, 2] + i % 3], 3 * (i // 3))
-            stiffness, damping = m.cushions[n, i], m.cushions[n, 6 + i]
-            _opposed(m, choice, k, s, m.bushings[n, 0], m.bushings[n, 1], stiffness, damping)
-    _add_slopes(m, choice, k, law, s, t, h)
+            k, damping, _ = m.stiffness[n]
+            _opposed(m, f, first, second, joined(scaled(1.0 / length, d), nothing), k, damping)
+    for n in range(m.counts[TWISTS]):
+        k, damping, _ = m.torsion[n]
+        axis = joined(nothing, m.axes[m.twist_ends[n, 2]])
+        _opposed(m, f, m.twist_ends[n, 0], m.twist_ends[n, 1], axis, k, damping)
+    for n in range(m.counts[BUSHINGS]):
+        for i in range(3):
+            axis, first, second = m.axes[m.bushing_ends[n, 2] + i], m.bushing_ends[n, 0], m.bushing_ends[n, 1]
+            of = after(numbers_of(m.cushions), 12 * n + i)
+            _opposed(m, f, first, second, joined(axis, nothing), of[0], of[6])
+            _opposed(m, f, first, second, joined(nothing, axis), of[3], of[9])
+    _add_laws(m, c, f, sizes, t, h)
 
 
 @njit(**OPTIONS)
-def powers(m, choice, k, C, out):
+def resist(m, f, h):
+    """Forces (h C + h^2 K) y of the accelerations y at ``given``, at the tree's y, without constraints."""
+    apart()
+    n, y, out = m.counts[SPEEDS], f.given, f.tree.y
+    for s in range(n):
+        out[s] = 0.0 * h
+    for node in range(m.counts[NODES]):
+        if m.nodes[node, KIND] == SHAPES:
+            b, s, count = m.nodes[node, ROW_OF], m.nodes[node, SPEED], m.nodes[node, COUNT]
+            square = m.bodies[b, SQUARE]
+            for i in range(count):
+                for j in range(count):
+                    at = square + count * i + j
+                    out[s + i] += h * (m.C[at] + h * m.K[at]) * y[s + j]
+    for r in range(f.rows[LENT], f.rows[ALL]):
+        share = 0.0 * h
+        for s in range(n):
+            share += f.b[n * r + s] * y[s]
+        for s in range(n):
+            out[s] += f.a[n * r + s] * share
+
+
+@njit(**OPTIONS)
+def drive_powers(m, c, out):
+    """Power of the prescribed drives by accelerations of the independent speeds: B M times the rest of the speeds."""
+    apart()
+    rest = c.step
+    for s in range(m.counts[SPEEDS]):
+        rest[s] = 0.0
+    for n in range(c.counts[PRESCRIBED]):
+        rest[c.prescribed[n]] = m.u[c.prescribed[n]]
+    tie(m, c, rest, 1)
+    momenta(m, rest, c.momentum)
+    reduced(m, c, c.momentum, out)
+
+
+@njit(**OPTIONS)
+def powers(m, c, missing, out):
     """Power dissipated by dampers, and supplied by loads and prescribed drives [W], after projection.
 
     The bodies' generalised inertia forces times the speeds give the power of prescribed drives: joints do no work, and
@@ -168,27 +167,26 @@ def powers(m, choice, k, C, out):
     """
     apart()
     out[0] = out[1] = 0.0
-    for n in range(len(k.u)):
-        for e in range(len(k.u)):
-            out[0] += k.u[n] * C[n, e] * k.u[e]
-    for n in range(len(k.springs)):
-        out[0] += k.springs[n, 6]
-    for n in range(len(k.twists)):
-        out[0] += k.twists[n, 3]
-    for n in range(len(k.bushings)):
-        out[0] += k.bushings[n, POWER]
-    for n in range(len(m.forces)):
-        for i in range(3):
-            out[1] += k.sizes[m.forces[n, 2]] * k.axes[m.forces[n, 1], i] * k.sections[m.forces[n, 0], 3 + i]
-    for n in range(len(m.torques)):
-        for i in range(3):
-            turned = k.sections[m.torques[n, 1], 9 + i] - k.sections[m.torques[n, 0], 9 + i]
-            out[1] += k.sizes[m.torques[n, 3]] * k.axes[m.torques[n, 2], i] * turned
-    if len(choice.prescribed):
-        for n in range(len(k.u)):
-            out[1] += k.u[n] * k.h[n]
-        for e in range(len(choice.independent)):
-            missing = k.h[choice.independent[e]]
-            for n in range(len(choice.dependent)):
-                missing += choice.basis[e, choice.dependent[n]] * k.h[choice.dependent[n]]
-            out[1] -= k.u[choice.independent[e]] * missing
+    for node in range(m.counts[NODES]):
+        if m.nodes[node, KIND] == SHAPES:
+            b, s, count = m.nodes[node, ROW_OF], m.nodes[node, SPEED], m.nodes[node, COUNT]
+            square = m.bodies[b, SQUARE]
+            for i in range(count):
+                for j in range(count):
+                    out[0] += m.u[s + i] * m.C[square + count * i + j] * m.u[s + j]
+    for n in range(m.counts[SPRINGS]):
+        out[0] += m.springs[7 * n + 6]
+    for n in range(m.counts[TWISTS]):
+        out[0] += m.twists[4 * n + 3]
+    for n in range(m.counts[BUSHINGS]):
+        out[0] += m.bushings[9 * n + POWER]
+    for n in range(m.counts[FORCES]):
+        out[1] += m.sizes[m.forces[n, 2]] * dot(m.axes[m.forces[n, 1]], m.sections[5 * m.forces[n, 0] + 1])
+    for n in range(m.counts[TORQUES]):
+        rate = minus(m.sections[5 * m.torques[n, 1] + 3], m.sections[5 * m.torques[n, 0] + 3])
+        out[1] += m.sizes[m.torques[n, 3]] * dot(m.axes[m.torques[n, 2]], rate)
+    if c.counts[PRESCRIBED]:
+        for s in range(m.counts[SPEEDS]):
+            out[1] += m.u[s] * m.h[s]
+        for e in range(c.counts[INDEPENDENT]):
+            out[1] -= m.u[c.independent[e]] * missing[e]

@@ -6,32 +6,18 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
-from kaneflex.multibody.addresses import compiling, kernel_address, kernel_of_c
+from kaneflex.multibody import spatial_rows
+from kaneflex.multibody.addresses import by_address, compiling, kernel_address, kernel_of_c
 from kaneflex.multibody.binding import bind_parameters
-from kaneflex.multibody.spatial_dynamics import Choice
-from kaneflex.multibody.spatial_instant import DONE, Laws, check
-from kaneflex.multibody.spatial_rows import (
-    ADVANCE,
-    BASIS,
-    CLOSE,
-    COLLOCATE,
-    DEMAND,
-    EXERT,
-    FOLLOW,
-    LACKED,
-    NEAR,
-    PASS_ON,
-    PLACE,
-    PROJECT,
-    RATES,
-    compute,
-    compute_coupled,
-)  # fmt: skip
-from kaneflex.multibody.spatial_steps import Steps, steps_of
+from kaneflex.multibody.spatial_instant import DONE, check
+from kaneflex.multibody.spatial_library import library
+from kaneflex.multibody.spatial_rows import LACKED, NEAR
+from kaneflex.multibody.spatial_steps import Choice, Steps, blocks_of, virtual_inertia
 from kaneflex.multibody.spatial_tables import (
     AXIS,
     BALL,
@@ -54,11 +40,12 @@ from kaneflex.multibody.spatial_tables import (
 )  # fmt: skip
 from kaneflex.multibody.spatial_topology import build_tables
 from kaneflex.multibody.spatial_turns import ball_about
-from kaneflex.multibody.spatial_work import Instants, Work, work_of
-from kaneflex.multibody.tables import STRUCTURE_KERNELS
+from kaneflex.multibody.spatial_work import Instants, Laws, Work, work_of
+from kaneflex.multibody.tables import STRUCTURE_KERNELS, Handle
 from kaneflex.scene import Scene
 
-_NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
+_LIGHT = 1e-9
+"""Ratio of principal moments of inertia below which the smaller one counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,16 +92,16 @@ class SpatialSystem:
             self.place(self.at_zero)
 
     def place(self, q: np.ndarray) -> None:
-        """Positions, axes and partial velocities in ``work``."""
+        """Positions, axes and directions in ``work``."""
         self.work.q[:] = q
-        self._compute(PLACE)
+        self._call(spatial_rows.place)
 
     def close(self, q: np.ndarray, choice: Choice) -> bool:
         """Close the loops by the dependent coordinates, in place; True if they close."""
         self.work.q[:] = q
-        closes = self._compute(CLOSE, choice) == DONE
+        closes = self._call(spatial_rows.close, choice)
         q[:] = self.work.q
-        return closes
+        return bool(closes)
 
     def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
         """State at t [s] near q with the independent ones of the speeds u; ``work`` has it, too.
@@ -127,7 +114,7 @@ class SpatialSystem:
             If a loop does not close, or the rates are not determined; it says which.
         """
         self.work.q[:], self.work.u[:] = q, u
-        check(self._compute(PROJECT, choice, np.array([t])))
+        check(self._call(spatial_rows.project, choice, t))
         return self.state(t, choice)
 
     def state(self, t: float, choice: Choice) -> State:
@@ -137,10 +124,10 @@ class SpatialSystem:
 
     def follow(self, begin: float, choice: Choice, times: np.ndarray, out: np.ndarray) -> tuple[int, float, int]:
         """Rows of :class:`Instants` at ascending ``times`` [s] from the position of ``work`` at ``begin`` [s], by
-        :func:`kaneflex.multibody.spatial_rows.followed`; returns their number, the time of ``work`` then, and its
+        :func:`kaneflex.multibody.spatial_rows.follow`; returns their number, the time of ``work`` then, and its
         outcome."""
         self._laws.now[:] = begin, DONE
-        count = self._compute(FOLLOW, choice, times, out=out)
+        count = self._call(spatial_rows.follow, choice, np.ascontiguousarray(times, float), len(times), out)
         t, outcome = self._laws.now.tolist()
         return count, t, int(outcome)
 
@@ -153,8 +140,13 @@ class SpatialSystem:
         ArithmeticError
             As :meth:`project` does; it has the time for a second argument.
         """
+        times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
+        asked = times, len(times), given, given.shape[1], out
         try:
-            count = self._compute(what, choice, times, given, out)
+            if what == LACKED:
+                count = self._call(spatial_rows.lacked, choice, *asked)
+            else:
+                count = self._call(spatial_rows.near, choice, *asked, what == NEAR)
         finally:
             if given.shape[1] > self.coordinates + self.speeds:
                 self.inputs[:] = 0.0
@@ -164,12 +156,11 @@ class SpatialSystem:
 
     def collocate(self, choice: Choice, steps: Steps, times: np.ndarray, out: np.ndarray) -> int:
         """See :func:`kaneflex.multibody.spatial_collocation.collocate`."""
-        laws = self._laws._replace(steps=steps)
-        return compute_coupled(COLLOCATE, self.tables, choice, self.work, laws, times, _NO_ROWS, out)
+        return self._call(spatial_rows.collocate, choice, steps.handle, times, len(times), out, *out.shape)
 
     def row(self, state: State) -> np.ndarray:
         """Row of an instant, ``work`` being as left by :meth:`project`, (n,)."""
-        self._compute(EXERT, state.choice)
+        self._call(spatial_rows.exert, state.choice)
         return self.work.kept.copy()
 
     def instants(self, rows: np.ndarray) -> Instants:
@@ -184,26 +175,25 @@ class SpatialSystem:
         """Joint forces of multipliers of the rows alone, at the position of ``work``."""
         self.work.F[:] = 0.0  # no inertia forces
         self.work.multipliers[:] = multipliers
-        self._compute(PASS_ON)
+        self._call(spatial_rows.pass_on)
         return self.instants(self.work.kept[None])
 
-    def mass(self, sizes: np.ndarray) -> np.ndarray:
-        """Mass matrix of all speeds at the position of ``work``, (speeds, speeds), with loads of these sizes."""
-        self.work.sizes[:] = sizes
-        self._compute(DEMAND)
+    def mass(self) -> np.ndarray:
+        """Mass matrix of all speeds at the position of ``work``, (speeds, speeds)."""
+        self._call(spatial_rows.mass, np.zeros(self.speeds))
         return self.work.M
 
     def rates(self, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
         """Rates q', and powers [W] dissipated by dampers and supplied by loads and prescribed drives, ``work`` being
         as left by :meth:`project`."""
-        out = np.zeros((2, max(self.coordinates, 2)))
-        self._compute(RATES, choice, out=out)
-        return out[0, : self.coordinates], out[1, :2]
+        rates, powers = np.zeros(self.coordinates), np.zeros(2)
+        self._call(spatial_rows.rates, choice, rates, powers)
+        return rates, powers
 
     def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Coordinates (n, coordinates) of q moved by steps (n, speeds) of the speeds; a ball turns in its axes."""
         out = np.tile(q, (len(steps), 1))
-        self._compute(ADVANCE, given=np.ascontiguousarray(steps), out=out)
+        self._call(spatial_rows.advance, np.ascontiguousarray(steps), len(steps), out)
         return out
 
     @property
@@ -213,12 +203,28 @@ class SpatialSystem:
 
     def basis(self, choice: Choice) -> np.ndarray:
         """Speeds for a unit of each independent one, (independent, speeds), where the loops are closed."""
-        self._compute(BASIS, choice)
+        self._call(spatial_rows.basis, choice)
         return choice.basis
 
-    def _compute(self, what: int, choice: Choice | None = None, times=_NONE, given=_NO_ROWS, out=_NO_ROWS) -> int:
-        entry = compute_coupled if self.coupled or what == LACKED else compute
-        return entry(what, self.tables, choice or self._no_choice, self.work, self._laws, times, given, out)
+    def _call(self, function: Any, *values: Any) -> Any:
+        """Call a library entry with this system's handle; arrays, choices and handles are passed by address."""
+        given = [by_address(value.handle if isinstance(value, Choice) else value) for value in values]
+        return library(self.coupled)[function](self._handle.address, *given)
+
+    @cached_property
+    def _handle(self) -> Handle:
+        """All arrays for compiled code, see :data:`kaneflex.multibody.spatial_work.SPACE`."""
+        m, k, laws = self.tables, self.work, self._laws
+        counts = [
+            len(m.nodes), self.speeds, self.coordinates, len(m.on), len(m.axis_on), len(m.cuts), self.row_count,
+            len(m.forces), len(m.torques), len(m.springs), len(m.twists), len(m.bushings), len(self.mechanism.loads),
+            len(m.bodies), len(k.kept), len(self.driven), len(laws.observed), len(k.phi), len(k.E), len(k.L),
+        ]  # fmt: skip
+        return Handle(np.array(counts), *m, *k, *laws, *blocks_of(self.layout))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything except addresses, which belong to one process."""
+        return {name: value for name, value in vars(self).items() if name not in ("_handle", "_laws", "_kernels")}
 
     @cached_property
     def _laws(self) -> Laws:
@@ -231,21 +237,23 @@ class SpatialSystem:
             np.array(kernels), np.ascontiguousarray(self.parameters, float), self.driven_coordinates,
             np.array(where, int).reshape(-1, 2), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
             np.zeros(loads + len(self.driven)),
-            steps_of(self.tables, self.layout, self._no_choice, self.coordinates, self.measure, loads),
         )  # fmt: skip
 
-    @cached_property
-    def _no_choice(self) -> Choice:
-        return self.choice_of(*(np.zeros(0, int) for _ in range(3)))
-
     def choice_of(self, rows: np.ndarray, dependent: np.ndarray, independent: np.ndarray) -> Choice:
-        """Choice of the given rows and speeds, with its working arrays."""
-        d, f = len(dependent), len(independent)
+        """Choice of the given rows and speeds at the position of ``work``."""
         rows, dependent, independent = (np.ascontiguousarray(part, np.int64) for part in (rows, dependent, independent))
-        room = np.zeros(d * d + d + f * f + f), np.zeros(self.speeds), np.zeros((f, self.speeds))
-        pivots = np.zeros(d + f, np.int64)
+        lent = np.zeros(self.speeds)
+        if len(dependent) and self._has_light_bodies:
+            free = np.isin(np.arange(self.speeds), self.open_speeds)
+            lent = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
         measures = self.measure, self.row_measure
-        return Choice(rows, dependent, self.driven_speeds, independent, *measures, *room, pivots)
+        return Choice(rows, dependent, self.driven_speeds, independent, lent, *measures, self.tables, self.work)
+
+    @cached_property
+    def _has_light_bodies(self) -> bool:
+        """True if some body has no mass, or no inertia about some axis."""
+        bodies = self.mechanism.bodies.values()
+        return any(body.mass <= 0.0 or min(body.inertia[:3]) <= _LIGHT * max(body.inertia[:3]) for body in bodies)
 
     @property
     def speeds(self) -> int:
@@ -339,7 +347,7 @@ class SpatialSystem:
     def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Sizes of all loads at many instants, (n_times, loads)."""
         x, out = (np.zeros((len(times), n)) for n in (len(self._laws.x), len(self.mechanism.loads)))
-        where = self._laws.told[:, 0]
+        where = self._laws.observed[:, 0]
         x[:, where], x[:, where + 1] = coordinates, speeds
         kernel, p = self._kernels["magnitudes"], self._laws.p.ctypes.data
         told, sizes = x.ctypes.data, out.ctypes.data

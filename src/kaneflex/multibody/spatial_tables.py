@@ -20,8 +20,9 @@ import numpy as np
 from kaneflex.mechanism.spatial import Side
 
 FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
-KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT = range(7)
-"""Columns of ``nodes``; BODY: where the numbers of a body that has mass begin in ``p``, else -1. COUNT: shapes of a
+KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF = range(8)
+"""Columns of ``nodes``; ROW_OF: of a station the first of its rows in ``phi``, of another node its body's number in
+``bodies``; BODY: where the numbers of a body that has mass begin in ``p``, else -1. COUNT: shapes of a
 body that deforms, whose coordinates and speeds begin at COORDINATE and SPEED; AT: where the numbers of a station begin
 in ``p``, N and psi, (3, COUNT) each, then G, (3, COUNT, COUNT); those of a node that turns axes which follow their
 body's mean turn: how far each of its shapes turns the section beyond them, (COUNT,)."""
@@ -43,7 +44,11 @@ class Tables(NamedTuple):
 
     Attributes
     ----------
-    nodes, numbers : ndarray (n_nodes, 7), (n_nodes, 18)
+    nodes, numbers : ndarray (n_nodes, 8), (n_nodes, 18)
+    bodies : ndarray (n_bodies, 8)
+        Bodies with their joints of the tree, see :mod:`kaneflex.multibody.articulated`.
+    frames : ndarray (n_bodies, 2)
+        Node of every body, and the one that it hangs on, or -1.
     p : ndarray
         Numbers of the bodies, ten each, see ``kaneflex.generated.spatial.BODY``, behind them those of shapes, see
         ``kaneflex.generated.spatial_shapes``; numbers of stations.
@@ -67,6 +72,8 @@ class Tables(NamedTuple):
 
     nodes: np.ndarray
     numbers: np.ndarray
+    bodies: np.ndarray
+    frames: np.ndarray
     p: np.ndarray
     on: np.ndarray
     at: np.ndarray

@@ -9,6 +9,8 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
+from kaneflex.multibody.articulated import FREEDOMS, MODAL
+from kaneflex.multibody.articulated import SHAPES as COUNTED
 from kaneflex.multibody.spatial_tables import (
     AT,
     AXIS,
@@ -19,16 +21,20 @@ from kaneflex.multibody.spatial_tables import (
     COORDINATES,
     COUNT,
     FIXED,
+    KIND,
     ON_PLANE,
+    PARENT,
     PERPENDICULAR,
     PLACE,
     RIGID,
     ROTATION,
+    ROW_OF,
     ROWS,
     SHAPES,
     SHIFT,
     SLIDE,
     SPEED,
+    SPEEDS,
     STATION,
     TURN,
     WHAT,
@@ -69,7 +75,7 @@ class _Maker:
         row[ROTATION:PLACE] = np.eye(3).ravel() if rotation is None else np.ravel(rotation)
         row[PLACE:AXIS] = 0.0 if place is None else place
         row[AXIS:SHIFT] = 0.0 if axis is None else axis
-        self.nodes.append([kind, parent, self.coordinates, len(self.speeds), -1, 0, -1])
+        self.nodes.append([kind, parent, self.coordinates, len(self.speeds), -1, 0, -1, -1])
         self.numbers.append(row)
         self.coordinates += COORDINATES[kind]
         self.speeds += names
@@ -352,8 +358,10 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
             sections = [maker.section(side) for side in joint.sides]
             twists.append([*sections, maker.axis(joint.sides[0], joint.moves[0][1]), tree[spring.joint][0][0]])
             torsion.append(spring.numbers)
+    bodies, frames = _bodies(maker)
     return Tables(
-        _whole(maker.nodes, 7), np.array(maker.numbers).reshape(-1, 18), np.concatenate([*maker.p, np.zeros(0)]),
+        _whole(maker.nodes, 8), np.array(maker.numbers).reshape(-1, 18), bodies, frames,
+        np.concatenate([*maker.p, np.zeros(0)]),
         np.array([node for node, _ in maker.sections], int), np.array([at for _, at in maker.sections]).reshape(-1, 3),
         np.array([node for node, _ in maker.axes], int), np.array([axis for _, axis in maker.axes]).reshape(-1, 3),
         _whole(cuts, 6), _whole(forces, 3), _whole(torques, 4), _whole(springs, 2),
@@ -361,6 +369,34 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
         _whole(bushings, 4), np.array(cushions, float).reshape(-1, 12),
         np.asarray(mechanism.gravity, float),
     )  # fmt: skip
+
+
+def _bodies(maker: _Maker) -> tuple[np.ndarray, np.ndarray]:
+    """Bodies with their joints, and their nodes with those that they hang on. Sets ROW_OF of all nodes."""
+    rows, frames, phi = list[list[int]](), list[list[int]](), 0
+    coupling = square = 0
+    begins, last = True, set(maker.node_of.values())
+    for n, node in enumerate(maker.nodes):
+        parent = node[PARENT]
+        if node[KIND] == STATION:
+            node[ROW_OF], phi = phi, phi + node[COUNT]
+            continue
+        if begins:
+            up, outboard = -1, -1
+            if parent >= 0:
+                station = maker.nodes[parent][KIND] == STATION
+                outboard = maker.nodes[parent][ROW_OF] if station else -1
+                up = maker.nodes[maker.nodes[parent][PARENT] if station else parent][ROW_OF]
+            rows.append([0, 0, node[SPEED], node[SPEED], up, outboard, coupling, square])
+            frames.append([n, parent])
+        node[ROW_OF] = len(rows) - 1
+        shapes = node[COUNT] if node[KIND] == SHAPES else 0
+        rows[-1][FREEDOMS] += SPEEDS[node[KIND]]
+        if shapes:
+            rows[-1][COUNTED], rows[-1][MODAL] = shapes, node[SPEED]
+            coupling, square = coupling + shapes, square + shapes**2
+        frames[-1][0], begins = n, n in last
+    return _whole(rows, 8), _whole(frames, 2)
 
 
 def _whole(rows: Sequence, columns: int) -> np.ndarray:

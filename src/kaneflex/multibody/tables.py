@@ -326,12 +326,13 @@ module; ``real``, ``pair``: arrays for factors."""
 
 
 class Handle:
-    """Arrays by their addresses in one table, and the address of that: of this process alone."""
+    """Arrays, or other handles, by their addresses in one table, and the address of that: of this process alone."""
 
-    def __init__(self, *arrays: np.ndarray) -> None:
+    def __init__(self, *arrays: np.ndarray | Handle) -> None:
         self.arrays = arrays
-        self._table = np.array([array.ctypes.data for array in arrays], np.int64)
-        self.address = self._table.ctypes.data
+        addresses = [each.address if isinstance(each, Handle) else each.ctypes.data for each in arrays]
+        self._table = np.array(addresses, np.int64)
+        self.address: int = self._table.ctypes.data
 
 
 @njit(**OPTIONS)

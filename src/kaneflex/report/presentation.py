@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.dead_centres import Closing
     from kaneflex.mechanism.rigid_motion import RigidMotion
     from kaneflex.multibody.model import Model
-    from kaneflex.multibody.spatial_dynamics import Choice
+    from kaneflex.multibody.spatial_steps import Choice
     from kaneflex.multibody.spatial_system import SpatialSystem
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
