@@ -20,7 +20,7 @@ import csv_tables
 from chains import chain
 from rich.progress import track
 
-from kaneflex.multibody.binding import generate_text, import_file
+from kaneflex.multibody.model.module_loading import generate_text, import_file
 from kaneflex.scene.structure import structure_hash
 from kaneflex.support.atomic_output import write_text
 from kaneflex.support.contract import REQUIRED_ATTRIBUTES
@@ -31,7 +31,7 @@ COMPILE = """
 import sys, time
 import numpy as np
 from numba import njit
-from kaneflex.multibody.binding import import_file
+from kaneflex.multibody.model.module_loading import import_file
 from kaneflex.support.contract import REQUIRED_ATTRIBUTES
 from pathlib import Path
 njit(lambda: 0)()  # numba's own start-up

@@ -5,7 +5,7 @@ import numpy as np
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.multibody.spatial_topology import spanning_tree
+from kaneflex.multibody.model.spatial_topology import spanning_tree
 from kaneflex.scene import scene_of
 from kaneflex.scene.rotation import about
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from kaneflex.mechanism.closure_continuation import seed_loops
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody.binding import bind_parameters, find_module
+from kaneflex.multibody.model.module_loading import bind_parameters, find_module
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
-from kaneflex.multibody.inertia_integrals import body_data, body_moments
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve

@@ -7,10 +7,10 @@ import pytest
 from numba import njit
 from numba.types import boolean, complex128, float64
 
-from kaneflex.multibody import articulated
-from kaneflex.multibody.addresses import called, entered
-from kaneflex.multibody.articulated import SPACE_PAIR, SPACE_REAL, factors
-from kaneflex.multibody.tables import ENTRY, OUTER, Handle
+from kaneflex.multibody.compile.addresses import called, entered
+from kaneflex.multibody.dynamics import articulated
+from kaneflex.multibody.dynamics.articulated import SPACE_PAIR, SPACE_REAL, factors
+from kaneflex.multibody.model.layout import ENTRY, OUTER, Handle
 
 KINDS = {
     (3, float): factors(float64, 3, "Factors in the plane"), (6, float): SPACE_REAL,

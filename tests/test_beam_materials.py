@@ -7,7 +7,7 @@ import pytest
 from runs import derived_on_the_fly
 from scipy.optimize import brentq
 
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.scene import read_scene
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError

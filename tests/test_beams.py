@@ -10,9 +10,9 @@ from runs import derived_on_the_fly, model
 from scipy.linalg import eigh
 
 from kaneflex.fem.links import craig_bampton
-from kaneflex.multibody.binding import bind_parameters
-from kaneflex.multibody.building import build_model, reference_modes
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import build_model, reference_modes
+from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.scene import with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.simulation import solve

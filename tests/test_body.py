@@ -11,8 +11,8 @@ import pytest
 from kaneflex.derive.body_proof import NotKane, comparisons, prove
 from kaneflex.generated import body
 from kaneflex.generated.body import kernels
-from kaneflex.multibody.blocks import Blocks, body_block, point_block
-from kaneflex.multibody.system import build_system
+from kaneflex.multibody.model.body_parameters import Blocks, body_block, point_block
+from kaneflex.multibody.model.system import build_system
 from kaneflex.scene import read_scene
 from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, block_shapes
 

@@ -5,7 +5,7 @@ import pytest
 from runs import solved
 from scipy.integrate import solve_ivp
 
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.loading import load
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from kaneflex import simulate
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody import lost_branch
+from kaneflex.multibody.time import lost_branch
 from kaneflex.scene import scene_of
 from kaneflex.solve.loading import load
 from kaneflex.support.errors import SceneError

@@ -18,7 +18,7 @@ from runs import solved, tables
 
 from kaneflex.cli.choosing import chosen_lines
 from kaneflex.generated import engine as generated_engine
-from kaneflex.multibody.binding import generate_text, import_file, operation_count, pruned_text
+from kaneflex.multibody.model.module_loading import generate_text, import_file, operation_count, pruned_text
 from kaneflex.report.summary import Summary
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.structure import structure_hash

@@ -14,7 +14,7 @@ import kaneflex
 from kaneflex.fem.mobility import in_joints
 from kaneflex.integrate.methods import METHODS
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.multibody.binding import find_module
+from kaneflex.multibody.model.module_loading import find_module
 from kaneflex.scene import json_schema, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.parts import PRESETS
 from kaneflex.scene.structure import structure_hash

@@ -319,7 +319,7 @@ def test_interrupted_commands_say_so_and_leave_nothing(command, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("kaneflex.solve.loading._load", interrupt)
-    monkeypatch.setattr("kaneflex.multibody.binding.generate_text", interrupt)
+    monkeypatch.setattr("kaneflex.multibody.model.module_loading.generate_text", interrupt)
     done = cli(*command)
     assert (done.exit_code, done.stderr.splitlines()[-1]) == (130, "Interrupted; nothing was left behind.")
     assert list(Path().iterdir()) == []

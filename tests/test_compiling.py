@@ -31,9 +31,9 @@ from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
-from kaneflex.multibody.rigid_twin import build_twin
-from kaneflex.multibody.system import build_system
-from kaneflex.multibody.tables import CONTACT_MECHANISM
+from kaneflex.multibody.model.layout import CONTACT_MECHANISM
+from kaneflex.multibody.model.rigid_reference import build_twin
+from kaneflex.multibody.model.system import build_system
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
 from kaneflex.support import inner
@@ -235,9 +235,9 @@ from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
-from kaneflex.multibody.rigid_twin import build_twin
-from kaneflex.multibody.system import build_system
-from kaneflex.multibody.tables import CONTACT_MECHANISM
+from kaneflex.multibody.model.rigid_reference import build_twin
+from kaneflex.multibody.model.system import build_system
+from kaneflex.multibody.model.layout import CONTACT_MECHANISM
 
 
 @numba.njit

@@ -6,7 +6,8 @@ import types
 import numpy as np
 import pytest
 
-from kaneflex.multibody import complementarity, tables
+from kaneflex.multibody.model import layout
+from kaneflex.multibody.unilateral import complementarity
 
 ROWS_AT = {name: getattr(complementarity, name) for name in ("WANTED", "MAY", "RATIO", "BESIDE", "PRESSES")}
 
@@ -24,7 +25,7 @@ def complement():
     def solved(problem):
         W, gaps, slips, given = problem
         rows = gaps + slips
-        m = types.SimpleNamespace(rows=rows, plan={tables.COMPLEMENT: 0}, pivots=np.zeros(9 * rows, int))
+        m = types.SimpleNamespace(rows=rows, plan={layout.COMPLEMENT: 0}, pivots=np.zeros(9 * rows, int))
         m.w = np.zeros(complementarity.room_of(gaps, slips))
         m.w[: rows * rows] = W.ravel()
         for name, values in given.items():

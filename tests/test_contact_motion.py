@@ -13,12 +13,12 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Contact
 from kaneflex.mechanism.planar import BodyPoint
-from kaneflex.multibody import tables as at
-from kaneflex.multibody.binding import bind_parameters, find_coupled_module
-from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import build_engine
-from kaneflex.multibody.run import Method, Run, integrate
-from kaneflex.multibody.system import CoupledSystem
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.module_loading import bind_parameters, find_coupled_module
+from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.time.run import Method, Run, integrate
 from kaneflex.plots import motion, sensors
 from kaneflex.plots.style import styled
 from kaneflex.report.checked import description

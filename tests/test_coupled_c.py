@@ -17,7 +17,7 @@ import kaneflex
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.generated import body
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody import tables as at
+from kaneflex.multibody.model import layout as at
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled_in_c import coupled_in_c
 from kaneflex.support.errors import SceneError

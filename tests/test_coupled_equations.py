@@ -13,10 +13,10 @@ import kaneflex
 from kaneflex.derive.body_equations import planar_equations
 from kaneflex.fem.shape_functions import shape_functions
 from kaneflex.generated.body import kernels
-from kaneflex.multibody.blocks import Blocks
-from kaneflex.multibody.building import reference_modes
-from kaneflex.multibody.linearisation import Instant, linear, prepare
-from kaneflex.multibody.system import rigid_state
+from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.building import reference_modes
+from kaneflex.multibody.model.system import rigid_state
+from kaneflex.multibody.time.linearisation import Instant, linear, prepare
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled import simulate_coupled
 from kaneflex.solve.coupled_linearisation import modes_at_rest

@@ -14,7 +14,7 @@ from test_error_estimates import check_effectivities
 import kaneflex
 from kaneflex import load
 from kaneflex.cli import main
-from kaneflex.multibody import system
+from kaneflex.multibody.model import system
 from kaneflex.scene import with_settings
 from kaneflex.solve import coupled, error_estimates
 from kaneflex.solve.simulation import solve

@@ -5,7 +5,7 @@ import pytest
 from runs import moments
 
 import kaneflex
-from kaneflex.multibody.shape_families import clamped_free
+from kaneflex.multibody.model.shape_families import clamped_free
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError

@@ -12,8 +12,8 @@ import kaneflex
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.generated import body
 from kaneflex.mechanism.floating_frames import shape_counts
-from kaneflex.multibody import tables as at
-from kaneflex.multibody.binding import bind_parameters, import_file
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.module_loading import bind_parameters, import_file
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
 SHIPPED = [name for name in sorted(shipped_scenes()) if read_scene(name).solve.preset == "coupled"]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from runs import STENCIL, model, run
 
-from kaneflex.multibody.system import CoupledSystem
-from kaneflex.multibody.trajectory import CoupledTrajectory, by_themselves
+from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.dalembert import Balance, balanced
 from kaneflex.response.sensors import sensor_values

@@ -6,8 +6,8 @@ from runs import solved
 
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.returning import returning
-from kaneflex.multibody.run import integrate
+from kaneflex.multibody.time.cycle_map import returning
+from kaneflex.multibody.time.run import integrate
 from kaneflex.solve import coupled
 
 

@@ -14,7 +14,7 @@ from scipy.special import ellipk
 
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody import tables as at
+from kaneflex.multibody.model import layout as at
 from kaneflex.report.checked import description
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, scene_of, with_settings

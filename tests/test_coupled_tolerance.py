@@ -9,8 +9,8 @@ import pytest
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
-from kaneflex.multibody.run import Method, integrate
-from kaneflex.multibody.system import build_system
+from kaneflex.multibody.model.system import build_system
+from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.simulation import solve

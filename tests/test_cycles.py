@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.cycles import Cycles
+from kaneflex.multibody.time.shooting import Cycles
 
 
 class Halving(Cycles):

@@ -13,10 +13,12 @@ from test_c import HEADS, SHARED, built
 
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.generated import body
-from kaneflex.multibody import collocation, library, unfolding
-from kaneflex.multibody import tables as at
-from kaneflex.multibody.addresses import compiling
-from kaneflex.multibody.coefficients import RADAU
+from kaneflex.multibody.compile import library
+from kaneflex.multibody.compile.addresses import compiling
+from kaneflex.multibody.dynamics import unfolding
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.time import collocation
+from kaneflex.multibody.time.coefficients import RADAU
 from kaneflex.solve.coupled_in_c import _begun
 
 SCENE = "four-bar-motor"

@@ -18,7 +18,7 @@ from scene_fuzz import written_toml
 
 from kaneflex.cli import main
 from kaneflex.derive.c_module import places, prefix_of
-from kaneflex.multibody.binding import generate_text
+from kaneflex.multibody.model.module_loading import generate_text
 from kaneflex.scene import read_scene, scene_of
 from kaneflex.solve.statespace import modelica
 from kaneflex.support import escaping

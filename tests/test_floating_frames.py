@@ -10,8 +10,8 @@ from scipy.linalg import eigh
 
 import kaneflex
 from kaneflex.fem.links import build_link
-from kaneflex.multibody.shapes import link_shapes
-from kaneflex.multibody.system import build_system, rigid_state
+from kaneflex.multibody.model.shapes import link_shapes
+from kaneflex.multibody.model.system import build_system, rigid_state
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.read import _validated
 

@@ -10,8 +10,8 @@ import pytest
 from runs import model, run
 from scipy.linalg import eigh
 
-from kaneflex.multibody.building import build_model, reference_modes
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import build_model, reference_modes
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.solve.loading import load
 from kaneflex.solve.modes import mesh_hint, modes

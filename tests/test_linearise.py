@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 import kaneflex
 from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import bode
 from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene

@@ -12,8 +12,8 @@ from newton_euler import imbalance, place, turned
 from scipy.linalg import eigvalsh
 
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody.binding import bind_parameters, find_module
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.module_loading import bind_parameters, find_module
 from kaneflex.scene import Scene, read_scene
 from kaneflex.solve.loading import load
 

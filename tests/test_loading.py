@@ -7,7 +7,7 @@ from command_line import cli
 from runs import model
 
 import kaneflex
-from kaneflex.multibody.spatial_forward import Run
+from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from runs import solved
 
-from kaneflex.multibody import binding
+from kaneflex.multibody.model import module_loading
 from kaneflex.scene import read_scene, scene_of
 from kaneflex.solve.loading import load
 from kaneflex.support.errors import SceneError
@@ -78,7 +78,7 @@ def nothing_is_derived(monkeypatch):
     def derive(*_):
         raise AssertionError("derived")
 
-    monkeypatch.setattr(binding, "generate_text", derive)
+    monkeypatch.setattr(module_loading, "generate_text", derive)
 
 
 def refused(tmp_path, text: str) -> str:

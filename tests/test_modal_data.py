@@ -12,7 +12,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex.cli import main
-from kaneflex.multibody.inertia_integrals import link_data
+from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.response.modal_data import modal_data
 from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, read_modal_data

@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 from kaneflex.fem.modes import lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import as_array
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.report.presentation import at_drive
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.mode_angle_envelope import mode_angle_spread

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from kaneflex.derive.generate import generate
 from kaneflex.generated import rows
-from kaneflex.multibody.binding import find_module
+from kaneflex.multibody.model.module_loading import find_module
 from kaneflex.scene import read_scene
 from kaneflex.scene.structure import structure_hash
 from kaneflex.support import module_cache

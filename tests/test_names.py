@@ -11,7 +11,12 @@ from runs import run, solved, tables
 from kaneflex.derive.generate import generate
 from kaneflex.derive.names import numbered
 from kaneflex.mechanism.floating_frames import shape_counts
-from kaneflex.multibody.binding import bind_parameters, find_coupled_module, find_module, find_spatial_module
+from kaneflex.multibody.model.module_loading import (
+    bind_parameters,
+    find_coupled_module,
+    find_module,
+    find_spatial_module,
+)
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.structure import structure_of
 
@@ -57,7 +62,8 @@ def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
         modules = modules[0], find_coupled_module(scene, shape_counts(scene), quiet)[0]
     rigid, coupled = (module and renaming.under_new_names(module, new) for module in modules)
     monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (rigid, 0.0))
-    monkeypatch.setattr("kaneflex.multibody.system.find_coupled_module", lambda scene, shapes, progress: (coupled, 0.0))
+    find = "kaneflex.multibody.model.system.find_coupled_module"
+    monkeypatch.setattr(find, lambda scene, shapes, progress: (coupled, 0.0))
     found = solved(other)
     for sensor, series in plain.series.items():
         base = sensor.removesuffix("_rigid")
@@ -134,7 +140,7 @@ def computed(tmp_path, monkeypatch, **names):
     file = tmp_path / "press.toml"
     file.write_text(text, encoding="utf-8")
     scene = read_scene(file)
-    monkeypatch.setattr("kaneflex.multibody.binding.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("kaneflex.multibody.model.module_loading.cache_folder", lambda: tmp_path)
     module = find_module(scene, quiet)[0]
     stored = np.zeros(len(module.SCALARS))
     module.motion.py_func(0.0123, bind_parameters(scene, module), stored)

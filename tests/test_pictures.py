@@ -9,7 +9,7 @@ import pytest
 from runs import run, solved
 
 from kaneflex.mechanism.position_analysis import place
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import energy, figures, loads, motion, orders, paths, show, spatial
 from kaneflex.plots.axonometric import VIEW
 from kaneflex.plots.sensors import grouped

@@ -15,7 +15,7 @@ from matplotlib.collections import LineCollection
 from PIL import Image
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import animation, draw_all, figures, modes, style
 from kaneflex.plots import enlarged as enlarged_module
 from kaneflex.plots.axonometric import VIEW

@@ -228,7 +228,7 @@ def test_a_part_of_a_run_has_the_warnings_of_the_whole(solution):
 
 
 def test_frequencies_are_those_of_the_modes(solution):
-    from kaneflex.multibody.building import reference_modes
+    from kaneflex.multibody.model.building import reference_modes
 
     omega, _ = reference_modes(solution.model, "all")
     np.testing.assert_allclose(summarise(solution).frequencies_hz, omega / (2 * np.pi), rtol=1e-12)

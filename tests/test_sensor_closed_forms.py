@@ -9,7 +9,7 @@ import pytest
 import transformed
 from runs import STENCIL, derived_on_the_fly, waving
 
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve

@@ -10,8 +10,8 @@ import pytest
 
 from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.generated.body import kernels
-from kaneflex.multibody.blocks import body_block
-from kaneflex.multibody.shape_moments import ShapeMoments
+from kaneflex.multibody.model.body_parameters import body_block
+from kaneflex.multibody.model.shape_moments import ShapeMoments
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 S, WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2

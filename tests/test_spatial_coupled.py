@@ -14,8 +14,8 @@ from lifting import lifted
 from runs import solved
 
 import kaneflex
-from kaneflex.multibody.spatial_system import SpatialSystem
-from kaneflex.multibody.spatial_turns import Counts
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.time.spatial_revolutions import Counts
 from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.sections import torsion_constant
 from kaneflex.support.errors import SceneError

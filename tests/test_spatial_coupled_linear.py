@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 from turned_inertia import CRANK, ROD, SLIDER, check_turned_inertia
 
 import kaneflex
-from kaneflex.multibody import spatial_linear
-from kaneflex.multibody.spatial_linear import _turned, growth, names_of, neighbours
-from kaneflex.multibody.spatial_rows import LACKED
-from kaneflex.multibody.spatial_start import start_of
-from kaneflex.multibody.spatial_system import SpatialSystem
+from kaneflex.multibody.dynamics.spatial_entries import LACKED
+from kaneflex.multibody.model.spatial_initial_state import start_of
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.time import spatial_linear
+from kaneflex.multibody.time.spatial_linear import _turned, growth, names_of, neighbours
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled_linearisation import linear_about
 from kaneflex.solve.modes import modes

@@ -10,7 +10,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.spatial_cycles import SpatialCycles
+from kaneflex.multibody.time.spatial_cycles import SpatialCycles
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.support.errors import SceneError
 

@@ -19,11 +19,11 @@ from kaneflex.fem.spatial_bodies import at_point, rigid_part
 from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.spatial import SpatialBody, spatial_mechanism_of
-from kaneflex.multibody.binding import find_spatial_module
-from kaneflex.multibody.model import keep_terms
-from kaneflex.multibody.spatial_start import start_of
-from kaneflex.multibody.spatial_system import build_spatial_system
-from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
+from kaneflex.multibody.model.bound_model import keep_terms
+from kaneflex.multibody.model.module_loading import find_spatial_module
+from kaneflex.multibody.model.spatial_initial_state import start_of
+from kaneflex.multibody.model.spatial_layout import COORDINATE, SPEED
+from kaneflex.multibody.model.spatial_system import build_spatial_system
 from kaneflex.plots.sensors import grouped
 from kaneflex.scene.read import shipped_scenes, with_settings
 

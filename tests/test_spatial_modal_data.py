@@ -11,8 +11,8 @@ from runs import solved
 
 import kaneflex
 from kaneflex.fem.spatial_links import link_of_scene
-from kaneflex.multibody.spatial_modal_data import held_shapes, spatial_data
-from kaneflex.multibody.spatial_shapes import spatial_shapes
+from kaneflex.multibody.model.spatial_modal_data import held_shapes, spatial_data
+from kaneflex.multibody.model.spatial_shapes import spatial_shapes
 from kaneflex.scene import read_scene, scene_of
 from kaneflex.scene.modal_data import SPATIAL_ARRAYS, SPATIAL_POINT_ARRAYS, read_modal_data
 from kaneflex.support.errors import SceneError

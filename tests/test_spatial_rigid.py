@@ -12,10 +12,10 @@ from runs import solved
 from kaneflex import load, read_scene, simulate
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.multibody import spatial_curves
-from kaneflex.multibody.spatial_system import build_spatial_system
-from kaneflex.multibody.spatial_tables import ROWS, WHAT
-from kaneflex.multibody.spatial_topology import build_tables
+from kaneflex.multibody.model.spatial_layout import ROWS, WHAT
+from kaneflex.multibody.model.spatial_system import build_spatial_system
+from kaneflex.multibody.model.spatial_topology import build_tables
+from kaneflex.multibody.time import spatial_curves
 from kaneflex.scene import with_settings
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.spatial_loading import find_spatial_module, spatial_start

@@ -6,7 +6,7 @@ from command_line import cli
 from runs import solved
 
 import kaneflex
-from kaneflex.multibody.inertia_integrals import link_data
+from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.response.stresses import link_stresses
 from kaneflex.scene import read_scene
 from kaneflex.scene.modal_data import ModalData, read_modal_data

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from runs import derived_on_the_fly
 
-from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError

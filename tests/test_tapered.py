@@ -10,8 +10,8 @@ from scipy.linalg import eigh
 from kaneflex.derive.beam import beam_element
 from kaneflex.derive.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
 from kaneflex.generated import beam_euler_bernoulli_varying as tapered
-from kaneflex.multibody.building import reference_modes
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.solve.simulation import solve
 
 

@@ -17,7 +17,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place as place_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
+from kaneflex.multibody.model.module_loading import bind_parameters, generate_text, import_file
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.structure import structure_hash

@@ -16,7 +16,7 @@ ensure_cache_folder()  # before any jitted module can be imported
 
 if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run time
     from kaneflex.fem.import_mesh import import_mesh as import_mesh
-    from kaneflex.multibody.model import Model as Model
+    from kaneflex.multibody.model.bound_model import Model as Model
     from kaneflex.plots import draw_all as draw_all
     from kaneflex.plots import explore as explore
     from kaneflex.plots import figures as figures
@@ -59,7 +59,7 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
 
 _PUBLIC = """
 fem.import_mesh: import_mesh
-multibody.model: Model
+multibody.model.bound_model: Model
 plots: draw_all explore figures show
 report.page: write_report
 scene: Scene read_scene scene_of shipped_scenes with_settings

@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.interleave import Timed, interleave
 from bench.rows import Row, Target
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve

@@ -18,7 +18,7 @@ from bench.rows import Row
 from kaneflex.derive.generate import derive_equations
 from kaneflex.integrate.outcome import Trajectory
 from kaneflex.integrate.run import Run, integrate
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.structure import structure_of
 from kaneflex.solve.loading import load

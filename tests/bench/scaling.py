@@ -16,7 +16,7 @@ from bench.interleave import interleave
 from bench.ivp_runs import SETTINGS, Case, seconds
 from bench.rows import Row
 from kaneflex.integrate.run import Run, integrate
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.study.comparison import compare

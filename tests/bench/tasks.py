@@ -15,7 +15,7 @@ import sympy as sm
 from kaneflex.derive.elements import element_kernel
 from kaneflex.derive.generate import Equations, derive_equations
 from kaneflex.generated import slider_crank_150
-from kaneflex.multibody.binding import bind_parameters
+from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.scene import read_scene
 from kaneflex.scene.structure import structure_of
 from kaneflex.support.contract import ELEMENT_KERNELS

@@ -331,7 +331,7 @@ def _refuse_others(asked: str, others: Mapping[str, object]) -> None:
 
 def _derive_chosen(asked: SceneArguments, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
     """The module with the terms alone of the model that a tolerance chooses."""
-    from kaneflex.multibody.binding import operation_count
+    from kaneflex.multibody.model.module_loading import operation_count
     from kaneflex.scene import with_settings
     from kaneflex.solve.code import derive_code
     from kaneflex.study.trade.choice import remembered_choice

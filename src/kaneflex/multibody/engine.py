@@ -13,12 +13,13 @@ import numpy as np
 from kaneflex.generated import body
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.mechanism import NumericMechanism
-from kaneflex.multibody import collocation, reduction, unfolding
-from kaneflex.multibody import tables as at
-from kaneflex.multibody.addresses import by_address, kernel_address
-from kaneflex.multibody.library import library
-from kaneflex.multibody.tables import Handle
-from kaneflex.multibody.topology import Layout, build_tables
+from kaneflex.multibody.compile.addresses import by_address, kernel_address
+from kaneflex.multibody.compile.library import library
+from kaneflex.multibody.dynamics import reduction, unfolding
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.layout import Handle
+from kaneflex.multibody.model.topology import Layout, build_tables
+from kaneflex.multibody.time import collocation
 
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
@@ -36,7 +37,7 @@ class Engine:
     Attributes
     ----------
     kernels : tuple
-        Kernels of the structure's module, in the order of :data:`kaneflex.multibody.tables.STRUCTURE_KERNELS`.
+        Kernels of the structure's module, in the order of :data:`kaneflex.multibody.model.layout.STRUCTURE_KERNELS`.
     kinds : tuple
         Distinct numbers of axial and transverse shapes of its bodies.
     p : ndarray
@@ -287,8 +288,8 @@ class Engine:
         return self.numbers(at.SECTION, at.SEC * len(self.tables.sections)).reshape(-1, at.SEC)
 
     def demand(self, rows: np.ndarray) -> np.ndarray:
-        """Residuals, see :func:`kaneflex.multibody.reduction.reduced_demand`. Raises ArithmeticError if loops don't
-        close."""
+        """Residuals, see :func:`kaneflex.multibody.dynamics.reduction.reduced_demand`. Raises ArithmeticError if loops
+        don't close."""
         independent, rows = self.independent.astype(np.int64), np.ascontiguousarray(rows)
         out = np.zeros((len(rows), len(independent)))
         done = self._call(reduction.reduced_demand, independent, len(independent), rows, *rows.shape, out)
@@ -307,7 +308,7 @@ class Engine:
         return bool(self._call(unfolding.move_on, t))
 
     def follow(self, into: np.ndarray, side: np.ndarray, rows: np.ndarray) -> int:
-        """Follow rows, see :func:`kaneflex.multibody.unfolding.follow_rows`."""
+        """Follow rows, see :func:`kaneflex.multibody.dynamics.unfolding.follow_rows`."""
         return int(self._call(unfolding.follow_rows, len(into), into, side, rows))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray) -> np.ndarray | None:
@@ -353,7 +354,8 @@ class Engine:
         return rows
 
     def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
-        """Integrate, see :func:`kaneflex.multibody.collocation.integrate`; parts: given, times, rows, counts, ends."""
+        """Integrate, see :func:`kaneflex.multibody.time.collocation.integrate`; parts: given, times, rows, counts,
+        ends."""
         given, times, *out = parts
         return int(self._call(
             collocation.integrate, method, control, here, given, len(given), times, len(times), *out

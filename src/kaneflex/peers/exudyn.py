@@ -15,7 +15,7 @@ from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.support.errors import SceneError, installed, told
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.peers.exudyn_spatial import Built as SpatialBuilt
     from kaneflex.peers.exudyn_system import Built
     from kaneflex.peers.readings import Recorder

@@ -22,8 +22,8 @@ from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_
 from kaneflex.peers.buildable import stiffness_damping
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
-    from kaneflex.multibody.spatial_system import SpatialSystem
+    from kaneflex.multibody.model.bound_model import Model
+    from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.solve.curves import Resolution
 
 _HELD = {

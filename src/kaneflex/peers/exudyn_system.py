@@ -16,7 +16,7 @@ from kaneflex.peers.buildable import lumped, stiffness_damping, torque_by_speed
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.solve.curves import Resolution
 
 

@@ -20,7 +20,7 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.peers.exudyn_spatial import Built
 
 

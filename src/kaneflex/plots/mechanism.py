@@ -15,7 +15,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.response.motion import Motion
 
 _SWEEP, _MOST = 180, 20_000

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from kaneflex.multibody.building import has_modes, reference_modes
+from kaneflex.multibody.model.building import has_modes, reference_modes
 from kaneflex.plots.drawing import (
     ROUNDING,
     draw_outline,
@@ -26,7 +26,7 @@ from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
-    from kaneflex.multibody.model import Model
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.solve.solution import Solution
 
 MOST = 6

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.multibody.building import has_modes, reference_modes
+from kaneflex.multibody.model.building import has_modes, reference_modes
 from kaneflex.plots.sensors import in_clearance
 from kaneflex.plots.style import (
     GREY,
@@ -31,7 +31,7 @@ from kaneflex.solve.coupled_linearisation import modes_at_rest
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.scene.sensors import Sensor
     from kaneflex.solve.solution import Solution
 

@@ -16,7 +16,7 @@ from kaneflex.response.motion import Motion
 from kaneflex.response.thinning import MISSED, frames, missed
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.impacts import Impact
+    from kaneflex.multibody.unilateral.impact_results import Impact
     from kaneflex.solve.solution import Solution
 
 FRAMES = 60

@@ -11,8 +11,8 @@ from kaneflex.fem.mobility import count_freedom, mobility_by_rank
 from kaneflex.mechanism.dead_centres import Closing, closings
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.reach import Courses, courses_of, instants
-from kaneflex.multibody.building import has_modes, reference_modes
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import has_modes, reference_modes
 from kaneflex.report.presentation import (
     Blocks,
     closing_lines,
@@ -81,7 +81,7 @@ def _closings(model: Model) -> list[Closing]:
     def find() -> list[Closing]:
         times = _times(model)
         if model.scene.is_spatial:
-            from kaneflex.multibody.spatial_motion import SpatialKinematics, firmness
+            from kaneflex.multibody.time.spatial_motion import SpatialKinematics, firmness
 
             assert isinstance(model.motion, SpatialKinematics)
             return firmness(model.motion, times)
@@ -100,10 +100,10 @@ def _courses(model: Model, times: np.ndarray) -> Courses:
 
 def _mobility(model: Model) -> Blocks:
     if model.scene.is_spatial:
-        from kaneflex.multibody.spatial_choice import choose
-        from kaneflex.multibody.spatial_motion import SpatialKinematics
-        from kaneflex.multibody.spatial_start import start_of
-        from kaneflex.multibody.spatial_system import build_spatial_system
+        from kaneflex.multibody.model.independent_speeds import choose
+        from kaneflex.multibody.model.spatial_initial_state import start_of
+        from kaneflex.multibody.model.spatial_system import build_spatial_system
+        from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 
         assert isinstance(model.motion, SpatialKinematics)
         system = model.motion.module.system

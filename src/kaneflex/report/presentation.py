@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from kaneflex.fem.mobility import Freedom
     from kaneflex.mechanism.dead_centres import Closing
     from kaneflex.mechanism.rigid_motion import RigidMotion
-    from kaneflex.multibody.model import Model
-    from kaneflex.multibody.spatial_steps import Choice
-    from kaneflex.multibody.spatial_system import SpatialSystem
+    from kaneflex.multibody.model.bound_model import Model
+    from kaneflex.multibody.model.spatial_system import SpatialSystem
+    from kaneflex.multibody.time.spatial_steps import Choice
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
     from kaneflex.scene.drives import Drive

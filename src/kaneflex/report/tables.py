@@ -13,7 +13,7 @@ from kaneflex.report.presentation import at_drive
 from kaneflex.response.sensors import OF_RIGID
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.report.summary import Instant, SensorSummary, Summary
     from kaneflex.scene.modal_data import ModalData
     from kaneflex.solve.modes import Modes

@@ -14,7 +14,7 @@ from kaneflex.fem.links import Link
 from kaneflex.mechanism.affine import Affine, Monomial, solve
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.section_forces import spread_loads
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic

@@ -15,7 +15,7 @@ from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model, keep_terms
+from kaneflex.multibody.model.bound_model import Model, keep_terms
 from kaneflex.response.deformation import Deformation, as_balanced, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.least_squares import Solver, by_reflections
@@ -24,7 +24,7 @@ from kaneflex.response.reactions import consistent_reactions, spring_tension
 
 if TYPE_CHECKING:
     from kaneflex.fem.spatial_map import SpatialMap
-    from kaneflex.multibody.spatial_elastic import DeformingKinematics
+    from kaneflex.multibody.model.spatial_elastic import DeformingKinematics
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ class SpatialElasticMotion(ElasticMotion):
     def _spring_force(self, name: str, geometric: bool = False) -> np.ndarray:
         """Generalised force of a spring between two points, (4, n_times): along it, and in global axes if it needs no
         direction, or with the ``geometric`` stiffness."""
-        from kaneflex.multibody.spatial_elastic import spring_part
+        from kaneflex.multibody.model.spatial_elastic import spring_part
 
         own, options = spring_part(name, self._map.joined.mechanism.springs[name]).matrices, self.model.options
         apart, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, self._ordered(self._map.of(name)))

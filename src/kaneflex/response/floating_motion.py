@@ -20,14 +20,14 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import cross, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.counted_turns import left_out
-from kaneflex.multibody.system import BODY, CoupledSystem
+from kaneflex.multibody.model.system import BODY, CoupledSystem
+from kaneflex.multibody.time.revolutions import left_out
 from kaneflex.response.motion import Motion
 from kaneflex.scene.quantities import Address
 from kaneflex.support.kept import Kept
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.trajectory import CoupledTrajectory
+    from kaneflex.multibody.time.trajectory import CoupledTrajectory
 
 _LEFT_OUT: Kept[object, Mapping[str, float]] = Kept()
 """Full turns that sensors of a rigid reference's bodies leave out."""

@@ -24,7 +24,7 @@ from kaneflex.fem.links import Link
 from kaneflex.mechanism.affine import Affine, as_array, solve
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.deformation import Deformation, follow
 from kaneflex.response.least_squares import Solver
 from kaneflex.support.kept import Kept

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kaneflex.multibody.model import Model, keep_terms
+from kaneflex.multibody.model.bound_model import Model, keep_terms
 
 INSTANTS, FEW_INSTANTS = 144, 36
 """Instants of a cycle at which the equations are frozen: at the scene's own speed, and at each speed of a sweep."""
@@ -44,7 +44,7 @@ class Frozen:
 
 def freeze(model: Model, count: int, instants: int) -> Frozen:
     """Poles of M z'' + C z' + K z = 0 with the coefficients of each of ``instants`` instants of a cycle."""
-    from kaneflex.multibody.linear_equations import state_matrix
+    from kaneflex.multibody.time.linear_equations import state_matrix
 
     count = min(count, model.reduced.size)
     times = np.arange(instants) * model.scene.period / instants

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.fem.links import Link
-from kaneflex.multibody.binding import find_spatial_module
-from kaneflex.multibody.inertia_integrals import link_data
-from kaneflex.multibody.spatial_coupled import build_coupled_system
-from kaneflex.multibody.spatial_modal_data import spatial_data
-from kaneflex.multibody.spatial_shapes import SpatialShapes
-from kaneflex.multibody.system import CoupledSystem, build_system
+from kaneflex.multibody.model.inertia_integrals import link_data
+from kaneflex.multibody.model.module_loading import find_spatial_module
+from kaneflex.multibody.model.spatial_coupled import build_coupled_system
+from kaneflex.multibody.model.spatial_modal_data import spatial_data
+from kaneflex.multibody.model.spatial_shapes import SpatialShapes
+from kaneflex.multibody.model.system import CoupledSystem, build_system
 from kaneflex.response.stress_recovery import recovering
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ModalData

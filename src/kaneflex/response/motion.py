@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.section_forces import LinkForces
 
 if TYPE_CHECKING:

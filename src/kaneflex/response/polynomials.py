@@ -16,7 +16,7 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.elastic_motion import ElasticMotion, SpatialElasticMotion
 from kaneflex.response.sensors import reads
 
@@ -252,7 +252,7 @@ def _traced(
     if not model.scene.is_spatial:
         instant = RigidMotion(model.motion, np.zeros(1), scalars.T)
         return _Traced(model, instant, coordinates, solver=tape.solve, turns=turns)
-    from kaneflex.multibody.spatial_motion import SpatialMotion
+    from kaneflex.multibody.time.spatial_motion import SpatialMotion
 
     here = SpatialMotion(model.motion, np.zeros(1), scalars.T)
     return SpatialElasticMotion(model, here, coordinates, solver=tape.solve)

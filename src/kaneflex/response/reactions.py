@@ -16,7 +16,7 @@ from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.body_frame import Rates, normal
 from kaneflex.mechanism.planar import GROUND, Vector, cross
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.deformation import Deformation, as_balanced
 from kaneflex.response.least_squares import Row, Solver, least_squares, normal_equations
 from kaneflex.scene.parts import Joint, Load

@@ -11,8 +11,8 @@ import numpy as np
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side
-from kaneflex.multibody.spatial_coupled import CoupledKinematics
-from kaneflex.multibody.spatial_motion import SpatialMotion
+from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
+from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.spatial_dalembert import SpatialBalance
 from kaneflex.response.spatial_deformation import rigid_section

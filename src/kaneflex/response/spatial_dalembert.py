@@ -13,9 +13,9 @@ from kaneflex.fem.links import Link
 from kaneflex.mechanism.spatial import Side
 from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
-from kaneflex.multibody.spatial_motion import SpatialMotion
-from kaneflex.multibody.spatial_sections import Deformed
-from kaneflex.multibody.spatial_shapes import SpatialShapes
+from kaneflex.multibody.model.spatial_shapes import SpatialShapes
+from kaneflex.multibody.time.spatial_motion import SpatialMotion
+from kaneflex.multibody.time.spatial_sections import Deformed
 from kaneflex.response.dalembert import GAUSS, DAlembert
 
 

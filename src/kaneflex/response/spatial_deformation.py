@@ -12,7 +12,7 @@ from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
-from kaneflex.multibody.spatial_elastic import pushed_nodes, spread_on, with_loads
+from kaneflex.multibody.model.spatial_elastic import pushed_nodes, spread_on, with_loads
 from kaneflex.response.deformation import Deformation
 from kaneflex.response.section_forces import spread_loads
 from kaneflex.scene import Scene

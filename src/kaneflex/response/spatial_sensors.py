@@ -10,7 +10,7 @@ import numpy as np
 from kaneflex.mechanism.body_frame import BodyFrame, Rates
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_rates
-from kaneflex.multibody.spatial_motion import SpatialMotion
+from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.response.elastic_motion import SpatialElasticMotion
 from kaneflex.response.readings import Reader, address_of
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion

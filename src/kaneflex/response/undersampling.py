@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.quantities import MOST

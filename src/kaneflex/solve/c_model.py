@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.integrate.methods import METHODS, Method
 from kaneflex.integrate.outcome import Trajectory
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options

@@ -30,7 +30,7 @@ def equations(scene: SceneLike, progress: Progress | None = None) -> str:
     refuse_in_space(scene, "equations", "equations are printed of")
     progress("importing SymPy")
     from kaneflex.derive.latex import latex
-    from kaneflex.multibody.binding import derivable
+    from kaneflex.multibody.model.module_loading import derivable
 
     with derivable(scene):
         return latex(scene, progress)
@@ -81,7 +81,7 @@ def derive_code(scene: SceneLike, form: str = "module", progress: Progress | Non
         return standalone(scene, progress)
     progress("importing SymPy")
     from kaneflex.mechanism.floating_frames import shape_counts
-    from kaneflex.multibody.binding import coupled_text, generate_text, pruned_text
+    from kaneflex.multibody.model.module_loading import coupled_text, generate_text, pruned_text
 
     if form == "pruned":
         return pruned_text(scene, progress)

@@ -14,20 +14,20 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody import start_rates
-from kaneflex.multibody import tables as at
-from kaneflex.multibody.counted_turns import check_turns_kept, unwrapped
-from kaneflex.multibody.cycles import REPEATS, Cycles
 from kaneflex.multibody.engine import Engine
-from kaneflex.multibody.linearisation import Instant, equilibrium, prepare, slopes
-from kaneflex.multibody.load_steps import UNBALANCED
-from kaneflex.multibody.model import Model
-from kaneflex.multibody.orbit import orbit_start
-from kaneflex.multibody.returning import Returning, returning
-from kaneflex.multibody.rigid_twin import FollowedKinematics, TwinKinematics
-from kaneflex.multibody.run import Method, integrate
-from kaneflex.multibody.system import CoupledSystem, rigid_state, rigid_states
-from kaneflex.multibody.trajectory import CoupledTrajectory
+from kaneflex.multibody.model import initial_rates
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.rigid_reference import FollowedKinematics, TwinKinematics
+from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
+from kaneflex.multibody.time.cycle_map import Returning, returning
+from kaneflex.multibody.time.harmonic_balance import orbit_start
+from kaneflex.multibody.time.linearisation import Instant, equilibrium, prepare, slopes
+from kaneflex.multibody.time.load_steps import UNBALANCED
+from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
+from kaneflex.multibody.time.run import Method, integrate
+from kaneflex.multibody.time.shooting import REPEATS, Cycles
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import State, check_closed
@@ -114,7 +114,7 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     _check_turns(model.scene, system, q)
     if model.options.start == "quasistatic":
         return _slow(model, q, first)
-    start_rates.check_kept(model.scene, system, q, v)
+    initial_rates.check_kept(model.scene, system, q, v)
     return q, v
 
 
@@ -132,10 +132,10 @@ def _given(
     )  # fmt: skip
     check_turns_kept(scene, system, before, q, given)
     _check_turns(scene, system, q)
-    found = start_rates.closed(system, q, v)
+    found = initial_rates.closed(system, q, v)
     if found is None:  # the run reports it
         return q, v
-    return found, start_rates.fitted(scene, system, found, v, tables.velocities)
+    return found, initial_rates.fitted(scene, system, found, v, tables.velocities)
 
 
 def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:

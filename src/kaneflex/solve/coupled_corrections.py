@@ -14,10 +14,10 @@ import numpy as np
 from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.floating_frames import most_modes
-from kaneflex.multibody.model import Model
-from kaneflex.multibody.run import integrate
-from kaneflex.multibody.system import BODY, CoupledSystem
-from kaneflex.multibody.trajectory import CoupledTrajectory
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.system import BODY, CoupledSystem
+from kaneflex.multibody.time.run import integrate
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting

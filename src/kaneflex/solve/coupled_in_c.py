@@ -7,14 +7,15 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from kaneflex.generated import body
-from kaneflex.multibody import collocation, slopes, unfolding
-from kaneflex.multibody import tables as at
-from kaneflex.multibody.coefficients import GAUSS, RADAU, Table
-from kaneflex.multibody.library import ENTRIES
-from kaneflex.multibody.model import Model
-from kaneflex.multibody.run import Run
-from kaneflex.multibody.system import CoupledSystem
-from kaneflex.multibody.trajectory import CoupledTrajectory
+from kaneflex.multibody.compile.library import ENTRIES
+from kaneflex.multibody.dynamics import load_derivatives, unfolding
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.time import collocation
+from kaneflex.multibody.time.coefficients import GAUSS, RADAU, Table
+from kaneflex.multibody.time.run import Run
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
 from kaneflex.solve.c_model import array_in_c, cmake_text
 from kaneflex.solve.coupled import beginning, method_of
@@ -66,7 +67,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
         "enumerated": _enumerated(sizes, name.upper()), "steps": model.options.steps, "step": repr(model.step),
         "most": _STEPS, "longest": repr(run.longest), "free": sizes["FREE"], "Y": at.Y, "RATE": at.RATE,
         "ACCEL": at.ACCEL, "DONE": collocation.DONE, "PAUSED": collocation.PAUSED, "TURNED": collocation.TURNED,
-        "SINGULAR": collocation.SINGULAR, "integrator": run.method.integrator, "DAMPED": slopes.DAMPED,
+        "SINGULAR": collocation.SINGULAR, "integrator": run.method.integrator, "DAMPED": load_derivatives.DAMPED,
     }  # fmt: skip
     return {
         f"{name}.h": _HEADER.format(**given),

@@ -9,16 +9,16 @@ from typing import Any, cast
 import numpy as np
 from scipy.linalg import eigh
 
-from kaneflex.multibody import spatial_linear
-from kaneflex.multibody.building import no_modes
-from kaneflex.multibody.counted_turns import unwrapped
-from kaneflex.multibody.linear_equations import Linear
-from kaneflex.multibody.linearisation import Instant, at_rest, equilibrium, linear, prepare, probes
-from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_coupled import CoupledKinematics, balanced
-from kaneflex.multibody.spatial_system import SpatialSystem, State
-from kaneflex.multibody.system import rigid_state
-from kaneflex.multibody.trajectory import CoupledTrajectory
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import no_modes
+from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, balanced
+from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.model.system import rigid_state
+from kaneflex.multibody.time import spatial_linear
+from kaneflex.multibody.time.linear_equations import Linear
+from kaneflex.multibody.time.linearisation import Instant, at_rest, equilibrium, linear, prepare, probes
+from kaneflex.multibody.time.revolutions import unwrapped
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
 from kaneflex.response.sensors import sensor_values

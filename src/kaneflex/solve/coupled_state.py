@@ -13,7 +13,7 @@ from kaneflex.support.errors import Fault, SceneError
 from kaneflex.support.labelled import read_labelled
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.system import CoupledSystem
+    from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.solve.run_result import RunResult
 
 _OF_STATE = ("state", "last_state", "last_rate")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.options import left_out
 from kaneflex.scene.structure import pruned_hash
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown

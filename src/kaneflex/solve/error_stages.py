@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.motion import Motion
 from kaneflex.response.sensors import measure
 from kaneflex.scene import Scene

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.c_model import CModel, array_in_c, c_model, shared_texts, unread

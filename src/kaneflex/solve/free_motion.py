@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 from kaneflex.mechanism.closure import check_closure
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.multibody.building import moving
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import moving
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import silent

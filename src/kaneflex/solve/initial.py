@@ -15,8 +15,8 @@ from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
-    from kaneflex.multibody.spatial_system import SpatialSystem
+    from kaneflex.multibody.model.bound_model import Model
+    from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.scene import Scene
 
 _AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")

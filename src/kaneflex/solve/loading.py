@@ -20,9 +20,9 @@ from kaneflex.mechanism.position_analysis import Placement, place
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.mechanism.tight_start import as_it_starts
-from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
-from kaneflex.multibody.building import build_model
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import build_model
+from kaneflex.multibody.model.module_loading import bind_parameters, find_module, find_pruned_module
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
@@ -35,8 +35,8 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by, silent
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
-    from kaneflex.multibody.system import CoupledSystem
+    from kaneflex.multibody.model.rigid_reference import RigidTwin, TwinKinematics
+    from kaneflex.multibody.model.system import CoupledSystem
 
 Progress = Callable[[str], None]
 _POSED = 1e-6
@@ -176,10 +176,10 @@ def has_elastic_stage(scene: Scene) -> bool:
 
 def _load_coupled(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
     """Variant of :func:`load` for preset coupled, which needs the coupled module only."""
-    from kaneflex.multibody.held_twice import check_sensors, undetermined
-    from kaneflex.multibody.rigid_twin import build_twin
-    from kaneflex.multibody.system import build_system, rigid_state, with_stretch
-    from kaneflex.multibody.weightless import check_weighty
+    from kaneflex.multibody.model.massless_joints import check_weighty
+    from kaneflex.multibody.model.redundant_constraints import check_sensors, undetermined
+    from kaneflex.multibody.model.rigid_reference import build_twin
+    from kaneflex.multibody.model.system import build_system, rigid_state, with_stretch
     from kaneflex.solve.contact_lines import check_lines
 
     posed, scene = scene, without_poses(scene)
@@ -250,7 +250,7 @@ def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
 
 def _twin(scene: Scene, twin: RigidTwin, options: Options) -> RigidKinematics:
     """Rigid motion of a reference mechanism, its free joints at their initial speeds."""
-    from kaneflex.multibody.rigid_twin import TwinKinematics
+    from kaneflex.multibody.model.rigid_reference import TwinKinematics
 
     parameters = np.zeros(len(twin.PARAMETERS))
     if twin.FREE:
@@ -278,7 +278,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     options = neighbour_options(model, scene)
     scene = acting(scene, options)
     if model.coupled is not None:
-        from kaneflex.multibody.system import neighbour_system
+        from kaneflex.multibody.model.system import neighbour_system
 
         return _beside(model, scene, neighbour_system(model.coupled, scene, frozen), options, frozen)
     return build_model(scene, options, _moved(model, scene, options.duration), model if frozen else None)
@@ -286,8 +286,8 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
 
 def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options, frozen: bool = False) -> Model:
     """Model of another system of the same mechanism."""
-    from kaneflex.multibody.rigid_twin import build_twin
-    from kaneflex.multibody.system import with_stretch
+    from kaneflex.multibody.model.rigid_reference import build_twin
+    from kaneflex.multibody.model.system import with_stretch
 
     assert model.coupled is not None
     system, scene = replace(system, undetermined=model.coupled.undetermined), with_stretch(scene)
@@ -305,7 +305,7 @@ def refined(model: Model, scene: Scene, options: Options) -> Model:
         from kaneflex.solve.spatial_loading import refined_in_space
 
         return refined_in_space(model, scene, options)
-    from kaneflex.multibody.system import refined_system
+    from kaneflex.multibody.model.system import refined_system
 
     assert model.coupled is not None
     scene = acting(as_it_starts(without_poses(scene)), options)

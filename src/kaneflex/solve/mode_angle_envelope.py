@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from pydantic import Field
 
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.sensors import DRIVE_KINDS
 from kaneflex.support.plain_table import PlainTable
 
@@ -35,7 +35,7 @@ def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:
         Sensor -> smallest and largest max |y| over the ANGLES mode angles that the first drive reaches, in the
         sensor's SI unit; empty if the equations are not frozen.
     """
-    from kaneflex.multibody.building import build_model, stands_at
+    from kaneflex.multibody.model.building import build_model, stands_at
     from kaneflex.solve.simulation import solve
 
     peaks: dict[str, list[float]] = {}

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.multibody.building import reference_modes
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import reference_modes
 from kaneflex.scene import with_settings
 from kaneflex.scene.read import SceneLike
 from kaneflex.solve.free_motion import uncoupled

@@ -20,8 +20,8 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.integrate.spectral import FEWEST, Grid, at_instants, improved
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.multibody.building import build_model
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import build_model
 from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.error_stages import READ, Read, Stage, Unknown, values_of, with_half_elements

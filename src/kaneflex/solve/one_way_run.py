@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.memory import MAX_STORED
 from kaneflex.solve.run_result import RunResult

@@ -10,11 +10,11 @@ import numpy as np
 from kaneflex.fem.springs import place_springs
 from kaneflex.mechanism.affine import Matrix, as_array, entries
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.spatial_elastic import DeformingKinematics
+    from kaneflex.multibody.model.spatial_elastic import DeformingKinematics
 
 _DEPENDENT = 1e-9  # singular value below which unit conditions count as dependent
 _RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that counts as rounding

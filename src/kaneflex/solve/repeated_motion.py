@@ -12,7 +12,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene
 from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.support.errors import SceneError

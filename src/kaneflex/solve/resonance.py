@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.multibody.building import has_modes, keep_terms, reference_modes
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import has_modes, keep_terms, reference_modes
 from kaneflex.solve.run_result import RunResult
 
 _MODES, _INSTANTS = 10, 64

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.body_frame import Rates
     from kaneflex.mechanism.energy import Energy
     from kaneflex.mechanism.rigid_motion import RigidMotion
-    from kaneflex.multibody.impacts import Impact
-    from kaneflex.multibody.model import Model
-    from kaneflex.multibody.trajectory import CoupledTrajectory
+    from kaneflex.multibody.model.bound_model import Model
+    from kaneflex.multibody.time.trajectory import CoupledTrajectory
+    from kaneflex.multibody.unilateral.impact_results import Impact
     from kaneflex.response.motion import Motion
     from kaneflex.response.sensors import Series
     from kaneflex.response.stresses import LinkStresses
@@ -175,7 +175,7 @@ class RunResult:
             asked = f"{times.min():.9g} to {times.max():.9g} s"
             raise ValueError(f"instants from {asked} are outside the run, {first:.9g} to {last:.9g} s")
         if self.model.coupled is not None:
-            from kaneflex.multibody.dense_output import between
+            from kaneflex.multibody.time.dense_output import between
 
             return replace(self, trajectory=between(self.model.coupled, self.trajectory, times), whole=self)
         return replace(self, trajectory=self.trajectory.at(times), whole=self)
@@ -250,7 +250,7 @@ class RunResult:
 
 def natural_frequencies(model: Model) -> tuple[float, ...]:
     """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, at most MOST_FREQUENCIES."""
-    from kaneflex.multibody.building import has_modes, reference_modes
+    from kaneflex.multibody.model.building import has_modes, reference_modes
 
     count = min(model.equations.size, MOST_FREQUENCIES) if has_modes(model) else 0
     omega = reference_modes(model, count)[0] if count else ()

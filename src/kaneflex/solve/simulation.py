@@ -6,7 +6,7 @@ import warnings
 from typing import TYPE_CHECKING
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.read import SceneLike
 from kaneflex.solve.loading import model_from
 from kaneflex.solve.one_way_run import Progress, run_one_way

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.solve.quasistatic import answers
 
 _POINTS, _HALVINGS = 7, 25

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-    from kaneflex.multibody.trajectory import CoupledTrajectory
+    from kaneflex.multibody.time.trajectory import CoupledTrajectory
     from kaneflex.scene import Scene
     from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.support.labelled import Labelled

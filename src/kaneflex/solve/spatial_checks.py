@@ -8,10 +8,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
-from kaneflex.multibody.spatial_motion import SpatialKinematics
-from kaneflex.multibody.spatial_reactions import open_reactions
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.spatial_elastic import DeformingKinematics, undetermined
+from kaneflex.multibody.model.spatial_reactions import open_reactions
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.quantities import Address

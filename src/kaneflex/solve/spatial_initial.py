@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.multibody.spatial_coupled import balanced, independent_shapes
-from kaneflex.multibody.spatial_forward import BENT_FAR
-from kaneflex.multibody.spatial_linear import neighbours
-from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.model.spatial_coupled import balanced, independent_shapes
+from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.time.spatial_forward import BENT_FAR
+from kaneflex.multibody.time.spatial_linear import neighbours
 from kaneflex.solve.initial import given_start, laid_over, shape_dimensions
 from kaneflex.solve.slow_start import first_rates, followed
 from kaneflex.support.errors import SceneError

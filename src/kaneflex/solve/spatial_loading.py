@@ -9,16 +9,16 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
-from kaneflex.multibody.binding import find_spatial_module
-from kaneflex.multibody.building import build_model, reference_instant, rigid_model
-from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_bushings import overturned
-from kaneflex.multibody.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
-from kaneflex.multibody.spatial_curves import Followed, Standing
-from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
-from kaneflex.multibody.spatial_shapes import SpatialShapes
-from kaneflex.multibody.spatial_start import start_of
-from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
+from kaneflex.multibody.dynamics.spatial_bushings import overturned
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import build_model, reference_instant, rigid_model
+from kaneflex.multibody.model.module_loading import find_spatial_module
+from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
+from kaneflex.multibody.model.spatial_initial_state import start_of
+from kaneflex.multibody.model.spatial_shapes import SpatialShapes
+from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
+from kaneflex.multibody.time.spatial_curves import Followed, Standing
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting, moves_with_links
 from kaneflex.solve.law_checks import check_finite, check_springs

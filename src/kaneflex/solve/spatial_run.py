@@ -9,16 +9,16 @@ import numpy as np
 
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.multibody.building import moving, reference_instant
-from kaneflex.multibody.cycles import COMPLETED, Verdict
-from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_coupled import CoupledKinematics, balanced, taken_turns
-from kaneflex.multibody.spatial_cycles import SpatialCycles
-from kaneflex.multibody.spatial_forward import Run
-from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
-from kaneflex.multibody.spatial_start import start_of
-from kaneflex.multibody.spatial_system import SpatialSystem, State
-from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import moving, reference_instant
+from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, balanced, taken_turns
+from kaneflex.multibody.model.spatial_initial_state import start_of
+from kaneflex.multibody.model.spatial_layout import COORDINATE, SPEED
+from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.time.shooting import COMPLETED, Verdict
+from kaneflex.multibody.time.spatial_cycles import SpatialCycles
+from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.scene.options import Options
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.spatial_checks import check_stage, with_open_reactions

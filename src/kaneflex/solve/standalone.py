@@ -11,7 +11,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Trajectory
 from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.rigid_bodies import carried_bodies
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve import standalone_text as parts

@@ -10,8 +10,8 @@ from pydantic import Field
 from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.impacts import ContactRecord
-    from kaneflex.multibody.rubbing import FrictionRecord
+    from kaneflex.multibody.unilateral.friction_results import FrictionRecord
+    from kaneflex.multibody.unilateral.impact_results import ContactRecord
     from kaneflex.solve.run_result import RunResult
     from kaneflex.support.labelled import Entry
 
@@ -183,7 +183,7 @@ def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, En
     impacts = [impact for impact in record.impacts if impact.contact in names]
     each = "flank_impact" if turns else "impact"
     if impacts:
-        from kaneflex.multibody.impacts import COLUMNS
+        from kaneflex.multibody.unilateral.impact_results import COLUMNS
 
         number = [names.index(impact.contact) for impact in impacts]
         about = {"long_name": f"number of its {kind}, from 0 on, among those of the coordinate {kind}"}
@@ -226,7 +226,7 @@ def _in_clearances(solution: RunResult) -> dict[str, Entry]:
 
 def _stuck(record: FrictionRecord) -> np.ndarray:
     """Instants at which each friction sticks, (n_times, n_frictions) of bool."""
-    from kaneflex.multibody.rubbing import STUCK
+    from kaneflex.multibody.unilateral.friction_results import STUCK
 
     return record.mode == STUCK
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import at_least, between_steps
 from kaneflex.scene.options import moves_with_links
@@ -123,7 +123,7 @@ def _unbalanced(solution: RunResult) -> Iterator[str]:
     missing = f"does not close: its error is {energy.drift:.2g} of the exchanged energy"
     if moves_with_links(solution.model.scene, options.dynamics):
         if solution.model.coupled is not None and not isinstance(solution.trajectory, Trajectory):
-            from kaneflex.multibody.lost_branch import cause  # which few runs need
+            from kaneflex.multibody.time.lost_branch import cause  # which few runs need
 
             if said := cause(solution.model.coupled, solution.trajectory):
                 yield f"the energy balance {missing}, {said}"

@@ -12,8 +12,8 @@ from typing import TypeVar, cast
 
 from kaneflex.fem.assembly import ElasticEquations
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.multibody.building import of_an_instant
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import of_an_instant
 from kaneflex.response.compiled_readings import CompiledReadings
 from kaneflex.scene import Scene, with_settings
 from kaneflex.solve.loading import load

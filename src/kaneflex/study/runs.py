@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.undersampling import between_steps
 from kaneflex.scene import Scene
 from kaneflex.solve.curves import Curves

@@ -17,11 +17,11 @@ import numpy as np
 
 from kaneflex.fem.links import mesh
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody import tables as at
-from kaneflex.multibody.model import Model
-from kaneflex.multibody.returning import Returning, returning
-from kaneflex.multibody.run import integrate
-from kaneflex.multibody.trajectory import CoupledTrajectory
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.time.cycle_map import Returning, returning
+from kaneflex.multibody.time.run import integrate
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.coupled import as_result, beginning, method_of
 from kaneflex.solve.loading import neighbour

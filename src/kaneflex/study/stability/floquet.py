@@ -10,7 +10,7 @@ from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import leading
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.support.errors import SceneError
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import INSTANTS, Buckling, Frozen, buckling, freeze
 from kaneflex.response.whirl import turns, whirl
 from kaneflex.scene import Scene

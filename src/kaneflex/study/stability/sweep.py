@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import FEW_INSTANTS, freeze
 from kaneflex.response.whirl import Whirl, turns, whirl
 from kaneflex.scene import Scene

@@ -6,8 +6,8 @@ import numpy as np
 
 from kaneflex.fem.assembly import spin_or_euler
 from kaneflex.mechanism.affine import Affine
-from kaneflex.multibody.building import has_modes, reference_modes
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import has_modes, reference_modes
 from kaneflex.response.frozen import buckling
 from kaneflex.scene import Scene, with_settings
 from kaneflex.solve.free_motion import integrated

@@ -16,8 +16,8 @@ import numpy as np
 from kaneflex.integrate.disturbances import monodromy
 from kaneflex.integrate.run import dies_away
 from kaneflex.integrate.spectral import Grid, Orbit, improved, periodic_orbit
-from kaneflex.multibody.building import build_model
-from kaneflex.multibody.model import Model
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import build_model
 from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 from kaneflex.response.sensors import measure
 from kaneflex.response.undersampling import between_steps

@@ -1,0 +1,1 @@
+"""Compilation: values, addresses and libraries of compiled functions."""

@@ -1,0 +1,64 @@
+"""Library of the compiled engine's functions in space, see :mod:`kaneflex.multibody.compile.library`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from numba import njit
+
+from kaneflex.generated import spatial as laws
+from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.multibody.compile import addresses, values
+from kaneflex.multibody.compile.addresses import called, entered
+from kaneflex.multibody.dynamics import (
+    algebra,
+    articulated,
+    constrained,
+    dense_lu,
+    spatial_bushings,
+    spatial_dynamics,
+    spatial_entries,
+    spatial_forces,
+    spatial_instant,
+    spatial_kinematics,
+    spatial_stiffness,
+    spatial_work,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.spatial_entries import ENTRIES, RIGID_ENTRIES
+from kaneflex.multibody.dynamics.spatial_work import SPACE
+from kaneflex.multibody.model import layout, spatial_layout
+from kaneflex.multibody.model.layout import OUTER
+from kaneflex.multibody.time import coefficients, spatial_collocation
+from kaneflex.support import inner
+from kaneflex.support.fingerprint import made_of
+
+_made_of_parts = made_of(
+    laws.__file__, shape_laws.__file__, addresses.__file__, algebra.__file__, articulated.__file__,
+    coefficients.__file__, constrained.__file__, dense_lu.__file__, inner.__file__, spatial_bushings.__file__,
+    spatial_collocation.__file__, spatial_dynamics.__file__, spatial_forces.__file__, spatial_instant.__file__,
+    spatial_kinematics.__file__, spatial_entries.__file__, spatial_stiffness.__file__, spatial_layout.__file__,
+    spatial_work.__file__, layout.__file__, values.__file__,
+)  # fmt: skip
+_rigid, _deforming = (entered(SPACE, entries) for entries in (RIGID_ENTRIES, ENTRIES))
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_of_rigid():
+    return _rigid()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses():
+    return _deforming()
+
+
+@cache
+def library(deforming: bool) -> dict[Any, Callable[..., Any]]:
+    """C functions of all entries, by their numba functions; those of rigid bodies are fewer, and compile faster."""
+    if deforming:
+        return called(_addresses, ENTRIES)
+    return called(_addresses_of_rigid, RIGID_ENTRIES)

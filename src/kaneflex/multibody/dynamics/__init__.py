@@ -1,0 +1,1 @@
+"""Compiled dynamics: kinematics, forces, articulated factors, loop closure. No Python objects."""

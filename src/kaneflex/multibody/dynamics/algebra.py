@@ -1,0 +1,226 @@
+"""Algebra of twists and wrenches: (v_x, v_y, omega) in the plane, (v, omega) in space.
+
+Ordinary compiled functions of tuples, spelled out for both dimensions and chosen by the types of their arguments. They
+are compiled in textual order: reassociating these sums makes a factorisation 12 to 18 % slower (measured).
+"""
+
+from __future__ import annotations
+
+from numba import njit, types
+
+from kaneflex.multibody.compile.values import by_size, chosen, inside
+from kaneflex.multibody.model.layout import IN_ORDER
+
+
+@njit(**IN_ORDER)
+def mul(a, b):
+    """a b; two products where one of them is real and the other complex."""
+    inside()
+    return a * b
+
+
+@njit(**IN_ORDER)
+def _real_first(r, z):
+    inside()
+    return complex(r * z.real, r * z.imag)
+
+
+@njit(**IN_ORDER)
+def _real_last(z, r):
+    inside()
+    return complex(z.real * r, z.imag * r)
+
+
+def _of_numbers(args):
+    a, b = args
+    if a == b or types.complex128 not in (a, b):
+        return mul
+    return _real_first if b == types.complex128 else _real_last
+
+
+mul = chosen(_of_numbers, mul)
+
+
+@njit(**IN_ORDER)
+def dot(a, b):
+    """a . b"""
+    inside()
+    return mul(a[0], b[0]) + mul(a[1], b[1]) + mul(a[2], b[2])
+
+
+@njit(**IN_ORDER)
+def _dot_6(a, b):
+    inside()
+    return (mul(a[0], b[0]) + mul(a[1], b[1]) + mul(a[2], b[2])
+            + mul(a[3], b[3]) + mul(a[4], b[4]) + mul(a[5], b[5]))  # fmt: skip
+
+
+@njit(**IN_ORDER)
+def axpy(s, a, b):
+    """s a + b, where b is as a is, or complex."""
+    inside()
+    return mul(a[0], s) + b[0], mul(a[1], s) + b[1], mul(a[2], s) + b[2]
+
+
+@njit(**IN_ORDER)
+def _axpy_6(s, a, b):
+    inside()
+    return (mul(a[0], s) + b[0], mul(a[1], s) + b[1], mul(a[2], s) + b[2],
+            mul(a[3], s) + b[3], mul(a[4], s) + b[4], mul(a[5], s) + b[5])  # fmt: skip
+
+
+@njit(**IN_ORDER)
+def plus(a, b):
+    """a + b"""
+    inside()
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@njit(**IN_ORDER)
+def _plus_6(a, b):
+    inside()
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+
+
+@njit(**IN_ORDER)
+def scaled(s, a):
+    """s a"""
+    inside()
+    return mul(a[0], s), mul(a[1], s), mul(a[2], s)
+
+
+@njit(**IN_ORDER)
+def _scaled_6(s, a):
+    inside()
+    return mul(a[0], s), mul(a[1], s), mul(a[2], s), mul(a[3], s), mul(a[4], s), mul(a[5], s)
+
+
+@njit(**IN_ORDER)
+def force_at(f, r):
+    """A wrench at the point r, about the origin: its moment grows by r x force."""
+    inside()
+    return f[0], f[1], f[2] + mul(r[0], f[1]) - mul(r[1], f[0])
+
+
+@njit(**IN_ORDER)
+def _force_at_6(f, r):
+    inside()
+    a, b, c = f[0], f[1], f[2]
+    return (a, b, c, f[3] + mul(r[1], c) - mul(r[2], b), f[4] + mul(r[2], a) - mul(r[0], c),
+            f[5] + mul(r[0], b) - mul(r[1], a))  # fmt: skip
+
+
+@njit(**IN_ORDER)
+def twist_at(t, r):
+    """A twist of the origin, of the point r: its velocity grows by omega x r."""
+    inside()
+    return t[0] - mul(r[1], t[2]), t[1] + mul(r[0], t[2]), t[2]
+
+
+@njit(**IN_ORDER)
+def _twist_at_6(t, r):
+    inside()
+    a, b, c = t[3], t[4], t[5]
+    return (t[0] + mul(r[2], b) - mul(r[1], c), t[1] + mul(r[0], c) - mul(r[2], a),
+            t[2] + mul(r[1], a) - mul(r[0], b), a, b, c)  # fmt: skip
+
+
+dot, axpy = by_size(dot, _dot_6), by_size(axpy, _axpy_6)
+plus, scaled = by_size(plus, _plus_6), by_size(scaled, _scaled_6)
+force_at, twist_at = by_size(force_at, _force_at_6), by_size(twist_at, _twist_at_6)
+
+
+@njit(**IN_ORDER)
+def times(I, a):
+    """I a of a symmetric matrix."""
+    inside()
+    return dot(I[0], a), dot(I[1], a), dot(I[2], a)
+
+
+@njit(**IN_ORDER)
+def _times_6(I, a):
+    inside()
+    return dot(I[0], a), dot(I[1], a), dot(I[2], a), dot(I[3], a), dot(I[4], a), dot(I[5], a)
+
+
+@njit(**IN_ORDER)
+def add_product(I, s, e, f):
+    """I += s e f^T"""
+    inside()
+    f = scaled(s, f)
+    I[0], I[1], I[2] = axpy(e[0], f, I[0]), axpy(e[1], f, I[1]), axpy(e[2], f, I[2])
+
+
+@njit(**IN_ORDER)
+def _add_product_6(I, s, e, f):
+    inside()
+    f = scaled(s, f)
+    I[0], I[1], I[2] = axpy(e[0], f, I[0]), axpy(e[1], f, I[1]), axpy(e[2], f, I[2])
+    I[3], I[4], I[5] = axpy(e[3], f, I[3]), axpy(e[4], f, I[4]), axpy(e[5], f, I[5])
+
+
+times, add_product = by_size(times, _times_6), by_size(add_product, _add_product_6)
+
+
+@njit(**IN_ORDER)
+def cross(a, b):
+    """a x b in space"""
+    inside()
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(**IN_ORDER)
+def minus(a, b):
+    """a - b in space"""
+    inside()
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@njit(**IN_ORDER)
+def turned(R, n, a):
+    """R a in space, R the matrix whose rows begin at the n-th vector"""
+    inside()
+    x, y, z = R[n], R[n + 1], R[n + 2]
+    return dot(x, a), dot(y, a), dot(z, a)
+
+
+@njit(**IN_ORDER)
+def turned_back(R, n, a):
+    """R^T a in space"""
+    inside()
+    return axpy(a[2], R[n + 2], axpy(a[1], R[n + 1], scaled(a[0], R[n])))
+
+
+@njit(**IN_ORDER)
+def joined(a, b):
+    """(a, b), a twist or a wrench in space"""
+    inside()
+    return a[0], a[1], a[2], b[0], b[1], b[2]
+
+
+@njit(**IN_ORDER)
+def first(a):
+    """Velocity of a twist, force of a wrench, in space"""
+    inside()
+    return a[0], a[1], a[2]
+
+
+@njit(**IN_ORDER)
+def last(a):
+    """Angular velocity of a twist, moment of a wrench, in space"""
+    inside()
+    return a[3], a[4], a[5]
+
+
+@njit(**IN_ORDER)
+def by_axis(a, b):
+    """Products of the components of two vectors in space"""
+    inside()
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+@njit(**IN_ORDER)
+def store(out, a):
+    """Store a vector in space in numbers."""
+    inside()
+    out[0], out[1], out[2] = a

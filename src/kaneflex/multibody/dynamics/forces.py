@@ -1,0 +1,215 @@
+"""Compiled forces on the bodies of a tree: loads, springs and contacts at their sections.
+
+They are subtracted from the inertia forces of the motion (:mod:`kaneflex.multibody.dynamics.kinematics`).
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.generated import joints as laws
+from kaneflex.mechanism.contacts import NEWTON
+from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.compile.stand_ins import of_contacts
+from kaneflex.multibody.model.layout import (
+    ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FOLLOWER,
+    FORCE, FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X,
+    NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSHED, PUSH_NOW, RATE, ROOM, ROW, ROW_AT,
+    ROW_SIZE, SEC, SECTION, SIZE, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WHAT, X,
+    Y, apart, kernel, of_body, shifted, turned,
+)  # fmt: skip
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def rest_rows(m):
+    """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""
+    apart()
+    plan, w = m.plan, m.w
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        if rests(m, n):
+            k, row = meet(m, n), plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT]
+            w[row], w[row + 1], w[row + 2] = w[k + GAP], w[k + GAP_RATE], acceleration(m, n)
+            lean(m, n)
+
+
+@njit(**OPTIONS)
+def acceleration(m, n):
+    """Acceleration g'' of a contact's gap [m/s^2]."""
+    first, second = m.plan[SECTION] + SEC * m.acts[n, AT], m.plan[SECTION] + SEC * m.acts[n, ON]
+    return touching.gap_acceleration(m.acts[n, WHAT], m.w, first, second, m.w, m.acts[n, NUMBERS_AT])
+
+
+@njit(**OPTIONS)
+def rests(m, n):
+    """True if a contact is at rest under Newton's law."""
+    return m.acts[n, LAW] == NEWTON and m.w[m.plan[CONTACT] + CONTACT_SIZE * (n - m.plan[CONTACTS]) + BEGUN_AT] != 0.0
+
+
+@njit(**OPTIONS)
+def lean(m, n):
+    """Jacobian of a contact's gap with respect to the twists of its sections, after :func:`meet`."""
+    w, plan = m.w, m.plan
+    k = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS])
+    x, z = w[k + NORMAL_X], w[k + NORMAL_Y]
+    for side in range(2):
+        section, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
+        j = plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT] + 3 + 3 * side
+        w[j], w[j + 1] = sign * x, sign * z
+        arm = (w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x
+        w[j + 2] = sign * (arm + w[k + NORMAL_TURN])
+
+
+@njit(**OPTIONS)
+def load_sizes(m, t):
+    """Magnitudes of the loads, which may depend on joint coordinates and their rates."""
+    apart()
+    plan, w, acts = m.plan, m.w, m.acts
+    sec = shifted(w, plan[SECTION])
+    for n in range(plan[DRIVES], plan[LOADS]):
+        k, i = plan[X] + 2 * (n - plan[DRIVES]), acts[n, COURSE_AT]
+        second_rate = plan[X] + 2 * (plan[LOADS] - plan[DRIVES]) + n - plan[DRIVES]
+        first, second, j, row = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT], plan[SUMS]
+        if i >= 0:
+            w[k], w[k + 1], w[second_rate] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
+            continue
+        if acts[n, WHAT] == TURN:
+            laws.turn(sec, first, second, w[j], w[j + 1], 0.0, w, row)
+        else:
+            laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, row)
+        w[k], w[k + 1], w[second_rate] = w[row], w[row + 1], w[row + 2]
+    if plan[LOADS] < plan[SPRINGS]:
+        take_sides(m)
+        kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
+        for k in range(plan[SPRINGS] - plan[LOADS]):
+            w[plan[SIZE] + k] += w[plan[INPUT] + k]
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def take_sides(m):
+    """Select the branch of discontinuous laws by the side of zero of their switching arguments."""
+    apart()
+    plan, w = m.plan, m.w
+    first = plan[X] + 3 * (plan[LOADS] - plan[DRIVES])
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        if m.acts[n, WHAT] == SWITCH:
+            side = w[plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]) + BEGUN_AT]
+            w[first + m.acts[n, ROW_AT]] = 1.0 if side == ABOVE else (-1.0 if side == BELOW else 0.0)
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def meet_switch(m, n, k):
+    """Numbers of a switching argument as a gap that closes when a load's law changes its branch.
+
+    The gap is its distance from zero on its side; for one that stays on its side, the remaining distance.
+    """
+    plan, w = m.plan, m.w
+    j, side = plan[SIZE] + plan[SPRINGS] - plan[LOADS] + 2 * m.acts[n, ROW_AT], w[k + BEGUN_AT]
+    value, rate = w[j], w[j + 1]
+    if rate - rate != 0.0:  # not a number, for example on one side only
+        rate = 0.0
+    if side == BELOW:
+        value, rate = -value, -rate
+    elif side == STAYS:
+        rate = -rate if value > 0.0 else rate
+        value = w[k + ROOM] - abs(value)
+    w[k + GAP], w[k + GAP_RATE] = value, rate
+    w[k + NORMAL_X] = w[k + NORMAL_Y] = 0.0
+
+
+@njit(**OPTIONS)
+def push(m, n, x, z, turn):
+    """Subtract a force and a moment on a section from the inertia forces of its body."""
+    apart()
+    b = m.sections[n, OWNER]
+    if b >= 0:
+        w, f = m.w, m.plan[FRAME] + FRAME_SIZE * b
+        kernel(of_body(m, b), PUSHED)(
+            w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], -x, -z, -turn,
+            w, m.plan[FORCE] + m.bodies[b, ROW],
+        )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def load_direction(m, n):
+    """Global direction of a load."""
+    w, j = m.w, m.acts[n, NUMBERS_AT]
+    if m.acts[n, WHAT] == FOLLOWER:
+        return turned(w, w[m.plan[SECTION] + SEC * m.acts[n, ON] + 2], j)
+    return w[j], w[j + 1]
+
+
+@njit(**OPTIONS)
+def act(m, t):
+    """Subtract loads and springs from the inertia forces."""
+    apart()
+    plan, w, acts = m.plan, m.w, m.acts
+    load_sizes(m, t)
+    for n in range(plan[LOADS], plan[SPRINGS]):
+        size = w[plan[SIZE] + n - plan[LOADS]]
+        if acts[n, WHAT] == TORQUE:
+            push(m, acts[n, AT], 0.0, 0.0, -size)
+            push(m, acts[n, ON], 0.0, 0.0, size)
+        else:
+            x, z = load_direction(m, n)
+            push(m, acts[n, AT], size * x, size * z, 0.0)
+    sec = shifted(w, plan[SECTION])
+    for n in range(plan[SPRINGS], plan[CONTACTS]):
+        first, second, j = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT]
+        k = plan[SPRING] + SPRING_SIZE * (n - plan[SPRINGS])
+        if acts[n, WHAT] == TORSIONAL:
+            laws.twist(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
+            push(m, first, 0.0, 0.0, w[k + 1])
+            push(m, second, 0.0, 0.0, -w[k + 1])
+        else:
+            laws.pull(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
+            push(m, first, -w[k + 2], -w[k + 3], 0.0)
+            push(m, second, w[k + 2], w[k + 3], 0.0)
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        press(m, n)
+    dry_friction.exert(m)
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def press(m, n):
+    """Contact force of a closed contact on its sections."""
+    apart()
+    plan, w = m.plan, m.w
+    k = meet(m, n)
+    if w[k + PUSH_NOW] != 0.0:
+        x, z = w[k + PUSH_NOW] * w[k + NORMAL_X], w[k + PUSH_NOW] * w[k + NORMAL_Y]
+        for side in range(2):
+            at, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
+            turn = (w[k + PLACE_X] - w[at]) * z - (w[k + PLACE_Y] - w[at + 1]) * x
+            turn += w[k + PUSH_NOW] * w[k + NORMAL_TURN]
+            push(m, m.acts[n, AT + side], sign * x, sign * z, sign * turn)
+
+
+@njit(**OPTIONS)
+def meet(m, n):
+    """Gap and derived numbers of a contact, and their place; nothing else is changed.
+
+    A contact that has let go (negative BEGUN_AT) exerts no force and loses its stored energy. One at rest under
+    Newton's law exerts the reaction of its row, an unknown.
+    """
+    plan, w, sec = m.plan, m.w, m.plan[SECTION]
+    k, j, law = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]), m.acts[n, NUMBERS_AT], m.acts[n, LAW]
+    w[k + PUSH_NOW] = w[k + ELASTIC] = w[k + LOSING] = 0.0
+    if m.acts[n, WHAT] == SWITCH:
+        meet_switch(m, n, k)
+        return k
+    touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, k)
+    begun_at, gap, rate = w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
+    if law == NEWTON:
+        if begun_at != 0.0:
+            w[k + PUSH_NOW] = w[plan[NOW] + m.acts[n, ROW_AT]]
+    elif begun_at != 0.0:
+        if begun_at > 0.0:
+            w[k + PUSH_NOW] = touching.normal_force(law, w, j, begun_at, gap, rate)
+        w[k + ELASTIC] = touching.stored(w, j, gap)
+        w[k + LOSING] = (touching.elastic(w, j, gap) - w[k + PUSH_NOW]) * rate
+    return k

@@ -1,0 +1,233 @@
+"""Derivatives of loads' laws and of springs between points in the Newton matrix of a step.
+
+A load whose size depends on coordinates and speeds of joints adds to the step's matrix S = M + h C + h^2 K the term -p
+(h ds/dx' + h^2 ds/dx) g^T, with its partial velocity p and the gradient g of the joint's coordinate; a spring adds g (h
+c + h^2 k) g^T with the gradient g of its length or angle. Without these terms a light body on a damper limits the step
+to its time constant m/c: Newton's iteration doesn't converge for longer ones, and S^-1, which filters the error
+estimate (Hairer & Wanner 1996, IV.8), is inconsistent with the equations.
+
+Most steps converge without them. So the terms are omitted until Newton's iteration fails in a step that they would
+change by ``SMALL``; from then on the Woodbury formula adds them to the factors of ``closed_factors``. Springs at joints
+of the tree and contacts are in these factors already.
+"""
+
+from __future__ import annotations  # noqa: I001, names of the tables' places stand side by side
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import joints as laws
+from kaneflex.multibody.dynamics import dense_lu
+from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.dynamics.forces import load_direction, load_sizes
+from kaneflex.multibody.dynamics.loop_factors import solve_closed
+from kaneflex.multibody.unilateral.contact_numbers import product
+from kaneflex.multibody.dynamics.loop_closure import bent, gradient
+from kaneflex.multibody.model.layout import (
+    ACTS, AT, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, COURSE_OF, CUT, CUT_ROWS, DRIVES, EXTENT, FIRST,
+    INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT, ON, OPTIONS, RATE, REACTION, ROW_SIZE, SEC, SECTION, SIZE, SLIDE,
+    SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE, SLOPED, SLOPES, SPEEDS, SPRINGS, TORQUE, TORSIONAL, TOUCH, VARIED,
+    WAYS, WHAT, WITH_SLOPES, YIELDING, X, apart, kernel, larger, magnitude, shifted,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.kinematics import deform, move
+
+STIFF, DAMPED = 1.0, 2.0
+SMALL = 0.1
+"""Largest relative change of a step's matrix along a load or a spring that Newton's iteration tolerates: its error
+falls by that factor in each iteration."""
+_NUDGE = 1e-8
+"""Change of a coordinate for a difference quotient, in rad or sizes of the mechanism: the root of rounding errors."""
+
+
+@njit(**OPTIONS)
+def _joints(m):
+    """Number of joints whose coordinates occur in laws."""
+    return m.plan[LOADS] - m.plan[DRIVES]
+
+
+@njit(**OPTIONS)
+def _way(m, act):
+    """Place of the gradient of a joint's coordinate or of a spring's length, or of a load's partial velocity."""
+    return m.plan[WAYS] + m.plan[COORDINATES] * (act - m.plan[DRIVES])
+
+
+@njit(**OPTIONS)
+def _slope(m, act):
+    """Place of a load's derivatives by coordinate and speed of each joint, or of a spring's negative k and c."""
+    return m.plan[SLOPES] + 2 * (_joints(m) + 1) * (act - m.plan[LOADS])
+
+
+@njit(**OPTIONS)
+def _row(m, act):
+    """Jacobian of an act by the twists of its sections, at the current position; returns the number of that row."""
+    apart()
+    plan, w, sec = m.plan, m.w, shifted(m.w, m.plan[SECTION])
+    kind, first, second, j = m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON], m.acts[act, NUMBERS_AT]
+    row = plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]
+    k = plan[CUT] + ROW_SIZE * row + 3
+    for i in range(6):
+        w[k + i] = 0.0
+    if act < plan[LOADS]:
+        if kind == SLIDE:
+            laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, k - 3)
+        else:
+            laws.turn(sec, first, second, w[j], w[j + 1], 0.0, w, k - 3)
+    elif act < plan[SPRINGS] and kind != TORQUE:
+        w[k], w[k + 1] = load_direction(m, act)
+    elif act < plan[SPRINGS] or kind == TORSIONAL:
+        w[k + 2], w[k + 5] = -1.0, 1.0
+    else:
+        x, z = sec[SEC * second] - sec[SEC * first], sec[SEC * second + 1] - sec[SEC * first + 1]
+        length = larger(math.sqrt(x * x + z * z), 1e-300)
+        w[k + 3], w[k + 4] = x / length, z / length
+        w[k], w[k + 1] = -w[k + 3], -w[k + 4]
+    return row
+
+
+@njit(**OPTIONS)
+def _fill_ways(m):
+    """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
+    apart()
+    plan, w, bends = m.plan, m.w, m.plan[SPEEDS] > 3 * m.plan[BODIES]
+    if bends:
+        bent(m)
+    for act in range(plan[DRIVES], plan[CONTACTS]):
+        out = _way(m, act)
+        for i in range(plan[COORDINATES]):
+            w[out + i] = 0.0
+        gradient(m, _row(m, act), act, bends, out)
+        for b in range(plan[BODIES]):
+            if m.bodies[b, COURSE_OF] >= 0 and not plan[LOADS] <= act < plan[SPRINGS]:
+                w[out + m.bodies[b, FIRST]] = 0.0
+
+
+@njit(**OPTIONS)
+def _derive_sizes(m, t, h):
+    """Derivatives of the loads' sizes by coordinates and speeds of joints at t, as difference quotients; 0 if a
+    neighbouring value of a law is undefined."""
+    apart()
+    plan, w, count = m.plan, m.w, _joints(m)
+    load_sizes(m, t)
+    for j in range(count):
+        unit = w[plan[TOUCH] + EXTENT] if m.acts[plan[DRIVES] + j, WHAT] == SLIDE else 1.0
+        for rate in range(2):
+            at = plan[X] + 2 * j + rate
+            before = w[at]
+            w[at] = before + _NUDGE * (unit / h if rate else unit)
+            kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[VARIED])
+            for n in range(plan[SPRINGS] - plan[LOADS]):
+                change = w[plan[VARIED] + n] + w[plan[INPUT] + n] - w[plan[SIZE] + n]
+                slope = change / (w[at] - before)
+                w[_slope(m, plan[LOADS] + n) + 2 * j + rate] = slope if abs(slope) < 1e300 else 0.0
+            w[at] = before
+
+
+@njit(**OPTIONS)
+def find(m, t, h, here):
+    """Find all loads and springs with slopes for the factors of a step of h; t and positions are of its middle."""
+    apart()
+    plan, w, n, found = m.plan, m.w, m.plan[COORDINATES], 0
+    for k in range(n):
+        w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
+    deform(m)
+    move(m, 0)
+    _fill_ways(m)
+    _derive_sizes(m, t, h)
+    for act in range(plan[LOADS], plan[CONTACTS]):
+        k, size = _slope(m, act), 0.0
+        if act >= plan[SPRINGS]:  # those of the tree's joints are in the factors already
+            of = m.acts[act, NUMBERS_AT]
+            share = 0.0 if m.acts[act, COURSE_AT] >= 0 else -1.0
+            w[k], w[k + 1] = share * w[of], share * w[of + 1]
+        for j in range(2 if act >= plan[SPRINGS] else 2 * _joints(m)):
+            size += abs(w[k + j])
+        if size > 0.0:
+            m.pivots[plan[WITH_SLOPES] + found] = act
+            found += 1
+    m.pivots[SLOPED] = found
+
+
+@njit(**OPTIONS)
+def _grown(m, r, h, square, values):
+    """Growth of the force of the r-th load or spring: h times its slopes by speeds and h^2 (``square``) times those by
+    coordinates, along a motion."""
+    w, n, act, total = m.w, m.plan[COORDINATES], m.pivots[m.plan[WITH_SLOPES] + r], 0.0 * values[0]
+    k = _slope(m, act)
+    if act >= m.plan[SPRINGS]:
+        return (h * w[k + 1] + square * w[k]) * product(w, _way(m, act), values, n)
+    for j in range(_joints(m)):
+        if w[k + 2 * j] != 0.0 or w[k + 2 * j + 1] != 0.0:
+            moved = product(w, _way(m, m.plan[DRIVES] + j), values, n)
+            total += (h * w[k + 2 * j + 1] + square * w[k + 2 * j]) * moved
+    return total
+
+
+@njit(**OPTIONS)
+def _column(m, r):
+    """Place of the response to a unit of the r-th force: coordinates, then reactions of the factors' rows."""
+    return m.plan[SLOPE_COLUMNS] + (m.plan[COORDINATES] + m.plan[KEPT] + m.pivots[YIELDING]) * r
+
+
+@njit(**OPTIONS)
+def factorise(m, h, A, pivots, own):
+    """Add the slopes to the factors of ``closed_factors`` for h; False: the matrix is singular.
+
+    ``pivots``, ``own``: places of the pivots of those factors, and of the ones made here.
+    """
+    apart()
+    plan, w, n, count = m.plan, m.w, m.plan[COORDINATES], m.pivots[SLOPED]
+    answer = plan[COLUMNS] + plan[KEPT] * n
+    for q in range(count):
+        way = _way(m, m.pivots[plan[WITH_SLOPES] + q])
+        for i in range(n):
+            A[answer + i] = w[way + i]
+        dry_friction.want_nothing(m, A)
+        solve_closed(m, A, pivots)
+        for i in range(n):
+            A[_column(m, q) + i] = A[answer + i]
+        for r in range(plan[KEPT] + m.pivots[YIELDING]):
+            A[_column(m, q) + n + r] = A[plan[REACTION] + r]
+        for r in range(count):
+            A[plan[SLOPE_SQUARE] + count * r + q] = -_grown(m, r, h, h * h, shifted(A, answer))
+        A[plan[SLOPE_SQUARE] + (count + 1) * q] += 1.0
+    return dense_lu.factorise(A, plan[SLOPE_SQUARE], count, m.pivots, own)
+
+
+@njit(**OPTIONS)
+def matter(m, h, A):
+    """DAMPED if Newton's iteration needs the slopes by speeds, STIFF if only those by coordinates, else 0."""
+    found = 0.0
+    for r in range(m.pivots[SLOPED]):
+        column = shifted(A, _column(m, r))
+        if magnitude(_grown(m, r, h, 0.0, column)) > SMALL:
+            return DAMPED
+        if magnitude(_grown(m, r, h, h * h, column)) > SMALL:
+            found = STIFF
+    return found
+
+
+@njit(**OPTIONS)
+def correct(m, h, A, own):
+    """Correct the solution of ``solve_closed``, reactions included, by the slopes."""
+    apart()
+    plan, n, count, x = m.plan, m.plan[COORDINATES], m.pivots[SLOPED], m.plan[SLOPE_FORCES]
+    answer = plan[COLUMNS] + plan[KEPT] * n
+    for r in range(count):
+        A[x + r] = _grown(m, r, h, h * h, shifted(A, answer))
+    dense_lu.substitute(A, plan[SLOPE_SQUARE], count, m.pivots, own, x)
+    for q in range(count):
+        for i in range(n):
+            A[answer + i] += A[_column(m, q) + i] * A[x + q]
+        for r in range(plan[KEPT] + m.pivots[YIELDING]):
+            A[plan[REACTION] + r] += A[_column(m, q) + n + r] * A[x + q]
+
+
+@njit(**OPTIONS)
+def resist_defect(m, h, defect, A, answer):
+    """Add the effect of the slopes on a defect to the forces: see ``collocation._error``."""
+    apart()
+    for r in range(m.pivots[SLOPED]):
+        size, way = _grown(m, r, h, h * h, defect), _way(m, m.pivots[m.plan[WITH_SLOPES] + r])
+        for i in range(m.plan[COORDINATES]):
+            A[answer + i] += size * m.w[way + i]

@@ -1,0 +1,359 @@
+"""Loop closure: cut joints closed by dependent coordinates, and their reactions in a tree's linear equations.
+
+Every cut joint's rows are constraints between two sections. As many coordinates as independent rows are dependent: the
+motion is integrated in the independent ones only, and the loops are closed in position, speed and acceleration on the
+deformed bodies.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.multibody.dynamics import dense_lu
+from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.dynamics.forces import meet
+from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
+from kaneflex.support.inner import once
+from kaneflex.multibody.dynamics.planar_articulated import assemble
+from kaneflex.multibody.time.state_record import copy
+from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.model.layout import (
+    ACCEL, ACTS, AT, BENDS, BODIES, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, CUT_ROWS,
+    DEMAND, DEPENDENT, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, LAST, LED,
+    LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PASSING, PIVOTS, POINT,
+    PRISMATIC, RATE, REACH, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE,
+    SWITCH, WHAT, WHEN, W_NOW, Y, YIELDING, apart, kernel, larger, of_body, turned,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.kinematics import accelerate, cut_rows, deform, demand, move, place, prescribe
+
+CLOSED = 1e-10
+"""Correction of a dependent coordinate, in rad or sizes of the mechanism, at which iteration ends."""
+EXACT = 1e-12
+"""The same near a change point, where rates and accelerations are far less accurate than positions."""
+SIDES = 6
+"""Number of evenly spaced positions on either side of a change point for interpolation."""
+NEAR = 1e-6
+"""Sufficient correction in a stage: the next one would be its square, and the gradients, with an error as large,
+correct rates that are nearly known."""
+
+
+@once
+@njit(**OPTIONS)
+def gradient(m, row, cut, bends, out):
+    """Add the derivatives of a cut joint's row with respect to all coordinates at ``out``; shapes only if requested.
+
+    A section's force is passed inwards from body to body unchanged, its moment changes with the point.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    for side in range(2):
+        n, k = m.acts[cut, AT + side], plan[CUT] + ROW_SIZE * row + 3 + 3 * side
+        x, z, turn = w[k], w[k + 1], w[k + 2]
+        while m.sections[n, OWNER] >= 0:
+            b = m.sections[n, OWNER]
+            inboard, first, kind = m.bodies[b, INBOARD], out + m.bodies[b, FIRST], m.bodies[b, JOINT]
+            at, own = plan[SECTION] + SEC * n, plan[SECTION] + SEC * inboard
+            moved = turn + (w[at] - w[own]) * z - (w[at + 1] - w[own + 1]) * x
+            if bends:
+                size, i = m.bodies[b, SHAPES], out + m.bodies[b, MODAL]
+                p, q = plan[W_NOW] + m.sections[n, JACOBIAN] + 3, plan[W_NOW] + m.sections[inboard, JACOBIAN] + 3
+                for j in range(size):
+                    w[i + j] += w[p + j] * x + w[p + j + 3 + size] * z + w[p + j + 2 * (3 + size)] * turn
+                    w[i + j] -= w[q + j] * x + w[q + j + 3 + size] * z + w[q + j + 2 * (3 + size)] * moved
+            turn, n = moved, m.bodies[b, PARENT]
+            up = plan[SECTION] + SEC * n
+            if kind == REVOLUTE:
+                w[first] += w[m.bodies[b, NUMBERS]] * turn
+            elif kind == PRISMATIC:
+                d_x, d_y = turned(w, w[up + 2], m.bodies[b, NUMBERS] + 2)
+                w[first] += x * d_x + z * d_y
+            elif kind == FREE:
+                w[first] += x
+                w[first + 1] += z
+                w[first + 2] += turn
+                break
+            turn += (w[own] - w[up]) * z - (w[own + 1] - w[up + 1]) * x
+
+
+@njit(**OPTIONS)
+def bent(m):
+    """Jacobians W of all sections at the current state."""
+    apart()
+    plan, w = m.plan, m.w
+    for b in range(plan[BODIES]):
+        f = plan[FRAME] + FRAME_SIZE * b
+        for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
+            kernel(of_body(m, b), JACOBIANS)(
+                w, m.sections[n, POINT], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w,
+                plan[W_NOW] + m.sections[n, JACOBIAN],
+            )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def gradients(m):
+    """Derivatives of the kept rows at the current state, and factors of those by dependent coordinates."""
+    apart()
+    plan, w = m.plan, m.w
+    count, n = plan[KEPT], plan[COORDINATES]
+    if plan[BENDS]:
+        bent(m)
+    for r in range(count):
+        at = plan[GRADIENT] + n * r
+        for i in range(n):
+            w[at + i] = 0.0
+        gradient(m, plan[plan[ROW_OF] + r], plan[plan[CUT_OF] + r], plan[BENDS] != 0, at)
+        for k in range(count):
+            w[plan[LOOP] + count * r + k] = w[at + plan[plan[DEPENDENT] + k]]
+    return dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS])
+
+
+@njit(**OPTIONS)
+def close(m, near):
+    """Close the loops by the dependent coordinates (Newton's method); False if they don't close.
+
+    ``near``: correction at which iteration ends, at least CLOSED. If negative, positions are made accurate to rounding:
+    iteration ends below EXACT.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    count, before = plan[KEPT], math.inf
+    deform(m)
+    place(m, 0)
+    for turn in range(20 if count else 0):
+        cut_rows(m)
+        if not gradients(m):
+            return False
+        for r in range(count):
+            w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r]]
+        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        size = 0.0
+        for k in range(count):
+            i = plan[plan[DEPENDENT] + k]
+            w[plan[Y] + i] += w[plan[SIDE] + k]
+            size = larger(size, abs(w[plan[SIDE] + k]) / w[plan[MEASURE] + i])
+        if size < (EXACT if near < 0.0 else CLOSED):
+            return True
+        if not size < 1e3 or (turn > 8 and size > before):
+            return False
+        before = size
+        if plan[BENDS]:
+            deform(m)
+        place(m, plan[LED])
+        if size < near:
+            return True
+    return count == 0
+
+
+@njit(**OPTIONS)
+def follow(m, t):
+    """Kinematics from the independent coordinates, dependent ones included; False: a loop does not close."""
+    if not crosses(m, t):  # there rates select the branch
+        for k in range(m.plan[KEPT]):
+            i = m.plan[m.plan[DEPENDENT] + k]
+            m.w[m.plan[RATE] + i] = m.w[m.plan[ACCEL] + i] = 0.0
+    return follow_on(m, t, 0.0)
+
+
+@njit(**OPTIONS)
+def follow_on(m, t, near):
+    """The same with nearly known rates and accelerations of dependent coordinates; ``near``: see :func:`close`."""
+    prescribe(m, t)
+    if crosses(m, t):
+        return _follow_across(m, t)
+    return _follow_here(m, -1.0 if m.pivots[PASSING] else near)
+
+
+@njit(**OPTIONS)
+def crosses(m, t):
+    """True if the loops are nearly singular at t [s], as at a change point."""
+    w, shared = m.w, m.plan[CROSSING]
+    return abs(t - w[shared + WHEN]) < w[shared + REACH]
+
+
+@njit(**OPTIONS)
+def _follow_here(m, near):
+    """The same with prescribed coordinates already set."""
+    apart()
+    plan, w = m.plan, m.w
+    if not close(m, near):
+        return False
+    count = plan[KEPT]
+    for rate in range(1, 3):
+        of = plan[RATE] if rate == 1 else plan[ACCEL]
+        for turn in range(2 if count else 1):
+            if plan[BENDS]:
+                deform(m)
+            if rate == 1:
+                move(m, turn * plan[LED])
+            else:
+                accelerate(m, turn * plan[LED])
+            if turn == 0 and count:
+                cut_rows(m)
+                for r in range(count):
+                    w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + rate]
+                dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+                for k in range(count):
+                    w[of + plan[plan[DEPENDENT] + k]] += w[plan[SIDE] + k]
+    return True
+
+
+@njit(**OPTIONS)
+def _follow_across(m, t):
+    """The same close to a change point, where the loops' equations are singular but the motion is smooth.
+
+    Dependent coordinates, rates, accelerations and derivatives are interpolated (Lagrange) between regular positions on
+    either side, along the direction of the rates.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    n, count, kept, reach = plan[COORDINATES], plan[KEPT], plan[CROSSING] + CHANGE_POINT, w[plan[CROSSING] + REACH]
+    sums, here = kept + 3 * n, (t - w[plan[CROSSING] + WHEN]) / reach
+    copy(w, plan[Y], kept, n)
+    copy(w, plan[RATE], kept + n, n)
+    copy(w, plan[ACCEL], kept + 2 * n, n)
+    for k in range((3 + n) * count):
+        w[sums + k] = 0.0
+    for k in range(-SIDES, SIDES + 1):
+        if k == 0:
+            continue
+        weight = 1.0
+        for j in range(-SIDES, SIDES + 1):
+            if j != k and j != 0:
+                weight *= (here - j) / (k - j)
+        shift = reach * (k - here)
+        for i in range(n):
+            w[plan[Y] + i] = w[kept + i] + shift * w[kept + n + i]
+        copy(w, kept + n, plan[RATE], n)
+        copy(w, kept + 2 * n, plan[ACCEL], n)
+        if not _follow_here(m, -1.0):
+            return False
+        _add_dependent(m, sums, weight)
+    copy(w, kept, plan[Y], n)
+    copy(w, kept + n, plan[RATE], n)
+    copy(w, kept + 2 * n, plan[ACCEL], n)
+    for r in range(count):
+        i = plan[plan[DEPENDENT] + r]
+        w[plan[Y] + i], w[plan[RATE] + i] = w[sums + 3 * r], w[sums + 3 * r + 1]
+        w[plan[ACCEL] + i] = w[sums + 3 * r + 2]
+    deform(m)
+    place(m, 0)
+    move(m, 0)
+    accelerate(m, 0)
+    cut_rows(m)
+    return True
+
+
+@njit(**OPTIONS)
+def _add_dependent(m, sums, weight):
+    """Add positions, rates and accelerations of dependent coordinates, and their derivatives by all coordinates."""
+    apart()
+    plan, w = m.plan, m.w
+    n, count = plan[COORDINATES], plan[KEPT]
+    for r in range(count):
+        i = plan[plan[DEPENDENT] + r]
+        w[sums + 3 * r] += weight * w[plan[Y] + i]
+        w[sums + 3 * r + 1] += weight * w[plan[RATE] + i]
+        w[sums + 3 * r + 2] += weight * w[plan[ACCEL] + i]
+    for i in range(n):
+        for r in range(count):
+            w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
+        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        for r in range(count):
+            w[sums + 3 * count + n * r + i] -= weight * w[plan[SIDE] + r]
+
+
+@njit(**OPTIONS)
+def reduce_across(m):
+    """Reduce the residual to independent coordinates by the dependent ones' derivatives near a change point, without
+    reactions."""
+    apart()
+    plan, w = m.plan, m.w
+    n, count = plan[COORDINATES], plan[KEPT]
+    derivatives = plan[CROSSING] + CHANGE_POINT + 3 * n + 3 * count
+    for r in range(count):
+        asked = w[plan[DEMAND] + plan[plan[DEPENDENT] + r]]
+        for i in range(n):
+            w[plan[DEMAND] + i] += asked * w[derivatives + n * r + i]
+
+
+@njit(**OPTIONS)
+def stand(m, t):
+    """Kinematics from all coordinates, which close the loops already."""
+    apart()
+    prescribe(m, t)
+    deform(m)
+    place(m, 0)
+    move(m, 0)
+    accelerate(m, 0)
+    cut_rows(m)
+
+
+@njit(**OPTIONS)
+def middle(m):
+    """Matrices for the next factors at the current state."""
+    apart()
+    plan, w = m.plan, m.w
+    assemble(m)
+    copy(w, plan[SECTION], plan[MIDDLE], SEC * m.bodies[plan[BODIES] - 1, LAST])
+    copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * (plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]))
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def hold_now(m):
+    """Rows of the holds at the current state."""
+    apart()
+    for act in range(m.plan[CONTACTS], m.plan[ACTS]):
+        if m.acts[act, WHAT] != SWITCH:
+            meet(m, act)
+    for n in range(-dry_friction.count(m), 0):
+        dry_friction.row_of(m, n)
+
+
+@once
+@njit(**OPTIONS)
+def mend(m, t, A, h, turns):
+    """Correct accelerations and reactions at the current state in ``turns`` iterations; False: singular.
+
+    ``h``: 0, or 1 if STIFFNESS is an additional mass of coordinates.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    hold_now(m)
+    middle(m)
+    m.pivots[YIELDING] = dry_friction.stuck_rows(m, 0)
+    if not factorise_closed(m, h, A, plan[PIVOTS]):
+        return False
+    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
+    for _ in range(turns):
+        demand(m, t)
+        for k in range(plan[COORDINATES]):
+            A[answer + k] = -w[plan[DEMAND] + k]
+        dry_friction.hold_still(m, A)
+        solve_closed(m, A, plan[PIVOTS])
+        for r in range(plan[KEPT]):
+            w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
+        dry_friction.take_up(m, A)
+        for i in range(plan[COORDINATES]):
+            w[plan[ACCEL] + i] += A[answer + i]
+        if not follow(m, t):
+            return False
+    return True
+
+
+@once
+@njit(**OPTIONS)
+def project_now(m, t, A, h, turns):
+    """Accelerations and reactions for the current independent coordinates and rates; False: singular.
+
+    ``h`` and ``turns``: see :func:`mend`.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    for i in range(plan[COORDINATES]):
+        w[plan[ACCEL] + i] = 0.0
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = 0.0
+    return follow(m, t) and mend(m, t, A, h, turns)

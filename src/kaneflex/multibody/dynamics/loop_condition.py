@@ -1,0 +1,191 @@
+"""Compiled measures of how well the loops determine the dependent coordinates."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody.dynamics import dense_lu
+from kaneflex.multibody.dynamics.loop_closure import gradient
+from kaneflex.multibody.model.layout import (
+    BENDS,
+    BODIES,
+    CHANGE_POINT,
+    COORDINATES,
+    COURSE_OF,
+    CROSSING,
+    CUT,
+    CUTS,
+    DEPENDENT,
+    DOF,
+    FIRST,
+    GRADIENT,
+    HOLDS,
+    JOINT_ROWS,
+    KEPT,
+    LOOP,
+    LOOP_PIVOTS,
+    MEASURE,
+    OPTIONS,
+    ROW_AT,
+    ROW_OF,
+    ROW_SIZE,
+    SHAPES,
+    SIDE,
+    apart,
+    larger,
+    smaller,
+)  # fmt: skip
+from kaneflex.support.inner import once
+
+WORN = 8.0
+"""Ratio of a dependent coordinate's motion to an independent one's, in their units, above which they are exchanged."""
+_MOVED = 1e-6
+"""Ratio of motions, in their units, above which an independent coordinate moves a dependent one."""
+_SLIGHT = 0.1
+"""Share of the largest derivative with respect to any coordinate: smaller ones don't scale a pivot."""
+
+
+@njit(**OPTIONS)
+def orientation(m):
+    """Sign of the determinant of the kept rows' derivatives with respect to dependent coordinates."""
+    plan, sign = m.plan, 1.0
+    for k in range(plan[KEPT]):
+        if (m.w[plan[LOOP] + (plan[KEPT] + 1) * k] < 0.0) != (m.pivots[plan[LOOP_PIVOTS] + k] != k):
+            sign = -sign
+    return sign
+
+
+@njit(**OPTIONS)
+def _largest(m, row):
+    """Largest of the derivatives at ``row``, in units of each coordinate."""
+    size = 0.0
+    for i in range(m.plan[COORDINATES]):
+        size = larger(size, abs(m.w[row + i]) * m.w[m.plan[MEASURE] + i])
+    return size
+
+
+@njit(**OPTIONS)
+def _pushes(m, r):
+    """True if a kept row's reaction is a force and not just a moment."""
+    k = m.plan[CUT] + ROW_SIZE * m.plan[m.plan[ROW_OF] + r] + 3
+    return m.w[k] != 0.0 or m.w[k + 1] != 0.0
+
+
+@njit(**OPTIONS)
+def margin(m):
+    """Least pivot of these derivatives, as a share of its coordinate's largest derivative: 0 at a singular position."""
+    apart()
+    plan, w, least = m.plan, m.w, 1.0
+    of_forces = of_moments = 1e-300
+    for r in range(plan[KEPT]):
+        size = _largest(m, plan[GRADIENT] + plan[COORDINATES] * r)
+        if _pushes(m, r):
+            of_forces = larger(of_forces, size)
+        else:
+            of_moments = larger(of_moments, size)
+    for k in range(plan[KEPT]):
+        row, i = m.pivots[plan[LOOP_PIVOTS] + k], plan[plan[DEPENDENT] + k]
+        for j in range(k - 1, -1, -1):  # undo the row exchanges
+            if row == m.pivots[plan[LOOP_PIVOTS] + j]:
+                row = j
+        pushes = _pushes(m, row)
+        size = _SLIGHT * (of_forces if pushes else of_moments)
+        for r in range(plan[KEPT]):
+            if _pushes(m, r) == pushes:
+                derivative = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
+                size = larger(size, abs(derivative) * w[plan[MEASURE] + i])
+        least = smaller(least, w[plan[MEASURE] + i] / (size * abs(w[plan[LOOP] + (plan[KEPT] + 1) * k])))
+    return least
+
+
+@njit(**OPTIONS)
+def determined(m):
+    """True if bodies are rigid and at most one independent coordinate moves each dependent one."""
+    apart()
+    plan, w, count, movers = m.plan, m.w, m.plan[KEPT], m.plan[CROSSING] + CHANGE_POINT
+    for b in range(plan[BODIES]):
+        if m.bodies[b, SHAPES]:
+            return False
+    for k in range(count):
+        w[movers + k] = 0.0
+    for i in range(plan[COORDINATES]):
+        chosen = False
+        for r in range(count):
+            chosen = chosen or plan[plan[DEPENDENT] + r] == i
+            w[plan[SIDE] + r] = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
+        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        for k in range(0 if chosen else count):
+            one = w[plan[MEASURE] + plan[plan[DEPENDENT] + k]]
+            w[movers + k] += abs(w[plan[SIDE] + k]) * w[plan[MEASURE] + i] > _MOVED * one
+            if w[movers + k] > 1.0:
+                return False
+    return True
+
+
+@once
+@njit(**OPTIONS)
+def _outgrown(m):
+    """True if a dropped row of a cut joint depends on the kept ones with a much larger coefficient than its own size.
+
+    If two kept rows become equal, a third one that depends on both becomes independent.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    count, n = plan[KEPT], plan[COORDINATES]
+    out, most = plan[GRADIENT] + n * count, 0.0
+    for r in range(count):
+        most = larger(most, _largest(m, plan[GRADIENT] + n * r))
+    for cut in range(plan[CUTS], plan[HOLDS]):
+        last = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[HOLDS] else plan[JOINT_ROWS]
+        for row in range(m.acts[cut, ROW_AT], last):
+            kept = False
+            for r in range(count):
+                kept = kept or plan[plan[ROW_OF] + r] == row
+            if kept:
+                continue
+            for i in range(n):
+                w[out + i] = 0.0
+            gradient(m, row, cut, plan[BENDS] != 0, out)
+            least = WORN * larger(_largest(m, out), 1e-6 * most)
+            for r in range(count):
+                for k in range(count):
+                    w[plan[SIDE] + k] = 1.0 if k == r else 0.0
+                dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+                share = 0.0
+                for k in range(count):
+                    share += w[out + plan[plan[DEPENDENT] + k]] * w[plan[SIDE] + k]
+                if abs(share) * _largest(m, plan[GRADIENT] + n * r) > least:
+                    return True
+    return False
+
+
+@njit(**OPTIONS)
+def worn(m):
+    """True if an independent joint coordinate should replace a dependent one that moves much more.
+
+    Near a dead centre the loops no longer determine the dependent coordinates chosen far from it, but others. Gradients
+    are those of the last loop closure.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    count, n = plan[KEPT], plan[COORDINATES]
+    if count == 0:
+        return False
+    if count < plan[JOINT_ROWS] and _outgrown(m):
+        return True
+    for b in range(plan[BODIES]):
+        if m.bodies[b, COURSE_OF] >= 0:
+            continue
+        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + m.bodies[b, DOF]):
+            chosen = False
+            for r in range(count):
+                chosen = chosen or plan[plan[DEPENDENT] + r] == i
+                w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
+            if chosen:
+                continue
+            dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+            for r in range(count):
+                moved = abs(w[plan[SIDE] + r]) / w[plan[MEASURE] + plan[plan[DEPENDENT] + r]]
+                if moved * w[plan[MEASURE] + i] > WORN:
+                    return True
+    return False

@@ -1,0 +1,126 @@
+"""Compiled linear equations of a tree with closed loops: the tree's factors, and the responses to unit reactions.
+
+Rows are those of the kept cut joints, then of compliant contacts and holds.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody.dynamics import dense_lu
+from kaneflex.multibody.unilateral import dry_friction, lugre_step
+from kaneflex.multibody.dynamics.planar_articulated import add_force, factorise, solve, twist_of
+from kaneflex.multibody.model.layout import (
+    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, OPTIONS,
+    PUSH, REACTION, ROW_OF, ROW_SIZE, SCHUR, SPEEDS, STIFF, TOUCHING, VISCOUS, YIELDING, apart,
+)  # fmt: skip
+
+
+@njit(**OPTIONS)
+def reach(m, h, A):
+    """Factors of M + h C + h^2 K of the tree, responses of the coordinates to unit reactions of kept rows and
+    contacts, and of these rows at SCHUR; False: zero pivot."""
+    apart()
+    if not factorise(m, h, A):
+        return False
+    plan, w = m.plan, m.w
+    count = plan[KEPT] + m.pivots[YIELDING]
+    for r in range(count):
+        for k in range(plan[SPEEDS]):
+            A[plan[PUSH] + k] = 0.0
+        for k in range(plan[COORDINATES]):
+            A[column(m, r) + k] = 0.0
+        cut, k = row_at(m, r)
+        n = dry_friction.brought(m, r)
+        for side in range(2):
+            j = k + 3 * side
+            add_force(m, A, m.acts[cut, AT + side], w[j], w[j + 1], w[j + 2])
+            if n:
+                size, j = dry_friction.share(m, n, r), hold_row(m, n) + 3 * side
+                add_force(m, A, m.acts[plan[DRIVES] + n, AT + side], size * w[j], size * w[j + 1], size * w[j + 2])
+        solve(m, A, r if r < plan[KEPT] else r + 1)
+        for q in range(count):
+            A[plan[SCHUR] + count * q + r] = opening(m, A, q)
+    return True
+
+
+@njit(**OPTIONS)
+def factorise_closed(m, h, A, pivots):
+    """Factors of M + h C + h^2 K with closed loops; False if motion or reactions are not determined.
+
+    In addition to the tree's factors: responses of coordinates and cut joints to unit reactions of the kept rows.
+    """
+    apart()
+    if not reach(m, h, A):
+        return False
+    plan, w = m.plan, m.w
+    count = plan[KEPT] + m.pivots[YIELDING]
+    most = dry_friction.most(m, count, A)
+    for r in range(plan[KEPT], count):
+        n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+        k = plan[CONTACT] + CONTACT_SIZE * n
+        own = plan[SCHUR] + (count + 1) * r
+        if lugre_step.by_force(m, n, r, count, h, A):
+            continue
+        if n >= 0:
+            soft = 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF]))
+        else:
+            soft = dry_friction.compliance(m, n, h, A[own], most)
+        A[own] += soft
+    return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
+
+
+@njit(**OPTIONS)
+def row_at(m, r):
+    """Interaction of a kept row, or of a contact or hold after these, and place of its Jacobian."""
+    plan = m.plan
+    if r < plan[KEPT]:
+        return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
+    n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+    return (plan[CONTACTS] if n >= 0 else plan[DRIVES]) + n, hold_row(m, n)
+
+
+@njit(**OPTIONS)
+def hold_row(m, n):
+    """Place of the Jacobian of a contact or hold."""
+    return m.plan[MIDDLE_CUT] + ROW_SIZE * (m.plan[CUT_ROWS] + n) + 3
+
+
+@njit(**OPTIONS)
+def column(m, r):
+    """Place of the coordinates' response to a row's unit force; the solution lies between those of cut joints and
+    contacts."""
+    return m.plan[COLUMNS] + m.plan[COORDINATES] * (r if r < m.plan[KEPT] else r + 1)
+
+
+@njit(**OPTIONS)
+def opening(m, A, r):
+    """Rate of a row for the speeds at PUSH."""
+    w = m.w
+    cut, k = row_at(m, r)
+    total = 0.0 * A[m.plan[PUSH]]
+    for side in range(2):
+        t_0, t_1, t_2 = twist_of(m, A, m.acts[cut, AT + side])
+        j = k + 3 * side
+        total += w[j] * t_0 + w[j + 1] * t_1 + w[j + 2] * t_2
+    return total
+
+
+@njit(**OPTIONS)
+def solve_closed(m, A, pivots):
+    """Response to generalised forces: both in the row of COLUMNS after the kept ones; at REACTION the reactions that
+    keep loops closed, and contact forces."""
+    apart()
+    plan = m.plan
+    count, n, x = plan[KEPT] + m.pivots[YIELDING], plan[COORDINATES], plan[REACTION]
+    for k in range(plan[SPEEDS]):
+        A[plan[PUSH] + k] = 0.0
+    solve(m, A, plan[KEPT])
+    if count:
+        for r in range(count):
+            A[x + r] = dry_friction.wanted(m, A, r) - lugre_step.weight(m, A, r) * opening(m, A, r)
+        dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
+        answer = plan[COLUMNS] + n * plan[KEPT]
+        for r in range(count):
+            for i in range(n):
+                A[answer + i] += A[column(m, r) + i] * A[x + r]

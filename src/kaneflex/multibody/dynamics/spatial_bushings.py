@@ -1,0 +1,74 @@
+"""The compiled law of bushings in space: six springs and dampers along and about the axes of their first side."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from kaneflex.mechanism.spatial import SpatialMechanism
+from kaneflex.multibody.compile.values import after
+from kaneflex.multibody.dynamics.algebra import axpy, by_axis, cross, dot, minus, plus, scaled, store, turned
+from kaneflex.multibody.model.layout import OPTIONS, apart, larger
+from kaneflex.support.inner import once
+
+FORCE, MOMENT, ENERGY, POWER, ANGLE = 0, 3, 6, 7, 8
+"""Places in a bushing's row: force and moment along and about its axes [N, N m]; energy [J], dissipated power [W],
+angle of rotation [rad]."""
+_NO_ANGLE = 1e-8
+_HALF_TURN = 1e-6
+"""cos of half the angle of a turn that is as good as a half one."""
+MOST = 3.0
+"""Largest rotation [rad]: at half a turn the rotation vector jumps."""
+
+
+def overturned(mechanism: SpatialMechanism, rows: np.ndarray) -> tuple[str, str] | None:
+    """First bushing with too large a rotation, by rows of one or many instants, (..., n_bushings, 9), and a message."""
+    names = [name for name, spring in mechanism.springs.items() if spring.is_bushing]
+    angles = rows[..., ANGLE].reshape(-1, len(names)).max(axis=0, initial=0.0) if names else ()
+    for name, angle in zip(names, angles, strict=True):
+        if angle > MOST:
+            return name, f"bushing {name} is rotated by {math.degrees(angle):.0f} deg, too close to half a turn"
+    return None
+
+
+@once
+@njit(**OPTIONS)
+def cushion(m, n):
+    """Fill the row of a bushing, where ``move`` was.
+
+    d is where the second point is against the first, and phi the rotation vector of the second side's axes, both in
+    those of the first, E; phi' = H omega with the relative angular velocity omega there, and (Sola,
+    Deray & Atchuthan 2018, arXiv:1812.01537, eq. 146)
+
+        H = 1 - phi~/2 + (1 - theta/2 cot theta/2) phi~ phi~ / theta^2,   theta = |phi|
+
+    The energy 1/2 d K d + 1/2 phi C phi gives the force K d and the moment H^T C phi, dampers for what is
+    proportional to d' and omega.
+    """
+    apart()
+    one, two, row = 5 * m.bushing_ends[n, 0], 5 * m.bushing_ends[n, 1], 9 * n
+    E, other, away = m.bushing_ends[n, 2], m.bushing_ends[n, 3], minus(m.sections[two], m.sections[one])
+    rate = minus(minus(m.sections[two + 1], m.sections[one + 1]), cross(m.sections[one + 3], away))
+    omega = minus(m.sections[two + 3], m.sections[one + 3])
+    a, b = turned(m.axes, E, m.axes[other]), turned(m.axes, E, m.axes[other + 1])
+    c = turned(m.axes, E, m.axes[other + 2])  # the second side's axes in those of the first
+    cosine = larger(0.5 * math.sqrt(larger(1.0 + a[0] + b[1] + c[2], 0.0)), _HALF_TURN)
+    phi = scaled(0.25 / cosine, (b[2] - c[1], c[0] - a[2], a[1] - b[0]))
+    sine = math.sqrt(dot(phi, phi))
+    angle = 2.0 * math.atan2(sine, cosine)
+    share, curved = 2.0, 1.0 / 12.0
+    if angle > _NO_ANGLE:
+        share, curved = angle / sine, (1.0 - 0.5 * angle * cosine / sine) / angle**2
+    phi, d = scaled(share, phi), turned(m.axes, E, away)
+    rate, omega = turned(m.axes, E, rate), turned(m.axes, E, omega)
+    k_d, k_phi, c_d, c_phi = m.cushions[4 * n], m.cushions[4 * n + 1], m.cushions[4 * n + 2], m.cushions[4 * n + 3]
+    force, resists, turn = by_axis(k_d, d), by_axis(k_phi, phi), by_axis(c_phi, omega)
+    slowed, first = by_axis(c_d, rate), cross(phi, resists)
+    m.bushings[row + ENERGY] = 0.5 * (dot(force, d) + dot(resists, phi))
+    m.bushings[row + POWER] = dot(slowed, rate) + dot(turn, omega)
+    m.bushings[row + ANGLE] = angle
+    moment = axpy(curved, cross(phi, first), axpy(0.5, first, plus(resists, turn)))
+    store(after(m.bushings, row + FORCE), plus(force, slowed))
+    store(after(m.bushings, row + MOMENT), moment)

@@ -1,0 +1,383 @@
+"""Compiled kinematics of a tree of bodies in space, and of the cuts that close its loops.
+
+Kane's method with generalised speeds: the tree's joint rates, and a ball's relative angular velocity in its own axes
+(Kane & Levinson 1985, ch. 2). Outward passes over the tree (Kane's equations of order n, Rosenthal 1990): positions,
+velocities and accelerations of all nodes. Vectors are global unless said otherwise and refer to a node's origin.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import spatial as laws
+from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.multibody.compile.values import after, inside, numbers_of
+from kaneflex.multibody.dynamics.algebra import (
+    axpy,
+    cross,
+    dot,
+    first,
+    force_at,
+    joined,
+    last,
+    minus,
+    plus,
+    scaled,
+    turned,
+    turned_back,
+    twist_at,
+)
+from kaneflex.multibody.dynamics.articulated import PARENT as PARENT_BODY
+from kaneflex.multibody.dynamics.spatial_work import AXES, BODIES, CUTS, NODES, SECTION, SECTIONS, SPEEDS, TWISTS
+from kaneflex.multibody.model.layout import OPTIONS, apart
+from kaneflex.multibody.model.spatial_layout import (
+    AT,
+    AXIS_1,
+    AXIS_2,
+    BALL,
+    COINCIDE,
+    COORDINATE,
+    COUNT,
+    FIRST,
+    KIND,
+    PARENT,
+    PERPENDICULAR,
+    ROW,
+    ROW_OF,
+    SECOND,
+    SLIDE,
+    SPEED,
+    STATION,
+    TURN,
+    WHAT,
+)  # fmt: skip
+from kaneflex.support.inner import once
+
+_NUMBERS, _PLACE, _AXIS, _SHIFT = 6, 3, 4, 5
+"""Vectors of a node's numbers, and the places of its joint's point, axis, and the joint's point in its own axes."""
+
+
+@njit(**OPTIONS)
+def _turn(m, n, w, x, y, z, two):
+    """Rotate the axes of a node by a quaternion (w, x, y, z), whose square is 2 / ``two``."""
+    apart()
+    for i in range(3 * n, 3 * n + 3):
+        a, b, c = m.R[i]
+        m.R[i] = (
+            a * (1.0 - two * (y * y + z * z)) + b * two * (x * y + w * z) + c * two * (x * z - w * y),
+            a * two * (x * y - w * z) + b * (1.0 - two * (x * x + z * z)) + c * two * (y * z + w * x),
+            a * two * (x * z + w * y) + b * two * (y * z - w * x) + c * (1.0 - two * (x * x + y * y)),
+        )
+
+
+@njit(**OPTIONS)
+def _beyond(m, n, of, what):
+    """Angle theta or rate theta' of the section at a node whose axes follow their body's mean rotation: its shapes are
+    the next node, whose coordinates (of q) or speeds (of u) begin at COORDINATE or SPEED. Zero for other nodes."""
+    found = 0.0
+    for i in range(m.nodes[n, COUNT]):
+        found += m.p[m.nodes[n, AT] + i] * of[m.nodes[n + 1, what] + i]
+    return found
+
+
+@njit(**OPTIONS)
+def stands(m, n, q):
+    """Coordinate of a joint by its node, including the section's rotation 2 atan(theta / 2)."""
+    return q[m.nodes[n, COORDINATE]] + 2.0 * math.atan(0.5 * _beyond(m, n, q, COORDINATE))
+
+
+@njit(**OPTIONS)
+def goes(m, n, q, u):
+    """Rate of that coordinate."""
+    theta = _beyond(m, n, q, COORDINATE)
+    return u[m.nodes[n, SPEED]] + _beyond(m, n, u, SPEED) / (1.0 + 0.25 * theta**2)
+
+
+@njit(**OPTIONS)
+def place(m):
+    """Axes and origins of all nodes, then sections and axes."""
+    apart()
+    q = m.q
+    for n in range(m.counts[NODES]):
+        kind, parent, own, k = m.nodes[n, KIND], m.nodes[n, PARENT], _NUMBERS * n, m.nodes[n, COORDINATE]
+        P = m.numbers[own + _PLACE]
+        if parent >= 0:
+            for i in range(3):
+                m.R[3 * n + i] = turned_back(m.numbers, own, m.R[3 * parent + i])
+            P = plus(turned(m.R, 3 * parent, P), m.r[parent])
+        else:
+            for i in range(3):
+                m.R[3 * n + i] = m.numbers[own + i]
+        if kind == SLIDE:
+            P = axpy(q[k], turned(m.R, 3 * n, m.numbers[own + _AXIS]), P)
+        elif kind == TURN:
+            x, y, z = scaled(math.sin(0.5 * q[k]), m.numbers[own + _AXIS])
+            _turn(m, n, math.cos(0.5 * q[k]), x, y, z, 2.0)
+        elif kind == BALL:
+            w, x, y, z = q[k], q[k + 1], q[k + 2], q[k + 3]
+            _turn(m, n, w, x, y, z, 2.0 / (w * w + x * x + y * y + z * z))
+        elif kind == STATION:
+            P = plus(P, _deform(m, n))
+        m.P[n] = P
+        m.r[n] = minus(P, turned(m.R, 3 * n, m.numbers[own + _SHIFT]))
+    for n in range(m.counts[TWISTS]):
+        m.twists[4 * n] = stands(m, m.twist_ends[n, 3], q)
+    for n in range(m.counts[AXES]):
+        on = m.axis_on[n]
+        m.axes[n] = turned(m.R, 3 * on, m.axis_at[n]) if on >= 0 else m.axis_at[n]
+    for n in range(m.counts[SECTIONS]):
+        on = m.on[n]
+        m.sections[5 * n] = plus(turned(m.R, 3 * on, m.at[n]), m.r[on]) if on >= 0 else m.at[n]
+
+
+@once
+@njit(**OPTIONS)
+def _shaped(m, n, row, q):
+    """Vector of the rows N q or psi q (``row`` 0 or 3) of a station, coordinates from q on."""
+    apart()
+    count, o = m.nodes[n, COUNT], m.nodes[n, AT] + m.nodes[n, COUNT] * row
+    x = y = z = 0.0
+    for s in range(count):
+        x += m.p[o + s] * q[s]
+        y += m.p[o + count + s] * q[s]
+        z += m.p[o + 2 * count + s] * q[s]
+    return x, y, z
+
+
+@njit(**OPTIONS)
+def _bent(m, n, q, v):
+    """Vector G q v of a station."""
+    apart()
+    count, x = m.nodes[n, COUNT], (0.0, 0.0, 0.0)
+    o, square = m.nodes[n, AT] + 6 * count, count * count
+    for i in range(count):
+        for j in range(count):
+            at = o + count * i + j
+            x = axpy(q[i] * v[j], (m.p[at], m.p[at + square], m.p[at + 2 * square]), x)
+    return x
+
+
+@njit(**OPTIONS)
+def _section(m, theta, rate):
+    """Rotation R, T and T' theta' of a section with its angles and their rates, at x[6], x[15] and x[24]."""
+    for i in range(3):
+        m.x[i], m.x[3 + i] = theta[i], rate[i]
+    shape_laws.section(m.x, 0, m.x, 6)
+
+
+@njit(**OPTIONS)
+def _of_x(m, k, a):
+    """The matrix at x[k], row by row, times a vector."""
+    return (m.x[k] * a[0] + m.x[k + 1] * a[1] + m.x[k + 2] * a[2],
+            m.x[k + 3] * a[0] + m.x[k + 4] * a[1] + m.x[k + 5] * a[2],
+            m.x[k + 6] * a[0] + m.x[k + 7] * a[1] + m.x[k + 8] * a[2])  # fmt: skip
+
+
+@njit(**OPTIONS)
+def _deform(m, n):
+    """Rotate a station by theta = psi q, and return its displacement N q + 1/2 G q q."""
+    apart()
+    q, base = after(m.q, m.nodes[n, COORDINATE]), 3 * m.nodes[n, PARENT]
+    _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
+    for i in range(3):
+        a, b, c = m.R[base + i]
+        m.R[3 * n + i] = (a * m.x[6] + b * m.x[9] + c * m.x[12], a * m.x[7] + b * m.x[10] + c * m.x[13],
+                          a * m.x[8] + b * m.x[11] + c * m.x[14])  # fmt: skip
+    return turned(m.R, base, axpy(0.5, _bent(m, n, q, q), _shaped(m, n, 0, q)))
+
+
+@njit(**OPTIONS)
+def _station_twists(m, n):
+    """Twist of a station for a unit of every shape of its body: as G is symmetric N_j + G_jk q_k, and T psi_j."""
+    apart()
+    count, o, base = m.nodes[n, COUNT], m.nodes[n, AT], 3 * m.nodes[n, PARENT]
+    q, square, phi = after(m.q, m.nodes[n, COORDINATE]), count * count, after(m.phi, m.nodes[n, ROW_OF])
+    _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
+    for j in range(count):
+        v = m.p[o + j], m.p[o + count + j], m.p[o + 2 * count + j]
+        for s in range(count):
+            at = o + count * (6 + j) + s
+            v = axpy(q[s], (m.p[at], m.p[at + square], m.p[at + 2 * square]), v)
+        at = o + 3 * count + j
+        omega = _of_x(m, 15, (m.p[at], m.p[at + count], m.p[at + 2 * count]))
+        phi[j] = joined(turned(m.R, base, v), turned(m.R, base, omega))
+
+
+@njit(**OPTIONS)
+def directions(m):
+    """Twists of all nodes for a unit of every speed relative to the parent, and J of the cuts, after ``place``."""
+    apart()
+    for n in range(m.counts[NODES]):
+        kind, s, arm = m.nodes[n, KIND], m.nodes[n, SPEED], minus(m.r[n], m.P[n])
+        if kind == SLIDE:
+            m.S[s] = joined(turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS]), (0.0, 0.0, 0.0))
+        elif kind == TURN:
+            axis = turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS])
+            m.S[s] = joined(cross(axis, arm), axis)
+        elif kind == BALL:
+            (a, b, c), (d, e, f), (g, h, i) = m.R[3 * n], m.R[3 * n + 1], m.R[3 * n + 2]
+            m.S[s] = joined(cross((a, d, g), arm), (a, d, g))
+            m.S[s + 1] = joined(cross((b, e, h), arm), (b, e, h))
+            m.S[s + 2] = joined(cross((c, f, i), arm), (c, f, i))
+        elif kind == STATION:
+            _station_twists(m, n)
+    rows(m)
+    J, speeds = m.J, m.counts[SPEEDS]
+    for c in range(m.counts[CUTS]):
+        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
+            row = after(J, speeds * j)
+            for s in range(speeds):
+                row[s] = 0.0
+            along(m, m.cuts[c, FIRST], joined(m.rows[5 * j + 1], m.rows[5 * j + 2]), 1.0, row)
+            along(m, m.cuts[c, SECOND], joined(m.rows[5 * j + 3], m.rows[5 * j + 4]), 1.0, row)
+
+
+@njit(**OPTIONS)
+def freedoms(m, n):
+    """Number of speeds of a joint's node."""
+    kind = m.nodes[n, KIND]
+    return 3 if kind == BALL else 1 if kind == TURN or kind == SLIDE else 0
+
+
+@njit(**OPTIONS)
+def geometry(m):
+    """Places of the bodies and axes of their joints at their origins, for factors, after ``directions``."""
+    apart()
+    for b in range(m.counts[BODIES]):
+        n, on = m.frames[b, 0], m.frames[b, 1]
+        if on >= 0:
+            m.place[b] = minus(m.r[on], m.r[m.frames[m.bodies[b, PARENT_BODY], 0]])
+            m.arm[b] = minus(m.r[n], m.r[on])
+    for n in range(m.counts[NODES]):
+        count = freedoms(m, n)
+        if count:
+            arm = minus(m.r[m.frames[m.nodes[n, ROW_OF], 0]], m.r[n])
+            for j in range(m.nodes[n, SPEED], m.nodes[n, SPEED] + count):
+                m.joint_axes[j] = twist_at(m.S[j], arm)
+
+
+@once
+@njit(**OPTIONS)
+def along(m, section, wrench, share, out):
+    """Add the generalised forces of a force and a moment at a section, times ``share``, along every speed: inwards from
+    its node, over whose tree alone it acts."""
+    apart()
+    n = m.on[section]
+    if n < 0:
+        return
+    wrench = force_at(scaled(share, wrench), minus(m.sections[5 * section], m.r[n]))
+    while n >= 0:
+        kind, s, parent = m.nodes[n, KIND], m.nodes[n, SPEED], m.nodes[n, PARENT]
+        if kind == STATION:
+            for j in range(m.nodes[n, COUNT]):
+                out[s + j] += dot(m.phi[m.nodes[n, ROW_OF] + j], wrench)
+        else:
+            for j in range(s, s + freedoms(m, n)):
+                out[j] += dot(m.S[j], wrench)
+        if parent >= 0:
+            wrench = force_at(wrench, minus(m.r[n], m.r[parent]))
+        n = parent
+
+
+@njit(**OPTIONS)
+def rows(m):
+    """Residuals of the cuts, their rates and Jacobians by the sections' twists."""
+    apart()
+    sections, axes, out = numbers_of(m.sections), numbers_of(m.axes), numbers_of(m.rows)
+    for c in range(m.counts[CUTS]):
+        what, one, two, n = m.cuts[c, WHAT], m.cuts[c, FIRST], m.cuts[c, SECOND], SECTION * m.cuts[c, ROW]
+        if what == COINCIDE:
+            laws.coincide(sections, one, two, out, n)
+        elif what == PERPENDICULAR:
+            laws.perpendicular(sections, one, two, axes, m.cuts[c, AXIS_1], m.cuts[c, AXIS_2], out, n)
+        else:
+            laws.on_plane(sections, one, two, axes, m.cuts[c, AXIS_1], out, n)
+
+
+@njit(**OPTIONS)
+def relative(m, n, u):
+    """Twist of a node relative to its parent, by speeds."""
+    apart()
+    s, twist = m.nodes[n, SPEED], (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if m.nodes[n, KIND] == STATION:
+        for j in range(m.nodes[n, COUNT]):
+            twist = axpy(u[s + j], m.phi[m.nodes[n, ROW_OF] + j], twist)
+    for j in range(s, s + freedoms(m, n)):
+        twist = axpy(u[j], m.S[j], twist)
+    return twist
+
+
+@njit(**OPTIONS)
+def move(m):
+    """Velocities of all nodes and sections, after ``directions``."""
+    apart()
+    for n in range(m.counts[NODES]):
+        parent, twist = m.nodes[n, PARENT], relative(m, n, m.u)
+        if parent >= 0:
+            twist = plus(twist, twist_at(joined(m.v[parent], m.w[parent]), minus(m.r[n], m.r[parent])))
+        m.v[n], m.w[n] = first(twist), last(twist)
+    nothing = 0.0, 0.0, 0.0
+    for n in range(m.counts[SECTIONS]):
+        on, at = m.on[n], 5 * n
+        m.sections[at + 1] = m.sections[at + 2] = m.sections[at + 3] = m.sections[at + 4] = nothing
+        if on >= 0:
+            m.sections[at + 1] = plus(m.v[on], cross(m.w[on], minus(m.sections[at], m.r[on])))
+            m.sections[at + 3] = m.w[on]
+
+
+@njit(**OPTIONS)
+def accelerate(m):
+    """Accelerations of all nodes and sections, and the cuts' rows with their second rates, after ``move``."""
+    apart()
+    u, du = m.u, m.du
+    for n in range(m.counts[NODES]):
+        kind, parent, s = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED]
+        a = e = w = arm = 0.0, 0.0, 0.0
+        if parent >= 0:
+            e, w = m.e[parent], m.w[parent]
+            a = plus(m.a[parent], _centripetal(w, e, minus(m.P[n], m.r[parent])))
+        if kind == SLIDE:
+            axis = first(m.S[s])
+            a = plus(axpy(du[s], axis, a), cross(w, scaled(2.0 * u[s], axis)))
+        elif kind == TURN:
+            axis = last(m.S[s])
+            e = plus(axpy(du[s], axis, e), cross(w, scaled(u[s], axis)))
+        elif kind == BALL:
+            e = plus(e, turned(m.R, 3 * n, (du[s], du[s + 1], du[s + 2])))
+            e = plus(e, cross(w, turned(m.R, 3 * n, (u[s], u[s + 1], u[s + 2]))))
+        elif kind == STATION:
+            moved, faster, turning, e_turning = _station_accelerations(m, n)
+            a = plus(plus(a, faster), cross(w, scaled(2.0, moved)))
+            e = plus(plus(e, e_turning), cross(w, turning))
+        arm = minus(m.r[n], m.P[n])
+        m.a[n], m.e[n] = plus(a, _centripetal(m.w[n], e, arm)), e
+    for n in range(m.counts[SECTIONS]):
+        on, at = m.on[n], 5 * n
+        if on >= 0:
+            m.sections[at + 2] = plus(m.a[on], _centripetal(m.w[on], m.e[on], minus(m.sections[at], m.r[on])))
+            m.sections[at + 4] = m.e[on]
+    rows(m)
+
+
+@njit(**OPTIONS)
+def _station_accelerations(m, n):
+    """Velocity, acceleration, angular velocity and acceleration of a station relative to its body's axes, global."""
+    apart()
+    i, s, base = m.nodes[n, COORDINATE], m.nodes[n, SPEED], 3 * m.nodes[n, PARENT]
+    q, u, du = after(m.q, i), after(m.u, s), after(m.du, s)
+    rate, faster = _shaped(m, n, 3, u), _shaped(m, n, 3, du)
+    _section(m, _shaped(m, n, 3, q), rate)
+    moved = plus(_shaped(m, n, 0, u), _bent(m, n, q, u))
+    moving = plus(_shaped(m, n, 0, du), plus(_bent(m, n, q, du), _bent(m, n, u, u)))
+    turning = plus(_of_x(m, 15, faster), (m.x[24], m.x[25], m.x[26]))
+    return (turned(m.R, base, moved), turned(m.R, base, moving),
+            turned(m.R, base, _of_x(m, 15, rate)), turned(m.R, base, turning))  # fmt: skip
+
+
+@njit(**OPTIONS)
+def _centripetal(w, e, arm):
+    """e x arm + w x (w x arm): acceleration of a point of a body against its origin's."""
+    inside()
+    return plus(cross(e, arm), cross(w, cross(w, arm)))

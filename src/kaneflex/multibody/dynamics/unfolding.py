@@ -1,0 +1,233 @@
+"""Compiled transformations between the coordinates of the tree and of the bodies, with energies and joint forces."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+from numba.types import boolean, float64, int64, void
+
+from kaneflex.mechanism.contacts import NEWTON
+from kaneflex.multibody.dynamics import powers
+from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.dynamics.forces import rests
+from kaneflex.multibody.unilateral.contacts import stand_closed
+from kaneflex.multibody.dynamics.loop_condition import orientation
+from kaneflex.multibody.dynamics.loop_closure import bent, follow, gradient, project_now, stand
+from kaneflex.multibody.time.state_record import give, row_size, standing, stands, take, works_at
+from kaneflex.multibody.model.layout import (
+    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSES, CUT, CUTS, DRIVES,
+    ELASTIC, ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, LAST,
+    LAW, LOCAL, LOSING, MAGNITUDES, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC,
+    PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y,
+    apart, kernel, shifted, turned,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.kinematics import cut_rows, deform, demand, place, prescribe
+
+
+@njit(**ENTRY)
+def fold(m, q, v):
+    """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
+    apart()
+    plan, w = m.plan, m.w
+    k = 0
+    for b in range(plan[BODIES]):
+        f, i = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL]
+        w[f], w[f + 1], w[f + 2], w[f + 3], w[f + 4] = q[k], q[k + 1], q[k + 2], math.cos(q[k + 2]), math.sin(q[k + 2])
+        w[f + 5], w[f + 6], w[f + 7] = v[k], v[k + 1], v[k + 2]
+        for j in range(m.bodies[b, SHAPES]):
+            w[plan[Y] + i + j], w[plan[RATE] + i + j] = q[k + 3 + j], v[k + 3 + j]
+        k += 3 + m.bodies[b, SHAPES]
+    deform(m)
+    for b in range(plan[BODIES]):
+        f = plan[FRAME] + FRAME_SIZE * b
+        c, s, omega = w[f + 3], w[f + 4], w[f + 7]
+        for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
+            k, l, share = plan[SECTION] + SEC * n, plan[LOCAL] + SEC * n, w[m.sections[n, POINT]]
+            arm_x, arm_y = c * w[l] - s * w[l + 1], s * w[l] + c * w[l + 1]
+            w[k], w[k + 1], w[k + 2] = share * w[f] + arm_x, share * w[f + 1] + arm_y, w[f + 2] + w[l + 2]
+            w[k + 3] = share * w[f + 5] - omega * arm_y + c * w[l + 3] - s * w[l + 4]
+            w[k + 4] = share * w[f + 6] + omega * arm_x + s * w[l + 3] + c * w[l + 4]
+            w[k + 5] = omega + w[l + 5]
+    for b in range(plan[BODIES]):
+        up, own = plan[SECTION] + SEC * m.bodies[b, PARENT], plan[SECTION] + SEC * m.bodies[b, INBOARD]
+        y, r, j = plan[Y] + m.bodies[b, FIRST], plan[RATE] + m.bodies[b, FIRST], m.bodies[b, NUMBERS]
+        if m.bodies[b, JOINT] == REVOLUTE:
+            w[y], w[r] = w[j] * (w[own + 2] - w[up + 2] - w[j + 1]), w[j] * (w[own + 5] - w[up + 5])
+        elif m.bodies[b, JOINT] == PRISMATIC:
+            d_x, d_y = turned(w, w[up + 2], j + 2)
+            x, z = w[own] - w[up], w[own + 1] - w[up + 1]
+            w[y] = d_x * x + d_y * z
+            w[r] = d_x * (w[own + 3] - w[up + 3]) + d_y * (w[own + 4] - w[up + 4]) + w[up + 5] * (d_x * z - d_y * x)
+        elif m.bodies[b, JOINT] == FREE:
+            for i in range(3):
+                w[y + i], w[r + i] = w[own + i], w[own + 3 + i]
+
+
+@njit(**ENTRY)
+def unfold(m, rows, count, q, v, a, exerted, sums, rates):
+    """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), with forces,
+    energies and powers.
+
+    exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
+    the reactions of cuts and holds, on the joint's second body; of every contact gap, force, stored energy, loss,
+    BEGUN_AT; of every hold force, speed, normal force, mode, bristles. sums: kinetic energy, strain energy, dissipated
+    power, potential energy of the weight. rates: powers of dissipation, loads, drives, holds, contacts. The rows close
+    the loops.
+    """
+    plan, w = m.plan, m.w
+    k = 0
+    for row in range(count):
+        here = shifted(rows, row * row_size(m))
+        take(m, here)
+        stand(m, here[0])
+        demand(m, here[0])
+        powers.powers(m)
+        powers.energies(m)
+        touching, held = plan[ACTS] - plan[CONTACTS], plan[DRIVES] - plan[HOLDS]
+        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 5 * (touching + held)))
+        for b in range(plan[BODIES]):
+            f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
+            for j in range(3):
+                q[k + j], v[k + j], a[k + j] = w[f + j], w[f + 5 + j], w[f + 8 + j]
+            for j in range(size):
+                q[k + 3 + j], v[k + 3 + j] = w[plan[Y] + i + j], w[plan[RATE] + i + j]
+                a[k + 3 + j] = w[plan[ACCEL] + i + j]
+            k += 3 + size
+            out[3 * b], out[3 * b + 1], out[3 * b + 2] = _exerted(m, b)
+        for r in range(plan[REACTIONS]):
+            out[3 * plan[BODIES] + r] = w[plan[NOW] + r]
+        out = shifted(out, 3 * plan[BODIES] + plan[REACTIONS])
+        for c in range(touching):
+            of = plan[CONTACT] + CONTACT_SIZE * c
+            out[5 * c], out[5 * c + 1] = w[of + GAP], w[of + PUSH_NOW]
+            out[5 * c + 2], out[5 * c + 3] = w[of + ELASTIC], w[of + LOSING]
+            out[5 * c + 4] = w[of + BEGUN_AT]
+        dry_friction.told(m, shifted(out, 5 * touching))
+        for j in range(4):
+            sums[4 * row + j] = w[plan[SUMS] + j]
+        for j in range(plan[WORKS]):
+            rates[plan[WORKS] * row + j] = w[plan[POWER] + j]
+
+
+@njit(**ENTRY)
+def move_on(m, t):
+    """Close the loops in place, speed and acceleration; False if they don't close."""
+    return follow(m, t)
+
+
+@njit(**ENTRY)
+def courses_at(m, times, count, out, width):
+    """Prescribed courses of drives at many times, in as many rows."""
+    for k in range(count):
+        kernel(m.kernels, COURSES)(times[k], m.p, out, width * k)
+
+
+@njit(**ENTRY)
+def magnitudes_at(m, times, count, x, columns, out, width):
+    """Sizes of the loads, and arguments of their switches, at many times; x has as many rows of the joints' states."""
+    for k in range(count):
+        kernel(m.kernels, MAGNITUDES)(times[k], x, columns * k, m.p, out, width * k)
+
+
+@njit(**ENTRY)
+def follow_rows(m, count, into, side, rows):
+    """Follow the loops at the times 0, 1, 2, ..., each from the one before; returns the number that close on one side
+    of dead centres.
+
+    into: row of ``rows`` that every time fills, or -1. side: the sign of the loops' determinant, 0 if unknown. All
+    coordinates without a course depend on those with one.
+    """
+    for k in range(count):
+        if not follow(m, float(k)):
+            return k
+        now = orientation(m)
+        if side[0] * now < 0.0:
+            return k
+        side[0] = now
+        if into[k] >= 0.0:
+            give(m, float(k), shifted(rows, int(into[k]) * row_size(m)))
+    return count
+
+
+@njit(**ENTRY)
+def states(m, times, count, q, v, first, held, rows):
+    """Rows of states of the bodies, from the ``first`` one on, with closed loops, accelerations and reactions.
+
+    held: STIFFNESS is an additional mass of coordinates if true. The rows come with BEGUN_AT of the contacts, which
+    holds for overlapping sides, and the modes of holds. Returns the row that is singular, or whose resting contacts
+    differ from those of the dependent coordinates, or their number.
+    """
+    size, touching = m.plan[SPEEDS], m.plan[ACTS] - m.plan[CONTACTS]
+    for row in range(first, count):
+        t = times[row]
+        fold(m, shifted(q, row * size), shifted(v, row * size))
+        out = shifted(rows, row * row_size(m))
+        stands(m, shifted(out, works_at(m) - standing(m)))
+        for c in range(touching):
+            k = m.plan[CONTACT] + CONTACT_SIZE * c
+            if m.acts[m.plan[CONTACTS] + c, LAW] == NEWTON and (m.w[k + BEGUN_AT] != 0.0) != (m.w[k + SHUT] != 0.0):
+                return row
+        done = project_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
+        if not (done and (held or stand_closed(m, t, m.real))):
+            return row
+        give(m, t, out)
+    return count
+
+
+@njit(**OPTIONS)
+def _exerted(m, b):
+    """Force of a body's inboard joint on the joint's second body, by the joint's rows, then along its coordinate.
+
+    ``NUMBERS`` has a sign of -1 if the body is the first one: then its normal force has the guide's arm besides.
+    """
+    plan, w = m.plan, m.w
+    k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
+    x, z, turn, sign = w[k], w[k + 1], w[k + 2], w[j]
+    if m.bodies[b, JOINT] != PRISMATIC:
+        return sign * x, sign * z, sign * turn
+    up, own = plan[SECTION] + SEC * m.bodies[b, PARENT], plan[SECTION] + SEC * m.bodies[b, INBOARD]
+    d_x, d_y = turned(w, w[up + 2], j + 2)
+    normal, along = d_x * z - d_y * x, d_x * x + d_y * z
+    if sign < 0.0:  # the direction is turned round with the sides: n . F and d . F keep their signs
+        arm = d_x * (w[own] - w[up]) + d_y * (w[own + 1] - w[up + 1])
+        turn = -turn - normal * arm
+    return normal, turn, along
+
+
+@njit(**ENTRY)
+def openings(m, t, out):
+    """Residuals of all rows of the cuts and of resting contacts at the given coordinates; their derivatives by all of
+    y are at GRADIENT."""
+    plan, w = m.plan, m.w
+    prescribe(m, t)
+    deform(m)
+    place(m, 0)
+    cut_rows(m)
+    bent(m)
+    n = plan[COORDINATES]
+    for i in range(plan[REACTIONS] * n):
+        w[plan[GRADIENT] + i] = 0.0
+    for cut in range(plan[CUTS], plan[HOLDS]):
+        end = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[HOLDS] else plan[JOINT_ROWS]
+        for row in range(m.acts[cut, ROW_AT], end):
+            gradient(m, row, cut, True, plan[GRADIENT] + n * row)
+            out[row] = w[plan[CUT] + 9 * row]
+    for act in range(plan[CONTACTS], plan[ACTS]):
+        if rests(m, act):
+            row = m.acts[act, ROW_AT]
+            gradient(m, row, act, True, plan[GRADIENT] + n * row)
+            out[row] = w[plan[CUT] + 9 * row]
+
+
+ENTRIES = {
+    fold: void(MECHANISM, N, N),
+    unfold: void(MECHANISM, N, int64, N, N, N, N, N, N),
+    move_on: boolean(MECHANISM, float64),
+    courses_at: void(MECHANISM, N, int64, N, int64),
+    magnitudes_at: void(MECHANISM, N, int64, N, int64, N, int64),
+    follow_rows: int64(MECHANISM, int64, N, N, N),
+    states: int64(MECHANISM, N, int64, N, N, int64, boolean, N),
+    openings: void(MECHANISM, float64, N),
+}
+"""Signatures of the functions that Python calls."""

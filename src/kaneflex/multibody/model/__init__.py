@@ -1,0 +1,1 @@
+"""Models: topology, typed arrays, shapes, initial state, determinacy of a mechanism."""

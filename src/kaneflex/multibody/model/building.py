@@ -1,0 +1,371 @@
+"""Construction of a model: mesh the links, choose coordinates, assemble, reduce."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from kaneflex.fem.assembly import (
+    ElasticEquations,
+    Placed,
+    assemble,
+    load_on_link,
+    place_masses,
+    place_rigid,
+    place_torques,
+)
+from kaneflex.fem.coordinate_map import Frame, build_frame
+from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
+from kaneflex.fem.links import Link, Part, build_link, craig_bampton, with_rayleigh
+from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
+from kaneflex.fem.springs import place_springs
+from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
+from kaneflex.mechanism.mechanism import same_mechanism
+from kaneflex.mechanism.rigid_bodies import carried_bodies
+from kaneflex.mechanism.rigid_motion import RigidKinematics
+from kaneflex.multibody.model.bound_model import REACHED, Model, keep_terms
+from kaneflex.multibody.model.elastic_stage import Stage, count_of_modes
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.energy import Energy
+    from kaneflex.multibody.time.spatial_motion import SpatialKinematics
+
+_SAMPLES = 4001
+"""Instants of a run among which the first drive's position is searched."""
+_NARROW = 12
+"""Half-bandwidth up to which reordering does not pay off."""
+
+
+def build_model(
+    scene: Scene, options: Options, motion: RigidKinematics, frozen: Model | None = None, like: Model | None = None,
+    bare: bool = False,
+) -> Model:
+    """Mesh the links, assemble, reduce.
+
+    ``frozen`` provides the order of coordinates, the bases and the damping modes; ``like`` the equations, if equal.
+    ``bare``: the coupled equations have no linear ones, since no elastic stage can follow the rigid motion.
+    """
+    reference, warnings = reference_instant(scene, options, motion)
+    if like is not None and _same_equations(scene, options, motion, like):
+        model = replace(like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None,
+                        seconds={})  # fmt: skip
+        return replace(model, warnings=(*warnings, *(_without_modes(model) if model.equations.size else ())))
+    if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
+        return rigid_model(scene, options, motion, reference)
+    if bare:
+        links = _links(scene, options, motion)
+        parts = {name: link.part for name, link in links.items()}
+        none = _no_equations()
+        return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
+    bases = {} if frozen is None else frozen.bases
+    if scene.is_spatial:  # a local import lets planar scenes start faster
+        from kaneflex.multibody.model.spatial_elastic import elastic_stage
+
+        stage = elastic_stage(scene, options, cast("SpatialKinematics", motion), bases)
+    else:
+        stage = _planar_stage(scene, options, motion, bases)
+    placed = stage.placed
+    if scene.damping is not None and scene.damping.kind == "rayleigh":
+        alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
+        placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
+    frame, placed = stage.frame, placed + stage.sprung
+    frame, placed = _narrow_band(frame, placed) if frozen is None else _ordered(frame, placed, frozen.coordinates)
+    equations = assemble(placed, frame.coordinates, options.convective)
+    model = Model(scene, options, stage.motion, stage.links, stage.parts, stage.bases, stage.interfaces, frame,
+                  equations, equations, None, reference)  # fmt: skip
+    warnings = (*warnings, *_without_modes(model))
+    if scene.damping is not None and scene.damping.kind == "modal":
+        equations = _with_modal_damping(model, model if frozen is None else frozen)
+        model = replace(model, equations=equations, reduced=equations)
+    if options.reduction == "modal":
+        omega, basis = reference_modes(model if frozen is None else frozen, options.modes)
+        names = tuple(f"mode_{k + 1}" for k in range(len(omega)))
+        reduced = equations.in_basis(basis, names)
+        if options.dynamics == "frozen":
+            reduced = _frozen(model, reduced, omega)
+        model = replace(model, reduced=reduced, modal_basis=basis)
+    return replace(model, warnings=(*warnings, *stage.warnings))
+
+
+def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
+    """Model of the same scene along an integrated motion, of which it had known the start."""
+    found = build_model(model.scene, model.options, motion, like=model)
+    warnings = (*found.warnings, *model.warnings)
+    found = replace(found, energy=energy, warnings=warnings, seconds=model.seconds, given=model.given)
+    return found.sharing(model)
+
+
+def _links(scene: Scene, options: Options, motion: RigidKinematics) -> dict[str, Link]:
+    """Elastic links of a planar scene."""
+    return {
+        name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
+        for name, body in scene.bodies.items()
+        if body.elastic
+    }
+
+
+def _planar_stage(
+    scene: Scene, options: Options, motion: RigidKinematics, frozen: Mapping[str, np.ndarray]
+) -> Stage:
+    """Meshed links and coordinates of a planar scene; ``frozen``: bases of reductions."""
+    links, carried = _links(scene, options, motion), carried_bodies(scene)
+    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
+    parts, bases = _parts(scene, options, links, interfaces, frozen)
+    frame = build_frame(scene, parts, carried, interfaces)
+    placed = [(part, frame.maps[name]) for name, part in parts.items()]
+    placed += place_rigid(scene, carried, frame)
+    placed += place_masses(scene, links, parts, frame) + place_torques(scene, links, parts, frame)
+    sprung = place_springs(scene, links, parts, frame)
+    return Stage(motion, links, parts, bases, interfaces, frame, placed, sprung)
+
+
+def rigid_model(scene: Scene, options: Options, motion: RigidKinematics, reference: float = 0.0) -> Model:
+    """Model without elastic bodies; ``reference``: instant [s] of its pictures."""
+    none = _no_equations()
+    return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
+
+
+def _no_equations() -> ElasticEquations:
+    """Equations of no coordinates."""
+    names = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
+    return ElasticEquations((), **{key: Affine.zero(0, 1 if key == "F" else 0) for key in names})
+
+
+def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, like: Model) -> bool:
+    """True if a model's equations apply to the scene, which then differs in drives' speeds only.
+
+    A speed enters the scalars of the motion only, unless the equations are those of one instant.
+    """
+    as_before = replace(options, duration=like.options.duration, steps=like.options.steps)
+    if motion.module is not like.module or as_before != like.options or of_an_instant(scene, options):
+        return False
+    return options.dynamics != "coupled" and same_mechanism(scene, like.scene)
+
+
+def of_an_instant(scene: Scene, options: Options) -> bool:
+    """True if the equations use modes of the reference configuration, by reduction, freezing or damping.
+
+    Under preset coupled, modal damping uses each link's own modes.
+    """
+    damped = scene.damping is not None and scene.damping.kind == "modal" and options.damping
+    return options.reduction == "modal" or (damped and options.dynamics != "coupled")
+
+
+def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:
+    """Reorder the coordinates for a small bandwidth (Cuthill & McKee 1969), if that helps.
+
+    A chain of links is narrow in its given order; loops and branches are not.
+    """
+    size = len(frame.coordinates)
+    touched = Affine.zero(size, size).pattern()
+    for part, L in placed:
+        within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
+        if not isinstance(touched, np.ndarray):  # few rows may be a dense array, their product is sparse
+            within, motion = sparse(within), sparse(motion)
+        touched = touched + motion.T @ within @ motion
+    before = _half_bandwidth(touched)
+    if before <= _NARROW:  # narrow ones keep their order
+        return frame, placed
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    pattern = sparse(touched)
+    order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
+    if _half_bandwidth(pattern[order][:, order]) >= before:
+        return frame, placed
+    return _ordered(frame, placed, [frame.coordinates[k] for k in order])
+
+
+def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> tuple[Frame, list[Placed]]:
+    """The same with reordered coordinates; unchanged if they are different ones."""
+    size = len(frame.coordinates)
+    if set(coordinates) != set(frame.coordinates):
+        return frame, placed
+    order = [frame.coordinates.index(name) for name in coordinates]
+    swap = Affine.constant(from_entries((size, size), order, np.arange(size), np.ones(size)))
+    moved = Frame(
+        tuple(coordinates),
+        {name: L @ swap for name, L in frame.maps.items()},
+        {name: L @ swap for name, L in frame.bodies.items()},
+    )
+    return moved, [(part, L @ swap) for part, L in placed]
+
+
+def _half_bandwidth(pattern: Matrix) -> int:
+    rows, columns, _ = entries(pattern)
+    return int(abs(rows - columns).max(initial=0))
+
+
+def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> ElasticEquations:
+    """Modal equations a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference
+    angle.
+
+    A mode of zero frequency may have lost its stiffness to the spin: omega^2 is then negative, and it diverges.
+    """
+    size = len(omega)
+    zero = Affine.zero(size, size)
+    rigid = model.motion.at(model.reference_time)
+    damping = np.diag(rigid.first(reduced.C_s).diagonal()) if model.options.damping else np.zeros((size, size))
+    absent = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
+    squares = np.where(omega > 0.0, omega**2, rigid.first(keep_terms(reduced, model.options)["K"]).diagonal())
+    modal = {"M": np.eye(size), "C_s": damping, "K_s": np.diag(squares)}
+    constant = {key: Affine.constant(matrix) for key, matrix in modal.items()}
+    return ElasticEquations(reduced.coordinates, F=reduced.F, **constant, **absent)
+
+
+def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -> tuple[float, tuple[str, ...]]:
+    """Instant [s] of the reference configuration, from :func:`stands_at` or the first one; and warnings about it.
+
+    Raises SceneError if the first drive never reaches the requested position.
+    """
+    instant = stands_at(scene, options.mode_angle, motion)
+    if instant is not None or options.dynamics == "rigid" or motion.is_start:
+        return instant or 0.0, ()
+    name, drive = next(iter(scene.drives.items()))
+    angles = motion.moved(np.linspace(0.0, scene.horizon, _SAMPLES))[f"{name}.angle"]
+    wanted, start, lowest, highest = (
+        scene.written_coordinate(name, x) for x in (options.mode_angle, angles[0], min(angles), max(angles))
+    )
+    if "mode_angle" not in scene.solve.model_fields_set and options.mode_angle == scene.solve.mode_angle:
+        said = f"{name} never reaches solve.mode_angle = {wanted}: modes are those of {start}"
+        return 0.0, (said,) if of_an_instant(scene, options) else ()
+    reason = f"{name} never reaches it; its range is {lowest} to {highest}"
+    if drive.kind == "free" and options.dynamics == "coupled":
+        reason = f"before the run only the start of {name}, {start}, is known"
+    elif lowest == highest:
+        reason = f"{name} stays at {start}"
+    place = f"{name}.{'position' if scene.slides(name) else 'angle'}"
+    placed = f"Set {place} = {wanted}, or c" if drive.kind in ("constant speed", "free") else "C"
+    raise SceneError("solve.mode_angle", wanted, reason, f"{placed}hoose a position within its range")
+
+
+def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float | None:
+    """First instant [s] at which the first drive is at a coordinate [rad or m]; None if it never is.
+
+    Positions count modulo the cycle, or modulo a full turn for a rotating drive without cycle. A drive with constant
+    speed is followed beyond the run.
+    """
+    name, drive = next(iter(scene.drives.items()), (None, None))
+    if drive is None:
+        return 0.0
+    turn = math.inf if scene.slides(name) else drive.cycle or 2.0 * math.pi
+    if drive.kind == "constant speed" and drive.speed and not scene.slides(name):
+        instant = (coordinate - drive.start) / drive.speed
+        return instant if 0.0 <= instant <= scene.horizon else instant % (turn / abs(drive.speed))
+    times = np.zeros(1) if motion.is_start else np.linspace(0.0, scene.horizon, _SAMPLES)
+    ahead = motion.moved(times)[f"{name}.angle"] - coordinate
+    around = ahead if math.isinf(turn) else ahead - turn * np.round(ahead / turn)
+    reached = REACHED["m" if math.isinf(turn) else "rad"]
+    for gap in (ahead, around):
+        if abs(gap[0]) < reached:
+            return 0.0
+        # a jump from half a turn ahead to half a turn behind is not a crossing
+        passed = (gap[:-1] * gap[1:] <= 0.0) & (abs(np.diff(gap)) < turn / 2)
+        if passed.any():
+            k = int(passed.argmax())
+            level = float(coordinate + ahead[k] - gap[k])
+            return _passing(motion, name, level, times[k], times[k + 1])
+    return None
+
+
+def _passing(motion: RigidKinematics, drive: str, coordinate: float, start: float, end: float) -> float:
+    """Instant [s] between two others at which a drive passes a coordinate, by refined samples and linear
+    interpolation."""
+    for _ in range(3):
+        times = np.linspace(start, end, 101)
+        gap = motion.moved(times)[f"{drive}.angle"] - coordinate
+        k = int((gap[:-1] * gap[1:] <= 0.0).argmax())
+        start, end, before, rise = times[k], times[k + 1], gap[k], gap[k + 1] - gap[k]
+    return float(start - (end - start) * before / rise) if rise else float(start)
+
+
+def _parts(
+    scene: Scene, options: Options, links: dict[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
+) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
+    parts: dict[str, Part] = {}
+    bases: dict[str, np.ndarray] = {}
+    for name, link in links.items():
+        parts[name] = load_on_link(scene, link.part, link)
+        if options.reduction == "craig-bampton":
+            held = interfaces.held_rows(parts[name]) | _loaded_rows(scene, link)
+            count = count_of_modes(options, name, parts[name].size - len(held))
+            parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
+    return parts, bases
+
+
+def _loaded_rows(scene: Scene, link: Link) -> set[int]:
+    """Rows of nodes with lumped masses, springs or torques, which a reduction keeps."""
+    addresses = [mass.at for mass in scene.masses.values()]
+    addresses += [end for spring in scene.springs.values() for end in spring.ends]
+    addresses += [side for contact in scene.contacts.values() for side in contact.sides]
+    turned = {joint for joint, _ in scene.joint_torques.values()}
+    addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
+    nodes = [link.node_at(scene.point(address)[0]) for address in addresses if address.body == link.name]
+    return {row for node in nodes for row in link.part.place[node]}
+
+
+def has_modes(model: Model) -> bool:
+    """True if there are equations and the reference configuration is not a dead centre."""
+    if not model.equations.size:
+        return False
+    rigid = model.motion.at(model.reference_time)
+    return all(np.isfinite(entries(rigid.first(part))[2]).all() for part in (model.equations.M, model.equations.K_s))
+
+
+def _said_of_reference(model: Model) -> tuple[str, str, str]:
+    """Position of the reference configuration, why it has no modes, and a fix."""
+    cure = "Choose another position by solve.mode_angle"
+    for name, at in model.reference_coordinates.items():
+        reason = f"a dead centre or change point, where {name} does not determine the motion"
+        return model.scene.written_coordinate(name, at), reason, cure
+    return "0", "a position where the mechanism locks", cure
+
+
+def _without_modes(model: Model) -> tuple[str, ...]:
+    """Warning about a reference configuration without modes, if nothing needs them."""
+    if model.scene.damping is not None or model.options.reduction == "modal" or has_modes(model):
+        return ()
+    place, reason, cure = _said_of_reference(model)
+    return (f"no modes at solve.mode_angle = {place}, {reason}: {cure[:1].lower()}{cure[1:]}",)
+
+
+def no_modes(model: Model) -> SceneError:
+    """Error for a reference configuration without modes."""
+    place, reason, cure = _said_of_reference(model)
+    return SceneError("solve.mode_angle", place, f"there are no modes at {reason}", cure)
+
+
+def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndarray]:
+    """Undamped modes at the reference configuration: angular frequencies [rad/s] and shapes in columns.
+
+    From K_s only, except for the paper's frozen model, whose K is K_s + K_d, eq. (99).
+    """
+    rigid = model.motion.at(model.reference_time)
+    frozen = model.options.dynamics == "frozen"
+    stiffness = keep_terms(model.equations, model.options)["K"] if frozen else model.equations.K_s
+    size = model.equations.size
+    count = size if modes == "all" else modes
+    if count > size:
+        raise SceneError(
+            "solve.modes", modes, f"the mechanism has {size} degrees of freedom",
+            "Use fewer modes, or more elements",
+        )  # fmt: skip
+    if size and not has_modes(model):
+        raise no_modes(model)
+    square = rigid.first(stiffness)
+    return lowest_modes((square + square.T) * 0.5, rigid.first(model.equations.M), count)
+
+
+def _with_modal_damping(model: Model, of: Model) -> ElasticEquations:
+    """Equations with C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration; Phi and omega from ``of``."""
+    omega, shapes = reference_modes(of, "all")
+    zeta = damping_ratios(model.scene.damping.modal.ratio, omega)
+    weighted = model.motion.at(model.reference_time).first(model.equations.M) @ shapes
+    damping = Affine.constant(weighted * (2.0 * zeta * omega) @ weighted.T)
+    return replace(model.equations, C_s=model.equations.C_s + damping)

@@ -1,0 +1,116 @@
+"""Choice of the independent speeds of a mechanism in space, from the scene and the rank of its constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.spatial import SpatialJoint
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.time.spatial_steps import Choice
+
+_RANK = 1e-9
+"""Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
+
+
+def given_speeds(system: SpatialSystem) -> dict[int, float]:
+    """Initial speeds of free joints and bodies from the scene, by their numbers, at the position of ``work``."""
+    found: dict[int, float] = {}
+    number = {name: k for k, name in enumerate(system.layout.speeds)}
+    for name, drive in system.scene.drives.items():
+        if drive.kind != "free":
+            continue
+        joint = system.mechanism.joints[name]
+        if drive.angular_velocity is not None:
+            found |= dict(zip(system.speeds_of(name), _as_ball(system, joint, drive.angular_velocity), strict=True))
+        elif joint.kind != "spherical":
+            values = (drive.initial_speed,) if joint.freedoms == 1 else drive.initial_speeds or ()
+            given = {f"{name}.{move}": value for (move, _), value in zip(joint.moves, values, strict=False)}
+            if given and name in system.layout.kept:
+                omega = _as_ball(system, joint, _turning(system, joint, values))
+                given |= {f"{name}.omega_{axis}": value for axis, value in zip("xyz", omega, strict=True)}
+            found |= {number[each]: value for each, value in given.items() if each in number}
+    for body in system.mechanism.floating:
+        free, R = system.scene.floating[body], system.mechanism.bodies[body].rotation
+        turn = R.T @ np.zeros(3) if free.angular_velocity is None else R.T @ np.asarray(free.angular_velocity)
+        found |= dict(zip(system.speeds_of(body), [*system.scene.vector(free.velocity), *turn], strict=True))
+    return found
+
+
+def _turning(system: SpatialSystem, joint: SpatialJoint, speeds: Sequence[float]) -> np.ndarray:
+    """Angular velocity of a joint's second body against its first, in the second's axes, by the speeds of its moves."""
+    first, second = _standing(system, joint)
+    omega, now = np.zeros(3), {False: second.T @ first, True: system.mechanism.relative(joint).T}
+    for (move, axis), speed in zip(joint.moves, speeds, strict=True):
+        if move.startswith("angle"):
+            omega += speed * now[move == "angle_2"] @ axis  # the second of two goes along with the second body
+    return omega
+
+
+def _as_ball(system: SpatialSystem, joint: SpatialJoint, omega: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Speeds of a ball from the angular velocity of a joint's second body against its first, in the second's axes.
+
+    Where the tree goes from the second body to the first it is the opposite, in the first's.
+    """
+    if system.layout.tree[joint.name][1] > 0:
+        return np.asarray(omega)
+    first, second = _standing(system, joint)
+    return -first.T @ second @ np.asarray(omega)
+
+
+def _standing(system: SpatialSystem, joint: SpatialJoint) -> list[np.ndarray]:
+    """Axes of a joint's bodies at the position of ``work``."""
+    return [system.work.R[system.layout.node_of[side.body]] if side.body != GROUND else np.eye(3)
+            for side in joint.sides]  # fmt: skip
+
+
+def named_speeds(system: SpatialSystem) -> list[int]:
+    """Numbers of the speeds of free joints, free bodies and shapes."""
+    free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
+    return [*(k for name in (*free, *system.mechanism.floating) for k in system.speeds_of(name)),
+            *system.modal_speeds.tolist()]  # fmt: skip
+
+
+def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray], rank: int | None = None) -> np.ndarray:
+    """Smallest singular value, at each of some instants, of the constraints by the speeds that no drive prescribes, in
+    the measures of both, without redundant rows.
+
+    rank: number of independent rows if known, as for loops that are not quite closed.
+    """
+    sizes = [np.linalg.svd(system.jacobian(q)[:, system.open_speeds], compute_uv=False) for q in rows]
+    if rank is None:
+        rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
+    return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
+
+
+def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice:
+    """Independent rows and speeds by pivoted QR at a position; ``prefer``: named speeds are independent."""
+    from scipy.linalg import qr
+
+    J, free = system.jacobian(q)[:, system.open_speeds], system.open_speeds
+    kept, dependent = np.zeros(0, int), np.zeros(0, int)
+    if J.size:
+        _, r, order = qr(J.T, pivoting=True, mode="economic")
+        kept = np.sort(order[: _rank(r)])
+        weight = np.ones(len(free))
+        weight[np.isin(free, system.modal_speeds)] = 1e-4  # shapes are dependent only if necessary
+        if prefer:
+            weight[np.isin(free, named_speeds(system))] *= 1e-3
+            weight[np.isin(free, list(given_speeds(system)))] = 1e-6
+        _, _, order = qr(J[kept] * weight, pivoting=True, mode="economic")
+        dependent = free[order[: len(kept)]]
+    return system.choice_of(kept, dependent, np.setdiff1d(free, dependent))
+
+
+def choose_anew(system: SpatialSystem, q: np.ndarray, choice: Choice) -> Choice:
+    """Other speeds at a position if they keep the rank; else the given choice: near a singular position fewer rows
+    would leave a freedom unconstrained."""
+    other = choose(system, q)
+    return other if len(other.rows) == len(choice.rows) else choice
+
+
+def _rank(r: np.ndarray) -> int:
+    pivots = abs(np.diag(r))
+    return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of which nothing is left but rounding have none

@@ -1,0 +1,369 @@
+"""Tables of a mechanism for compiled recursions: columns and places.
+
+Compiled code passes an array as seven words, and a tuple of thirty arrays would cost more than most of these functions
+compute. So all floating-point numbers, of the mechanism and of the motion, are in one array, whose places the plan
+contains; integers are in three tables. Compiled code receives one word, the address of their addresses: indices need no
+check for negative values, and constant integers need not be read again after a store.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.core.imputils import lower_getattr_generic
+from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, int64, void
+
+from kaneflex.support.inner import Inner
+
+_AS_WRITTEN = {"nsz", "arcp", "contract", "afn"}
+"""Compiler flags for sums that keep the order of terms."""
+OUTER = {"error_model": "numpy", "fastmath": _AS_WRITTEN | {"reassoc"}}
+ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True, "pipeline_class": Inner}
+"""Numba options of functions that Python calls by their addresses: see :mod:`kaneflex.multibody.compile.library`."""
+OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
+"""Numba options of functions called by compiled code: they allocate nothing, so nothing is reference-counted."""
+IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
+"""Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
+
+SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 44, 8
+"""Sizes of entries. A section: x, y, theta and two rates. A frame: x, y, phi, cos, sin, then two rates of x, y, phi. A
+cut's row: residual, two rates, Jacobian by the two twists. A spring: see :mod:`kaneflex.generated.joints`. A
+contact: see :mod:`kaneflex.multibody.unilateral.contacts`. A factorised joint: direction of its motion at its section
+(3), the articulated inertia times it (3), the inverse of the coordinate's inertia, and 1 if it has one."""
+
+(
+    KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS,
+    DAMPED,
+) = range(16)  # fmt: skip
+"""Columns of ``bodies``, in the order of the tree: offset of its kernels from those of the first pair of shape counts;
+place of its block of numbers; its joint's first coordinate, their count, the joint's kind; its first modal
+coordinate and their count; the parent's section at its joint and its own there; the course that prescribes its
+joint, or -1; its first section and the one after its last; its first row in forces over all bodies' speeds, and the
+place of its square matrix; its joint's numbers: sign, angle, and direction in the parent section's axes; place of
+its shapes' damping matrix."""
+OWNER, POINT, JACOBIAN = range(3)
+"""Columns of ``sections``: the body, or -1; place of its block of numbers; place of its W."""
+WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
+LAW = COURSE_AT
+"""Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections; a cut's course or -1,
+a drive's coordinate or -1, 0 or -1 for a spring at a joint of the tree or elsewhere, a contact's law; a cut's first
+row, a hold's or a contact's row; its numbers: a cut's direction and angle, a drive's or a load's direction, a
+spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a hold's
+(:mod:`kaneflex.multibody.unilateral.dry_friction`)."""
+
+WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE, ALONG = range(7)
+"""Kinds of joints in the tree; cuts have the first three, and drives of cut joints TURN and SLIDE, as drives have;
+holds these two, or ALONG a contact's face."""
+FORCE_ALONG, FOLLOWER, TORQUE = range(3)
+"""Kinds of loads: along a global direction, along one that turns with the second section, between two sections."""
+STRAIGHT, TORSIONAL = range(2)
+"""Kinds of springs."""
+FLANK, SWITCH = 2, -1
+"""Kinds of contacts: flanks, by their number in :data:`kaneflex.generated.contact.KINDS`; switches, which touch
+nothing but are treated alike: arguments of loads' laws, which change at their zeros. The sections of a switch are
+the ground's, its number among the switches is in ROW_AT."""
+ABOVE, BELOW, STAYS = 0.0, -1.0, -2.0
+"""BEGUN_AT of a switch: the laws' side of zero, or that it stays at zero."""
+(
+    GAP, GAP_RATE, NORMAL_X, NORMAL_Y, PLACE_X, PLACE_Y, SLIDING, NORMAL_TURN, PUSH_NOW, ELASTIC, LOSING,
+    BEGUN_AT, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, DUE,
+    BEGAN_X, BEGAN_Y, NODES,
+) = range(25)  # fmt: skip
+"""Numbers of a contact: the output of :func:`kaneflex.generated.contact.gap`; its force, stored energy and loss; its
+closed state with the approach speed of its law (see :mod:`kaneflex.multibody.unilateral.contacts`); the error allowed
+in its gap; k and c of the factors; the effective mass along its normal; of the current impact its time, approach speed,
+impulse, peak force and previous loss; its change at the end of this step; the place where the impact began; then a
+step's nodes."""
+(
+    PLACE, SLIP, SLIP_RATE, NORMAL, LIMIT, HOLDING, SPEED_SIZE, BEFORE, FIRMEST,
+    MODE, STUCK_AT, SLOPE, BY_SPEED, DECAY, BY_PRESS, JAMS,
+) = *range(9), *range(BEGUN_AT, BEGUN_AT + 7)  # fmt: skip
+"""Numbers of a hold (:mod:`kaneflex.multibody.unilateral.dry_friction`): position along its row, speed and acceleration
+there; normal force, largest holding force, current force; size of the speeds whose difference is its own; previous
+force; largest g of bristles since its sides touch; mode; position where it stuck, or deflection of its bristles;
+damping; derivatives of the bristles' rate by speed, by deflection (negative) and by normal force; time when it first
+jammed. As of contacts, DUE and NODES follow; of bristles a node has speed, g, deflection, force."""
+BORE = FIRMEST
+"""Numbers of a stuck hold, which has no bristles: the force at which it is to slip."""
+(
+    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
+    SHARED,
+) = range(15)  # fmt: skip
+"""Numbers that contacts share: the error allowed in a gap as a share of its depth, the size of the mechanism [m], the
+step [s] before they closed; a change in search: steps before and after it, the next trial, its contact and kind;
+time of the last one, and their number at one instant; one more than the number of a switch that its load's law
+would hold at zero; 1 if other contacts rest than before; number of searches for a change; the predicted step [s] to
+the next contact of rigid sides; then every contact's gradient."""
+ROOM, LARGEST = STIFF, ALLOWED
+"""Numbers of a switch: tolerance of zero, and its largest distance from zero."""
+SHUT, SHIFT = STIFF, VISCOUS
+"""Numbers of a contact by Newton's law: 1 if dependent coordinates keep it closed; shift of its gap after a separation
+without speed. ALLOWED is the force [N] that counts as zero."""
+WHEN, REACH, LEAST, PASSED, CHANGE_POINT = range(5)
+"""Numbers of change points: time of the next or last one; time [s] from there until the loops are regular again, 0 if
+unknown; least pivot of the cuts' derivatives at the end of the last step, 0 if that was too close; time when the
+last one was passed. Then interpolation data."""
+IMPACT_SIZE, MOST_IMPACTS = 10, 256
+"""Numbers of a completed impact: contact, its begin and end, approach speed, separation speed, impulse, peak force,
+energy lost, x and y of its begin; number of impacts after which Python must collect them. Their count precedes
+them."""
+
+(
+    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
+    CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING,
+    Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
+    GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
+    GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
+    CONTACT, TOUCH, CROSSING, IMPACTS, COMPLEMENT, TOUCHING,
+    MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, STAGE_H, LAST_A, LAST_R, RESISTING,
+    WAYS, SLOPES, VARIED, SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE,
+    SLOPE_FORCES, PIVOTS, PAIR_PIVOTS, WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PLAN,
+) = range(91)  # fmt: skip
+"""Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
+contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
+works, kept rows; 1 if shapes are among the dependent coordinates; number of bodies, the first ones, that no
+dependent coordinate moves. First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, and the
+end; numbers of contacts and holds, and of loads and springs, in the next factors, counted by compiled code; 1 if
+the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations), sections, points
+in their bodies' axes, frames, forces over all speeds, cut rows, courses, drives' coordinates and rates, loads'
+sizes, springs, sums, reactions of the cuts, forces at inboard sections, residuals of coordinates, powers. Gravity,
+stiffness, damping and unit of every coordinate, the errors allowed in it, its rate and its acceleration; additions
+to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows, its dependent square, their
+right-hand side, W of the sections now. Places in ``plan`` itself: that square's pivots, and of every kept row its
+number, its cut, its dependent coordinate. In ``w`` again: contacts, preceded by the holds' numbers, shared numbers
+of contacts, numbers of change points, completed impacts, arrays for rigid contacts at one instant. In ``plan``:
+contacts and holds in the factors (holds by numbers below zero), or touching contacts. In ``w``: mass matrices and W
+at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of
+courses, accelerations of holds, accelerations and reactions of the last step, and residuals of its stages;
+gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of
+loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: squares of all bodies, joints,
+coordinates by unit reactions of the kept rows and in the last row the answer, the reactions' effect on the cuts,
+forces, reactions, required accelerations of holds, responses to a unit of each load and spring with slopes, their
+matrix, their forces. In ``plan``: the pivots of either factors, those loads and springs, the pivots of their
+matrices."""
+
+
+class Tables(NamedTuple):
+    """Tables of one mechanism: plan (int64), bodies, sections, acts (int64, by row and column), w (float64)."""
+
+    plan: np.ndarray
+    bodies: np.ndarray
+    sections: np.ndarray
+    acts: np.ndarray
+    w: np.ndarray
+
+
+class Fixed(types.Type):
+    """Whole numbers in rows of ``width`` that compiled code only reads, from their address: ``f[k]``, ``f[row, k]``."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        super().__init__(f"Fixed({width})")
+
+
+@register_model(Fixed)
+class _FixedModel(models.PrimitiveModel):
+    def __init__(self, manager, of) -> None:
+        super().__init__(manager, of, ir.IntType(64).as_pointer())
+
+
+@infer_global(operator.getitem)
+class _FixedItem(AbstractTemplate):
+    def generic(self, args, kws):
+        fixed, k = args
+        if not isinstance(fixed, Fixed):
+            return None
+        whole = types.intp if isinstance(k, types.Integer) else UniTuple(types.intp, 2)
+        return signature(int64, fixed, whole)
+
+
+@lower_builtin(operator.getitem, Fixed, types.Any)
+def _fixed_item(context, builder, sig, args):
+    address, k = args
+    if sig.args[1] != types.intp:
+        row, column = cgutils.unpack_tuple(builder, k)
+        k = builder.add(builder.mul(row, ir.Constant(row.type, sig.args[0].width)), column)
+    return _fixed_number(builder, builder.gep(address, [k]))
+
+
+def _fixed_number(builder, place):
+    """Load of a number that compiled code never writes."""
+    found = builder.load(place)
+    found.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return found
+
+
+@intrinsic
+def apart(typing):
+    """Keep the calling function one piece of machine code, not inlined, with its loops as written.
+
+    Unrolling and vectorising would take most of the compiler's time without gain for a few shapes per body.
+    """
+
+    def mark(context, builder, sig, args):
+        builder.function.attributes.add("noinline")
+        builder.function.attributes.add("optsize")
+        return context.get_dummy_value()
+
+    return types.none(), mark
+
+
+@intrinsic
+def together(typing):
+    """As :func:`apart`, for functions with loops long enough to be vectorised."""
+
+    def mark(context, builder, sig, args):
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.none(), mark
+
+
+@intrinsic
+def shifted(typing, address, k):
+    """Address of the k-th number from there."""
+
+    def read(context, builder, sig, args):
+        return builder.gep(args[0], [args[1]])
+
+    return address(address, types.intp), read
+
+
+@intrinsic
+def address(typing, array):
+    """Address of an array's first number: reading from it needs no check for negative indices."""
+
+    def read(context, builder, sig, args):
+        return context.make_array(array)(context, builder, args[0]).data
+
+    return CPointer(array.dtype)(array), read
+
+
+N = CPointer(float64)
+_BITS = 64
+"""Bits of an address."""
+
+COURSES, MAGNITUDES, DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY = range(8)
+"""Places of kernels: of a structure's own, then of a body's, which follow there for every kind of body."""
+STRUCTURE_KERNELS = {
+    "courses": FunctionType(void(float64, N, N, int64)),
+    "magnitudes": FunctionType(void(float64, N, int64, N, N, int64)),
+}
+BODY_KERNELS = {
+    "deform": FunctionType(void(N, int64, N, N, N, int64, N, int64)),
+    "push": FunctionType(void(N, int64, N, int64, *(float64,) * 5, N, int64)),
+    "jacobian": FunctionType(void(N, int64, N, int64, float64, float64, N, int64)),
+    "inverse": FunctionType(void(N, int64, N, N, N, int64, *(float64,) * 6, N, int64)),
+    "inertia": FunctionType(void(N, int64, N, int64, float64, float64, N, int64)),
+    "energy": FunctionType(UniTuple(float64, 2)(N, int64, N, N, int64, *(float64,) * 5, N)),
+}
+"""Signatures of the kernels ``kernels(axial, transverse)`` of :mod:`kaneflex.generated.body` for bodies with so many
+shapes."""
+_KERNELS = *STRUCTURE_KERNELS.values(), *BODY_KERNELS.values()
+
+
+@intrinsic(prefer_literal=True)
+def kernel(typing, kernels, which):
+    """One of a structure's kernels, or of a body's (:func:`of_body`), to be called."""
+
+    def read(context, builder, sig, args):
+        found = _fixed_number(builder, builder.gep(args[0], [ir.Constant(ir.IntType(_BITS), which.literal_value)]))
+        function = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+        function.jit_addr = builder.inttoptr(found, cgutils.voidptr_t)
+        # Else every call would have a branch for functions that are not compiled yet.
+        builder.assume(builder.icmp_unsigned("!=", function.jit_addr, cgutils.voidptr_t(None)))
+        return function._getvalue()
+
+    return _KERNELS[which.literal_value](kernels, which), read
+
+
+class Handed(types.Type):
+    """Type of a word passed to compiled code, the address of a table of addresses: attributes of these types."""
+
+    def __init__(self, name: str, **parts: types.Type) -> None:
+        self.parts = parts
+        super().__init__(name)
+
+
+@register_model(Handed)
+class _HandedModel(models.PrimitiveModel):
+    def __init__(self, manager, of) -> None:
+        super().__init__(manager, of, ir.IntType(_BITS).as_pointer())
+
+
+@infer_getattr
+class _HandedParts(AttributeTemplate):
+    key = Handed
+
+    def generic_resolve(self, handed, name):
+        return handed.parts.get(name)
+
+
+@lower_getattr_generic(Handed)
+def _part(context, builder, handed, value, name):
+    place = builder.gep(value, [ir.Constant(ir.IntType(_BITS), list(handed.parts).index(name))])
+    return builder.inttoptr(_fixed_number(builder, place), context.get_value_type(handed.parts[name]))
+
+
+Z = CPointer(complex128)
+_PARTS = {
+    "plan": Fixed(1), "bodies": Fixed(16), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
+    "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
+}  # fmt: skip
+MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
+    Handed(name, **_PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
+)
+"""All numbers of a mechanism for compiled code. ``pivots``: the plan once more, writable; ``kernels``: addresses of
+those of the structure and of its kinds of bodies, see :func:`kernel`; ``p``: the parameters of the structure's
+module; ``real``, ``pair``: arrays for factors."""
+
+
+class Handle:
+    """Arrays, or other handles, by their addresses in one table, and the address of that: of this process alone."""
+
+    def __init__(self, *arrays: np.ndarray | Handle) -> None:
+        self.arrays = arrays
+        addresses = [each.address if isinstance(each, Handle) else each.ctypes.data for each in arrays]
+        self._table = np.array(addresses, np.int64)
+        self.address: int = self._table.ctypes.data
+
+
+@njit(**OPTIONS)
+def of_body(m, b):
+    """The kernels of a body's kind."""
+    return shifted(m.kernels, m.bodies[b, KIND])
+
+
+@njit(**OPTIONS)
+def magnitude(x):
+    """|Re x| + |Im x|: tells whether a pivot vanishes as well as the absolute value does, and takes no root."""
+    return abs(x.real) + abs(x.imag)
+
+
+@njit(**OPTIONS)
+def larger(a, b):
+    """Larger of two numbers, NaN if one of them is. (numba's own takes seconds to compile.)"""
+    return a if a >= b or a != a else b
+
+
+@njit(**OPTIONS)
+def smaller(a, b):
+    """Smaller of two numbers in the same way."""
+    return a if a <= b or a != a else b
+
+
+@njit(**OPTIONS)
+def turned(w, theta, k):
+    """Global components of the direction at ``k``, fixed in axes at the angle theta: most are the ground's."""
+    if theta == 0.0:
+        return w[k], w[k + 1]
+    c, s = math.cos(theta), math.sin(theta)
+    return c * w[k] - s * w[k + 1], s * w[k] + c * w[k + 1]

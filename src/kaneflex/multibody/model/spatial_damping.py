@@ -1,0 +1,114 @@
+"""Damping of the shapes of links in space, measured against axes that don't depend on the tree of bodies.
+
+A body's floating axes follow its section at one joint, which the mechanism's tree chooses. The motion damped by
+Rayleigh's mass term, a modal ratio or viscous damping is measured as in the plane, in each plane of bending: against
+the tangent if only one joint holds the link's rotation relative to prescribed motions, else against the chord of its
+first and last joints, else against its mean rotation about its only joint.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import eigh
+
+from kaneflex.fem.spatial_links import SpatialLink
+from kaneflex.mechanism.affine import Matrix
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
+from kaneflex.multibody.model.inertia_integrals import modal_damping
+from kaneflex.scene import Scene
+
+_FREE = 0.5 + 1e-9
+"""Share, squared, of an axis in the free rotations of a joint, above which the body turns freely about it."""
+_PLANES = ((1, 5, "z", 1.0), (2, 4, "y", -1.0))
+"""Rows of displacement and rotation of a node in either plane of bending, the rotation's axis, and its sign where the
+link turns about it."""
+
+
+def shape_damping(scene: Scene, link: SpatialLink, basis: np.ndarray) -> np.ndarray:
+    """Damping of modal coordinates [N s/m], (count, count), of shapes ``basis``, (6 n_nodes, count)."""
+    K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
+    apart = against_axes(scene, link, basis, M)
+    mass = apart.T @ M @ apart
+    modes = eigh(apart.T @ K @ apart, mass)[1]
+    of_modes = modal_damping(scene, link, apart @ modes, M)
+    back = modes.T @ mass
+    return back.T @ of_modes @ back
+
+
+def against_axes(scene: Scene, link: SpatialLink, basis: np.ndarray, M: Matrix) -> np.ndarray:
+    """Shapes relative to the axes of the damping, without rigid motions, (6 n_nodes, count)."""
+    clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
+    joined, size, left = sorted(clamped), M.shape[0], basis.copy()
+    alone = {axis: places[0] for axis in "xyz" if len(places := [x for x in joined if axis in clamped[x]]) == 1}
+
+    def row(x: float, k: int) -> np.ndarray:
+        found = np.zeros(size)
+        found[6 * _node(link, x) + k] = 1.0
+        return found
+
+    def take(rigid: np.ndarray, measured: list[np.ndarray]) -> None:
+        """Remove from the shapes the rigid motions for which ``measured`` vanishes."""
+        rows = np.array(measured)
+        left[:] -= rigid @ np.linalg.solve(rows @ rigid, rows @ left)
+
+    for v, theta, axis, sign in _PLANES:
+        at = alone.get(axis, joined[0] if joined else 0.0)
+        rigid = np.zeros((size, 2))
+        rigid[v::6, 0], rigid[v::6, 1], rigid[theta::6, 1] = 1.0, sign * (link.nodes - at), 1.0
+        if axis in alone:
+            take(rigid, [row(at, v), row(at, theta)])
+        elif len(joined) > 1:
+            take(rigid, [row(joined[0], v), row(joined[-1], v)])
+        else:
+            take(rigid, [row(at, v) if joined else M @ rigid[:, 0], M @ rigid[:, 1]])
+    along = joined[0] if len(joined) == 1 else alone["z"] if {"y", "z"} <= {*alone} else None
+    for k, at_joint in ((0, along), (3, alone.get("x"))):
+        rigid = np.zeros((size, 1))
+        rigid[k::6] = 1.0
+        take(rigid, [M @ rigid[:, 0] if at_joint is None else row(at_joint, k)])
+    return left
+
+
+def _node(link: SpatialLink, x: float) -> int:
+    found = link.node_at(x)
+    assert found is not None  # joints are at nodes
+    return int(found)
+
+
+def clamps(mechanism: SpatialMechanism, scene: Scene, body: str) -> dict[float, str]:
+    """Distance from a body's start [m] of each point held by joints -> axes x, y, z of the body about which the joint
+    holds its rotation relative to prescribed motions."""
+    driven = {name for name, drive in scene.drives.items() if drive.kind != "free"}
+    placed, found = _placed(mechanism, scene, driven), dict[float, str]()
+    for name, joint in mechanism.joints.items():
+        for own, other in (joint.sides, joint.sides[::-1]):
+            if own.body == body and other.body not in scene.masses:
+                x = float(own.at[0])
+                held = _held(mechanism, joint, body, name in driven) if other.body in placed else ""
+                found[x] = "".join(sorted({*found.get(x, ""), *held}))
+    return found
+
+
+def _held(mechanism: SpatialMechanism, joint: SpatialJoint, body: str, driven: bool) -> str:
+    """Axes of one of its bodies about which a joint holds it."""
+    turns = [axis for name, axis in joint.moves if name.startswith("angle") and not driven]
+    if joint.kind == "spherical":
+        return ""
+    if not turns:
+        return "xyz"
+    own = mechanism.stands(body).T @ mechanism.stands(joint.sides[0].body)
+    free = np.linalg.qr(own @ np.array(turns).T)[0]
+    return "".join(name for name, share in zip("xyz", (free**2).sum(axis=1), strict=True) if not share > _FREE)
+
+
+def _placed(mechanism: SpatialMechanism, scene: Scene, driven: set[str]) -> set[str]:
+    """The ground, rigid free bodies, and bodies connected to these by drives and welds alone."""
+    placed, count = {GROUND, *(name for name in mechanism.floating if not scene.bodies[name].deforms)}, 0
+    while count < len(placed):
+        count = len(placed)
+        for name, joint in mechanism.joints.items():
+            bodies = {side.body for side in joint.sides}
+            if bodies & placed and (joint.freedoms == 0 or (joint.freedoms == 1 and name in driven)):
+                placed |= {each for each in bodies if each not in scene.bodies or not scene.bodies[each].deforms}
+    return placed

@@ -1,0 +1,348 @@
+"""The elastic stage of a mechanism in space: its parts, their connections, and their motion scalars."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+from scipy.linalg import null_space
+
+from kaneflex.fem.assembly import Placed, empty_part
+from kaneflex.fem.coordinate_map import Frame
+from kaneflex.fem.interface_coordinates import Interfaces
+from kaneflex.fem.links import Link, Part, craig_bampton
+from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
+from kaneflex.fem.spatial_joined import Joined, held_nodes
+from kaneflex.fem.spatial_links import SpatialLink, jumps, link_of_scene, spread_scalar
+from kaneflex.fem.spatial_map import SpatialMap, map_of
+from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
+from kaneflex.mechanism.spatial_wrenches import wrenches_on
+from kaneflex.multibody.model.elastic_stage import Stage, count_of_modes
+from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches, without_work
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+from kaneflex.support.spatial_contract import AXES, SPATIAL_LINK_SCALARS
+
+_SAMPLES = 33
+"""Instants of a run that determine the varying entries of L and check the dependent coordinates."""
+_NONE = 1e-7
+"""Share of the largest force below which one by self-equilibrated multipliers counts as zero."""
+_LEFT_OUT = (
+    "constraints are redundant: some of the forces on rigid {bodies} are statically indeterminate, and their effect on "
+    "the stiffness of small rotations is neglected"
+)
+_IRREGULAR = 0.381966
+"""Place of irregular instants between two even ones, unlikely to be special positions."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialInterfaces:
+    """Nodes where elastic links meet other bodies: (link, node) -> the first joint there."""
+
+    displaced: Mapping[tuple[str, int], str]
+
+    def held_rows(self, part: Part) -> set[int]:
+        """Local rows that a reduction must keep."""
+        return {row for link, node in self.displaced if link == part.name for row in part.place[node]}
+
+
+@dataclass(frozen=True, eq=False)
+class Deforming:
+    """Scalars ``BODY.link.NAME`` of a rigid motion for the elastic stage, beside frames.
+
+    Of an elastic link SPATIAL_LINK_SCALARS, jumps of its axial force, and loads on its nodes; of a rigid body the same
+    accelerations, ARMS, and its loads. ``map`` has the parts' coordinates.
+    """
+
+    scene: Scene
+    mechanism: SpatialMechanism
+    links: Mapping[str, SpatialLink]
+    parts: Mapping[str, Part]
+    map: SpatialMap
+
+    @cached_property
+    def scalars(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, unit and meaning."""
+        found: list[tuple[str, str, str]] = []
+        for name in self.parts:
+            own = SPATIAL_LINK_SCALARS if name in self.links else SPATIAL_LINK_SCALARS[:-1]
+            found += [(f"{name}.link.{each}", unit, meaning) for each, unit, meaning in own]
+            if name in self.links:
+                found += [(f"{name}.link.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
+                          for node in self._jumps(name)]  # fmt: skip
+                for node in pushed_nodes(self.mechanism, self.links[name]):
+                    found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
+                for load in spread_on(self.mechanism, name):
+                    found += [(spread_scalar(name, load, axis), "N/m", f"of {load} along the link") for axis in AXES]
+            else:
+                found += [(f"{name}.link.{each}", "N m", "of all that acts at arms from the start") for each in ARMS]
+                found += [(f"{name}.link.push_{axis}", "N", "of loads") for axis in AXES]
+                found += [(f"{name}.link.turn_{axis}", "N m", "of the same, about the start") for axis in AXES]
+        for name in self.map.joined.springs:
+            found += [(f"{name}.pull", "N/m", "tension by length")] if self._directed(name) else [
+                (f"{name}.force_{axis}", "N", "on the second point, global") for axis in AXES
+            ]  # fmt: skip
+        return (*found, *self.map.scalars)
+
+    def _directed(self, spring: str) -> bool:
+        return self.mechanism.springs[spring].is_directed
+
+    def _jumps(self, link: str) -> tuple[int, ...]:
+        return jumps(self.scene, link, self.links[link].nodes)
+
+    def table(self, motion: RigidMotion) -> np.ndarray:
+        """The scalars at the instants of a motion, (n_times, n)."""
+        found: list[np.ndarray] = []
+        gravity = self.mechanism.gravity[:, None]
+        points = {name for name, load in self.mechanism.loads.items() if load.joint is None}
+        for name in self.parts:
+            frame = motion.frame(name)
+            specific_force = frame.to_body(frame.acceleration(np.zeros(3)) - gravity)
+            found += [frame.to_body(frame.omega), frame.to_body(frame.epsilon), specific_force]
+            acting = list(wrenches_on(self.mechanism, motion, name))
+            if name in self.links:
+                link, spread = self.links[name], spread_on(self.mechanism, name)
+                acting = [each for each in acting if each.by not in spread]
+                at = [link.node_at(each.on[0]) for each in acting]
+                for node in (0, *self._jumps(name)):
+                    pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
+                    found.append(-sum(pulls, np.zeros((1, len(motion.times)))))
+                for node in pushed_nodes(self.mechanism, link):
+                    pushes = [each.force for each, own in zip(acting, at, strict=True)
+                              if own == node and each.by in self.mechanism.loads]  # fmt: skip
+                    found.append(sum(pushes, np.zeros_like(specific_force)))
+                for by in spread:
+                    load = self.mechanism.loads[by]
+                    direction = np.outer(load.direction, motion[by])
+                    found.append(direction if load.in_body else frame.to_body(direction))
+                continue
+            body = self.mechanism.bodies[name]
+            weight = -body.mass * frame.to_body(frame.acceleration(body.centre) - gravity)
+            arms = np.einsum("it,j->ijt", weight, body.centre)
+            arms += sum(np.einsum("it,jt->ijt", each.force, each.at) for each in acting)
+            for i, j in (("xyz".index(pair[0]), "xyz".index(pair[1])) for pair in PAIRS):
+                found.append(0.5 * (arms[i, j] + arms[j, i])[None])
+            given = [each for each in acting if each.by in points]
+            none = np.zeros_like(specific_force)
+            found.append(sum((each.force for each in given), none))
+            found.append(sum((each.moment + np.cross(each.at, each.force, axis=0) for each in given), none))
+        for name in self.map.joined.springs:
+            first, second = (motion.frame(side.body).place(side.at) for side in self.mechanism.springs[name].sides)
+            if self._directed(name):
+                found.append((motion[f"{name}.tension"] / np.linalg.norm(second - first, axis=0))[None])
+            else:
+                found.append(-self.mechanism.springs[name].numbers[0] * (second - first))
+        return np.hstack([np.concatenate(found).T, self.map.table(motion)])
+
+
+@dataclass(frozen=True, eq=False)
+class DeformingKinematics(SpatialKinematics):
+    """Rigid motion of a mechanism in space with the scalars of its elastic stage."""
+
+    deforming: Deforming
+    arms: frozenset[str]
+    """Statically indeterminate ARMS, which are omitted."""
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        rigid = self.bare.at(times)
+        out = np.hstack([rigid.values, self.deforming.table(rigid)])
+        out[:, [self.column[name] for name in self.arms]] = 0.0
+        out[:, [self.column[name] for name in self.module.open_reactions if name in self.column]] = np.nan
+        return out
+
+
+def elastic_stage(
+    scene: Scene, options: Options, motion: SpatialKinematics, frozen: Mapping[str, np.ndarray]
+) -> Stage:
+    """Mesh the links and find the coordinates; ``frozen``: bases to reduce to.
+
+    Raises
+    ------
+    SceneError
+        For what elastic bodies can't have in space so far, and where nothing holds them in one way.
+    """
+    mechanism = spatial_mechanism_of(scene)
+    for name, spring in mechanism.springs.items():
+        if spring.is_bushing:
+            reason = "with elastic bodies only preset coupled supports bushings"
+            raise SceneError(f"springs.{name}.bushing", None, reason, "Use preset coupled, or rigid")
+    motion = SpatialKinematics(replace(motion.module, more=()), motion.parameters, motion.curve)
+    links = {name: link_of_scene(scene, name, options.elements or body.beam.elements)
+             for name, body in scene.bodies.items() if body.beam is not None}  # fmt: skip
+    held = {name: held_nodes(mechanism, link) for name, link in links.items()}
+    interfaces = SpatialInterfaces({(name, node): on[0] for name, at in held.items() for node, on in at.items()})
+    parts: dict[str, Part] = {}
+    bases: dict[str, np.ndarray] = {}
+    for name, body in mechanism.bodies.items():
+        if name not in links:
+            parts[name] = _with_pushes(rigid_part(name, body))
+            continue
+        part = with_loads(links[name].part, pushed_nodes(mechanism, links[name]))
+        parts[name] = part
+        if options.reduction == "craig-bampton":
+            rows = interfaces.held_rows(part)
+            parts[name], bases[name] = craig_bampton(part, rows, count_of_modes(options, name, part.size - len(rows)),
+                                                     frozen.get(name))  # fmt: skip
+    held_too = [name for name, drive in scene.drives.items()
+                if drive.rotation == "held" or not any(side.body in links for side in mechanism.joints[name].sides)]
+    held_too += [name for name, joint in scene.joints.items() if joint.rotation == "shared"]
+    times = np.append(0.0, options.duration * (np.arange(_SAMPLES) + _IRREGULAR) / _SAMPLES)
+    times = times[:1] if motion.is_start else times
+    found = map_of(Joined(mechanism, links, parts, held_too), motion.at(times))
+    maps = {name: found.of(name) for name in parts}
+    moving = {name: part for name, part in parts.items() if name in links or maps[name].pattern().any()}
+    deforming = Deforming(scene, mechanism, links, parts, found)
+    placed = [(part, maps[name]) for name, part in moving.items()]
+    torques, springs = _at_joints(mechanism, found)
+    between = [(spring_part(name, mechanism.springs[name]), found.of(name)) for name in found.joined.springs]
+    springs += [(part, L) for part, L in between if L.pattern().any()]
+    frame = Frame(found.coordinates, {name: maps[name] for name in links},
+                  {name: maps[name] for name in moving if name not in links})  # fmt: skip
+    lost = _open_scalars(deforming, motion, times[:: _SAMPLES // 8])
+    arms = frozenset(name for name in lost if name.rpartition(".")[2] in ARMS)
+    _check_pulls(lost - arms, options)
+    stiffened = sorted({name.partition(".")[0] for name in arms} & set(moving))
+    warnings = (_LEFT_OUT.format(bodies=", ".join(stiffened)),) if stiffened and options.geometric else ()
+    module = replace(motion.module, more=deforming.scalars, open_reactions=motion.module.open_reactions | (lost - arms))
+    moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
+    kept = {name: parts[name] for name in links}
+    return Stage(moved, links, kept, bases, cast(Interfaces, interfaces), frame, placed + torques, springs, warnings)
+
+
+def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
+    """Loads that are spread along a link."""
+    return [name for name, load in mechanism.loads.items()
+            if load.is_spread and load.pushes[0][0].body == link]  # fmt: skip
+
+
+def pushed_nodes(mechanism: SpatialMechanism, link: Link) -> list[int]:
+    """Nodes of a link on which loads act."""
+    places = (load.at.at[0] for load in mechanism.loads.values() if load.at is not None and load.at.body == link.name)
+    return sorted({node for x in places if (node := link.node_at(x)) is not None})
+
+
+def with_loads(part: Part, nodes: list[int]) -> Part:
+    """Part of a link with the loads on its nodes in F."""
+    total = part.matrices["F"]
+    for node in nodes:
+        for k, axis in enumerate(AXES):
+            push = np.zeros((part.size, 1))
+            push[part.place[node][k]] = 1.0
+            total = total + Affine.term((f"{part.name}.link.push_{node}_{axis}",), push)
+    return replace(part, matrices={**part.matrices, "F": total})
+
+
+def _with_pushes(part: Part) -> Part:
+    """Part of a rigid body with its forces and torques in F."""
+    total = part.matrices["F"]
+    for k, name in enumerate((*(f"push_{axis}" for axis in AXES), *(f"turn_{axis}" for axis in AXES))):
+        total = total + Affine.term((f"{part.name}.link.{name}",), np.eye(6)[:, k : k + 1])
+    return replace(part, matrices={**part.matrices, "F": total})
+
+
+def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.ndarray) -> frozenset[str]:
+    """Names of statically indeterminate scalars, which self-equilibrated multipliers change."""
+    system, names, found = motion.module.system, [name for name, *_ in deforming.scalars], set[str]()
+    joints = {name: [motion.column[f"{name}.{part}"] for part in COMPONENTS] for name in deforming.mechanism.joints}
+    for t in times:
+        open_ones = [
+            {name: own for name, (own,) in joint_wrenches(system, system.passed_on(multipliers)).items()}
+            for multipliers in without_work(system, motion.curve(float(t)))
+        ]
+        if not open_ones:
+            continue
+        here = motion.at(np.full(2 * len(open_ones), t))  # an instant for each, and for its opposite
+        for k, wrenches in enumerate(open_ones):
+            for name, columns in joints.items():
+                here.values[2 * k, columns], here.values[2 * k + 1, columns] = wrenches[name], -wrenches[name]
+        table = deforming.table(here)
+        reach = deforming.mechanism.size
+        for wrenches, apart in zip(open_ones, abs(table[::2] - table[1::2]), strict=True):
+            largest = max(max(abs(wrench[:3]).max(), abs(wrench[3:]).max() / reach) for wrench in wrenches.values())
+            found |= {name for name, value in zip(names, apart, strict=True) if value > _NONE * largest}
+    return frozenset(found)
+
+
+def _check_pulls(lost: Collection[str], options: Options) -> None:
+    """Check that forces of geometric stiffness are statically determinate."""
+    concerned = sorted({name.partition(".")[0] for name in lost})
+    if concerned and options.geometric:
+        raise SceneError(
+            f"bodies.{concerned[0]}", None, "constraints are redundant: the forces in the geometric stiffness of "
+            "this body are statically indeterminate",
+            "Use preset linear, leave out solve.terms.geometric, or remove redundant constraints, for example by a "
+            "spherical joint in place of a revolute one",
+        )  # fmt: skip
+
+
+def spring_part(name: str, spring: SpatialSpring) -> Part:
+    """Spring between two points as a part whose coordinates are the relative displacements of its ends,
+    ``spatial_map.APART``.
+
+    As in the plane, with e along it: the force on its second point changes by -(k e e^T + T/L (1 - e e^T)) d
+    - c e (e^T d)'. One without free length and damper pulls with k d, whatever the direction.
+    """
+    stiffness, damping, _ = spring.numbers
+    along, across = np.diag([1.0, 0.0, 0.0, 0.0]), np.diag([-1.0, 1.0, 1.0, 1.0])
+    if spring.is_directed:
+        own = {"K_s": Affine.constant(stiffness * along), "C_s": Affine.constant(damping * along)}
+        own["K_g"] = Affine.term((f"{name}.pull",), across)
+        own["F"] = Affine.term((f"{name}.tension",), -along[:, :1])
+    else:
+        own = {"K_s": Affine.constant(stiffness * np.diag([0.0, 1.0, 1.0, 1.0])), "F": Affine.zero(4, 1)}
+        for row, axis in zip(np.eye(4)[1:], AXES, strict=True):
+            own["F"] += Affine.term((f"{name}.force_{axis}",), row[:, None])
+    part = empty_part(name, 4)
+    return replace(part, matrices={**part.matrices, **own})
+
+
+def _at_joints(mechanism: SpatialMechanism, found: SpatialMap) -> tuple[list[Placed], list[Placed]]:
+    """Torques and torsional springs at joints, on the relative rotation of the second body about the axis."""
+    torques, springs = [], []
+    for name, load in mechanism.loads.items():
+        if load.joint is not None:
+            push = replace(empty_part(name, 1), matrices=_matrices(name, F=Affine.term((name,), [[1.0]])))
+            torques.append((push, found.rotation(load.joint)))
+    for name, spring in mechanism.springs.items():
+        if spring.joint is not None:
+            stiffness, damping, _ = spring.numbers
+            own = {"K_s": Affine.constant([[stiffness]]), "C_s": Affine.constant([[damping]])}
+            pull = _matrices(name, F=Affine.term((f"{name}.torque",), [[-1.0]]), **own)
+            springs.append((replace(empty_part(name, 1), matrices=pull), found.rotation(spring.joint)))
+    return torques, springs
+
+
+def _matrices(name: str, **own: Affine) -> dict[str, Affine]:
+    return {**empty_part(name, 1).matrices, **own}
+
+
+def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
+    """Names of the forces and moments of joints and drives that are statically indeterminate at some instants of a
+    motion.
+
+    As :func:`kaneflex.multibody.model.spatial_reactions.open_reactions`, of a mechanism whose links deform.
+    """
+    joined, names = found.joined, set[str]()
+    J, where = joined.rows(motion)
+    for instant in range(len(motion.times)):
+        here = J[0, instant] * joined.measure[joined.tied]
+        scale = np.maximum(abs(here).max(axis=1), 1e-300)
+        for combination in null_space((here / scale[:, None]).T, rcond=1e-9).T:
+            multipliers = combination / scale
+            wrenches = {name: joined.exerted(motion.taken(np.array([instant])), name, multipliers[None, own])
+                        for name, own in where.items()}  # fmt: skip
+            largest = max(abs(wrench).max() for wrench, _ in wrenches.values())
+            for name, (wrench, drive) in wrenches.items():
+                for part, values in (("force", wrench[:3]), ("moment", wrench[3:])):
+                    if abs(values).max() > _NONE * largest:
+                        names |= {f"{name}.{part}_{axis}" for axis in AXES}
+                if drive is not None and abs(drive).max() > _NONE * largest:
+                    names.add(f"{name}.drive")
+    return frozenset(names)

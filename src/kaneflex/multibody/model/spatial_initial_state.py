@@ -1,0 +1,161 @@
+"""Initial state of a mechanism in space, and checks that its scene determines it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.mechanism.springs import points_meet
+from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
+from kaneflex.multibody.model.spatial_layout import COORDINATE
+from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.time.spatial_revolutions import angle_about
+from kaneflex.multibody.time.spatial_steps import Choice
+from kaneflex.scene.spatial_check import START_SPEEDS
+from kaneflex.support.errors import SceneError
+
+_RANK = 1e-9
+_HEAVY = 1e-13
+"""Inertia of a freedom, as a share of the largest, below which it counts as zero."""
+
+
+def start_of(system: SpatialSystem) -> State:
+    """Initial state: drives at their initial positions, loops closed, speeds as given.
+
+    Raises
+    ------
+    SceneError
+        If a loop can't close, drives contradict the loops, a freedom is not named, or has no inertia.
+    """
+    q = system.at_zero.copy()
+    q[system.driven_coordinates] = system.courses(0.0)[:, 0]
+    choice = choose(system, q, prefer=True)
+    _check_drives(system, choice)
+    if not system.close(q, choice):
+        system.close(q, choose(system, q))
+    _check_closing(system, q)
+    _check_free(system, q)
+    _check_springs(system)
+    choice = choose(system, q, prefer=True)
+    _check_named(system, choice)
+    given, u = given_speeds(system), np.zeros(system.speeds)
+    for k in choice.independent:
+        u[k] = given.get(int(k), 0.0)
+    try:
+        state = system.project(0.0, q, u, choice)
+    except ArithmeticError as reason:
+        _check_inertia(system, choice)
+        raise SceneError(
+            "drives", None, f"at the start {reason}", "Start at another position, or check the laws of loads"
+        ) from None
+    _check_inertia(system, choice)
+    _check_speeds(system, state)
+    return state
+
+
+def _key(system: SpatialSystem, owner: str) -> str:
+    """Entry of the scene for the initial state of a free joint or body."""
+    return f"bodies.{owner}.free" if owner in system.mechanism.floating else f"drives.{owner}"
+
+
+def _check_drives(system: SpatialSystem, choice: Choice) -> None:
+    """Check that prescribed drives are independent of the loops."""
+    J = system.work.J * system.measure / system.row_measure[:, None]
+    if system.driven and np.linalg.matrix_rank(J, _RANK * abs(J).max(initial=1.0)) > len(choice.rows):
+        raise SceneError(
+            f"drives.{system.driven[-1]}", None, "the loops and the other drives already determine its motion",
+            "Leave one drive out, or set free = true",
+        )  # fmt: skip
+
+
+def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
+    """Check that redundant rows hold, too."""
+    system.place(q)
+    off = system.gaps()
+    if off.max(initial=0.0) > 1e-7:
+        held = {**system.layout.cuts, **system.layout.kept}
+        joint = next(name for name, rows in held.items() if rows.start <= off.argmax() < rows.stop)
+        raise SceneError(
+            f"joints.{joint}", None, "the loop that it closes can't close where the drives start: "
+            f"{off.max():.1e} of the mechanism's size, or rad, remain",
+            "Check lengths and axes, and give the bodies rotations near the initial position",
+        )  # fmt: skip
+
+
+def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
+    """Check that free joints start at their given coordinates."""
+    for name, drive in system.scene.drives.items():
+        field = next((field for field in ("angle", "position") if field in drive.model_fields_set), None)
+        if drive.kind != "free" or field is None:
+            continue
+        k = int(system.columns([name], COORDINATE)[0])
+        stands = angle_about(system.pin(name), q[k : k + 4]) if name in system.layout.kept else float(q[k])
+        if abs(stands - drive.start) > 1e-9 * max(1.0, abs(drive.start)):
+            raise SceneError(
+                f"drives.{name}.{field}", drive.start, f"the loops don't close there, but nearby at {stands:.9g}",
+                "Start there, or leave it out",
+            )  # fmt: skip
+
+
+def _check_springs(system: SpatialSystem) -> None:
+    """Check that springs with a direction have one, at the position of ``work``."""
+    between = {name: spring for name, spring in system.scene.springs.items() if spring.between}
+    for (name, spring), (first, second) in zip(between.items(), system.tables.springs, strict=True):
+        apart = np.linalg.norm(system.work.sections[second, :3] - system.work.sections[first, :3])
+        if (spring.length or spring.damping) and apart < 1e-9 * system.mechanism.size:
+            raise points_meet(name, spring.ends, " at the start")
+
+
+def _check_named(system: SpatialSystem, choice: Choice) -> None:
+    """Check that every freedom is driven or free."""
+    from scipy.linalg import null_space
+
+    named = np.array(named_speeds(system), int)
+    free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
+    if free and not len(choice.independent):
+        raise SceneError(
+            f"drives.{free[0]}", "free", "joints and drives leave the mechanism no freedom",
+            "Leave a joint or a drive out, or check their axes",
+        )  # fmt: skip
+    held = np.concatenate([choice.prescribed, named])
+    selected = np.zeros((len(held), system.speeds))
+    selected[np.arange(len(held)), held] = 1.0
+    left = null_space(np.vstack([system.work.J[choice.rows] * system.measure, selected]), rcond=_RANK)
+    if left.shape[1]:
+        moving = [system.layout.speeds[k] for k in np.flatnonzero(abs(left).max(axis=1) > 1e-6)]
+        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in moving))
+        count = f"{left.shape[1]} freedom{'s' * (left.shape[1] > 1)}"
+        raise SceneError(
+            "drives", None, f"{count} of the mechanism without a drive: of {', '.join(joints)}",
+            f"Drive a joint, or let it move freely, like drives.{joints[0]} = {{free = true}}",
+        )  # fmt: skip
+
+
+def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
+    """Check that every freedom moves some inertia, at the position of ``work``."""
+    if not len(choice.independent):
+        return
+    B, M = system.basis(choice), system.mass()
+    unit = system.measure[choice.independent][:, None]
+    inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
+    if inertia[0] > _HEAVY * inertia[-1]:
+        return
+    moving = abs((motions[:, 0] @ (unit * B)) / system.measure)
+    name = system.layout.speeds[int(moving.argmax())]
+    raise SceneError(
+        _key(system, name.rpartition(".")[0]), None, f"the mass matrix is singular: {name} carries no inertia",
+        "Give its bodies mass and inertia = [J_x, J_y, J_z] [kg m^2], or prescribe it",
+    )  # fmt: skip
+
+
+def _check_speeds(system: SpatialSystem, state: State) -> None:
+    """Check that given initial speeds are consistent."""
+    for k, wanted in given_speeds(system).items():
+        if abs(state.u[k] - wanted) > 1e-9 * (abs(state.u).max() + abs(wanted)):
+            owner = system.layout.speeds[k].rpartition(".")[0]
+            joint = system.mechanism.joints.get(owner)
+            field = START_SPEEDS.get(joint.kind, "initial_speed") if joint else "velocity"
+            raise SceneError(
+                f"{_key(system, owner)}.{field}", float(wanted),
+                f"with the other speeds the loops make it {state.u[k]:.9g}",
+                "Give initial speeds to as many joints as the mechanism has freedoms",
+            )  # fmt: skip

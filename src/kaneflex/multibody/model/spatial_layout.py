@@ -1,0 +1,204 @@
+"""Tables of a mechanism in space for compiled loops.
+
+Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball, or
+is fixed: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a free body has three that
+slide and a ball. The last node of a chain carries the body. A deforming body has a further node for its modal
+coordinates and a *station* for each place with a joint, spring or load, which moves with the section there. If a
+deforming body's axes follow its mean rotation, its joint ends in a ball, and elementary constraints *keep* the joint's
+axes at the section, except for a rotation about one body axis alone. Joints outside the tree are *cuts*, which close
+its loops by such constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from kaneflex.mechanism.spatial import Side
+
+FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
+KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF = range(8)
+"""Columns of ``nodes``; ROW_OF: of a station the first of its rows in ``phi``, of another node its body's number in
+``bodies``; BODY: where the numbers of a body that has mass begin in ``p``, else -1. COUNT: shapes of a
+body that deforms, whose coordinates and speeds begin at COORDINATE and SPEED; AT: where the numbers of a station begin
+in ``p``, N and psi, (3, COUNT) each, then G, (3, COUNT, COUNT); those of a node that turns axes which follow their
+body's mean turn: how far each of its shapes turns the section beyond them, (COUNT,)."""
+ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
+"""Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis (of a ball
+that of the pin which it stands for) and the joint's point in its own."""
+COINCIDE, PERPENDICULAR, ON_PLANE = range(3)
+ROWS = (3, 1, 1)
+"""Rows of an elementary constraint."""
+WHAT, FIRST, SECOND, AXIS_1, AXIS_2, ROW = range(6)
+"""Columns of ``cuts``: which constraint, sections, axes, and its first row."""
+SPEEDS = (0, 1, 1, 3, 0, 0)
+COORDINATES = (0, 1, 1, 4, 0, 0)
+"""Speeds and coordinates of a node by its kind, without shapes: a ball has a unit quaternion."""
+
+
+class Tables(NamedTuple):
+    """Arrays of compiled functions.
+
+    Attributes
+    ----------
+    nodes, numbers : ndarray (n_nodes, 8), (n_nodes, 18)
+    bodies : ndarray (n_bodies, 8)
+        Bodies with their joints of the tree, see :mod:`kaneflex.multibody.dynamics.articulated`.
+    frames : ndarray (n_bodies, 2)
+        Node of every body, and the one that it hangs on, or -1.
+    p : ndarray
+        Numbers of the bodies, ten each, see ``kaneflex.generated.spatial.BODY``, behind them those of shapes, see
+        ``kaneflex.generated.spatial_shapes``; numbers of stations.
+    on, at : ndarray (n_sections,), (n_sections, 3)
+        Node (-1: the ground) of every section and the place of its point in that node's axes.
+    axis_on, axes : ndarray (n_axes,), (n_axes, 3)
+        The same of axes.
+    cuts : ndarray (n_constraints, 6)
+    forces : ndarray (n_forces, 3)
+        Section, direction among ``axes``, number of the load.
+    torques : ndarray (n_torques, 4)
+        First and second section, axis, number of the load.
+    springs, stiffness : ndarray (n_springs, 2), (n_springs, 3)
+        Sections; stiffness, damping, free length.
+    twists, torsion : ndarray (n_twists, 4), (n_twists, 3)
+        First and second section, axis, node that turns; stiffness, damping, free angle.
+    bushings, cushions : ndarray (n_bushings, 4), (n_bushings, 12)
+        First and second section, first of three axes of either; stiffnesses and dampings, six each.
+    gravity : ndarray (3,)
+    """
+
+    nodes: np.ndarray
+    numbers: np.ndarray
+    bodies: np.ndarray
+    frames: np.ndarray
+    p: np.ndarray
+    on: np.ndarray
+    at: np.ndarray
+    axis_on: np.ndarray
+    axes: np.ndarray
+    cuts: np.ndarray
+    forces: np.ndarray
+    torques: np.ndarray
+    springs: np.ndarray
+    stiffness: np.ndarray
+    twists: np.ndarray
+    torsion: np.ndarray
+    bushings: np.ndarray
+    cushions: np.ndarray
+    gravity: np.ndarray
+
+
+Place = tuple[float, ...]
+"""Coordinates of a point in its body's axes [m]."""
+
+
+class Deformable(Protocol):
+    """Shapes of a body with zero displacement at the place held by a joint of the tree, and zero rotation there except
+    about axes that follow the body's mean rotation."""
+
+    @property
+    def count(self) -> int:
+        """Number of shapes."""
+
+    @property
+    def twisting(self) -> np.ndarray:
+        """True for each shape of twist, whose coordinate is an angle."""
+
+    @property
+    def omega(self) -> np.ndarray:
+        """Circular frequency of each of them, its axes held [rad/s]."""
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """Stiffness of the modal coordinates [N/m], (count, count)."""
+
+    @property
+    def damping(self) -> np.ndarray:
+        """Damping of the modal coordinates [N s/m], (count, count)."""
+
+    def numbers(self) -> np.ndarray:
+        """Parameters of ``kaneflex.generated.spatial_shapes``."""
+
+    def carrier(self, at: Place) -> Place:
+        """Place whose shapes carry a point: of a link the point on its axis in the same section."""
+
+    def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """N and psi, (6, count), and G (3, count, count) at a carrier."""
+
+
+class Axis(Deformable, Protocol):
+    """Shapes of a link, which are defined all along its axis."""
+
+    def spread(self, rises: bool) -> tuple[Place, tuple[np.ndarray, np.ndarray]]:
+        """Mean place, and mean of :meth:`at`, with a weight that falls linearly to zero at the end, or rises from zero
+        at the start."""
+
+
+Flexible = Mapping[str, Callable[[Place | None, str], Deformable]]
+"""Deforming body -> its shapes, by the place that holds its axes (None: the mean of its mass), and by the held axes,
+like "z" or "xyz", that follow its mean rotation."""
+RIGID: Flexible = {}
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Names of the tables' entries.
+
+    Attributes
+    ----------
+    node_of : mapping
+        Body -> its node.
+    stations : mapping
+        Carrier of points of a body that deforms, by the body and its place -> the node that stands there.
+    shapes : mapping
+        Body that deforms -> its shapes.
+    tree : mapping
+        Joint of the tree -> its nodes, and -1 where the tree goes through it from its second body to its first.
+    cuts : mapping
+        Joint that closes a loop -> its rows.
+    kept : mapping
+        Joint of the tree that ends in a ball although it has axes -> its rows.
+    freed : mapping
+        Joint of the tree whose last node turns axes that follow their body in the mean -> the body, and how far each of
+        its shapes turns the section at the joint beyond them: about the node's axis (count,), of a ball about x, y, z
+        (3, count) [rad/m].
+    speeds : tuple of str
+        What every generalised speed is called, like ``shaft.angle`` or ``ball.omega_x``.
+    """
+
+    node_of: Mapping[str, int]
+    stations: Mapping[tuple[str, Place], int]
+    shapes: Mapping[str, Deformable]
+    tree: Mapping[str, tuple[tuple[int, ...], int]]
+    cuts: Mapping[str, slice]
+    kept: Mapping[str, slice]
+    freed: Mapping[str, tuple[str, np.ndarray]]
+    speeds: tuple[str, ...]
+
+    def on(self, side: Side) -> tuple[int, np.ndarray]:
+        """Node (-1: the ground) that carries a point of a body, and its place in that node's axes."""
+        return carried(self, side)
+
+
+class Carrying(Protocol):
+    """Layout of nodes, complete or in construction."""
+
+    @property
+    def node_of(self) -> Mapping[str, int]: ...
+    @property
+    def stations(self) -> Mapping[tuple[str, Place], int]: ...
+    @property
+    def shapes(self) -> Mapping[str, Deformable]: ...
+
+
+def carried(layout: Carrying, side: Side) -> tuple[int, np.ndarray]:
+    """Node of a side, and its place in that node's axes; on a deforming body relative to the carrier."""
+    at = np.asarray(side.at, float)
+    if side.body in layout.shapes:
+        place = layout.shapes[side.body].carrier(side.at)
+        if (side.body, place) in layout.stations:
+            return layout.stations[side.body, place], at - place
+    return layout.node_of.get(side.body, -1), at

@@ -1,0 +1,149 @@
+"""Modal data of bodies in space: their shapes in the axes of a mechanism, and those of beams as such data.
+
+A file has its shapes in axes of its own. A mechanism needs axes that follow the body at its joint in the tree, or in
+the mean: these move by t_j q_j and turn by w_j q_j in the file's axes, so that
+
+    N_j' = N_j - t_j - w_j x r
+
+    G_jk' = G_jk - w_j x N_k' - w_k x N_j' - (w_j x (w_k x r) + w_k x (w_j x r)) / 2 - t_jk
+
+describe the same motions to the second order; t_jk makes G' vanish at that place, or in the mean. The strain energy
+depends on the modal coordinates alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.multibody.model.shape_moments import ShapeMoments
+from kaneflex.multibody.model.spatial_layout import Place
+from kaneflex.multibody.model.spatial_shapes import SpatialShapes
+from kaneflex.scene import Scene
+from kaneflex.scene.modal_data import CROSS, ModalData, spatial_modal_data
+
+
+@dataclass(frozen=True, eq=False)
+class HeldShapes:
+    """Shapes of a body's modal data in its axes, :class:`kaneflex.multibody.model.spatial_layout.Deformable`.
+
+    ``moments``, and of the points of the data ``rows``, N and psi (n_points, 6, count), and ``G`` (n_points, 3, count,
+    count).
+    """
+
+    data: ModalData
+    moments: ShapeMoments
+    rows: np.ndarray
+    G: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return self.rows.shape[2]
+
+    @cached_property
+    def twisting(self) -> np.ndarray:
+        """True for each shape that displaces none of the points and rotates some."""
+        N, psi = self.data.arrays["N"], self.data.arrays["psi"]
+        return np.asarray(~N.any(axis=(0, 1)) & psi.any(axis=(0, 1)))
+
+    @cached_property
+    def omega(self) -> np.ndarray:
+        return np.sqrt(self.data.arrays["stiffness"] / np.einsum("aajj->j", self.moments.N_N))
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        return np.diag(self.data.arrays["stiffness"])
+
+    @property
+    def damping(self) -> np.ndarray:
+        return self.data.arrays["damping"]
+
+    def numbers(self) -> np.ndarray:
+        return self.moments.numbers((0, 0, 0, 0), self.stiffness, self.damping, self.data.arrays["cubic"])
+
+    def carrier(self, at: Place) -> Place:
+        """Nearest point of the data."""
+        return tuple(self.data.places[self._point(at)].tolist())
+
+    def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        k = self._point(place)
+        return self.rows[k], self.G[k]
+
+    def _point(self, place: Place) -> int:
+        found = self.data.at(place)
+        assert found is not None  # checked with the scene
+        return found
+
+
+def held_shapes(data: ModalData, held: Place | None, freed: str = "") -> HeldShapes:
+    """Shapes of modal data with zero displacement and rotation at a place, except about axes in ``freed``, like "z" or
+    "xyz", about which they have no angular momentum; without a place they have no momentum at all (Buckens 1972)."""
+    a = data.arrays
+    m, S, E, count = float(a["mass"]), a["mass_r"], a["mass_r_r"], len(a["stiffness"])
+    # Translations along and turns about x, y, z as further shapes A + B r.
+    A, B = np.hstack([np.eye(3), np.zeros((3, 3))]), np.concatenate([np.zeros((3, 3, 3)), CROSS.transpose(1, 0, 2)])
+    B = B.transpose(1, 2, 0)  # component, component of r, shape
+    N = np.hstack([a["mass_N"], m * A + np.einsum("bdj,d->bj", B, S)])
+    of_r = np.einsum("a,bj->abj", S, A) + np.einsum("bdj,ad->abj", B, E)
+    r_N = np.concatenate([a["mass_r_N"], of_r], axis=2)
+    mixed = np.einsum("aj,bk->abjk", a["mass_N"], A) + np.einsum("bdk,daj->abjk", B, a["mass_r_N"])
+    rigid = np.einsum("aj,bk->abjk", A, N[:, count:]) + np.einsum("adj,dbk->abjk", B, of_r)
+    N_N = np.block([[a["mass_N_N"], mixed], [mixed.transpose(1, 0, 3, 2), rigid]])
+    moved = np.einsum("bdj,pd->pbj", B, a["r"]) + A
+    rows = np.concatenate([
+        np.concatenate([a["N"], moved], axis=2),
+        np.concatenate([a["psi"], np.broadcast_to(np.eye(3, 6, 3), moved.shape)], axis=2),
+    ], axis=1)  # fmt: skip
+
+    point = None if held is None else data.at(held)
+    r_P = np.zeros(3) if point is None else a["r"][point]
+    momentum = np.einsum("cab,abj->cj", CROSS, r_N - np.einsum("a,bj->abj", r_P, N))
+    wanted = np.vstack([N, momentum]) if point is None else rows[point].copy()
+    for k in map("xyz".index, freed if point is not None else ""):
+        wanted[3 + k] = momentum[k]
+    taken = np.linalg.solve(wanted[:, count:], wanted[:, :count])
+    kept, w = np.vstack([np.eye(count), -taken]), taken[3:]
+
+    N, r_N, N_N, rows = N @ kept, r_N @ kept, kept.T @ N_N @ kept, rows @ kept
+    W = np.einsum("bcd,cj->bdj", CROSS, w)
+    twice = _symmetric(np.einsum("bdj,dek->bejk", W, W)) / 2
+
+    def second(G: np.ndarray, N: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Second-order term G' without t_jk, from G, N' and r at a point or summed; leading axes are kept."""
+        turned = _symmetric(np.einsum("bdj,...dk->...bjk", W, N))
+        return G - turned - np.einsum("bejk,...e->...bjk", twice, r)
+
+    G, r_G = second(a["mass_G"], N, S), second(a["mass_r_G"], r_N, E)
+    at_points = second(a["G"], rows[:, :3], a["r"])
+    origin = G / m if point is None else at_points[point]
+    moments = ShapeMoments(N, r_N, N_N, G - m * origin, r_G - np.einsum("a,bjk->abjk", S, origin))
+    return HeldShapes(data, moments, rows, at_points - origin)
+
+
+def _symmetric(array: np.ndarray) -> np.ndarray:
+    """An array plus itself with the two shapes exchanged."""
+    return array + np.swapaxes(array, -1, -2)
+
+
+def spatial_data(scene: Scene, shapes: SpatialShapes) -> ModalData:
+    """Modal data of a link in space without the scene's lumped masses, in its axes, of the points on its axis."""
+    name, moments = shapes.link.name, shapes.moments
+    body = spatial_mechanism_of(scene).bodies[name]
+    x, y, z, xy, yz, zx = body.inertia
+    J = np.array([[x, xy, zx], [xy, y, yz], [zx, yz, z]])
+    second = 0.5 * np.trace(J) * np.eye(3) - J + body.mass * np.outer(body.centre, body.centre)
+    all_points = {point: scene.vector(at) for point, at in scene.bodies[name].points_all.items()}
+    places = {point: at for point, at in all_points.items() if not any(at[1:])}
+    of_points = [shapes.at(at) for at in places.values()]
+    found = {
+        "mass": np.array(body.mass), "mass_r": body.mass * body.centre, "mass_r_r": second,
+        "mass_N": moments.N, "mass_r_N": moments.r_N, "mass_N_N": moments.N_N,
+        "mass_G": moments.G, "mass_r_G": moments.r_G,
+        "stiffness": np.diag(shapes.stiffness), "damping": shapes.damping, "cubic": shapes.cubic,
+        "r": np.array(list(places.values())), "N": np.array([rows[:3] for rows, _ in of_points]),
+        "psi": np.array([rows[3:] for rows, _ in of_points]), "G": np.array([G for _, G in of_points]),
+    }  # fmt: skip
+    return spatial_modal_data(float(shapes.link.nodes[-1]), tuple(places), found)

@@ -1,0 +1,99 @@
+"""Joint forces in space, and which of them are statically indeterminate because of redundant constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from kaneflex.multibody.dynamics.spatial_work import Instants
+from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.support.kept import Kept
+
+COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")
+"""Components of a joint's force and moment, global."""
+_NONE = 1e-7
+"""Share of the largest force below which one by self-equilibrated multipliers counts as zero."""
+
+
+class _TreeJoints(NamedTuple):
+    """Joints of the tree: their last nodes, 1 or -1 (if traversed from the second body), and second points: node (-1:
+    the ground), and place in that node's axes, (n, 3)."""
+
+    nodes: np.ndarray
+    signs: np.ndarray
+    on: np.ndarray
+    at: np.ndarray
+
+
+_TREE: Kept[SpatialSystem, _TreeJoints] = Kept()
+
+
+def _tree_joints(system: SpatialSystem) -> _TreeJoints:
+    layout = system.layout
+    second = [layout.on(system.mechanism.joints[name].sides[1]) for name in layout.tree]
+    return _TreeJoints(
+        np.array([nodes[-1] for nodes, _ in layout.tree.values()], int),
+        np.array([sign for _, sign in layout.tree.values()], float),
+        np.array([node for node, _ in second], int),
+        np.array([at for _, at in second], float).reshape(-1, 3),
+    )
+
+
+def joint_wrenches(system: SpatialSystem, found: Instants) -> dict[str, np.ndarray]:
+    """Force and moment, global, of every joint on its second body at its second point, (n_instants, 6)."""
+    of = _TREE.of(system, lambda: _tree_joints(system))
+    wrenches = of.signs[:, None] * found.wrenches[:, of.nodes]
+    arms = found.r[:, of.nodes] - of.at
+    held = of.on >= 0
+    on = of.on[held]
+    arms[:, held] = found.r[:, of.nodes[held]] - found.r[:, on] - (found.R[:, on] @ of.at[held][:, :, None])[..., 0]
+    wrenches[..., 3:] += cross(arms, wrenches[..., :3])
+    by_name = {name: wrenches[:, k] for k, name in enumerate(system.layout.tree)}
+    for name, rows in {**system.layout.cuts, **system.layout.kept}.items():
+        by_name[name] = by_name.get(name, 0.0) + (found.multipliers[:, None, rows] @ found.rows[:, rows, 9:15])[:, 0]
+    return {name: by_name[name] for name in system.mechanism.joints}
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b along the last axis: NumPy's own takes several times as long."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
+
+
+def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[str]:
+    """Names of the forces and moments of joints and drives that are statically indeterminate in some of the states.
+
+    A force or a moment is indeterminate with all its components: those that a combination of multipliers leaves out
+    depend on the position.
+    """
+    found: set[str] = set()
+    for state in states:
+        for multipliers in without_work(system, state):
+            found |= _exerted_by(system, multipliers)
+    return frozenset(found)
+
+
+def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
+    """Self-equilibrated multipliers of redundant rows; ``work`` then has the state."""
+    from scipy.linalg import null_space
+
+    J = system.jacobian(state.q)
+    for combination in null_space(J[:, system.open_speeds].T, rcond=1e-9).T if len(J) else ():
+        yield combination / system.row_measure
+
+
+def _exerted_by(system: SpatialSystem, multipliers: np.ndarray) -> set[str]:
+    """Names of the forces and moments of multipliers, at the position of ``work``."""
+    alone = system.passed_on(multipliers)
+    least = _NONE * max(abs(alone.wrenches).max(), abs(multipliers).max())
+    found: set[str] = set()
+    for joint, (values,) in joint_wrenches(system, alone).items():
+        for part, own in (("force", values[:3]), ("moment", values[3:])):
+            if abs(own).max() > least:
+                found |= {f"{joint}.{name}" for name in COMPONENTS if name.startswith(part)}
+    along = system.work.J[:, system.driven_speeds].T @ multipliers
+    return found | {f"{name}.drive" for name, value in zip(system.driven, along, strict=True) if abs(value) > least}

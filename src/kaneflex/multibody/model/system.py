@@ -1,0 +1,331 @@
+"""A scene bound to its coupled module: tables of the engine, parameters, and the layout of the state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType, SimpleNamespace
+from typing import cast
+
+import numpy as np
+
+from kaneflex.fem.links import Link, build_link
+from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes, shape_counts
+from kaneflex.mechanism.joints import coordinate, drive_reaction, reactions, residuals
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.planar import Pose, pose_at
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.engine import Engine, build_engine
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.module_loading import bind_parameters, find_coupled_module
+from kaneflex.multibody.model.shape_families import check_family
+from kaneflex.multibody.model.shapes import Shapes, alike, link_shapes, spanned
+from kaneflex.scene import Scene
+from kaneflex.support.errors import SceneError
+
+BODY = 3
+"""Coordinates x, y, phi of every body, before its modal ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledSystem:
+    """Coupled equations of a scene with its numbers.
+
+    The engine uses joint coordinates of a tree of bodies and shapes; a state here has the frames and shapes of the
+    bodies: q, v (size,) in the order of ``coordinates``.
+
+    Attributes
+    ----------
+    module : ModuleType
+        Generated: bodies and joints, courses of drives and sizes of loads.
+    engine : Engine
+    mechanism : NumericMechanism
+    links, shapes : mapping of str
+        Finite elements and modal coordinates of every elastic link.
+    undetermined : tuple of str
+        Names among ``constraints`` of statically indeterminate reactions, which are NaN.
+    """
+
+    module: ModuleType
+    engine: Engine
+    mechanism: NumericMechanism
+    links: Mapping[str, Link]
+    shapes: Mapping[str, Shapes]
+    undetermined: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Coordinates of all bodies."""
+        return len(self.coordinates)
+
+    @cached_property
+    def coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of every body's coordinates: its frame's x, y, phi, then its shapes."""
+        found: list[tuple[str, str]] = []
+        for body, (axial, transverse, *_) in self.module.BODIES.items():
+            found += [(f"{body}.x", "m"), (f"{body}.y", "m"), (f"{body}.phi", "rad")]
+            found += [(f"{body}.axial_{k}", "m") for k in range(axial)]
+            found += [(f"{body}.transverse_{k}", "m") for k in range(transverse)]
+        return tuple(found)
+
+    @cached_property
+    def reactions(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, unit and meaning of joint forces, then of forces and torques of prescribed drives."""
+        joints = self.mechanism.joints
+        found = [row for joint in joints.values() for row in reactions(joint)]
+        driven = [name for name, drive in self.mechanism.drives.items() if not drive.free]
+        return (*found, *(drive_reaction(joints[name]) for name in driven))
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the reactions."""
+        return tuple(name for name, *_ in self.reactions)
+
+    @cached_property
+    def start(self) -> dict[str, int]:
+        """Body -> first place of its coordinates in q."""
+        found, offset = {}, 0
+        for name, (axial, transverse, *_) in self.module.BODIES.items():
+            found[name] = offset
+            offset += BODY + axial + transverse
+        return found
+
+    def modal(self, body: str) -> slice:
+        """Places of a body's modal coordinates in q."""
+        first, (axial, transverse, *_) = self.start[body] + BODY, self.module.BODIES[body]
+        return slice(first, first + axial + transverse)
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """Place in q of each coordinate of the bodies in the order of the tree."""
+        ranges = [range(self.start[body], self.modal(body).stop) for body in self.engine.layout.bodies]
+        return np.array([k for part in ranges for k in part], int)
+
+    @cached_property
+    def _place(self) -> np.ndarray:
+        """Place of each coordinate of q among those of the bodies in the order of the tree."""
+        return np.argsort(self.order)
+
+    @cached_property
+    def exerted(self) -> np.ndarray:
+        """Number of each of ``reactions`` among those of the engine."""
+        layout = self.engine.layout
+        place: dict[str, int] = {}
+        for k, (name, _) in enumerate(layout.inboard):
+            if name is not None:
+                joint = self.mechanism.joints[name]
+                rows = [row for row, *_ in reactions(joint)]
+                own = [3 * k, 3 * k + 1, 3 * k + 2]
+                place |= dict(zip([*rows, f"{name}.drive"], own, strict=False))
+        first, acts = 3 * len(layout.bodies), self.engine.tables.acts
+        for name, fields in zip(layout.cuts, acts, strict=False):
+            joint, row = self.mechanism.joints[name], first + int(fields[at.ROW_AT])
+            drives = fields[at.WHAT] in (at.TURN, at.SLIDE)
+            names = [f"{name}.drive"] if drives else [row_name for row_name, *_ in reactions(joint)]
+            place |= {each: row + j for j, each in enumerate(names)}
+        return np.array([place[name] for name in self.constraints], int)
+
+    @cached_property
+    def _unknown(self) -> list[int]:
+        """Places of statically indeterminate ``reactions``."""
+        return [k for k, name in enumerate(self.constraints) if name in self.undetermined]
+
+    def compile(self) -> None:
+        """Compile all kernels, timed separately."""
+        self.engine.compile()
+
+    def measure(self, length: float) -> np.ndarray:
+        """Unit of each coordinate: ``length`` [m], or 1 rad."""
+        return np.where([unit == "rad" for _, unit in self.coordinates], 1.0, length)
+
+    def fold(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Set the engine's coordinates and rates from those of the bodies."""
+        self.engine.fold(q[self.order], v[self.order])
+
+    def unfold(self, rows: np.ndarray) -> Unfolded:
+        """Motion of the bodies from rows of the engine with closed loops."""
+        found = self.engine.unfold(rows)
+        q, v, a = (part.take(self._place, axis=1) for part in found[:3])
+        held, touching = 5 * len(self.engine.holds), 5 * len(self.engine.contacts)
+        ends, given = found[3][:, found[3].shape[1] - held - touching :], 1 + self.engine.inputs
+        exerted = found[3][:, self.exerted]
+        exerted[:, self._unknown] = np.nan
+        gaps = ends[:, :touching].reshape(len(rows), touching // 5, 5)
+        frictions = ends[:, touching:].reshape(len(rows), held // 5, 5)
+        frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
+        return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps, frictions)
+
+    def held(
+        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, still: np.ndarray, begun: np.ndarray | None = None
+    ) -> Unfolded:
+        """States (n_times, size) on the constraints, with accelerations and reactions for shapes held at rest.
+
+        Shapes ``still`` (places in q) are not accelerated, as far as the joints allow: they get a mass much larger than
+        all others. ``begun`` (n_times, standing) has the modes of contacts and holds, as in a run's trajectory; without
+        it contacts are open, and friction is zero.
+        """
+        columns = [self.shape_columns[k] for k in still.tolist()]
+        begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
+        return self._unfolded(self.engine.held(times, q[:, self.order], v[:, self.order], columns, begun))
+
+    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray | None = None) -> Unfolded:
+        """States (n_times, size) with their loops closed, accelerations and reactions.
+
+        ``begun``: see :meth:`held`; of contacts whose sides overlap. Raises ArithmeticError at a singular state.
+        """
+        self.compile()
+        begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
+        return self._unfolded(self.engine.states(times, q[:, self.order], v[:, self.order], begun))
+
+    def _unfolded(self, rows: np.ndarray | None) -> Unfolded:
+        if rows is None:
+            raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
+        return self.unfold(rows)
+
+    def load_sizes(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Sizes of all loads [N, N m or N/m], (n_times, loads).
+
+        ``states`` (n_times, 3 joints) has coordinate, speed and acceleration of every joint in laws: the
+        drives', then the others'.
+        """
+        loads, sides = len(self.mechanism.loads), len(getattr(self.module, "SWITCHES", ()))
+        none = np.zeros((len(times), sides))
+        x = np.column_stack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3], none])
+        for _ in range(sides + 1):  # switches may depend on others
+            out = self.engine.magnitudes(times, x, loads + 2 * sides)
+            x[:, x.shape[1] - sides :] = np.sign(out[:, loads::2])
+        return out[:, :loads]
+
+    @cached_property
+    def shape_columns(self) -> dict[int, int]:
+        """Place of every shape's coordinate in q -> its place among the tree's coordinates."""
+        found: dict[int, int] = {}
+        for body, fields in zip(self.engine.layout.bodies, self.engine.tables.bodies, strict=True):
+            first = self.modal(body).start
+            found |= {first + j: int(fields[at.MODAL]) + j for j in range(fields[at.SHAPES])}
+        return found
+
+    def gaps(self, t: float, q: np.ndarray) -> dict[str, float]:
+        """Violation of every joint's rows [m or rad], and of every prescribed drive [m or rad], at t [s]: by name."""
+        self.fold(q, np.zeros(self.size))
+        engine = self.engine
+        found: dict[str, float] = {}
+        sections = engine.numbers(at.SECTION, at.SEC * len(engine.layout.sections)).reshape(-1, at.SEC)
+        pose: dict[tuple[str, str], Pose] = {
+            key: pose_at(*sections[k, :3].tolist()) for key, k in engine.layout.sections.items()
+        }
+        courses = dict(zip(engine.layout.driven, engine.courses(np.array([t]))[0, ::3], strict=True))
+        for joint in self.mechanism.joints.values():
+            first, second = (pose[side.body, side.name] for side in joint.sides)
+            found |= dict(zip((name for name, *_ in reactions(joint)), residuals(joint, first, second), strict=True))
+            if joint.name in courses:
+                found[f"{joint.name}.drive"] = coordinate(joint, first, second) - courses[joint.name]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Unfolded:
+    """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
+    powers (dissipation, loads, drives); of every contact, and then of every switch of a law, its gap [m], force
+    [N], stored energy [J], loss [W] and BEGUN_AT [m/s]; of every friction its force [N or N m], speed, normal
+    force, mode, deflection of its bristles [m or rad]. Dissipated power includes contacts and friction, the
+    dissipation of the powers does not."""
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    reactions: np.ndarray
+    sums: np.ndarray
+    powers: np.ndarray
+    gaps: np.ndarray
+    frictions: np.ndarray
+
+
+def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
+    """Find or derive the coupled module of a scene, and bind its numbers.
+
+    Returns the system and the seconds spent on deriving its module.
+    """
+    counts = shape_counts(scene)
+    beams = [name for name in counts if scene.bodies[name].elastic]
+    for name in beams:
+        check_modes(scene, name)
+    module, seconds = find_coupled_module(scene, counts, progress)
+    return _bound(scene, module, *_deforming(scene, module, beams)), seconds
+
+
+def _deforming(scene: Scene, module: ModuleType, names: Iterable[str]) -> tuple[dict[str, Link], dict[str, Shapes]]:
+    """Links and shapes of beams."""
+    links = _links(scene, module, names)
+    return links, {name: link_shapes(scene, link, link_modes(scene, name)) for name, link in links.items()}
+
+
+def _links(scene: Scene, module: ModuleType, names: Iterable[str]) -> dict[str, Link]:
+    stretching = with_stretch(scene)
+    return {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in names}
+
+
+def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> CoupledSystem:
+    mechanism = mechanism_of(scene)
+    blocks = Blocks(scene, module.BODIES, links, shapes)
+    engine = build_engine(mechanism, module, blocks, bind_parameters(scene, module))
+    return CoupledSystem(module, engine, mechanism, links, shapes)
+
+
+def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> CoupledSystem:
+    """System of a scene with other numbers; ``frozen`` keeps the space spanned by its shapes."""
+    links, shapes = _links(scene, system.module, system.links), {}
+    for name, link in links.items():
+        found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, link_modes(scene, name))
+        shapes[name] = alike(found, system.shapes[name], link.length)
+    return _bound(scene, system.module, links, shapes)
+
+
+def refined_system(system: CoupledSystem, scene: Scene) -> CoupledSystem:
+    """System of a scene with other numbers of elements and shapes of its links.
+
+    It uses the same module with these numbers: no equations are derived.
+    """
+    counts = {name: (*numbers, 0, 0, 0)[:3] for name, numbers in shape_counts(scene).items()}
+    module = cast(ModuleType, SimpleNamespace(**vars(system.module) | {"BODIES": system.module.BODIES | counts}))
+    return _bound(scene, module, *_deforming(scene, module, system.links))
+
+
+def check_modes(scene: Scene, name: str) -> None:
+    """Check that a link's elements have the requested modes, before deriving equations."""
+    modes, limit = link_modes(scene, name), most_modes(scene, name)
+    check_family(scene, name, len(mesh(scene, name, scene.bodies[name].beam.elements)) - 1)
+    if modes > limit:
+        raise SceneError(
+            "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
+            "Use fewer modes, or more elements",
+        )  # fmt: skip
+
+
+def with_stretch(scene: Scene) -> Scene:
+    """Scene with axially flexible beams: their finite elements have all coordinates, whatever shapes are kept."""
+    bodies = {
+        name: body.model_copy(update={"beam": body.beam.model_copy(update={"axially_rigid": False})})
+        if body.elastic
+        else body
+        for name, body in scene.bodies.items()
+    }
+    return scene.seen(bodies=bodies)
+
+
+def rigid_states(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
+    """States q and v (n_times, size) of the undeformed bodies of a rigid motion, their angles without jumps."""
+    q, v = np.zeros((2, len(rigid.times), system.size))
+    for name, k in system.start.items():
+        turn = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
+        q[:, k : k + BODY] = np.column_stack([rigid[f"{name}.x"], rigid[f"{name}.y"], turn])
+        v[:, k : k + BODY] = np.column_stack([rigid[f"{name}.{rate}"] for rate in ("v_x", "v_y", "omega")])
+    return q, v
+
+
+def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
+    """The same at the first time."""
+    q, v = rigid_states(system, rigid)
+    return q[0], v[0]

@@ -1,0 +1,334 @@
+"""Tables of a planar mechanism for compiled recursions: a tree of bodies, its sections, the cuts of its loops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.planar import GROUND, BodyPoint
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.interactions import KINDS, ROWS, Branch, Numbers, key_of, lend, list_acts
+from kaneflex.multibody.unilateral.complementarity import room_of
+from kaneflex.support.contract import BODY_BLOCK, block_shapes
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Names of the tables' entries.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+        In the order of the tree.
+    inboard : tuple of (str or None, int)
+        Of every body its inboard joint and which side of it is the body's.
+    sections : mapping
+        (body, point) -> its number; the ground's first.
+    cuts : tuple of str
+        Joint of every cut; a driven one is there twice.
+    coordinates : tuple of (str, str)
+        Name and unit of every coordinate: JOINT.angle or JOINT.position, of a body on no joint BODY.x, BODY.y and
+        BODY.phi, then BODY.axial_K and BODY.transverse_K.
+    driven : tuple of str
+        Joints whose courses are prescribed.
+    """
+
+    bodies: tuple[str, ...]
+    inboard: tuple[tuple[str | None, int], ...]
+    sections: Mapping[tuple[str, str], int]
+    cuts: tuple[str, ...]
+    coordinates: tuple[tuple[str, str], ...]
+    driven: tuple[str, ...]
+
+
+def build_tables(
+    mechanism: NumericMechanism, counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]],
+    blocks: Blocks, measure: float, switches: int = 0,
+) -> tuple[at.Tables, Layout, tuple[int, int]]:  # fmt: skip
+    """Tables of a mechanism at rest with open loops.
+
+    Parameters
+    ----------
+    counts : mapping
+        Body -> its numbers of axial and of transverse shapes.
+    kinds : sequence
+        Occurring pairs of counts, in the order of their kernels.
+    measure : float
+        Unit of lengths [m].
+    switches : int
+        Number of switches of loads' laws.
+
+    Returns
+    -------
+    tables, layout, sizes
+        sizes: of the room for real and for complex factors.
+    """
+    order = _order(mechanism)
+    index = {key: k for k, key in enumerate(_sections(mechanism, order))}
+    prescribed, numbers = [name for name, drive in mechanism.drives.items() if not drive.free], Numbers()
+    found = _build_bodies(mechanism, order, index, counts, kinds, blocks, numbers)
+    bodies, sections, coordinates, hold, row, square, jacobian = found
+    lent = lend(mechanism, order, index, bodies, numbers.parts, measure)
+    acts, ranges, cut_names = list_acts(mechanism, order, bodies, index, prescribed, numbers, lent, switches)
+    plan = np.zeros(at.PLAN, np.int64)
+    n, cut_rows = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
+    touching, holds = len(mechanism.contacts) + switches, int(ranges[2] - ranges[1])
+    rigid = touching * any(contact.law == "newton" for contact in mechanism.contacts.values())
+    works = 1 + len(mechanism.loads) + len(prescribed) + holds + touching
+    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.WORKS]] = len(order), n, row, works
+    plan[at.JOINT_ROWS], cut_rows = cut_rows, cut_rows + holds
+    plan[[at.REACTIONS, at.CUT_ROWS, at.RIGID]] = cut_rows + rigid, cut_rows, rigid
+    plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = ranges
+    for what, count in _lengths(plan, mechanism, len(index), square, jacobian, switches).items():
+        plan[what] = numbers.room(count)
+    plan[at.CONTACT] += at.CONTACT_SIZE * holds
+    plan[at.GRAVITY] = numbers.put(mechanism.gravity)
+    plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
+    plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
+    rows, pulls = cut_rows + touching, int(ranges[5] - ranges[3])
+    size = _in_turn(plan, 0, {
+        at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (rows + 1) * n,
+        at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows, at.WANTED: 2 * holds,
+        at.SLOPE_COLUMNS: (n + rows) * pulls, at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls,
+    })  # fmt: skip
+    of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), cut_rows + rigid)
+    of_rows |= {at.TOUCHING: 3 * touching + 5 * holds} | dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS), rows)
+    of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
+    plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
+    w = np.concatenate(numbers.parts)
+    _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in index if owner == GROUND])
+    inboard = tuple((None if joint is None else joint.name, child) for _, joint, child in order)
+    branches = tuple(body for body, _, _ in order)
+    layout = Layout(branches, inboard, index, tuple(cut_names), tuple(coordinates), tuple(prescribed))
+    return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
+
+
+def _lengths(
+    plan: np.ndarray, mechanism: NumericMechanism, sections: int, square: int, jacobian: int, switches: int
+) -> dict[int, int]:
+    """Numbers of the motion at each place of ``plan``, whose counts are known."""
+    bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
+    touching, loads = len(mechanism.contacts) + switches, len(mechanism.loads)
+    pulls = loads + len(mechanism.springs)
+    rows = int(plan[at.CUT_ROWS]) + touching
+    holds = int(plan[at.DRIVES] - plan[at.HOLDS])
+    joints = len(mechanism.drives) + len(mechanism.observed)
+    courses = sum(not drive.free for drive in mechanism.drives.values())
+    return {
+        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * sections, at.LOCAL: at.SEC * sections,
+        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * (rows + 1),
+        at.COURSE: 3 * courses, at.X: 3 * joints + switches, at.SIZE: loads + 2 * switches,
+        at.INPUT: loads + courses,
+        at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
+        at.JOINTS: 3 * bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
+        at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
+        at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
+        at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * rows, at.STAGE_A: 3 * n,
+        at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
+        at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
+        at.STAGE_H: 3 * holds, at.CONTACT: at.CONTACT_SIZE * (holds + touching),
+        at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: loads + 2 * switches,
+        at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,
+        at.TOUCH: at.SHARED + n * (touching + holds),
+        at.COMPLEMENT: room_of(touching, holds) * bool(plan[at.RIGID]),
+        at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + touching) * (touching > 0),
+    }  # fmt: skip
+
+
+def _in_turn(plan: np.ndarray, first: int, counts: Mapping[int, int]) -> int:
+    """Assign consecutive places from the first; returns the place after them."""
+    for what, count in counts.items():
+        plan[what], first = first, first + count
+    return first
+
+
+class _Bodies(NamedTuple):
+    """Rows of bodies and sections, coordinates with stiffness and damping, numbers of speeds, matrices and W's."""
+
+    bodies: np.ndarray
+    sections: np.ndarray
+    coordinates: list[tuple[str, str]]
+    hold: list[tuple[float, float]]
+    row: int
+    square: int
+    jacobian: int
+
+
+def _build_bodies(
+    mechanism: Mechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int],
+    counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks, numbers: Numbers,
+) -> _Bodies:  # fmt: skip
+    names = list(index)
+    coordinates: list[tuple[str, str]] = []
+    units: tuple[str, ...]
+    joint_numbers: tuple[float, ...]
+    prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
+    bodies = np.zeros((len(order), at.DAMPED + 1), np.int64)
+    sections = np.full((len(names), 3), -1, np.int64)
+    hold: list[tuple[float, float]] = []
+    row = square = jacobian = 0
+    for k, (body, joint, child) in enumerate(order):
+        axial, transverse = pair = tuple(counts.get(body, (0, 0))[:2])
+        shapes, own = axial + transverse, [n for n, (owner, _) in enumerate(names) if owner == body]
+        for n in own:
+            sections[n] = k, numbers.put(blocks.point(*names[n])), jacobian
+            jacobian += 3 * (3 + shapes)
+        block = blocks.body(body)
+        if joint is None:
+            kind, units, inboard, parent, course = at.FREE, ("m", "m", "rad"), (body, "start"), 0, -1
+            joint_numbers, held = (1.0, 0.0, 1.0, 0.0), [(0.0, 0.0)] * 3
+        else:
+            kind, inboard, parent = KINDS[joint.kind], key_of(joint.sides[child]), index[key_of(joint.sides[1 - child])]
+            units = {at.WELD: (), at.REVOLUTE: ("rad",), at.PRISMATIC: ("m",)}[kind]
+            course = prescribed.index(joint.name) if joint.name in prescribed else -1
+            joint_numbers, held = _tree_joint(joint, child), [_holding(mechanism, joint)] * len(units)
+        place = numbers.put(block)
+        bodies[k] = (
+            kinds.index(pair) * len(at.BODY_KERNELS), place, len(coordinates), len(units), kind,
+            len(coordinates) + len(units), shapes, parent, index[inboard], course, own[0], own[-1] + 1, row, square,
+            numbers.put(joint_numbers), place + block.size - shapes**2,
+        )  # fmt: skip
+        hold += held + _shape_holding(block, axial, transverse)
+        coordinates += _named(body, joint, units, axial, transverse)
+        row += 3 + shapes
+        square += (3 + shapes) ** 2
+    return _Bodies(bodies, sections, coordinates, hold, row, square, jacobian)
+
+
+def _from(base: str, joints: Sequence[Joint], openness: Callable[[Joint], int]) -> list[tuple[str, Joint, int]]:
+    """Bodies at the other ends of the joints of a body or of the ground, ordered by the joints' freedoms."""
+    near = sorted((joint for joint in joints if base in joint.bodies), key=openness)
+    sides = [1 if joint.first.body == base else 0 for joint in near]
+    return [(joint.sides[child].body, joint, child) for joint, child in zip(near, sides, strict=True)]
+
+
+def _named(
+    body: str, joint: Joint | None, units: Sequence[str], axial: int, transverse: int
+) -> Iterator[tuple[str, str]]:
+    """Names and units of the coordinates of a body's inboard joint and shapes."""
+    for part, unit in zip(("x", "y", "phi"), units, strict=False):
+        own = {"rad": "angle", "m": "position"}[unit]
+        yield (f"{body}.{part}" if joint is None else f"{joint.name}.{own}"), unit
+    for kind, count in (("axial", axial), ("transverse", transverse)):
+        yield from ((f"{body}.{kind}_{k}", "m") for k in range(count))
+
+
+def _lay_out(plan: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequence[tuple[float, float]]) -> None:
+    """Fill constants: sections of the ground, and points of bodies without shapes in their axes.
+
+    Frames begin with the cosine of their initial angle, 0.
+    """
+    w[plan[at.FRAME] + 3 : plan[at.FORCE] : at.FRAME_SIZE] = 1.0
+    for k, place in enumerate(ground):
+        w[plan[at.SECTION] + at.SEC * k : plan[at.SECTION] + at.SEC * k + 2] = place
+    for k, (owner, point, _) in enumerate(sections):
+        if owner >= 0:
+            w[plan[at.LOCAL] + at.SEC * k : plan[at.LOCAL] + at.SEC * k + 2] = w[point + 1 : point + 3]
+
+
+def _shape_holding(block: np.ndarray, axial: int, transverse: int) -> list[tuple[float, float]]:
+    """Diagonal stiffness and damping of a body's shapes."""
+    found, filled = {}, 0
+    for name, shape in block_shapes(BODY_BLOCK, axial, transverse).items():
+        found[name] = block[filled : filled + math.prod(shape)].reshape(shape)
+        filled += math.prod(shape)
+    return list(zip(found["K"].tolist(), np.diag(found["C"]).tolist(), strict=True))
+
+
+def _holding(mechanism: Mechanism, joint: Joint) -> tuple[float, float]:
+    """Stiffness and damping of the springs at a joint."""
+    springs = [spring for spring in mechanism.springs.values() if spring.joint == joint.name]
+    return sum(float(spring.stiffness) for spring in springs), sum(float(spring.damping) for spring in springs)
+
+
+def _order(mechanism: NumericMechanism) -> list[Branch]:
+    """Bodies in the order of the tree, each with its branch.
+
+    From the ground outwards, over the joints with the fewest freedoms first: prescribed ones and welds, pins, guides. A
+    group without a joint to the ground is attached by a free joint at its body with a given position. A massless body
+    at a free joint carries the next one if possible, as no leaf of a tree may be massless. Joints with friction become
+    cuts: their reactions, on which friction depends, are then unknowns.
+    """
+    joints = [joint for name, joint in mechanism.joints.items() if name not in mechanism.frictions]
+    lumped = {mass.point.body for mass in mechanism.masses.values()}
+
+    def openness(joint: Joint) -> int:
+        drive = mechanism.drives.get(joint.name)
+        if joint.kind == "weld" or (drive is not None and not drive.free):
+            return 0
+        return 1 if drive is not None else 2
+
+    def light(name: str) -> bool:
+        body = mechanism.bodies[name]
+        return not (body.elastic or body.mass or body.inertia or name in lumped)
+
+    found: list[Branch] = []
+    reached = [GROUND]
+    waiting = list(mechanism.bodies)
+    while waiting:
+        for base in reached:  # grows while it is gone through: breadth first
+            todo = _from(base, joints, openness)
+            for body, joint, child in todo:  # grows, too, beyond bodies without mass
+                if body in waiting:
+                    waiting.remove(body)
+                    reached.append(body)
+                    found.append((body, joint, child))
+                    if openness(joint) and light(body):
+                        onwards = [branch for branch in _from(body, joints, openness) if branch[0] in waiting]
+                        todo += sorted(onwards, key=lambda branch: light(branch[0]))[:1]
+        if waiting:
+            body = next((name for name in waiting if mechanism.bodies[name].free is not None), waiting[0])
+            waiting.remove(body)
+            found.append((body, None, 0))
+            reached = [body]
+    return found
+
+
+def _points(mechanism: Mechanism) -> Iterator[BodyPoint]:
+    """Points of joints, springs, contacts and loads; a load distributed over a body has a section of its own."""
+    for joint in mechanism.joints.values():
+        yield from joint.sides
+    for spring in mechanism.springs.values():
+        yield from spring.sides
+    for contact in mechanism.contacts.values():
+        yield from contact.sides
+    for load in mechanism.loads.values():
+        if load.point is not None:
+            yield load.point
+        if load.spread is not None:
+            yield load.spread[0]
+            yield BodyPoint(load.spread[0].body, f"loads.{load.name}", (0.0, 0.0))
+
+
+def _sections(mechanism: Mechanism, order: Sequence[Branch]) -> list[tuple[str, str]]:
+    """(body, point) of every section, the ground's first, then body by body."""
+    points = [key_of(point) for point in _points(mechanism)]
+    floating = [(body, "start") for body, joint, _ in order if joint is None]
+    owners = [GROUND, *(body for body, _, _ in order)]
+    wanted = dict.fromkeys([(GROUND, "start"), *floating, *points])
+    return [key for owner in owners for key in wanted if key[0] == owner]
+
+
+def _ground(mechanism: Mechanism, name: str) -> tuple[float, float]:
+    return next((point.at for point in _points(mechanism) if key_of(point) == (GROUND, name)), (0.0, 0.0))
+
+
+def _tree_joint(joint: Joint, child: int) -> tuple[float, ...]:
+    """Sign of the coordinate, angle and direction of the child's section in the parent's.
+
+    If the child is the joint's first body, all are relative to the second: the direction turns back by the angle.
+    """
+    sign = 1.0 if child == 1 else -1.0
+    angle = sign * float(joint.angle) if joint.kind != "revolute" else 0.0
+    x, y = joint.direction
+    if child == 0:
+        c, s = math.cos(joint.angle), math.sin(joint.angle)
+        x, y = -(c * x + s * y), -(c * y - s * x)
+    return sign, angle, float(x), float(y)

@@ -1,0 +1,1 @@
+"""Motion in time: collocation, location of events, shooting, harmonic balance, linearisation, trajectories."""

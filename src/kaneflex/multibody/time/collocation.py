@@ -1,0 +1,437 @@
+"""Compiled integration of a tree of bodies with closed loops, by three-stage collocation.
+
+The unknowns of a simplified Newton iteration are the accelerations of the stages. With A = T diag(mu) T^-1 of the
+method, the equations of three stages decouple into a real and a complex one of a single stage,
+
+    (M + h mu C + h^2 mu^2 K) x = r        (Hairer & Wanner 1996, IV.8, for second-order equations),
+
+where C and K contain shapes and springs at joints: they are constant and local, and include all stiff terms. Therefore
+one factorisation serves the whole step, gyroscopic and geometric terms are left to the iteration, and no derivatives
+are needed. Radau IIA (order 5, last stage at the end of the step, unresolved vibrations decay) and Gauss (order 6, no
+numerical damping) are two tables of the same loop.
+
+The step size control uses the defect of the collocation polynomial at the start of the step: M a - f for the
+polynomial's acceleration there, as a displacement e = h^2 (M + h mu C + h^2 mu^2 K)^-1 (defect). For a resolved
+vibration w it is (w h)^5/60 of the amplitude, twice the accumulated error of ten periods, since the error of a step is
+(w h)^6/7200; for an unresolved one it is several times the amplitude.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+from numba.types import boolean, float64, int64
+
+from kaneflex.multibody.dynamics import change_points, load_derivatives
+from kaneflex.multibody.time import event_location
+from kaneflex.multibody.unilateral import contact_linearisation, contacts, dry_friction, lugre_step, stick_slip
+from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
+from kaneflex.multibody.time.coefficients import TABLE, basis
+from kaneflex.multibody.dynamics.loop_condition import worn
+from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follow, follow_on, mend, middle, project_now
+from kaneflex.multibody.dynamics.powers import losses
+from kaneflex.multibody.time.state_record import copy, give, row_size, works_at
+from kaneflex.multibody.model.layout import (
+    ACCEL, ACCEL_SCALE, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
+    DEMAND, DRIVES, ENTRY, FIRST, HOLDS, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, MODAL, N, NOW, OPTIONS,
+    PAIR_PIVOTS, PIVOTS, RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SLOPED,
+    SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING,
+    apart, larger, shifted, smaller,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.kinematics import courses, demand, prescribe
+
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED, STRAYED = range(11)
+"""Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed
+step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; other
+contacts at rest than before; no consistent stick or slip; return requested after a change; loops closed on another
+branch."""
+_NEAR, _CLOSE = 1e-3, 1e-5
+"""Residual of a step's equations in tolerances. The smaller one is for Gauss, whose energy error depends on it, for
+friction and contacts, whose powers in the stages are balanced, and for repeated steps, which are compared."""
+_FAR = 100.0
+"""Steps, in lengths of the last one, up to which its polynomial is extrapolated."""
+
+
+@njit(**OPTIONS)
+def _first_guess(m, table, h, length, here):
+    """Initial stages from the last step's polynomial, or constant if it does not apply."""
+    apart()
+    plan, w, c = m.plan, m.w, table.nodes
+    n, r, length = plan[COORDINATES], plan[REACTIONS], length if _FAR * length > h else 0.0
+    for i in range(3):
+        x = 1.0 + c[i] * h / length if length > 0.0 else 0.0
+        w_0, w_1, w_2 = basis(c, x, 0), basis(c, x, 1), basis(c, x, 2)
+        for k in range(n):
+            j, into = plan[LAST_A] + k, plan[STAGE_A] + n * i + k
+            w[into] = w_0 * w[j] + w_1 * w[j + n] + w_2 * w[j + 2 * n] if length > 0.0 else here[1 + 2 * n + k]
+        for k in range(r):
+            j, into = plan[LAST_R] + k, plan[STAGE_R] + r * i + k
+            w[into] = w_0 * w[j] + w_1 * w[j + r] + w_2 * w[j + 2 * r] if length > 0.0 else here[1 + 3 * n + k]
+
+
+@njit(**OPTIONS)
+def _factors(m, table, t, h, here, A, B, sloped):
+    """Factors at the middle of the step, so that the mass matrix is accurate everywhere in it. False at a singular
+    state.
+
+    ``sloped``: include derivatives of loads and springs, see :mod:`kaneflex.multibody.dynamics.load_derivatives`.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    n, step = plan[COORDINATES], h * change_points.begin(m, t, h)
+    for k in range(n):
+        w[plan[Y] + k] = here[1 + k] + step * (here[1 + n + k] + 0.5 * step * here[1 + 2 * n + k])
+    prescribe(m, t + step)
+    if not close(m, NEAR):
+        return False
+    contact_linearisation.let_yield(m, h, here)
+    m.pivots[SLOPED] = 0
+    if sloped:
+        load_derivatives.find(m, t + 0.5 * h, h, here)
+    middle(m)
+    one, two = h * table.real[0], h * table.pair[0]
+    if not (factorise_closed(m, one, A, plan[PIVOTS]) and factorise_closed(m, two, B, plan[PAIR_PIVOTS])):
+        return False
+    if not sloped:
+        return True
+    found = load_derivatives.factorise(m, one, A, plan[PIVOTS], plan[SLOPE_PIVOTS])
+    return found and load_derivatives.factorise(m, two, B, plan[PAIR_PIVOTS], plan[SLOPE_PAIR_PIVOTS])
+
+
+@njit(**OPTIONS)
+def _slopes_needed(m, table, t, h, here, A, B):
+    """Derivatives of loads and springs that Newton's iteration needs to converge, see ``slopes.matter``."""
+    if m.plan[LOADS] == m.plan[CONTACTS] or not _factors(m, table, t, h, here, A, B, True):
+        return 0.0
+    return load_derivatives.matter(m, h * table.real[0], A)
+
+
+@njit(**OPTIONS)
+def _stage(m, table, t, h, i, here):
+    """Kinematics and residual of stage i; False if a loop does not close."""
+    apart()
+    plan, w, c = m.plan, m.w, table.nodes[i]
+    n, r, a_1, a_2, of = plan[COORDINATES], plan[REACTIONS], table.a_1, table.a_2, plan[STAGE_A]
+    for k in range(n):
+        a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
+        v_0, j = here[1 + n + k], 3 * i
+        w[plan[RATE] + k] = v_0 + h * (a_1[j] * a + a_1[j + 1] * b + a_1[j + 2] * d)
+        w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[j] * a + a_2[j + 1] * b + a_2[j + 2] * d))
+    copy(w, of + n * i, plan[ACCEL], n)
+    copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
+    if not follow_on(m, t + c * h, NEAR):
+        return False
+    demand(m, t + c * h)
+    if not change_points.project(m, t + c * h, i):
+        return False
+    copy(w, plan[ACCEL], of + n * i, n)
+    count = courses(m)
+    for k in range(count):
+        w[plan[STAGE_C] + count * i + k] = w[plan[COURSE] + 3 * k + 1]
+    event_location.note(m, t + c * h, i + 1)
+    dry_friction.kept_of_stage(m, i)
+    return True
+
+
+@njit(**OPTIONS)
+def _drive(m, i, course, force):
+    """Power of a prescribed drive in stage i."""
+    plan = m.plan
+    first = plan[STAGE_P] + plan[WORKS] * i + 1 + plan[SPRINGS] - plan[LOADS]
+    m.w[first + course] = force * m.w[plan[STAGE_C] + courses(m) * i + course]
+
+
+@njit(**OPTIONS)
+def _improve(m, table, h, A, B):
+    """One Newton iteration of the stages; returns the largest change, as a displacement in tolerances.
+
+    The drives' powers are updated, since their forces are part of the solution.
+    """
+    apart()
+    plan, w, into = m.plan, m.w, table.into
+    n, count = plan[COORDINATES], plan[KEPT]
+    answer = plan[COLUMNS] + count * n
+    for k in range(n):
+        j = plan[RESISTING] + k
+        r_0, r_1, r_2 = w[j], w[j + n], w[j + 2 * n]
+        A[answer + k] = -(into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
+        B[answer + k] = -(into[3] * r_0 + into[4] * r_1 + into[5] * r_2)
+    dry_friction.ask(m, into, A, B)
+    solve_closed(m, A, plan[PIVOTS])
+    solve_closed(m, B, plan[PAIR_PIVOTS])
+    if m.pivots[SLOPED]:
+        load_derivatives.correct(m, h * table.real[0], A, plan[SLOPE_PIVOTS])
+        load_derivatives.correct(m, h * table.pair[0], B, plan[SLOPE_PAIR_PIVOTS])
+    change = 0.0
+    for i in range(3):
+        one, two = table.out[i].real, 2.0 * table.out[3 + i]
+        for b in range(plan[BODIES]):
+            first, course = m.bodies[b, FIRST], m.bodies[b, COURSE_OF]
+            if course >= 0:
+                force = one * A[answer + first] + (two * B[answer + first]).real
+                _drive(m, i, course, force)
+                first = m.bodies[b, MODAL]
+            for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
+                d = one * A[answer + k] + (two * B[answer + k]).real
+                w[plan[STAGE_A] + n * i + k] += d
+                change = larger(change, h * h * abs(d) / w[plan[SCALE] + k])
+        for r in range(count):
+            d = one * A[plan[REACTION] + r] + (two * B[plan[REACTION] + r]).real
+            w[plan[STAGE_R] + plan[REACTIONS] * i + plan[plan[ROW_OF] + r]] += d
+        if m.pivots[YIELDING]:
+            gaps = contact_linearisation.change_of_gaps(m, h, table.real[0], table.pair[0], one, two, A, B)
+            change = larger(change, gaps)
+            dry_friction.answered(m, i, one, two, A, B)
+        for cut in range(plan[CUTS], plan[DRIVES]):
+            if m.acts[cut, COURSE_AT] >= 0:
+                force = w[plan[STAGE_R] + plan[REACTIONS] * i + m.acts[cut, ROW_AT]]
+                _drive(m, i, m.acts[cut, COURSE_AT], force)
+    return change
+
+
+@njit(**OPTIONS)
+def _iterate(m, table, t, h, here, replayed, counts, A, B):
+    """Solve the stage equations; return True if converged."""
+    apart()
+    before, size = 0.0, m.plan[COORDINATES]
+    plan = m.plan
+    touches = plan[HOLDS] < plan[DRIVES] or plan[CONTACTS] < plan[ACTS]
+    enough = _CLOSE if replayed or touches or table.ends[0] == 0.0 else _NEAR
+    for iteration in range(30 if replayed else 10):
+        counts[2] += 1
+        for i in range(3):
+            if not _stage(m, table, t, h, i, here):
+                return False
+            copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + size * i, size)
+            if iteration > 0:
+                losses(m, m.plan[STAGE_P] + m.plan[WORKS] * i)
+        lugre_step.bend(m, table, h, here)
+        change = _improve(m, table, h, A, B)
+        if not change < 1e200:
+            return False
+        if iteration > 0:
+            rate = change / before
+            if replayed and rate >= 0.5 and change < 1.0:  # the change is rounding
+                return True
+            if rate >= 1.0 and change > 1e-3:
+                return False
+            if change * rate < enough * larger(1.0 - rate, 0.0):
+                return True
+            if change < 1e-6:
+                return True
+        before = change
+    return False
+
+
+@njit(**OPTIONS)
+def _also(error, other, power):
+    """Larger of two errors, the second one raised to a power so that both scale alike with the step."""
+    return larger(error, other**power) if other > 0.0 else error
+
+
+@njit(**OPTIONS)
+def _error(m, table, h, here, A):
+    """Error of the step in tolerances: of displacements, and of speeds and accelerations if they are bounded.
+
+    The defect at the step's start is M d, where d is the polynomial's acceleration minus that of the motion; with S = M
+    + h mu C + h^2 mu^2 K, S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d.
+    """
+    apart()
+    plan, w, c = m.plan, m.w, table.nodes
+    n, of, at, step = plan[COORDINATES], plan[STAGE_A], plan[ACCEL], h * table.real[0]
+    w_0, w_1, w_2 = basis(c, 0.0, 0), basis(c, 0.0, 1), basis(c, 0.0, 2)
+    for k in range(n):
+        w[at + k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - here[1 + 2 * n + k]
+    answer = plan[COLUMNS] + plan[KEPT] * n
+    error = 1e-12
+    for k in range(n):
+        error = _also(error, abs(w[at + k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
+        A[answer + k] = -step * (w[plan[DAMPING] + k] + step * w[plan[STIFFNESS] + k]) * w[at + k]
+    if m.pivots[YIELDING]:
+        contact_linearisation.resist_defect(m, step, A, answer)
+    if m.pivots[SLOPED]:
+        load_derivatives.resist_defect(m, step, shifted(w, at), A, answer)
+    dry_friction.want_nothing(m, A)
+    solve_closed(m, A, plan[PIVOTS])
+    if m.pivots[SLOPED]:
+        load_derivatives.correct(m, step, A, plan[SLOPE_PIVOTS])
+    for b in range(plan[BODIES]):
+        first = m.bodies[b, MODAL] if m.bodies[b, COURSE_OF] >= 0 else m.bodies[b, FIRST]
+        for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
+            missed = abs(w[at + k] + A[answer + k])
+            error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
+            error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
+    if m.pivots[YIELDING]:
+        error = larger(error, 0.5 * h * h * contact_linearisation.error_of_gaps(m, h, step, A, answer))
+    return error
+
+
+@njit(**OPTIONS)
+def _finish(m, table, h, end, here, A):
+    """Advance ``here`` to the end of the step, works included; SINGULAR, or STRAYED on another branch."""
+    apart()
+    plan, w = m.plan, m.w
+    n, r, of = plan[COORDINATES], plan[REACTIONS], plan[STAGE_A]
+    contact_linearisation.notice_jams(m, here[0], h * table.real[0], A)
+    b_1, b_2 = table.b_1, table.b_2
+    w_0, w_1, w_2 = basis(table.nodes, 1.0, 0), basis(table.nodes, 1.0, 1), basis(table.nodes, 1.0, 2)
+    for k in range(n):
+        a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
+        v_0 = here[1 + n + k]
+        w[plan[RATE] + k] = v_0 + h * (b_1[0] * a + b_1[1] * b + b_1[2] * d)
+        w[plan[Y] + k] = here[1 + k] + h * (v_0 + h * (b_2[0] * a + b_2[1] * b + b_2[2] * d))
+        w[plan[ACCEL] + k] = w_0 * a + w_1 * b + w_2 * d
+    of = plan[STAGE_R]
+    for k in range(r):
+        w[plan[NOW] + k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
+    lugre_step.bent_at_end(m, table, h, here)
+    if not follow(m, end):
+        return SINGULAR
+    if change_points.strays(m, table, h, here):
+        return STRAYED
+    change_points.end(m, end, h)
+    if not stick_slip.keep(m, end, h, A):
+        return SINGULAR
+    if not change_points.react_at_end(m, end) and table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1):
+        return SINGULAR
+    for i in range(3):
+        for k in range(plan[WORKS]):
+            here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
+    copy(w, plan[STAGE_A], plan[LAST_A], 3 * n)
+    copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
+    give(m, end, here)
+    return DONE
+
+
+@njit(**ENTRY)
+def project(m, t):
+    """Project the dependent coordinates and rates onto the loop constraints, and compute accelerations and reactions.
+
+    The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts with overlapping sides are closed. False at a
+    singular state.
+    """
+    closed = project_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
+    return closed and stick_slip.decide(m, t, m.real) == 0
+
+
+@njit(**ENTRY)
+def integrate(m, table, control, here, given, fixed, times, count, rows, counts, ends):
+    """Fill rows 1, 2, ... of a table at ``times`` [s], starting from ``here``; a step ends at each of them.
+
+    ``control``: [next step, longest step, most steps to try, last row filled, steps taken, length of the last one or 0,
+    1 if the dependent coordinates are fixed, derivatives of loads and springs for the factors (see ``slopes.matter``),
+    1 to return after every change and 2 after one]. ``here``: a row of the table with the state before row 1, updated:
+    t, then coordinates, rates, accelerations, reactions of cut joints and holds, states of contacts and holds, works.
+    ``given``: ends [s] of the ``fixed`` steps to take, including the ``times``; none for error control. Works are time
+    integrals of powers (dissipation, loads, drives, holds, contacts). ``counts``: accepted and rejected steps, Newton
+    iterations, factorisations. ``ends``: ends of the steps taken. The row before a change lies behind the table's last
+    one. Returns an outcome.
+    """
+    A, B, width, touching = m.real, m.pair, row_size(m), event_location.searched(m)
+    trial, found = 0.0, event_location.PASSED
+    if touching and not event_location.back(m, here):
+        return SINGULAR
+    wanted, row, length, replayed = control[0], 0, control[5], fixed > 0
+    taken, tried, status = 0, 0, DONE
+    while row + 1 < count:
+        if (tried >= control[2] and trial == 0.0) or (touching and contacts.full(m)):
+            status = PAUSED
+            break
+        tried += 1
+        t = here[0]
+        if replayed:
+            end = given[taken]
+            h = end - t
+        else:
+            longest = smaller(control[1], event_location.unturned(m)) if touching else control[1]
+            wanted = smaller(wanted, longest)
+            if wanted < 1e-12 * (times[count - 1] - times[0]):
+                status = TOO_SMALL
+                break
+            # steps of equal length up to the next instant, so that none is very short
+            left = times[row + 1] - t
+            h = left / math.ceil(left / wanted * (1.0 - 1e-9))
+            end = times[row + 1] if h >= left * (1.0 - 1e-9) else t + h
+            if touching:
+                trial_or_aim = trial if trial > 0.0 else event_location.aimed(m, h)
+                if trial_or_aim != h:
+                    end = t + trial_or_aim
+            h = end - t  # the actual length, which differs by rounding for short steps
+        _first_guess(m, table, h, length, here)
+        counts[3] += 1
+        solved = _factors(m, table, t, h, here, A, B, control[7] != 0.0)
+        if not (solved and _iterate(m, table, t, h, here, replayed, counts, A, B)):
+            needed = _slopes_needed(m, table, t, h, here, A, B) if control[7] < load_derivatives.DAMPED else 0.0
+            if needed > control[7]:
+                control[7] = needed
+                counts[1] += 1
+                if needed == load_derivatives.DAMPED and table.ends[0] == 0.0:
+                    status = PAUSED  # overdamped modes oscillate with Gauss and decay with Radau
+                    break
+                continue
+            if replayed:
+                status = NO_CONVERGENCE
+                break
+            counts[1] += 1
+            wanted, length, trial = 0.4 * h, 0.0, 0.0
+            continue
+        if not replayed:
+            error = _error(m, table, h, here, A)
+            growth = smaller(3.0, larger(0.2, 0.9 * error ** (-0.2)))
+            if not error <= 1.0:
+                counts[1] += 1
+                wanted, length, trial = h * smaller(growth, 0.9), 0.0, 0.0
+                continue
+            wanted = larger(wanted, h * growth) if growth >= 1.0 else h * growth
+        if touching:
+            found = event_location.look(m, table, t, h, here, trial > 0.0)
+            trial = event_location.next_trial(m, found)
+            counts[1] += found >= event_location.AT_ONCE
+            if found == event_location.ASTRAY:
+                wanted, length = 0.4 * h, 0.0
+            if found >= event_location.AGAIN:
+                continue
+        at_once = found == event_location.AT_ONCE
+        finished = DONE if at_once else _finish(m, table, h, end, here, A)
+        if finished == STRAYED and not replayed:
+            counts[1] += 1
+            wanted, length, trial = 0.4 * h, 0.0, 0.0
+            continue
+        solved = event_location.back(m, here) if at_once else finished == DONE
+        if not at_once:
+            counts[0] += 1
+            length, ends[taken] = h, end
+            taken += 1
+        if control[8] != 0.0 and found != event_location.PASSED:
+            control[8] = 2.0
+            for k in range(width):
+                rows[count * width + k] = here[k]
+        if touching and solved:
+            wanted = event_location.go_on(m, table, h, here, A, wanted, found)
+            length = length if found == event_location.PASSED else 0.0
+        if not solved or wanted <= 0.0:
+            status = CASCADE if solved and wanted == 0.0 else PARADOX if wanted == -2.0 else SINGULAR
+            break
+        if here[0] == times[row + 1]:
+            row += 1
+            for k in range(width):
+                rows[row * width + k] = here[k]
+        if touching and event_location.others_rest(m):
+            status = RESTED
+            break
+        if control[6] == 0.0 and not crosses(m, here[0]) and worn(m):
+            status = TURNED
+            break
+        if control[8] == 2.0:
+            status = CHANGED
+            break
+    control[0], control[3], control[4], control[5] = wanted, row, taken, length
+    return status
+
+
+ENTRIES = {
+    project: boolean(MECHANISM, float64),
+    integrate: int64(MECHANISM, TABLE, N, N, N, int64, N, int64, N, N, N),
+}
+"""Functions called by Python, and their argument types."""

@@ -1,0 +1,95 @@
+"""Detection of runs that leave their branch at a singular position, by a jump of the energy balance.
+
+Branches of a loop's motion cross where its bars are aligned. Both satisfy the loop equations, so that no residual
+detects a wrong branch; but closing the loops on it changes speeds and thus the energy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.mechanism.energy import LARGEST_JUMP
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
+
+_PART_OF_A_DRIFT = 0.02
+"""Share of the energy error that, lost between two instants at a singular position, identifies this as its cause."""
+_NEAR = 0.25
+"""Least singular value of the loops, relative to the run's largest, below which a singular position is near; it is
+proportional to the distance."""
+_CURE = "use solve.integrator = radau, which passes such positions"
+_INSTANTS, _BETWEEN = 20, 9
+"""Instants of a run for the regularity of its loops; instants between two stored ones to find a singular position."""
+
+
+def jump(system: CoupledSystem, path: CoupledTrajectory, share: float = LARGEST_JUMP) -> tuple[int, float] | None:
+    """Last stored instant before a jump at a singular position, and its time [s]; None without one.
+
+    ``share``: jump of the energy balance, relative to the exchanged energy.
+    """
+    suspects = path.energy.jumps(share)
+    loops = min(system.engine.count(at.JOINT_ROWS), system.engine.count(at.KEPT))  # resting contacts are also kept rows
+    if not len(suspects) or not len(_free(system)) or not loops:
+        return None
+    some = np.unique(np.linspace(0, len(path.times) - 1, _INSTANTS).astype(int))
+    rows = _loops(system, path.times[some], path.q[some])
+    scale = np.maximum(abs(rows).max(axis=(0, 2), keepdims=True), 1e-300)
+    regular = _least(system, rows / scale).max()
+    part = np.linspace(0.0, 1.0, _BETWEEN)
+    for k in suspects.tolist():
+        times = path.times[k] + part * (path.times[k + 1] - path.times[k])
+        least = _least(system, _loops(system, times, path.q[k] + part[:, None] * (path.q[k + 1] - path.q[k])) / scale)
+        if least.min() < _NEAR * regular:
+            return k, float(times[least.argmin()])
+    return None
+
+
+def _free(system: CoupledSystem) -> list[int]:
+    """Coordinates of joints without prescribed drive."""
+    engine = system.engine
+    return [k for k in (*engine.independent.tolist(), *engine.dependent.tolist()) if not engine.shapes[k]]
+
+
+def _loops(system: CoupledSystem, times: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Derivatives of the cut joints' rows by the joints' free coordinates at some states, (n_times, rows,
+    coordinates)."""
+    engine, found = system.engine, []
+    n, rows = engine.size, engine.count(at.JOINT_ROWS)
+    free = _free(system)
+    for t, here in zip(times, q, strict=True):
+        system.fold(here, np.zeros_like(here))
+        engine.openings(float(t))
+        gradient = engine.numbers(at.GRADIENT, rows * n).reshape(rows, n) * engine.numbers(at.MEASURE, n)
+        found.append(gradient[:, free])
+    return np.array(found)
+
+
+def _least(system: CoupledSystem, loops: np.ndarray) -> np.ndarray:
+    """Least singular value of the independent rows, (n_times,)."""
+    values = np.linalg.svd(loops, compute_uv=False)
+    return values[:, min(system.engine.count(at.KEPT), values.shape[1]) - 1]
+
+
+def cause(system: CoupledSystem, path: CoupledTrajectory) -> str:
+    """Advice for a run with an energy jump at a singular position; empty otherwise."""
+    found = jump(system, path, _PART_OF_A_DRIFT * path.energy.drift)
+    if found is None:
+        return ""
+    return (
+        f"and jumps at t = {found[1]:.6g} s, where the loops pass a singular position: check that the motion follows "
+        "the right branch; a smaller solve.tolerance does not help"
+    )
+
+
+def departure(system: CoupledSystem, path: CoupledTrajectory, integrator: str) -> tuple[int, str] | None:
+    """Last stored instant on the run's branch, and a message, if it left its branch; None otherwise."""
+    left = jump(system, path)
+    if left is None:
+        return None
+    k, when = left
+    cure = "start beyond it on the intended branch" if integrator == "radau" else _CURE
+    return k, (
+        f"the energy balance jumps at t = {when:.6g} s, where the loops pass a singular position: the run would "
+        f"continue on a wrong branch. A smaller solve.tolerance does not help; {cure}"
+    )

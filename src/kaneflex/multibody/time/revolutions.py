@@ -1,0 +1,107 @@
+"""Full turns of planar bodies: initial ones, and those that sensors leave out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from kaneflex.mechanism.planar import whole_turns
+from kaneflex.mechanism.position_analysis import Placement
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.scene import Scene
+from kaneflex.support.errors import SceneError
+
+
+def unwrapped(
+    scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion, given: Collection[str] = ()
+) -> np.ndarray:
+    """State q with full turns added to the bodies' angles, consistent with drives, welds and guides.
+
+    Joints with springs, laws or free drives start within half a turn of their rest or start; between bodies with
+    ``given`` angles they keep their turns.
+    """
+    drives = {name: float(rigid[f"{name}.angle"][0]) for name in scene.drives}
+    before = {name: float(q[k + 2]) for name, k in system.start.items()}
+    angles = _counted(scene, before, drives, _between(scene, before, given))
+    q = q.copy()
+    for name, k in system.start.items():
+        q[k + 2] = angles[name]
+    return q
+
+
+def check_turns_kept(
+    scene: Scene, system: CoupledSystem, before: np.ndarray, q: np.ndarray, given: Collection[str]
+) -> None:
+    """Raise SceneError if springs and laws have other turns in q than by the ``given`` angles in ``before``."""
+    was, now = ({name: float(part[k + 2]) for name, k in system.start.items()} for part in (before, q))
+    now = _between(scene, now, given)
+    sprung = {spring.torsional_at for spring in scene.springs.values()}
+    laws = [law for law in map(scene.law, scene.loads) if law is not None]
+    for name, turned in _between(scene, was, given).items():
+        knows = "a torsional spring" if name in sprung else "a law" if any(law.uses_any([name]) for law in laws) else ""
+        if knows and round((turned - now[name]) / math.tau):
+            raise SceneError(
+                "solve.start", "a table of a state",
+                f"{knows} counts the turns of {name}, which is given at {math.degrees(turned):.6g} deg, but drives, "
+                f"welds and guides start with it at {math.degrees(now[name]):.6g} deg",
+                "Continue with --after, or simulate(model, after=...), which also continues drives, or add turns to "
+                "the drives' angles",
+            )  # fmt: skip
+
+
+def left_out(scene: Scene, start: Placement) -> dict[str, float]:
+    """Body -> initial full turns [rad] that sensors leave out, to start within half a turn of zero."""
+    angles = {name: math.atan2(math.sin(pose[2]), math.cos(pose[2])) for name, pose in start.poses.items()}
+    counted = _counted(scene, angles, start.drives)
+    return {name: float(whole_turns(counted[name] - angle)) for name, angle in angles.items()}
+
+
+def _between(scene: Scene, angles: Mapping[str, float], given: Collection[str]) -> dict[str, float]:
+    """Coordinates [rad] of pins between ``given`` bodies whose turns a spring, a law or a free drive counts."""
+    sprung = [spring.torsional_at for spring in scene.springs.values() if spring.torsional_at is not None]
+    free = [name for name, drive in scene.drives.items() if drive.kind == "free"]
+    known, found = {"ground": 0.0, **{name: angles[name] for name in given}}, {}
+    for name in dict.fromkeys([*sprung, *scene.observed, *free]):
+        first, second = (address.body for address in scene.joints[name].addresses)
+        if scene.joints[name].kind == "revolute" and first in known and second in known:
+            found[name] = known[second] - known[first]
+    return found
+
+
+def _counted(
+    scene: Scene, angles: Mapping[str, float], drives: Mapping[str, float], kept: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Angles of the bodies [rad] with the turns prescribed by joints, or ``kept`` between them.
+
+    ``drives``: coordinates of the drives.
+    """
+    counted, angle = {"ground"}, {"ground": 0.0, **angles}
+    turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
+    turning = {name: drive.kind for name, drive in scene.drives.items() if scene.joints[name].kind == "revolute"}
+    turns |= {name: drives[name] for name, kind in turning.items() if kind != "free"}
+    near = {name: 0.0 for name in scene.observed if scene.joints[name].kind == "revolute"}
+    near |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at is not None}
+    near |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
+    near = {name: drives[name] for name in turning} | {name: at for name, at in near.items() if name not in turning}
+    near |= kept or {}
+    turns |= {name: angle for name, angle in near.items() if name not in turns}  # prescribed ones take precedence
+    while len(counted) < len(angle):
+        leading = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
+        if not leading:  # no joint determines the remaining turns
+            counted.add(next(name for name in angle if name not in counted))
+            continue
+        name, side = leading[0]
+        base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
+        wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
+        angle[other] += float(whole_turns(wanted - angle[other]))
+        counted.add(other)
+    return angle
+
+
+def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
+    """True if a joint leads from a counted body on this side to one not yet counted."""
+    base, other = (scene.joints[joint].addresses[k].body for k in (side, 1 - side))
+    return base in counted and other not in counted

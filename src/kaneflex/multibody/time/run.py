@@ -1,0 +1,402 @@
+"""From a coupled system to its trajectory: initial state, integration with progress, energy balance."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.dynamics import load_derivatives
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.time import collocation
+from kaneflex.multibody.time.coefficients import GAUSS, RADAU
+from kaneflex.multibody.time.dense_output import balance
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.multibody.unilateral import friction_results, impact_results
+
+_PATIENCE = 5_000_000
+"""Largest number of steps between two stored instants, a million periods: more indicate a wrong unit."""
+_PIECE, _GROWTH, _WORK = 100, 8, 40_000
+"""Pieces of a run between reports of progress, after which it can be interrupted: most stored instants, and first
+number of steps; largest growth of that number, and its limit times the number of coordinates, about 0.2 s. Steps
+are counted and not timed, as error bounds by largest values so far depend on the ends of pieces."""
+
+_OF_A_DEPTH = 30.0
+"""Error allowed in a contact's gap, in tolerances of a run times an impact's depth."""
+_TINY = 1e-4
+"""Share of the longest step below which friction may be inconsistent with its reactions."""
+_AGREE = 1e-7
+"""Largest misfit of redundant constraints, as a share of the mechanism's size."""
+_MOST_CHANGES = 20_000
+"""Largest number of changes of contacts and frictions that a run keeps, for results between stored instants."""
+_NONE = np.zeros(0)
+
+
+@dataclass(frozen=True)
+class Method:
+    """Method of integration.
+
+    Attributes
+    ----------
+    integrator : str
+        "radau" or "gauss" (steps by error control), or "scipy" (its Radau).
+    tolerance : float
+        Error allowed of what ten periods of a vibration accumulate, as a share of ``length`` [m] for displacements and
+        in rad for angles; a vibration smaller than that is not resolved. See
+        :mod:`kaneflex.multibody.time.collocation`.
+    bounded : tuple of str
+        What else the tolerance bounds, as a share of its largest value so far: "speeds"; "reactions", through the
+        accelerations from which they follow.
+    """
+
+    integrator: str
+    tolerance: float
+    length: float
+    bounded: tuple[str, ...] = ()
+
+
+Stop = Callable[[CoupledTrajectory], bool]
+"""Condition to stop a run, evaluated on every piece, whose first instant is the last one of the piece before."""
+
+
+def integrate(
+    system: CoupledSystem,
+    q: np.ndarray,
+    v: np.ndarray,
+    times: np.ndarray,
+    method: Method,
+    progress: Callable[[float], None] | None = None,
+    stop: Stop | None = None,
+    ends: np.ndarray | None = None,
+) -> CoupledTrajectory:
+    """Integrate from q, v at times[0]; returns the motion at ``times`` [s] up to its end.
+
+    ``ends`` [s], including all ``times``, prescribe the ends of steps in place of error control.
+    """
+    run = Run(system, q, v, times, method, _NONE if ends is None else ends)
+    started = time.perf_counter()
+    ended = run.go(progress, stop)
+    ns = 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1])
+    found = run.trajectory(run.rows[: run.filled + 1], *ended, ns, np.concatenate([_NONE, *run.ends]))
+    if len(found.energy.jumps()):
+        from kaneflex.multibody.time.lost_branch import departure  # which few runs need
+
+        left = departure(system, found, method.integrator)
+        found = found if left is None else run.cut(*left, found)
+    changes = [row for row in run.changes if times[0] <= row[0] <= times[run.filled]]
+    return replace(found, changes=run.trajectory(np.array(changes))) if changes else found
+
+
+def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
+    """First step [s], which moves the mechanism by ten errors; the error estimate controls the next ones."""
+    largest = (abs(accelerations) / scale).max()
+    return min(math.sqrt(20.0 / largest) if largest > 0 else math.inf, longest)
+
+
+class Run:
+    """Rows of one integration, filled piece by piece."""
+
+    def __init__(
+        self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method, given: np.ndarray
+    ) -> None:
+        self.system, self.engine, self.times, self.method = system, system.engine, times, method
+        self.given: np.ndarray = given
+        self.ends: list[np.ndarray] = []
+        self.evaluations = [0]  # by scipy
+        system.compile()
+        engine, size = self.engine, system.engine.size
+        self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
+        self.scale = method.tolerance * np.where(engine.turns, 1.0, method.length)
+        engine.numbers(at.SCALE, size)[:] = self.scale
+        shared = engine.numbers(at.TOUCH, at.SHARED)
+        shared[:] = 0.0  # nothing is known of an earlier run
+        shared[at.PRECISION], shared[at.EXTENT] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
+        engine.numbers(at.CROSSING, at.CHANGE_POINT)[:] = -math.inf, 0.0, 0.0, -math.inf
+        self.largest = np.zeros((2, size))
+        engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
+        self.touching = tuple(system.mechanism.contacts)
+        if len(engine.holds):
+            engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
+        self.impacts: tuple[impact_results.Impact, ...] = ()
+        if self.touching:
+            engine.take_impacts()
+        system.fold(q, v)
+        dropped = engine.choose(float(times[0]))
+        self.twice = tuple(dict.fromkeys(self._joint_of(row) for row in dropped.tolist()))
+        self.projected = engine.project(float(times[0]))
+        self.here = engine.row(float(times[0]))
+        self.rows = np.zeros((len(times) + 1, len(self.here)))  # one more for the state before a change
+        self.changes: list[np.ndarray] = []
+        self.rows[0] = self.here
+        self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2] if self.touching else _NONE
+        self.longest = float(times[1] - times[0])
+        self.step = first_step(engine.motion[2], self.scale, self.longest)
+
+    def go(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
+        """Integrate to the end, or to the last possible state."""
+        if not self.projected:
+            rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
+            return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
+        scipy = self.method.integrator == "scipy"
+        # What is bounded by its largest values so far is known better after every piece.
+        most, growth = (1, 2) if self.method.bounded else (_PIECE, 1 if scipy else _GROWTH)
+        since = 0
+        while self.filled + 1 < len(self.times):
+            before = self.filled
+            rows = slice(before, before + 1 + min(most, _PIECE))
+            ended = self._by_scipy(rows, self._share(progress, rows)) if scipy else self._collocation(rows, most)
+            if len(self.changes) % 2:
+                self.changes.append(self.here.copy())
+            if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
+                ended = collocation.CASCADE
+            if not scipy:  # scipy starts again, and can be interrupted anywhere
+                most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
+            if ended not in (collocation.DONE, collocation.PAUSED, collocation.CHANGED) and not self._turned():
+                outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
+                said = f"; constraints of {', '.join(self.twice)} and others are redundant there" if self.twice else ""
+                return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + said
+            if self._is_in_doubt() and not self._agrees():
+                outcome, words = _ENDED[collocation.PARADOX]
+                return outcome, words.format(at=f"t = {self.here[0]:.6g} s")
+            misfit = self._misfit()
+            if misfit:
+                return Outcome.SINGULAR, misfit
+            tried = int(self.counts[0] + self.counts[1])
+            since = tried if self.filled > before else since
+            if tried - since > _PATIENCE:
+                said = f"more than {_PATIENCE:,} steps after t = {self.times[self.filled]:.6g} s do not reach the next"
+                return Outcome.UNSTABLE, f"{said} stored instant: the motion is too fast"
+            if progress is not None:
+                came = max(self.times[self.filled], self.here[0])
+                progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
+            if stop and self.filled > before and stop(self.trajectory(self.rows[before : self.filled + 1])):
+                break
+        return Outcome.COMPLETED, Outcome.COMPLETED.value
+
+    def _share(self, progress: Callable[[float], None] | None, rows: slice) -> Callable[[float], None] | None:
+        """The share of the run, where ``progress`` is called with that of some of its rows."""
+        if progress is None:
+            return None
+        first, last = ((t - self.times[0]) / (self.times[-1] - self.times[0]) for t in self.times[rows][[0, -1]])
+        return lambda done: progress(float(first + done * (last - first)))
+
+    def _held(self) -> tuple[Outcome, str] | None:
+        """Outcome if a law would have to hold its switch at zero; None otherwise."""
+        held = int(self.engine.numbers(at.TOUCH, at.SHARED)[at.HELD])
+        if not held:
+            return None
+        return Outcome.CASCADE, (
+            f"after {{at}} the law of loads.{self.system.module.SWITCHES[held - 1]} switches back and forth: on "
+            "both sides of its jump the motion returns to it, as with a brake at rest. Use friction of a joint in "
+            "place of the law"
+        )  # fmt: skip
+
+    def _overdamped(self, ended: int) -> tuple[Outcome, str] | None:
+        """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
+        if ended != collocation.TOO_SMALL:
+            return None
+        frictions, states = self.system.mechanism.frictions, self.system.unfold(self.here[None]).frictions[0]
+        for (name, own), (_, speed, pressed, *_) in zip(frictions.items(), states, strict=True):
+            damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
+            if damped > dry:
+                return Outcome.UNSTABLE, (
+                    f"the step size tends to zero after {{at}}: at {name} bristle_damping times the speed is "
+                    f"{damped:.3g}, sliding friction {dry:.3g}; no force may equal both. Give a smaller bristle_damping"
+                )  # fmt: skip
+        return None
+
+    def _misfit(self) -> str:
+        """Message about redundant constraints that no longer agree; empty otherwise."""
+        engine = self.engine
+        rows, first = engine.count(at.JOINT_ROWS), engine.count(at.ROW_OF)
+        if np.count_nonzero(engine.tables.plan[first : first + engine.count(at.KEPT)] < rows) == rows:
+            return ""
+        t, size = float(self.here[0]), self.system.mechanism.size
+        engine.stand(self.here)
+        apart = abs(engine.openings(t)[:rows]) / size
+        row = int(apart.argmax())
+        if apart[row] <= _AGREE:
+            return ""
+        return (f"over-constrained after t = {t:.6g} s: a constraint of {self._joint_of(row)} is redundant, "
+                f"and violated by {apart[row]:.2g} of the mechanism's size")  # fmt: skip
+
+    def _joint_of(self, row: int) -> str:
+        """Joint of a cut's row; of a resting contact the last one."""
+        acts = self.engine.tables.acts[: self.engine.count(at.HOLDS), at.ROW_AT]
+        return self.engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
+
+    def _is_in_doubt(self) -> bool:
+        """True if steps are so short that friction may be inconsistent with its reactions.
+
+        Not with resting rigid sides: just before they separate, rounding makes their force negative, with which no
+        friction is consistent, and the complementarity problem determines the next mode.
+        """
+        if not len(self.engine.holds) or self.step >= _TINY * self.longest:
+            return False
+        contacts = self.system.mechanism.contacts.values()
+        closed = self.engine.contacts[: len(contacts), at.BEGUN_AT] != 0.0
+        return not any(shut and each.law == "newton" for shut, each in zip(closed, contacts, strict=True))
+
+    def _agrees(self) -> bool:
+        """True if friction is consistent with its reactions at the current state."""
+        self.engine.stand(self.here)
+        agrees = self.engine.project(float(self.here[0]))
+        self.engine.stand(self.here)
+        return agrees
+
+    def _turned(self) -> bool:
+        """True if the integration can continue with other dependent coordinates."""
+        if not self._chosen_anew() or not self.engine.project(float(self.here[0])):
+            return False
+        self.step, self.length = first_step(self.engine.motion[2], self.scale, self.longest), 0.0
+        return True
+
+    def _chosen_anew(self) -> bool:
+        """Choose kept rows and dependent coordinates at the current state; True if they change."""
+        before, t = self._chosen, float(self.here[0])
+        self.engine.stand(self.here)
+        self.engine.choose(t)
+        return self._chosen != before
+
+    @property
+    def _chosen(self) -> tuple[list[int], list[int]]:
+        return self.engine.kept_rows.tolist(), sorted(self.engine.dependent.tolist())
+
+    def _bound(self) -> None:
+        """Update the errors allowed of speeds and accelerations from their largest values so far, by kind."""
+        if not self.method.bounded:
+            return
+        engine, n = self.engine, self.engine.size
+        done = self.rows[max(0, self.filled - _PIECE) : self.filled + 1]
+        for k, (name, scale) in enumerate((("speeds", at.RATE_SCALE), ("reactions", at.ACCEL_SCALE))):
+            if name in self.method.bounded:
+                each = abs(done[:, 1 + (1 + k) * n : 1 + (2 + k) * n]).max(axis=0)
+                for kind in (engine.turns, ~engine.turns):
+                    self.largest[k, kind] = max(self.largest[k, kind].max(initial=0.0), each[kind].max(initial=0.0))
+                allowed = self.method.tolerance * self.largest[k]
+                engine.numbers(scale, n)[:] = np.where(allowed > 0.0, allowed, math.inf)
+
+    def _collocation(self, rows: slice, most: int) -> int:
+        self._bound()
+        keeps = float(len(self.changes) < 2 * _MOST_CHANGES)
+        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped, keeps])
+        given = self.given
+        if len(given):
+            given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
+        ends = np.zeros(int(most) + 1)
+        table = TABLES["radau" if self.sloped == load_derivatives.DAMPED else self.method.integrator]
+        ended = self.engine.integrate(
+            table, control, self.here, given, self.times[rows], self.rows[rows], self.counts, ends
+        )
+        self.ends.append(ends[: int(control[4])])
+        if control[8] == 2.0:
+            self.changes.append(self.rows[rows.start + len(self.times[rows])].copy())
+        self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
+        self.sloped = float(control[7])
+        if self.touching:
+            self.impacts += impact_results.over(self.touching, self.engine.take_impacts())
+        self.patient = 0.0
+        if ended == collocation.TURNED:
+            rows = self.engine.kept_rows.tolist()
+            self.patient = float(not self._chosen_anew())
+            if self.engine.kept_rows.tolist() != rows and not self._projected():
+                return collocation.SINGULAR
+            return collocation.PAUSED
+        if ended == collocation.RESTED:
+            if self._rest():
+                return collocation.PAUSED
+            return collocation.PARADOX if len(self.engine.holds) else collocation.SINGULAR
+        return ended
+
+    def _by_scipy(self, rows: slice, progress: Callable[[float], None] | None) -> int:
+        from kaneflex.multibody.time.scipy_run import by_scipy
+
+        method, times = self.method, self.times[rows]
+        ended, found, steps = by_scipy(
+            self.engine, self.here, times, self.longest, method.tolerance, method.length, self.evaluations, progress
+        )
+        self.rows[self.filled + 1 : self.filled + 1 + len(found)] = found
+        self.filled, self.counts[0] = self.filled + len(found), self.counts[0] + steps
+        return ended
+
+    def cut(self, k: int, message: str, found: CoupledTrajectory) -> CoupledTrajectory:
+        """Part of the run up to stored instant k, where it left its branch."""
+        self.filled, self.here = k, self.rows[k].copy()
+        self.impacts = tuple(impact for impact in self.impacts if impact.begin <= self.times[k])
+        ends = found.ends[found.ends <= self.times[k]]
+        return self.trajectory(self.rows[: k + 1], Outcome.SINGULAR, message, found.ns_per_step, ends)
+
+    def _rest(self) -> bool:
+        """Continue after a change of resting contacts, with other dependent coordinates; False: singular."""
+        self.engine.stand(self.here)
+        self.engine.choose(float(self.here[0]))
+        return self._projected()
+
+    def _projected(self) -> bool:
+        """Continue from the current state, with the reactions of the kept rows; False: singular."""
+        t, works = float(self.here[0]), self.engine.count(at.WORKS)
+        projected = self.engine.project(t)
+        self.here[:-works], self.length = self.engine.row(t)[:-works], 0.0
+        if self.rows[self.filled, 0] == t:
+            self.rows[self.filled] = self.here
+        return projected
+
+    def trajectory(
+        self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
+        ends: np.ndarray = _NONE,
+    ) -> CoupledTrajectory:  # fmt: skip
+        """The rows as motion of the bodies."""
+        found, works = self.system.unfold(rows), self.engine.count(at.WORKS)
+        done, count, held = rows[:, -works:], found.gaps.shape[1], found.frictions.shape[1]
+        gaps = found.gaps[:, : len(self.touching)]  # what switches laws stands behind them
+        lost = done[:, works - count : works - count + len(gaps[0])] - (gaps[:, :, 2] - self.stored)
+        happened = self.impacts
+        if self.touching:
+            self.system.unfold(self.here[None])
+            happened += impact_results.lasting(self.touching, self.engine, self.here)
+        begun = found.gaps[:, :, 4]
+        contacts = impact_results.ContactRecord(self.touching, gaps[:, :, 0], gaps[:, :, 1], lost, begun, happened)
+        rubs = tuple(self.system.mechanism.frictions)
+        firm = np.array([self.system.mechanism.frictions[name].stiffness for name in rubs])
+        rubbed = done[:, works - count - held : works - count] - 0.5 * firm * found.frictions[:, :, 4] ** 2
+        jams = self.engine.holds[len(self.engine.holds) - held :, at.JAMS].copy()
+        frictions = friction_results.FrictionRecord.of(rubs, found.frictions, rubbed, jams)
+        standing = rows[:, -works - len(self.engine.standing) : -works]
+        return CoupledTrajectory(
+            rows[:, 0].copy(), found.q, found.v, found.a, found.reactions,
+            *balance(
+                found, done[:, 0] + lost.sum(axis=1) + rubbed.sum(axis=1), done[:, 1 : works - count - held].sum(axis=1)
+            ),
+            int(self.counts[0]), int(self.counts[1]), outcome, message, ns, ends,
+            contacts=contacts, frictions=frictions, standing=standing,
+        )  # fmt: skip
+
+
+TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
+"""Coefficients of the integrators that control their error."""
+
+_SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"
+_ENDED = {
+    collocation.TOO_SMALL: (
+        Outcome.UNSTABLE, "the motion can't continue after {at}: the step size tends to zero, as in a locked linkage",
+    ),
+    collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
+    collocation.CASCADE: (
+        Outcome.CASCADE,
+        "contacts close and open, or stick and slip, repeatedly after {at}, at intervals too short for a step",
+    ),
+    collocation.PARADOX: (
+        Outcome.PARADOX,
+        "at {at} no combination of sticking and slipping is consistent with friction (Painleve's paradox): the motion "
+        "of rigid bodies with Coulomb's law is undefined",
+    ),
+    collocation.NO_CONVERGENCE: (
+        Outcome.UNSTABLE,
+        "the step of the given length from {at} does not converge: give shorter ones, or use error control",
+    ),
+}  # fmt: skip

@@ -1,0 +1,106 @@
+"""Curves of a mechanism in space: its states by time."""
+
+from __future__ import annotations
+
+import bisect
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from kaneflex.mechanism.rigid_motion import not_integrated
+from kaneflex.multibody.dynamics.spatial_instant import GROWN, check
+from kaneflex.multibody.model.independent_speeds import choose_anew
+from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.support.errors import SceneError
+
+_STUCK = 1e-9
+"""Share of the time to the next instant within which many steps indicate a diverging drive, as at a law's pole."""
+
+
+class Curve(ABC):
+    """States of a mechanism by the time [s]; ``work`` of the system then has the last one."""
+
+    system: SpatialSystem
+    start: State
+
+    @abstractmethod
+    def __call__(self, t: float) -> State:
+        """The state at t [s]."""
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        """Rows of :class:`kaneflex.multibody.dynamics.spatial_work.Instants` at ``times`` [s], which are in their
+        order.
+        """
+        return np.array([self.system.row(self(t)) for t in times.tolist()])
+
+    def moved(self, times: np.ndarray) -> np.ndarray:
+        """The same, where accelerations and what joints exert are not read."""
+        return self.rows(times)
+
+
+class Standing(Curve):
+    """Start of a mechanism, before free joints or shapes are integrated."""
+
+    def __init__(self, system: SpatialSystem, start: State) -> None:
+        self.system, self.start = system, start
+
+    def __call__(self, t: float) -> State:
+        start = self.start
+        if t != start.t:
+            raise not_integrated(t)
+        return self.system.project(start.t, start.q, start.u, start.choice)
+
+
+class Followed(Curve):
+    """Curve of a mechanism whose drives determine its position: loops are followed step by step.
+
+    Raises SceneError if they do not close; it names the time.
+    """
+
+    def __init__(self, system: SpatialSystem, start: State) -> None:
+        self.system, self.start, self.track, self.last = system, start, [start], start
+
+    def __call__(self, t: float) -> State:
+        self.rows(np.array([float(t)]))
+        return self.last
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        out, done = np.zeros((len(times), len(self.system.work.kept))), 0
+        state = self._before(times[0])
+        self.system.project(state.t, state.q, state.u, state.choice)
+        t, choice = state.t, state.choice
+        while done < len(times):
+            before, asked = t, times[done]
+            count, t, outcome = self.system.follow(t, choice, times[done:], out[done:])
+            done += count
+            try:
+                if outcome == GROWN:
+                    here = self.system.state(t, choice)
+                    choice = choose_anew(self.system, here.q, choice)
+                    self.system.project(t, here.q, here.u, choice)
+                else:
+                    check(outcome)
+            except ArithmeticError as reason:
+                raise SceneError(
+                    "joints", ", ".join(self.system.driven) or "joints", f"{reason}, at t = {t:.6g} s",
+                    "Change the lengths, or limit the drives' range",
+                ) from None  # fmt: skip
+            if not count and outcome != GROWN and t - before < _STUCK * (asked - before):
+                raise self._runs_away(t)
+            self.last = self.system.state(t, choice)
+            if done < len(times):
+                bisect.insort(self.track, self.last, key=lambda known: known.t)
+        return out
+
+    def _runs_away(self, t: float) -> SceneError:
+        """Error for the drive that diverges at t [s]."""
+        name = self.system.driven[int(abs(self.system.courses(t)[:, 1]).argmax())]
+        return SceneError(
+            f"drives.{name}", self.system.scene.drives[name].law, f"its motion is unbounded at t = {t:.6g} s",
+            "Give a law that is bounded and smooth over the run, or another duration",
+        )  # fmt: skip
+
+    def _before(self, t: float) -> State:
+        """The last known state before t, or the start."""
+        found = self.track[max(0, bisect.bisect_right(self.track, t, key=lambda known: known.t) - 1)]
+        return self.last if found.t < self.last.t <= t else found

@@ -1,0 +1,354 @@
+"""Rigid motion of a mechanism in space at any instants: prescribed, or integrated from its start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.dead_centres import Closing
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.spatial import Side, SpatialJoint
+from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
+from kaneflex.multibody.dynamics.spatial_bushings import ENERGY
+from kaneflex.multibody.model.independent_speeds import least_singular_values
+from kaneflex.multibody.model.spatial_layout import COORDINATE, COUNT
+from kaneflex.multibody.model.spatial_reactions import COMPONENTS, cross, joint_wrenches
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.time.spatial_curves import Curve, Standing
+from kaneflex.multibody.time.spatial_revolutions import Counts
+from kaneflex.multibody.time.spatial_sections import Deformed, SectionFrame, deformed, modal_scalars, modal_series
+
+_XYZ = "xyz"
+_BODY = (
+    *(("", axis, "m", "place of the body's start, global") for axis in _XYZ),
+    *(("axes_", name, "1", "of the body's axes, global") for name in AXES),
+    *(("v_", axis, "m/s", "velocity of the body's start, global") for axis in _XYZ),
+    *(("omega_", axis, "rad/s", "angular velocity, global") for axis in _XYZ),
+    *(("a_", axis, "m/s^2", "acceleration of the body's start, global") for axis in _XYZ),
+    *(("epsilon_", axis, "rad/s^2", "angular acceleration, global") for axis in _XYZ),
+)
+_JOINT = tuple((name, "N" if name.startswith("force") else "N m", f"{name[:-2]} on {{body}}, global")
+               for name in COMPONENTS)  # fmt: skip
+_STEPS = 500
+"""Least number of steps of a run in which turns are counted: a joint at rest at both ends may have turned between."""
+_AT_ONCE = 1024
+"""Instants evaluated at once, to limit memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialModule:
+    """Counterpart of a generated module for a mechanism in space: names of its tabulated scalars.
+
+    Attributes
+    ----------
+    system : SpatialSystem
+    open_reactions : frozenset of str
+        Statically indeterminate reactions, which are NaN.
+    more : tuple
+        Name, unit and meaning of further scalars for elastic bodies.
+    """
+
+    system: SpatialSystem
+    open_reactions: frozenset[str] = frozenset()
+    more: tuple[tuple[str, str, str], ...] = ()
+    CONSTANTS: dict[str, float] = field(default_factory=dict)
+    LOOPS: tuple = ()
+    TERMS: tuple = ()
+    LINKS: tuple = ()
+
+    def __getattr__(self, name: str) -> object:
+        """Other attributes are those of the generated module."""
+        if name.startswith("_") and name not in ("__name__", "__file__"):
+            raise AttributeError(name)
+        return getattr(self.system.module, name)
+
+    @cached_property
+    def FREE(self) -> tuple[str, ...]:
+        """Free joints and free bodies."""
+        drives = self.system.scene.drives
+        return (*(name for name, drive in drives.items() if drive.kind == "free"), *self.system.mechanism.floating)
+
+    @cached_property
+    def SCALARS(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, unit and meaning of the tabulated scalars."""
+        mechanism, scene = self.system.mechanism, self.system.scene
+        found = []
+        for name in self.coordinates:
+            unit = "m" if mechanism.joints[name].kind == "prismatic" else "rad"
+            found.append((f"{name}.angle", unit, "coordinate of the joint"))
+        found += [(name, load.si_unit, "magnitude of the load") for name, load in scene.loads.items()]
+        for body in mechanism.bodies:
+            found += [(f"{body}.{head}{tail}", unit, meaning) for head, tail, unit, meaning in _BODY]
+        for name, joint in mechanism.joints.items():
+            found += [(f"{name}.{part}", unit, meaning.format(body=joint.sides[1].body))
+                      for part, unit, meaning in _JOINT]  # fmt: skip
+        for name in self.system.driven:
+            unit = "N" if mechanism.joints[name].kind == "prismatic" else "N m"
+            found.append((f"{name}.drive", unit, "what the drive exerts"))
+        for name, spring in mechanism.springs.items():
+            found += [(f"{name}.{what}", unit, "of the spring and its damper") for what, unit in spring.scalars]
+        found += [(f"{name} energy", "J", "of the mechanism") for name in ("kinetic", "strain", "weight")]
+        for body, shapes in self.system.layout.shapes.items():
+            found += [(name, unit, "of a shape") for name, unit in modal_scalars(body, shapes.count)]
+        return (*found, *self.more)
+
+    @cached_property
+    def coordinates(self) -> tuple[str, ...]:
+        """Joints with tabulated coordinates: those of the tree with one coordinate, driven, free and observed ones.
+
+        With several freedoms it is the first, of a cylindrical joint its rotation; of a ball the angle of its rotation,
+        from 0 to pi.
+        """
+        mechanism, tree = self.system.mechanism, self.system.layout.tree
+        known = {*self.system.scene.drives, *mechanism.read}
+        return tuple(
+            name
+            for name, joint in mechanism.joints.items()
+            if (joint.freedoms == 1 and name in tree) or (name in known and joint.freedoms)
+        )
+
+    @cached_property
+    def closing(self) -> tuple[str, ...]:
+        """Joints whose coordinates follow from the bodies: those that close loops, and balls that stand for a joint or
+        whose body's axes follow its mean rotation."""
+        layout, joints = self.system.layout, self.system.mechanism.joints
+        balls = {*layout.kept, *(name for name in layout.freed if joints[name].kind == "spherical")}
+        return tuple(name for name in self.coordinates if name in layout.cuts or name in balls)
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialKinematics(RigidKinematics):
+    """Rigid motion of a mechanism in space; ``curve`` gives its states."""
+
+    module: SpatialModule  # type: ignore[assignment]
+    parameters: np.ndarray
+    curve: Curve
+
+    @property
+    def is_start(self) -> bool:  # type: ignore[override]
+        return isinstance(self.curve, Standing)
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
+        times = np.ascontiguousarray(times, dtype=float)
+        out = np.zeros((len(times), len(self.column) - len(self.module.more)))
+        order = np.argsort(times, kind="stable")
+        for first in range(0, len(times), _AT_ONCE):
+            part = order[first : first + _AT_ONCE]
+            out[part] = self._scalars(times[part], self.curve.rows(times[part]))
+        self._close(times, out)
+        lost = [self.column[name] for name in self.module.open_reactions if name in self.column]
+        out[:, lost] = np.nan
+        return out
+
+    def moved(self, times: np.ndarray) -> SpatialMotion:
+        """Places, velocities, loads and energies at ascending ``times`` [s]; accelerations and reactions are NaN."""
+        out = self._moved(times)
+        self._close(times, out)
+        return SpatialMotion(self, times, out)
+
+    def _moved(self, times: np.ndarray) -> np.ndarray:
+        parts = np.split(times, range(_AT_ONCE, len(times), _AT_ONCE))
+        out = np.vstack([self._scalars(part, self.curve.moved(part)) for part in parts])
+        out[:, self._dynamic] = np.nan
+        return out
+
+    @cached_property
+    def _dynamic(self) -> list[int]:
+        """Columns of accelerations and reactions."""
+        count = len(self.column) - len(self.module.more)
+        tails = {name: name.rpartition(".")[2] for name, *_ in self.module.SCALARS[:count]}
+        return [self.column[name] for name, tail in tails.items()
+                if tail.startswith(("a_", "epsilon_", *COMPONENTS, "drive")) or tail.endswith("_accel")]  # fmt: skip
+
+    def _close(self, times: np.ndarray, out: np.ndarray) -> None:
+        """Fill in coordinates of joints that close loops, with turns counted from the start."""
+        motion = SpatialMotion(self, times, out)
+        for name in self.module.closing:
+            if name not in self._turning:
+                out[:, self.column[f"{name}.angle"]] = self._stands(name, motion)[0]
+        if self._turning:
+            columns = [self.column[f"{name}.angle"] for name in self._turning]
+            out[:, columns] = self._counts.over(times, *self._angles(motion))
+
+    def _scalars(self, times: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Scalars of rows at ascending ``times`` [s], without coordinates of joints that close loops."""
+        system, module, count = self.module.system, self.module, len(times)
+        found, mechanism = system.instants(rows), system.mechanism
+        nodes = [system.layout.node_of[name] for name in mechanism.bodies]
+        R = found.R[:, nodes]
+        bodies = (found.r[:, nodes], R.reshape(count, len(nodes), 9),
+                  *(part[:, nodes] for part in (found.v, found.w, found.a, found.e)))  # fmt: skip
+        columns = [self._coordinate(name, found.q) for name in module.coordinates]
+        wrenches = joint_wrenches(system, found).values()
+        twists, between = (iter(each[:, :, 1:2].transpose(1, 2, 0)) for each in (found.twists, found.springs))
+        bushings = iter(found.bushings[:, :, :ENERGY].transpose(1, 2, 0))
+        pulls = [row for spring in mechanism.springs.values()
+                 for row in next(bushings if spring.is_bushing else twists if spring.joint else between)]  # fmt: skip
+        kinetic, strain, weight, _ = found.deforming.T
+        strain = strain + found.springs[:, :, 5].sum(axis=1) + found.twists[:, :, 2].sum(axis=1)
+        strain = strain + found.bushings[:, :, ENERGY].sum(axis=1)
+        kinetic = kinetic + self._kinetic(R, found.v[:, nodes], found.w[:, nodes])
+        return np.hstack([
+            _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
+            found.along[:, system.driven_speeds], _side_by_side(pulls, count),
+            *(each[:, None] for each in (kinetic, strain, weight + self._heavy(R, found.r[:, nodes]))),
+            *modal_series(system, found),
+        ])  # fmt: skip
+
+    @cached_property
+    def _turning(self) -> list[str]:
+        """Joints that close loops and have turns to count."""
+        joints = self.module.system.mechanism.joints
+        return [name for name in self.module.closing if joints[name].kind not in ("prismatic", "spherical")]
+
+    def _angles(self, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Angles of these, from -pi to pi, and their rates, (n_times, n)."""
+        angles, rates = zip(*(self._stands(name, motion) for name in self._turning), strict=True)
+        return np.array(angles).T, np.array(rates).T
+
+    @cached_property
+    def _counts(self) -> Counts:
+        def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return self._angles(SpatialMotion(self, times, self._moved(times)))
+
+        return Counts(at, self.module.system.scene.horizon / _STEPS)
+
+    def _stands(self, name: str, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinate of a joint from its bodies' positions, an angle from -pi to pi, and its rate; a ball has none."""
+        from scipy.spatial.transform import Rotation
+
+        mechanism = self.module.system.mechanism
+        joint = mechanism.joints[name]
+        joint, first, second = motion.joined_frames(joint)
+        if joint.kind == "prismatic":
+            return slide_of(joint, first, second)[:2]
+        if joint.kind == "spherical":
+            turned = np.einsum("jit,jkt->tik", first.axes, second.axes) @ mechanism.relative(joint).T
+            return Rotation.from_matrix(turned).magnitude(), np.zeros(len(motion.times))
+        return turn_of(joint, first, second, mechanism.relative(joint))[:2]
+
+    def _coordinate(self, joint: str, q: np.ndarray) -> np.ndarray:
+        system = self.module.system
+        layout, nodes = system.layout, system.tables.nodes
+        if joint in self.module.closing:
+            return np.zeros(len(q))  # known when the bodies' rows are
+        first = int(system.columns([joint], COORDINATE)[0])
+        if system.mechanism.joints[joint].kind == "spherical":
+            return 2.0 * np.arctan2(np.linalg.norm(q[:, first + 1 : first + 4], axis=1), abs(q[:, first]))
+        if joint not in layout.freed:
+            return q[:, first]
+        body, turn = layout.freed[joint]  # the section at the joint turns beyond the axes
+        shapes = nodes[layout.node_of[body]]
+        return q[:, first] + 2.0 * np.arctan(0.5 * q[:, shapes[COORDINATE] :][:, : shapes[COUNT]] @ turn)
+
+    @cached_property
+    def _inertias(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Masses, centres, and inertias about these of all bodies, in their axes."""
+        bodies = self.module.system.mechanism.bodies.values()
+        of = [np.array([[x, xy, zx], [xy, y, yz], [zx, yz, z]]) for x, y, z, xy, yz, zx in (b.inertia for b in bodies)]
+        return np.array([b.mass for b in bodies]), np.array([b.centre for b in bodies]), np.array(of).reshape(-1, 3, 3)
+
+    def _kinetic(self, R: np.ndarray, v: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Kinetic energy [J] by the bodies' axes, velocities and angular velocities."""
+        masses, centres, inertias = self._inertias
+        v = v + cross(w, (R @ centres[:, :, None])[..., 0])
+        own = (w[:, :, None] @ R)[:, :, 0]
+        turning = ((own[:, :, None] @ inertias)[:, :, 0] * own).sum(axis=(1, 2))
+        return 0.5 * ((v * v).sum(axis=2) @ masses + turning)
+
+    def _heavy(self, R: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Potential energy of the weights [J]."""
+        masses, centres, _ = self._inertias
+        return -((r + (R @ centres[:, :, None])[..., 0]) @ self.module.system.tables.gravity) @ masses
+
+    def acting(self, times: np.ndarray, seen: RigidMotion) -> SpatialMotion:
+        """Sizes of the loads alone at ``times`` [s], with joint coordinates interpolated from known instants, as
+        evaluating the mechanism at that many would take longer than the run."""
+        from scipy.interpolate import CubicSpline
+
+        system, out = self.module.system, np.full((len(times), len(self.column)), np.nan)
+        joints = np.array([seen[f"{name}.angle"] for name in system.told_joints]).reshape(-1, len(seen.times))
+        curve = CubicSpline(seen.times, joints, axis=1)
+        coordinates, speeds = curve(times).T, curve(times, 1).T
+        columns = [self.column[name] for name in system.mechanism.loads]
+        out[:, columns] = system.magnitudes_at(times, coordinates, speeds)
+        return SpatialMotion(self, times, out)
+
+    @property
+    def bare(self) -> SpatialKinematics:
+        """Motion without the scalars for elastic bodies."""
+        module = replace(self.module, more=(), open_reactions=frozenset())
+        return SpatialKinematics(module, self.parameters, self.curve)
+
+    def at(self, times: np.ndarray | float) -> SpatialMotion:
+        """Rigid motion at ``times`` [s], with scalars by name."""
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        return SpatialMotion(self, times, self.table(times))
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialMotion(RigidMotion):
+    """Scalars of a rigid motion in space at some times; of deforming bodies those of their axes and shapes."""
+
+    @property
+    def system(self) -> SpatialSystem:
+        return self.motion.module.system
+
+    def taken(self, instants: np.ndarray) -> SpatialMotion:
+        return SpatialMotion(self.motion, self.times[instants], self.values[instants])
+
+    def modal(self, body: str) -> Rates:
+        """Amplitudes of a body's shapes, their rates and accelerations, (count, n_times) each."""
+        if body not in self._modal:
+            count = self.system.layout.shapes[body].count
+            names = [name for name, _ in modal_scalars(body, count)]
+            found = np.array([self[name] for name in names]).reshape(3, count, len(self.times))
+            self._modal[body] = found[0], found[1], found[2]
+        return self._modal[body]
+
+    @cached_property
+    def _modal(self) -> dict[str, Rates]:
+        """Results, as every section of a body reads them."""
+        return {}
+
+    def frame(self, body: str) -> SpatialFrame:  # type: ignore[override]
+        """The axes of a body, or of the ground."""
+        return SpatialFrame(self, body)
+
+    def deformed(self, side: Side) -> Deformed:
+        """Motion of a point of a deforming body relative to its body's axes."""
+        return deformed(self.system.layout.shapes[side.body], side, self.modal(side.body))
+
+    def section_frame(self, side: Side) -> tuple[SpatialFrame, Side]:
+        """Axes of the section at a point, and the point in these."""
+        if side.body not in self.system.layout.shapes:
+            return self.frame(side.body), side
+        frame = SectionFrame(self, side.body, np.asarray(side.at, float), self.deformed(side))
+        return frame, Side(side.body, (0.0, 0.0, 0.0))
+
+    def joined_frames(self, joint: SpatialJoint) -> tuple[SpatialJoint, SpatialFrame, SpatialFrame]:
+        """Joint with its sides in the axes of their sections, and these axes."""
+        (first, at_first), (second, at_second) = (self.section_frame(side) for side in joint.sides)
+        return replace(joint, sides=(at_first, at_second)), first, second
+
+
+def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
+    """Conditioning of the loops of a mechanism in space at some instants [s]."""
+    system = motion.module.system
+    if not system.layout.cuts:
+        return []
+    rows = motion.curve.rows(times)
+    values = least_singular_values(system, system.instants(rows).q)
+    at = motion.bare.at(times[[values.argmin()]])
+    told = {name: float(at[f"{name}.angle"][0]) for name in system.scene.drives if f"{name}.angle" in motion.column}
+    stand = ", ".join(f"{name} = {system.scene.written_coordinate(name, value)}" for name, value in told.items())
+    return [Closing(", ".join(system.layout.cuts), False, values, stand)]
+
+
+def _side_by_side(columns: list[np.ndarray], count: int) -> np.ndarray:
+    """Series as columns, (count, n)."""
+    return np.array(columns).reshape(-1, count).T

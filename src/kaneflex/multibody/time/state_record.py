@@ -1,0 +1,75 @@
+"""Row of the compiled integration: motion, modes of contacts and holds, and works."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.model.layout import (
+    ACCEL, ACTS, BEGUN_AT, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, DRIVES, HOLDS, NOW, OPTIONS, RATE, REACTIONS,
+    WORKS, Y, apart, shifted,
+)  # fmt: skip
+
+
+@njit(**OPTIONS)
+def row_size(m):
+    """Length of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and holds, modes
+    of the holds, BEGUN_AT of the contacts, positions of stuck holds, works."""
+    return works_at(m) + m.plan[WORKS]
+
+
+@njit(**OPTIONS)
+def works_at(m):
+    """Place of the works in a row."""
+    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + standing(m)
+
+
+@njit(**OPTIONS)
+def standing(m):
+    """Number of entries of a row for the modes of contacts and holds."""
+    return m.plan[ACTS] - m.plan[CONTACTS] + 2 * (m.plan[DRIVES] - m.plan[HOLDS])
+
+
+@njit(**OPTIONS)
+def take(m, row):
+    """Set the motion from a row."""
+    apart()
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    for i in range(n):
+        w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = row[1 + 3 * n + r]
+    stands(m, shifted(row, 1 + 3 * n + plan[REACTIONS]))
+
+
+@njit(**OPTIONS)
+def stands(m, row):
+    """Set the modes of contacts and holds from a row."""
+    plan, w = m.plan, m.w
+    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
+    for k in range(held + touching):
+        w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT] = row[k]
+    dry_friction.taken(m, row, held + touching)
+
+
+@njit(**OPTIONS)
+def give(m, t, row):
+    """Store the motion in a row, without works."""
+    apart()
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    row[0] = t
+    for i in range(n):
+        row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
+    for r in range(plan[REACTIONS]):
+        row[1 + 3 * n + r] = w[plan[NOW] + r]
+    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
+    for k in range(held + touching):
+        row[1 + 3 * n + plan[REACTIONS] + k] = w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT]
+    dry_friction.given(m, row, 1 + 3 * n + plan[REACTIONS] + held + touching)
+
+
+@njit(**OPTIONS)
+def copy(w, of, into, count):
+    """Copy numbers of the tables."""
+    for k in range(count):
+        w[into + k] = w[of + k]

@@ -1,0 +1,75 @@
+"""Motion of a coupled system at instants, with the outcome of its run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.energy import Energy
+from kaneflex.multibody.unilateral import friction_results, impact_results
+
+_NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledTrajectory:
+    """Motion of a coupled system at the stored instants.
+
+    Attributes
+    ----------
+    times : ndarray (n_times,)
+    q, v, a : ndarray (n_times, n)
+        Coordinates of the system's bodies with their rates; their joints are closed.
+    multipliers : ndarray (n_times, m)
+        Joint reactions and forces or torques of prescribed drives, as the system's ``constraints`` names them.
+    energy : Energy
+    loss, power : ndarray (n_times,)
+        Dissipated and supplied power [W].
+    steps, rejected : int
+        Accepted and rejected steps.
+    ends : ndarray (steps,)
+        Instants [s] at which the steps of a whole run under the control of their error ended.
+    contacts : ContactRecord or None
+        Gaps, forces and losses at the stored instants, and the impacts until the last; none of states by themselves.
+    frictions : FrictionRecord or None
+        The same of frictions.
+    standing : ndarray (n_times, standing) or None
+        Modes of contacts and frictions, see ``Engine.standing``.
+    changes : CoupledTrajectory or None
+        The states before and after each change of a contact or a friction, one after the other, as far as they are
+        kept: speeds and accelerations may jump there.
+    floquet : ndarray or None
+        Floquet multipliers of a cycle, by decreasing modulus, if requested.
+    """
+
+    times: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    multipliers: np.ndarray
+    energy: Energy
+    loss: np.ndarray
+    power: np.ndarray
+    steps: int
+    rejected: int
+    outcome: Outcome
+    message: str
+    ns_per_step: float
+    ends: np.ndarray = field(default_factory=lambda: _NONE)
+    contacts: impact_results.ContactRecord | None = None
+    frictions: friction_results.FrictionRecord | None = None
+    standing: np.ndarray | None = None
+    changes: CoupledTrajectory | None = None
+    floquet: np.ndarray | None = None
+
+
+def by_themselves(
+    times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray
+) -> CoupledTrajectory:
+    """States (n_times, size) without a run: energies, contacts and frictions are unknown."""
+    zero = np.zeros(len(times))
+    energy = Energy(zero, zero, zero, zero, zero)
+    ended = (0, 0, Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
+    return CoupledTrajectory(times, q, v, a, multipliers, energy, zero, zero, *ended)

@@ -1,0 +1,1 @@
+"""Unilateral and frictional rows: contacts, impact, dry friction, LuGre, loads that switch."""
