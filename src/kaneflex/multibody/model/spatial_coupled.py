@@ -168,11 +168,13 @@ def balanced(
 ) -> State:
     """State near a given one on the constraints with shapes in static equilibrium.
 
-    Newton's method on the shapes' accelerations, which vanish with the forces. ``rates``: the independent shapes'
-    speeds and accelerations (n,) instead of zero. Raises ArithmeticError without convergence.
+    Newton's method on the forces: accelerations vary far more where the mass matrix is nearly singular. ``rates``: the
+    independent shapes' speeds and accelerations (n,) instead of zero. Raises ArithmeticError without convergence.
     """
     which, moving, columns = start.choice.independent, start.u.copy(), independent_shapes(system, start)
-    moving[which[columns]], wanted = (0.0, 0.0) if rates is None else rates
+    shapes, others = which[columns], np.setdiff1d(np.arange(len(which)), columns)
+    moving[shapes], wanted = (0.0, 0.0) if rates is None else rates
+    first = system.coordinates + system.speeds
 
     def standing(q: np.ndarray, less: np.ndarray) -> State:
         system.inputs[: len(less)] = less
@@ -184,9 +186,13 @@ def balanced(
             state = standing(state.q, less)
             for _ in range(_STEPS):
                 beside = neighbours(system, state, columns)
-                slope = np.linalg.solve(beside.mass, beside.forces)[columns]
-                step = np.zeros(system.speeds)
-                step[which[columns]] = np.linalg.solve(slope, wanted - state.du[which[columns]])
+                beside.given[:, first + shapes] = wanted
+                beside.given[:, first + system.speeds : first + system.speeds + len(less)] += less
+                by_shapes, M, step = beside.forces, beside.mass, np.zeros(system.speeds)
+                forces = M[:, columns] @ (state.du[shapes] - wanted)
+                # unknown besides the shapes: the accelerations of the other independent speeds
+                found = np.linalg.solve(np.hstack([by_shapes, -M[:, others]]), -forces)
+                step[shapes] = found[: len(shapes)]
                 largest = abs(step).max(initial=0.0) / system.mechanism.size
                 step *= min(1.0, 0.5 * FARTHEST / max(largest, 1e-300))
                 state = standing(system.advanced(state.q, step[None])[0], less)
