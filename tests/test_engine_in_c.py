@@ -5,7 +5,6 @@ import sys
 from inspect import signature
 
 import numpy as np
-import pytest
 from numba import njit, types
 from numba.types import CPointer, complex128, float64, int64
 from runs import model
@@ -13,8 +12,7 @@ from test_c import HEADS, SHARED, built
 
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.generated import body
-from kaneflex.multibody.compile import library
-from kaneflex.multibody.compile.addresses import compiling
+from kaneflex.multibody.compile import addresses, library
 from kaneflex.multibody.dynamics import unfolding
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time import collocation
@@ -24,7 +22,7 @@ from kaneflex.solve.coupled_in_c import _begun
 SCENE = "four-bar-motor"
 NUMBERS = {"b": 2, "n": 4, "act": 2, "count": 3}
 """Whole numbers by the names of arguments: a body on another one, a section of a body, a load; else 0 or 1."""
-ROOMS = ("body", "joints", "tables", "dense_lu", "recursion", "tree")
+ROOMS = ("body", "joints", "layout", "dense_lu", "planar_articulated", "kinematics")
 """Modules whose functions every run compares; numba compiles the others in half a minute."""
 WHOLE_RUNS = ("integrate", "finish")
 """Functions that take as many steps as rounding lets them: runs in C are compared with Python's in test_coupled_c."""
@@ -97,18 +95,17 @@ def entries(run, compiler, folder, every):
     chosen = {name: of for name, of in functions.items() if of[0].__name__ not in WHOLE_RUNS
               and (every or of[0].py_func.__module__.rpartition(".")[2] in ROOMS)}  # fmt: skip
     numba = dict(in_numba(*of) for of in chosen.values())
-    with pytest.MonkeyPatch.context() as patch, compiling():
-        patch.setattr(library, "ENTRIES", numba)
-        entered = library._entered(at.MECHANISM)
-        addresses = njit(**at.OUTER)(lambda: entered())()
+    with addresses.compiling():
+        read = addresses.entered(at.MECHANISM, numba)
+        found = njit(**at.OUTER)(lambda: read())()
     made = {}
-    for (name, (function, kinds, _)), address, kind in zip(chosen.items(), addresses, numba.values(), strict=True):
-        of_c = [library._C_TYPES.get(each, ctypes.c_void_p) for each in kind.args]
-        found = getattr(shared, f"wrapped_{name}")
-        found.restype, found.argtypes = None, of_c
+    for (name, (function, kinds, _)), address, kind in zip(chosen.items(), found, numba.values(), strict=True):
+        of_c = [addresses.C_TYPES.get(each, ctypes.c_void_p) for each in kind.args]
+        printed_one = getattr(shared, f"wrapped_{name}")
+        printed_one.restype, printed_one.argtypes = None, of_c
         names = ["act" if function.__name__ == "load_direction" and each == "n" else each
                  for each in signature(function.py_func).parameters]  # fmt: skip
-        made[name] = dict(zip(names, kinds, strict=True)), ctypes.CFUNCTYPE(None, *of_c)(address), found
+        made[name] = dict(zip(names, kinds, strict=True)), ctypes.CFUNCTYPE(None, *of_c)(address), printed_one
     return made
 
 

@@ -434,16 +434,16 @@ solve = {{preset = "coupled", start = "quasistatic", duration = "0.1 ms", steps 
 """
 
 
-def test_a_large_load_in_space_is_balanced_or_refused_with_what_helps():
-    """With more modes the mass matrix loses its inverse there; the planar frame under the same load has its torque."""
+def test_a_large_load_in_space_is_balanced():
+    """Also with modes of which the mass matrix is not positive definite there; the planar frame under the same load has
+    its torque."""
     section = "A = '1e4 mm^2', I_y = '8.333e6 mm^4', I_z = '8.333e6 mm^4', J = '14e6 mm^4'"
     beam = f"beam = {{material = 'steel', {section}, elements = 8}}"
-    held = solved(scene_of(IN_SPACE.format(beam=beam, modes=1))).series
-    assert held["held"].values[0] == pytest.approx(220e3 * held["reach"].values[0], rel=1e-9)
+    for modes in (1, 2, 6):
+        held = solved(scene_of(IN_SPACE.format(beam=beam, modes=modes))).series
+        assert held["held"].values[0] == pytest.approx(220e3 * held["reach"].values[0], rel=1e-9)
     text = L_FRAME.format(push=0.22, axis="", turned=', relative_angle = "-90 deg"', down="[0, -1]")
     assert held["held"].values[0] == pytest.approx(solved(scene_of(text)).series["held"].values[0], rel=5e-4)
-    with pytest.raises(SceneError, match=r"solve\.start = 'quasistatic': .* Give fewer solve\.modes, or divide bodies"):
-        solved(scene_of(IN_SPACE.format(beam=beam, modes=2)))
 
 
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "paper"])

@@ -5,11 +5,11 @@ import time
 import pytest
 from runs import solved
 
+from kaneflex.multibody.time import spatial_forward
 from kaneflex.report import checked
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.read import scene_of
-from kaneflex.solve import spatial_loading
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 
@@ -72,14 +72,13 @@ def test_shapes_are_no_freedoms_of_joints():
 
 
 def test_an_integration_counts_as_solving(monkeypatch):
-    """In space the motion is integrated as the model is loaded."""
-    integrate = spatial_loading.integrate
+    go = spatial_forward.Run.go
 
-    def slow(*arguments):
+    def slow(run):
         time.sleep(0.3)
-        return integrate(*arguments)
+        go(run)
 
-    monkeypatch.setattr(spatial_loading, "integrate", slow)
+    monkeypatch.setattr(spatial_forward.Run, "go", slow)
     began = time.perf_counter()
     timing = summarise(solved(scene_of(TORQUE_FREE))).timing
     spent = time.perf_counter() - began

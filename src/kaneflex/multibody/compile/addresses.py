@@ -17,7 +17,7 @@ from numba.types import FunctionType, UniTuple, boolean, float64, int64, void
 
 from kaneflex.multibody.model.layout import Handle
 
-_C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}
+C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}
 
 
 @contextmanager
@@ -88,6 +88,6 @@ def called(addresses: Any, entries: Mapping[Any, Any]) -> dict[Any, Callable[...
         found = addresses()
     of_c: dict[Any, Callable[..., Any]] = {}
     for (function, signature), address in zip(entries.items(), found, strict=True):
-        kinds: list[Any] = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]
+        kinds: list[Any] = [C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]
         of_c[function] = ctypes.CFUNCTYPE(*kinds)(address)
     return of_c
