@@ -16,7 +16,7 @@ from numba.types import CPointer, complex128, float64
 
 from kaneflex.multibody.compile.values import Vectors, after, inside, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import add_product, axpy, dot, force_at, plus, scaled, times, twist_at
-from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, Fixed, Handed, apart, magnitude
+from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, Fixed, Handed, magnitude, together
 
 SHAPES, FREEDOMS, PUSH, MODAL, PARENT, OUTBOARD, COUPLING, SQUARE = range(8)
 """Columns of ``bodies``: number of shapes n and of freedoms f of the joint; their first coordinates; the parent, or -1;
@@ -68,7 +68,7 @@ def held_by(a, b):
 @njit(**IN_ORDER)
 def _factorise_shapes(L, n):
     """L D L^T of the lower triangle in place, 1/D on the diagonal; False: a pivot vanishes."""
-    apart()
+    together()
     for i in range(n):
         row = n * i
         for j in range(i):
@@ -90,7 +90,7 @@ def _factorise_shapes(L, n):
 @njit(**IN_ORDER)
 def _condense(b):
     """Eliminate a body's shapes; rows of E become their response to a unit twist."""
-    apart()
+    together()
     I, E, L, n = b.I, b.E, b.L, b.n
     if not _factorise_shapes(L, n):
         return False
@@ -113,7 +113,7 @@ def _condense(b):
 @njit(**IN_ORDER)
 def _release(b, free):
     """Eliminate the freedoms of a body's joint, one after the other; D begins with the coordinates' own inertia."""
-    apart()
+    together()
     for j in range(b.f):
         felt = times(b.I, b.S[j])
         b.U[j] = felt
@@ -130,7 +130,7 @@ def _release(b, free):
 @njit(**IN_ORDER)
 def _move(I, r):
     """An inertia by the twist of a point r back: X^T I X."""
-    apart()
+    together()
     d, numbers = width(I), numbers_of(I)
     for _ in range(2):
         for k in range(d):
@@ -143,7 +143,7 @@ def _move(I, r):
 @njit(**IN_ORDER)
 def _hand_over(I, arm, up, E):
     """Add an articulated inertia to the matrices of the parent at the section ``up``; E is working space."""
-    apart()
+    together()
     _move(I, arm)
     for i in range(up.n):
         e = times(I, up.phi[i])
@@ -160,7 +160,7 @@ def _hand_over(I, arm, up, E):
 def factorise(a):
     """Factorise the matrices in place, lower triangles of L, with the coordinates' own inertia in D; False: a pivot
     vanishes."""
-    apart()
+    together()
     for b in range(a.counts[0] - 1, -1, -1):
         own = body(a, b)
         if not (_condense(own) and _release(own, a.free)):
@@ -173,7 +173,7 @@ def factorise(a):
 @njit(**IN_ORDER)
 def _inwards(b, free, y, force):
     """Force that the section feels which a body hangs on, from forces along shapes and joint, at y, and on the body."""
-    apart()
+    together()
     for j in range(b.n):
         force = axpy(-y[b.modal + j], b.E[j], force)
     for j in range(b.f):
@@ -188,7 +188,7 @@ def _inwards(b, free, y, force):
 def _outwards(b, free, y, twist):
     """Rates of joint and shapes, and the body's twist, from that of the section which it hangs on. A coordinate that is
     not free keeps its rate of zero, and y receives the force that it takes."""
-    apart()
+    together()
     for j in range(b.f - 1, -1, -1):
         rate = dot(twist, b.U[j]) - y[b.push + j]
         if free[b.push + j] != 0:
@@ -215,7 +215,7 @@ def _outwards(b, free, y, twist):
 @njit(**OPTIONS)
 def solve(a):
     """Solve with the factors: from forces of coordinates at y and of bodies at x, the rates of both in place."""
-    apart()
+    together()
     x, y = a.x, a.y
     for b in range(a.counts[0] - 1, -1, -1):
         felt = _inwards(body(a, b), a.free, y, x[b])
