@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from lifting import lifted
+from runs import solved
 from scipy.integrate import solve_ivp
 
 import kaneflex
@@ -144,3 +146,14 @@ def test_a_massless_block_of_a_free_crank_resists_nothing():
 
     exact = solve_ivp(rates, (0.0, 0.5), [0.4, 20.0], "DOP853", np.asarray(found.times), rtol=1e-12, atol=1e-12)
     assert np.ravel(found.series["phi"].values) == pytest.approx(exact.y[0], abs=1e-7)
+
+
+def test_a_massless_coupler_moves_in_space_as_in_the_plane():
+    """Nothing but the loop gives its joint an inertia, on which the recursion over the tree divides."""
+    text = FOUR_BAR.replace(', beam = {material = "steel", section = {rectangle = ["4 mm", "20 mm"]}}', "")
+    text = text.replace('rocker = {length = "0.25 m"}', 'rocker = {length = "0.25 m", mass = "0.3 kg"}')
+    text = text.replace('preset = "coupled"\nduration = "0.02 s"', 'preset = "rigid"\nduration = "0.5 s"')
+    flat = scene_of(text.replace('psi = {position = "D"', 'phi = {position = "A"'))
+    space = scene_of(lifted(flat) | {"solve": flat.raw["solve"]})
+    one, other = (np.ravel(solved(scene).series["phi"].values) for scene in (flat, space))
+    assert np.ptp(one) > 5.0 and abs((one - one[0]) - (other - other[0])).max() < 1e-6
