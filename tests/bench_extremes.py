@@ -42,8 +42,8 @@ RULES = """
   or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state, and say so.
 - **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; with `gauss`
   and `newmark` a run warns if forces by the equations of motion differ from those by the change of velocities.
-- **`coupled` at low speed**: forces are right. At 60 rpm vibrations within the tolerance are as large as the
-  accelerations; a run warns. Below about 0.01 rpm a cycle takes millions of steps.
+- **`coupled` at low speed**: forces are right. At 60 rpm vibrations within the tolerance accelerate as much as the
+  motion; a run warns. Below about 0.01 rpm a cycle takes millions of steps.
 - **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not show it;
   `coupled` works.
 - **Steps longer than the vibration periods**: a run warns of unstable steps; only `exact-modal` (preset `paper`)
