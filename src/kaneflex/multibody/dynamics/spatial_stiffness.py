@@ -35,7 +35,7 @@ _NUDGE = 1e-8
 
 @njit(**OPTIONS)
 def _next_row(m, f):
-    """The next row, of zeros; ``stay`` with it by counting it."""
+    """Place of the next row, filled with zeros; it counts once ALL is increased."""
     n = m.counts[SPEEDS]
     at = n * f.rows[ALL]
     for s in range(n):

@@ -272,9 +272,6 @@ def _turned_about(moves: Sequence[tuple[int, str, np.ndarray]]) -> str:
 
     Shapes rotate a section by bending first and twist then: about an axis that is not one of the body's, or that
     changes with the joint, fixed shapes can't.
-
-    Shapes turn a section by bending first and twist then: about an axis that is none of the body's own, or changes
-    with the joint, no fixed shapes do.
     """
     if moves and moves[-1][0] == BALL:
         return "xyz"

@@ -37,7 +37,7 @@ _GROWTH = 10.0
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
-"""Advice if the mass matrix, complete to the second order in the shapes, is not positive definite."""
+"""Advice if a coupled motion cannot continue: equations of the second order in the shapes fail for large bending."""
 _PIECE = 256
 """Steps per call of compiled code, after which a run can be interrupted."""
 
