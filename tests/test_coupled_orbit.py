@@ -6,20 +6,19 @@ from runs import solved
 
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.time.cycle_map import returning
-from kaneflex.multibody.time.run import integrate
+from kaneflex.multibody.time.cycle_map import PlanarCycles
 from kaneflex.solve import coupled
 
 
 def periodic(monkeypatch, name, *settings):
     """Solution of a periodic start, and how many cycles were integrated for it."""
-    cycles, integrate = [], coupled.integrate
+    cycles, run = [], PlanarCycles.run
 
-    def counted(*arguments, **named):
-        cycles.append(integrate(*arguments, **named))
+    def counted(self, start):
+        cycles.append(run(self, start))
         return cycles[-1]
 
-    monkeypatch.setattr(coupled, "integrate", counted)
+    monkeypatch.setattr(PlanarCycles, "run", counted)
     scene = kaneflex.with_settings(
         kaneflex.read_scene(name), ["solve.preset=coupled", "solve.start=periodic", *settings]
     )
@@ -70,14 +69,14 @@ def test_a_cycle_whose_disturbances_grow_says_so(monkeypatch):
     expected = kaneflex.solve.simulation.solve(linear).multipliers[0]
     assert found.multipliers[0] == pytest.approx(expected, rel=1e-3)
     # and by the nonlinear ones: a cycle beside it, in the direction that grows
-    system, run = found.model.coupled, found.trajectory
-    cycle = returning(system, 0.0, run.q[0], run.v[0])
-    values, directions = np.linalg.eig(cycle.monodromy(system, run))
+    run = found.trajectory
+    start = run.q[0], run.v[0]
+    cycles = PlanarCycles(found.model.coupled, run.times, coupled.method_of(found.model), start)
+    values, directions = np.linalg.eig(cycles.monodromy(run))
     away = 1e-4 * directions[:, abs(values).argmax()].real / abs(directions).max()
-    begun = cycle.moved(system, run.q[0], run.v[0], away)
-    beside = integrate(system, *begun, run.times, coupled.method_of(found.model))
-    ends = [cycle.coordinates(system, each.q[-1], each.v[-1]) for each in (beside, run)]
-    assert ends[0] - ends[1] == pytest.approx(expected * away, rel=0, abs=2e-3 * abs(away).max())
+    beside = cycles.run(cycles.moved(start, away))
+    (ended,) = cycles.apart(*(cycles.end(each) for each in (run, beside)))
+    assert ended == pytest.approx(expected * away, rel=0, abs=2e-3 * abs(away).max())
 
     found, _ = periodic(monkeypatch, "pulsating-strut", "solve.modes=1", stable)
     assert found.outcome is Outcome.COMPLETED and found.message == "completed"

@@ -9,7 +9,7 @@ from command_line import cli, refused
 from runs import run
 from test_sensitivities import differences
 
-from kaneflex.solve import coupled
+from kaneflex.multibody.time import shooting
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.report import sensitivities
 from kaneflex.study.sensitivity.slopes import Replay, neighbour_at
@@ -72,7 +72,7 @@ def test_the_basis_moves():
 
 @pytest.mark.exhaustive(group="runs", share=2)
 def test_periodic_engine(monkeypatch):
-    monkeypatch.setattr(coupled, "REPEATS", 1e-12)
+    monkeypatch.setattr(shooting, "REPEATS", 1e-12)
     scene = (*ENGINE, *FIXED, "solve.start=periodic")
     check(scene, ["main.speed"])
 

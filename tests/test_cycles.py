@@ -11,6 +11,7 @@ class Halving(Cycles):
     """P(x) = 1 + x / 2, which repeats at 2; ``tangent`` stands for dP/dx, and no cycle from beyond ``goes_on`` ends."""
 
     def __init__(self, tangent, goes_on=np.inf):
+        super().__init__(1.0, 0.0, np.ones(1), np.zeros(1, bool))
         self.tangent, self.goes_on = tangent, goes_on
 
     def run(self, start):
@@ -19,22 +20,27 @@ class Halving(Cycles):
     def completed(self, cycle):
         return cycle[0] <= self.goes_on
 
+    def states(self, cycle, count):
+        return cycle
+
+    def apart(self, start, *others):
+        return np.array([[other - start] for other in others])
+
     def repeats(self, cycle):
         return abs(cycle[1] - cycle[0]) < 1e-6
-
-    def missed(self, cycle):
-        return np.array([cycle[1] - cycle[0]])
 
     def monodromy(self, cycle, pieces):
         if isinstance(self.tangent, Exception):
             raise self.tangent
         return np.array([[self.tangent]])
 
-    def moved(self, cycle, x):
-        return cycle[0] + x[0]
+    def moved(self, start, x):
+        return start + x[0]
 
     def end(self, cycle):
         return cycle[1]
+
+    deformation = matrices = None
 
 
 def test_newtons_method_needs_two_cycles_and_no_words():

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -20,13 +19,12 @@ from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.rigid_reference import FollowedKinematics, TwinKinematics
 from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
-from kaneflex.multibody.time.cycle_map import Returning, returning
+from kaneflex.multibody.time.cycle_map import PlanarCycles, Start
 from kaneflex.multibody.time.harmonic_balance import orbit_start
 from kaneflex.multibody.time.linearisation import Instant, equilibrium, prepare, slopes
 from kaneflex.multibody.time.load_steps import UNBALANCED
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.run import Method, integrate
-from kaneflex.multibody.time.shooting import REPEATS, Cycles
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
@@ -39,7 +37,6 @@ from kaneflex.solve.slow_start import first_rates, followed
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
-Start = tuple[np.ndarray, np.ndarray]
 _HARMONICS = 1e-6
 """Tolerance of a periodic start by harmonics, as a share of the deformation."""
 
@@ -80,8 +77,7 @@ def repeated(
     """
     system = model.coupled
     assert system is not None
-    back = returning(system, float(times[0]), *near)
-    cycles = _Cycles(system, times, method_of(model), back, closer * REPEATS, judges=closer == 1.0)
+    cycles = PlanarCycles(system, times, method_of(model), near, closer)
     trajectory, verdict = cycles.repeated(near, progress)
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
@@ -219,81 +215,3 @@ def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.
     turns = [k + 2 for k in system.start.values()]
     q[:, turns] += whole_turns(first[turns] - q[0, turns])
     return q, v
-
-
-_LOOKS = 33
-"""Instants of a cycle at which the range of free joints is measured."""
-_STILL = 1e-3
-"""Share of the mechanism's size, or rad, below which a motion counts as rest."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Cycles(Cycles[Start, CoupledTrajectory]):
-    """Cycles of a planar mechanism over ``times`` [s], by starts (q, v); ``left``: tolerance of a cycle's change."""
-
-    system: CoupledSystem
-    times: np.ndarray
-    method: Method
-    returning: Returning
-    left: float
-    judges: bool
-
-    @property
-    def touches(self) -> bool:  # type: ignore[override]
-        return bool(len(self.system.engine.contacts) or len(self.system.engine.holds))
-
-    def run(self, start: Start) -> CoupledTrajectory:
-        return integrate(self.system, *start, self.times, self.method)
-
-    def completed(self, cycle: CoupledTrajectory) -> bool:
-        return cycle.outcome is Outcome.COMPLETED
-
-    def repeats(self, cycle: CoupledTrajectory) -> bool:
-        """True if a cycle repeats: deformations relative to their largest, free joints to their range and that of
-        their speeds, within the error of the steps."""
-        modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(self.system.modal, self.system.start)])
-        change = abs(cycle.q[-1, modal] - cycle.q[0, modal]).max(initial=0.0)
-        deforms = change <= self.left * abs(cycle.q[:, modal]).max(initial=0.0)
-        return bool(deforms and self._joints_repeat(cycle))
-
-    def _joints_repeat(self, cycle: CoupledTrajectory) -> bool:
-        engine, which = self.system.engine, self.returning.which
-        joints = ~engine.shapes[which]
-        if not joints.any():
-            return True
-        (way, faster), (off, off_rate) = (
-            part.reshape(2, -1)[:, joints] for part in (self._ways(cycle), abs(self.missed(cycle)))
-        )
-        error = self.method.tolerance * np.where(engine.turns, 1.0, self.method.length)[which[joints]]
-        allowed = np.maximum(self.left * way, error)
-        return bool((off <= allowed).all() and (off_rate * way <= allowed * faster).all())
-
-    def _ways(self, cycle: CoupledTrajectory) -> np.ndarray:
-        """Range of every component of x in a cycle."""
-        rows = np.linspace(0, len(cycle.times) - 1, _LOOKS).round().astype(int)
-        return np.ptp([self.returning.coordinates(self.system, cycle.q[row], cycle.v[row]) for row in rows], axis=0)
-
-    def sizes(self, cycle: CoupledTrajectory) -> np.ndarray:
-        """Scales: at least 1e-3 of the mechanism's size or of 1 rad, per cycle for rates."""
-        engine, which = self.system.engine, self.returning.which
-        least = _STILL * np.where(engine.turns[which], 1.0, self.method.length)
-        duration = float(cycle.times[-1] - cycle.times[0])
-        return np.maximum(self._ways(cycle), np.concatenate([least, least / duration]))
-
-    def missed(self, cycle: CoupledTrajectory) -> np.ndarray:
-        return self.returning.missed(self.system, cycle)
-
-    def monodromy(self, cycle: CoupledTrajectory, pieces: int) -> np.ndarray:
-        return self.returning.monodromy(self.system, cycle, pieces)
-
-    def moved(self, cycle: CoupledTrajectory, x: np.ndarray) -> Start:
-        return self.returning.moved(self.system, cycle.q[0], cycle.v[0], x)
-
-    def end(self, cycle: CoupledTrajectory) -> Start:
-        turns = np.array([k + 2 for k in self.system.start.values()])
-        q = cycle.q[-1].copy()
-        q[turns] -= whole_turns(q[turns] - cycle.q[0, turns])
-        return q, cycle.v[-1].copy()
-
-    def most_pieces(self, cycle: CoupledTrajectory) -> int:
-        return (len(cycle.times) - 1) // 4

@@ -1,98 +1,90 @@
-"""Independent coordinates of a planar mechanism at the start of its cycles, and their change over a cycle."""
+"""Cycles of a planar mechanism by the independent coordinates of its tree."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.system import CoupledSystem
-from kaneflex.multibody.time.linear_equations import state_matrix
+from kaneflex.multibody.time.dense_output import between
 from kaneflex.multibody.time.linearisation import Instant, slopes
-from kaneflex.multibody.time.shooting import PIECES, propagated
+from kaneflex.multibody.time.run import Method, integrate
+from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 
+Start = tuple[np.ndarray, np.ndarray]
+"""q and v (size,) of the bodies."""
 
-@dataclass(frozen=True, eq=False)
-class Returning:
-    """Independent coordinates of the initial states of a mechanism's cycles.
 
-    ``which`` are their numbers among the tree's coordinates, chosen once by :func:`returning` and valid for every
-    system with the same joints; ``t`` [s] is the start of a cycle.
-    """
+class PlanarCycles(Cycles[Start, CoupledTrajectory]):
+    """Cycles over ``times`` [s], by the coordinates ``which`` of the tree: by default those independent at a start."""
 
-    t: float
-    which: np.ndarray
-    turns: np.ndarray
+    def __init__(
+        self, system: CoupledSystem, times: np.ndarray, method: Method, start: Start, closer: float = 1.0,
+        which: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        self.system, self.engine, self.times, self.method = system, system.engine, times, method
+        system.compile()
+        self._choose(start)
+        self.which = self.engine.independent if which is None else which
+        self.turns = self.engine.turns[self.which]
+        measure, shapes = np.where(self.turns, 1.0, method.length), self.engine.shapes[self.which]
+        super().__init__(float(times[-1] - times[0]), method.tolerance, measure, shapes, closer)
+        self.touches = bool(len(self.engine.contacts) or len(self.engine.holds))
 
-    def coordinates(self, system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """x (2 k,) of a state of the bodies."""
-        system.fold(q, v)
-        y, rate, *_ = system.engine.motion
-        return np.concatenate([y[self.which], rate[self.which]])
+    def _choose(self, start: Start) -> None:
+        self.system.fold(*start)
+        self.engine.choose(float(self.times[0]))
 
-    def moved(
-        self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, x: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """State q and v (size,) with x changed by ``x`` (2 k,).
+    def run(self, start: Start) -> CoupledTrajectory:
+        return integrate(self.system, *start, self.times, self.method)
 
-        Raises ArithmeticError if the loops don't close there.
-        """
-        engine = system.engine
-        system.fold(q, v)
-        engine.choose(self.t)
-        y, rate, *_ = engine.motion
-        move, faster = np.split(x, 2)
-        y[self.which] += move
-        rate[self.which] += faster
-        found = system.unfold(engine.row(self.t)[None]) if engine.project(self.t) else None
+    def completed(self, cycle: CoupledTrajectory) -> bool:
+        return cycle.outcome is Outcome.COMPLETED
+
+    def states(self, cycle: CoupledTrajectory, count: int) -> Iterator[Start]:
+        rows = np.linspace(0, len(cycle.times) - 1, count).round().astype(int)
+        return zip(cycle.q[rows], cycle.v[rows], strict=True)
+
+    def apart(self, start: Start, *others: Start) -> np.ndarray:
+        x = []
+        for state in (start, *others):
+            self.system.fold(*state)
+            x.append(np.array(self.engine.motion[:2])[:, self.which])
+        found = np.array(x[1:]) - x[0]
+        found[:, 0, self.turns] -= whole_turns(found[:, 0, self.turns])
+        return found.reshape(len(others), -1)
+
+    def moved(self, start: Start, x: np.ndarray) -> Start:
+        engine, t = self.engine, float(self.times[0])
+        self._choose(start)
+        for part, move in zip(engine.motion, np.split(x, 2), strict=False):
+            part[self.which] += move
+        found = self.system.unfold(engine.row(t)[None]) if engine.project(t) else None
         if found is None:
             raise ArithmeticError("the loops don't close at the start of the next cycle")
         return found.q[0], found.v[0]
 
-    def missed(self, system: CoupledSystem, cycle: CoupledTrajectory) -> np.ndarray:
-        """Change P(x) - x over a cycle, (2 k,), without whole turns of joints."""
-        ends = (self.coordinates(system, cycle.q[k], cycle.v[k]) for k in (-1, 0))
-        gap = next(ends) - next(ends)
-        turns = np.flatnonzero(self.turns)
-        gap[turns] -= whole_turns(gap[turns])
-        return gap
+    def deformation(self, cycle: CoupledTrajectory) -> float:
+        return float(abs(cycle.q[:, list(self.system.shape_columns)]).max(initial=0.0))
 
-    def monodromy(self, system: CoupledSystem, cycle: CoupledTrajectory, pieces: int = PIECES) -> np.ndarray:
-        """Monodromy matrix dP/dx (2 k, 2 k) of the equations linearised along a cycle, at the middle of each piece.
+    def matrices(
+        self, cycle: CoupledTrajectory, shares: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        path = between(self.system, cycle, self.times[0] + shares * self.period)
+        self._choose((cycle.q[0], cycle.v[0]))
+        for t, *state in zip(path.times.tolist(), path.q, path.v, strict=True):
+            self.system.fold(*state)
+            self.engine.project(t)
+            base = Instant(t, *(part[self.which].copy() for part in self.engine.motion[:3]))
+            K, C, M = np.split(slopes(self.engine, base, range(3 * len(self.which)))[1], 3, axis=1)
+            yield M, C, K
 
-        Raises ArithmeticError or LinAlgError at a singular state.
-        """
-        return propagated(self._pieces(system, cycle, pieces))
-
-    def _pieces(
-        self, system: CoupledSystem, cycle: CoupledTrajectory, pieces: int
-    ) -> Iterator[tuple[float, np.ndarray]]:
-        engine, k, times = system.engine, len(self.which), cycle.times
-        system.fold(cycle.q[0], cycle.v[0])
-        engine.choose(self.t)
-        ends = [*range(0, len(times) - 1, _stride(len(times) - 1, pieces)), len(times) - 1]
-        for begin, end in pairwise(ends):
-            row = (begin + end) // 2
-            system.fold(cycle.q[row], cycle.v[row])
-            engine.project(float(times[row]))
-            base = Instant(float(times[row]), *(part[self.which].copy() for part in engine.motion[:3]))
-            K, C, M = np.split(slopes(engine, base, range(3 * k))[1], 3, axis=1)
-            yield times[end] - times[begin], state_matrix(M, C, K)
-
-
-def _stride(count: int, pieces: int) -> int:
-    """Stored steps of a piece, an even number: it has a middle."""
-    return max(2, 2 * (count // (2 * pieces)))
-
-
-def returning(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Returning:
-    """Independent coordinates at a state of the bodies."""
-    system.compile()
-    system.fold(q, v)
-    system.engine.choose(t)
-    which = system.engine.independent
-    return Returning(t, which, system.engine.turns[which])
+    def end(self, cycle: CoupledTrajectory) -> Start:
+        turns = np.array([k + 2 for k in self.system.start.values()])
+        q = cycle.q[-1].copy()
+        q[turns] -= whole_turns(q[turns] - cycle.q[0, turns])
+        return q, cycle.v[-1].copy()

@@ -14,17 +14,23 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
+from functools import reduce
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.time.linear_equations import state_matrix
 
 _CYCLES = 100
 """Largest number of cycles of the search."""
 REPEATS = 1e-5
 """Change over a cycle that counts as periodic: of the deformation, relative to its largest value, and of free joints,
-relative to their range."""
+relative to their range and that of their speeds."""
+_LOOKS = 33
+"""Instants of a cycle at which the range of its motion is measured."""
+_STILL = 1e-3
+"""Share of the mechanism's size, or rad, below which a motion counts as rest."""
 PIECES, _FEWEST, _MOST = 48, 24, 200
 """Pieces of a cycle with constant linear equations, and their first and largest number for multipliers."""
 _DIES, _EXACT = 0.5, 1e-4
@@ -53,13 +59,28 @@ COMPLETED = Verdict(Outcome.COMPLETED, Outcome.COMPLETED.value, None)
 
 
 class Cycles(ABC, Generic[Start, Cycle]):
-    """Cycles of a mechanism by their starts."""
+    """Cycles of a mechanism by their starts, in the plane or in space.
+
+    Parameters
+    ----------
+    period : float
+        Length of a cycle [s].
+    tolerance : float
+        Of the integration.
+    measure, shapes : ndarray (k,)
+        Unit of each independent coordinate, 1 rad or a length, and True for those of shapes.
+    closer : float
+        Factor on REPEATS; other than 1 for neighbours of a known cycle, whose stability is not determined.
+    """
 
     touches = False
     """True with contacts or friction, whose changes the linearised equations between them don't include."""
 
-    judges = True
-    """True if the stability of a periodic motion is to be determined."""
+    def __init__(
+        self, period: float, tolerance: float, measure: np.ndarray, shapes: np.ndarray, closer: float = 1.0
+    ) -> None:
+        self.period, self.measure, self.shapes, self.judges = period, measure, shapes, closer == 1.0
+        self.left, self.error = closer * REPEATS, tolerance * measure
 
     @abstractmethod
     def run(self, start: Start) -> Cycle:
@@ -70,44 +91,68 @@ class Cycles(ABC, Generic[Start, Cycle]):
         """True if the cycle is complete."""
 
     @abstractmethod
-    def repeats(self, cycle: Cycle) -> bool:
-        """True if it ends in its initial state."""
+    def states(self, cycle: Cycle, count: int) -> Iterable[Start]:
+        """States at equal distances, from the initial to the final one."""
 
     @abstractmethod
-    def missed(self, cycle: Cycle) -> np.ndarray:
-        """Change P(x) - x, (2 k,)."""
+    def apart(self, start: Start, *others: Start) -> np.ndarray:
+        """x of other states less that of a start, without whole turns, (n, 2 k)."""
 
     @abstractmethod
-    def monodromy(self, cycle: Cycle, pieces: int) -> np.ndarray:
-        """Monodromy matrix dP/dx (2 k, 2 k) by that many pieces. Raises ArithmeticError or LinAlgError if equations
-        are singular."""
+    def moved(self, start: Start, x: np.ndarray) -> Start:
+        """Start with x changed by ``x`` (2 k,). Raises as :meth:`matrices`."""
 
     @abstractmethod
-    def moved(self, cycle: Cycle, x: np.ndarray) -> Start:
-        """Start with x changed by ``x`` (2 k,). Raises as :meth:`monodromy`."""
+    def deformation(self, cycle: Cycle) -> float:
+        """Largest coordinate of a shape in a cycle."""
+
+    @abstractmethod
+    def matrices(self, cycle: Cycle, shares: np.ndarray) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """M, C and K (k, k) of the equations linearised at instants given as shares of a cycle. Raises ArithmeticError
+        or LinAlgError if equations are singular."""
 
     @abstractmethod
     def end(self, cycle: Cycle) -> Start:
         """End of a cycle as a start."""
 
-    def sizes(self, cycle: Cycle) -> np.ndarray:
-        """Range of every component of x in a cycle, (2 k,); needed with contacts or friction only."""
-        raise NotImplementedError
+    def missed(self, cycle: Cycle) -> np.ndarray:
+        """Change P(x) - x, (2 k,)."""
+        return self.apart(*self.states(cycle, 2))[0]
 
-    def most_pieces(self, cycle: Cycle) -> int:
-        """Largest number of pieces of a cycle."""
-        return _MOST
+    def repeats(self, cycle: Cycle) -> bool:
+        """True if a cycle repeats: deformations relative to their largest, free joints to their range and that of
+        their speeds, within the error of the steps."""
+        (way, fastest), (change, faster) = (abs(x).reshape(2, -1) for x in (self._ranges(cycle), self.missed(cycle)))
+        allowed = np.maximum(self.left * way, self.error)
+        allowed[self.shapes] = self.left * self.deformation(cycle)
+        return bool((change <= allowed).all() and (self.shapes | (faster * way <= allowed * fastest)).all())
+
+    def _ranges(self, cycle: Cycle) -> np.ndarray:
+        """Range of every component of x in a cycle, (2 k,)."""
+        start, *others = self.states(cycle, _LOOKS)
+        return np.ptp(self.apart(start, start, *others), axis=0)
+
+    def sizes(self, cycle: Cycle) -> np.ndarray:
+        """Scales of x, (2 k,): at least 1e-3 of the mechanism's size or of 1 rad, per cycle for rates."""
+        least = _STILL * self.measure
+        return np.maximum(self._ranges(cycle), np.concatenate([least, least / self.period]))
+
+    def monodromy(self, cycle: Cycle, pieces: int = PIECES) -> np.ndarray:
+        """Monodromy matrix dP/dx (2 k, 2 k) by the equations linearised at the middle of each piece. Raises as
+        :meth:`matrices`."""
+        middles = (np.arange(pieces) + 0.5) / pieces
+        return propagated(self.period / pieces, map(state_matrix, *zip(*self.matrices(cycle, middles), strict=True)))
 
     def by_cycles(self, cycle: Cycle) -> np.ndarray:
         """Monodromy matrix dP/dx (2 k, 2 k) by central differences of neighbouring cycles.
 
         Raises ArithmeticError if one of them is not complete.
         """
-        steps = np.diag(_APART * self.sizes(cycle))
+        (start, _), steps = self.states(cycle, 2), np.diag(_APART * self.sizes(cycle))
         ends = np.zeros((2, *steps.shape))
         for ahead, sign in zip(ends, (1.0, -1.0), strict=True):
             for k, step in enumerate(steps):
-                found = self.run(self.moved(cycle, sign * step))
+                found = self.run(self.moved(start, sign * step))
                 if not self.completed(found):
                     raise ArithmeticError("a neighbouring cycle is not complete")
                 ahead[:, k] = self.missed(found)
@@ -145,7 +190,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
                     else:
                         slope -= np.outer(missed - last + slope @ move, move) / (move @ move)
                     move = np.linalg.solve(slope, missed)
-                    start = self.moved(found, move)
+                    start = self.moved(next(iter(self.states(found, 2))), move)
                 except (ArithmeticError, np.linalg.LinAlgError) as error:
                     failure = f"; Newton's method fails: {error}"
             if failure:
@@ -172,7 +217,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
             if moduli[-1] < _DIES:
                 return found, 0.0
             told = abs(moduli[-1] - 1.0) > 4.0 * off or off < _EXACT
-            if told or 2 * pieces > _MOST or pieces > self.most_pieces(cycle):
+            if told or 2 * pieces > _MOST:
                 return found, off
             pieces *= 2
 
@@ -198,15 +243,11 @@ class Cycles(ABC, Generic[Start, Cycle]):
         return unknown(f"the largest Floquet multiplier is 1 within {max(off, abs(largest - 1.0)):.1g}", floquet)
 
 
-def propagated(pieces: Iterable[tuple[float, np.ndarray]]) -> np.ndarray:
-    """State transition matrix of x' = A x over pieces of a cycle, each with its length [s] and A at its middle.
+def propagated(length: float, pieces: Iterable[np.ndarray]) -> np.ndarray:
+    """State transition matrix of x' = A x over pieces of equal length [s], given A at the middle of each.
 
     The error is of second order in the length (Magnus 1954).
     """
     from scipy.linalg import expm
 
-    found: np.ndarray | None = None
-    for length, A in pieces:
-        found = expm(length * A) if found is None else expm(length * A) @ found
-    assert found is not None
-    return found
+    return reduce(lambda found, piece: piece @ found, (expm(length * A) for A in pieces))

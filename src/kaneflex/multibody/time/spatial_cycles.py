@@ -1,16 +1,16 @@
-"""Cycles of a mechanism in space: final states as functions of initial ones."""
+"""Cycles of a mechanism in space by the coordinates y of :mod:`kaneflex.multibody.time.spatial_linear`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, KIND, SLIDE, SPEED, TURN
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
-from kaneflex.multibody.time.linear_equations import state_matrix
-from kaneflex.multibody.time.shooting import REPEATS, Cycles, propagated
+from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.spatial_linear import linear, neighbours, spinning
 from kaneflex.scene.options import Options
@@ -18,15 +18,12 @@ from kaneflex.support.errors import SceneError
 
 
 class SpatialCycles(Cycles[State, Run]):
-    """Cycles of a system over the duration of ``options``, with the choice of speeds of the first ``start``.
-
-    ``closer``: allowed change over a cycle, as a share of REPEATS; other than 1 for neighbours of a known cycle, whose
-    stability is not determined.
-    """
+    """Cycles of a system over the duration of ``options``, with the choice of speeds of the first ``start``."""
 
     def __init__(self, system: SpatialSystem, options: Options, start: State, closer: float = 1.0) -> None:
-        self.system, self.options, self.choice, self.left = system, options, start.choice, closer * REPEATS
-        self.judges = closer == 1.0
+        self.system, self.options, self.choice, which = system, options, start.choice, start.choice.independent
+        shapes = np.isin(which, system.modal_speeds)
+        super().__init__(options.duration, options.tolerance, system.measure[which], shapes, closer)
 
     def run(self, start: State) -> Run:
         run = Run(self.system, self.options, start)
@@ -39,40 +36,30 @@ class SpatialCycles(Cycles[State, Run]):
     def completed(self, cycle: Run) -> bool:
         return cycle.stopped is None
 
-    def repeats(self, cycle: Run) -> bool:
-        """Changes of deformations relative to their largest, of all else relative to its range; changes below the
-        resolution of steps are ignored."""
-        system, which = self.system, self.choice.independent
-        missed, q = abs(self.missed(cycle)[: len(which)]), cycle.at_ends()
-        shapes = np.isin(which, system.modal_speeds)
-        size, least = system.mechanism.size, self.options.tolerance
-        largest = max(self.left * abs(q[:, system.modal_coordinates]).max(initial=0.0), 0.1 * least * size)
-        rigid = np.delete(np.ptp(q, axis=0), system.modal_coordinates).max(initial=0.0) / max(1.0, size)
-        others = (missed[~shapes] / system.measure[which[~shapes]]).max(initial=0.0)
-        return bool(missed[shapes].max(initial=0.0) <= largest and others <= max(self.left * rigid, 0.1 * least))
+    def states(self, cycle: Run, count: int) -> Iterator[State]:
+        return map(cycle, np.linspace(0.0, self.period, count).tolist())
 
-    def missed(self, cycle: Run) -> np.ndarray:
-        """Change in y and y' of :mod:`kaneflex.multibody.time.spatial_linear` about the start."""
-        which, (_, W) = self.choice.independent, self._moving(cycle.start)
-        y = self._apart(cycle.start.q, cycle.end.q)[which]
-        return np.concatenate([y, (cycle.end.u - cycle.start.u)[which] - W @ y])
+    def apart(self, start: State, *others: State) -> np.ndarray:
+        which, (_, W), found = self.choice.independent, self._moving(start), []
+        for other in others:
+            y = self._turned(start.q, other.q)[which]
+            found.append(np.concatenate([y, (other.u - start.u)[which] - W @ y]))
+        return np.array(found)
 
-    def monodromy(self, cycle: Run, pieces: int) -> np.ndarray:
-        return propagated(self._pieces(cycle, pieces))
-
-    def _pieces(self, cycle: Run, pieces: int) -> Iterator[tuple[float, np.ndarray]]:
-        length = self.options.duration / pieces
-        for k in range(pieces):
-            here = cycle((k + 0.5) * length)
-            base = State(here.t, here.q, here.u, here.du, here.sizes, self.choice)
-            found = linear(neighbours(self.system, base, range(2 * len(self.choice.independent))))
-            yield length, state_matrix(found.M, found.C, found.K)
-
-    def moved(self, cycle: Run, x: np.ndarray) -> State:
-        which, (N, W), (y, rate) = self.choice.independent, self._moving(cycle.start), np.split(x, 2)
-        u = cycle.start.u.copy()
+    def moved(self, start: State, x: np.ndarray) -> State:
+        which, (N, W), (y, rate) = self.choice.independent, self._moving(start), np.split(x, 2)
+        u = start.u.copy()
         u[which] += rate + W @ y
-        return self.system.project(0.0, self.system.advanced(cycle.start.q, (y @ N)[None])[0], u, self.choice)
+        return self.system.project(0.0, self.system.advanced(start.q, (y @ N)[None])[0], u, self.choice)
+
+    def deformation(self, cycle: Run) -> float:
+        return float(abs(cycle.at_ends()[:, self.system.modal_coordinates]).max(initial=0.0))
+
+    def matrices(self, cycle: Run, shares: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        for here in map(cycle, (shares * self.period).tolist()):
+            base = replace(here, choice=self.choice)
+            found = linear(neighbours(self.system, base, range(2 * len(self.choice.independent))))
+            yield found.M, found.C, found.K
 
     def end(self, cycle: Run) -> State:
         return self.system.project(0.0, cycle.end.q, cycle.end.u, self.choice)
@@ -81,7 +68,7 @@ class SpatialCycles(Cycles[State, Run]):
         """N and W of :mod:`kaneflex.multibody.time.spatial_linear` at a state."""
         return spinning(self.system, self.system.project(start.t, start.q, start.u, self.choice))
 
-    def _apart(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
+    def _turned(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Difference of coordinates as a step of all speeds, without whole turns, (speeds,)."""
         from scipy.spatial.transform import Rotation
 

@@ -17,9 +17,8 @@ import numpy as np
 
 from kaneflex.fem.links import mesh
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.time.cycle_map import Returning, returning
+from kaneflex.multibody.time.cycle_map import PlanarCycles, Start
 from kaneflex.multibody.time.run import integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene.structure import structure_hash
@@ -33,8 +32,6 @@ from kaneflex.solve.variants import Solver, read
 from kaneflex.study.sensitivity.parameters import Parameter
 from kaneflex.support.errors import SceneError
 
-State = tuple[np.ndarray, np.ndarray]
-"""q and v, (n,) each."""
 _SOLVED = 1e-12
 """Tolerance of each step as a share of the mechanism's size: far below the differences between neighbours."""
 _APART = 1e-2
@@ -129,7 +126,8 @@ class Replay:
                     "solve.start", "periodic", "the periodic motion is not isolated: others exist nearby",
                     "Add damping, or start from zero or quasistatic",
                 )  # fmt: skip
-            start = self._cycle.moved(model.coupled, *start, -np.linalg.solve(self._returning, self._gap(model, cycle)))
+            beside = PlanarCycles(model.coupled, cycle.times, method_of(model), start, which=self._cycles.which)
+            start = beside.moved(start, -np.linalg.solve(self._returning, beside.missed(cycle)))
         return as_result(model, self._run(model, *start), 0.0)
 
     @property
@@ -142,38 +140,26 @@ class Replay:
         method = replace(method_of(model), tolerance=_SOLVED)
         return integrate(model.coupled, q, v, self._own.times * stretch, method, ends=self._own.ends * stretch)
 
-    def _beside(self, rigid: State) -> State:
+    def _beside(self, rigid: Start) -> Start:
         """Start of the run's cycle, shifted by the difference of the two undeformed mechanisms' states."""
         q, v = beginning(self.solution.model)
         return self._own.q[0] + rigid[0] - q, self._own.v[0] + rigid[1] - v
 
     @cached_property
-    def _cycle(self) -> Returning:
-        """Independent coordinates at the start of the run."""
-        own = self._own
-        return returning(self.solution.model.coupled, float(own.times[0]), own.q[0], own.v[0])
-
-    def _gap(self, model: Model, cycle: CoupledTrajectory) -> np.ndarray:
-        """Independent coordinates and rates at the end of a cycle minus those at its start, (2 k,)."""
-        return self._cycle.missed(model.coupled, cycle)
+    def _cycles(self) -> PlanarCycles:
+        """Cycles from the start of the run."""
+        own, model = self._own, self.solution.model
+        return PlanarCycles(model.coupled, own.times, method_of(model), (own.q[0], own.v[0]))
 
     @cached_property
     def _returning(self) -> np.ndarray:
-        """Derivative of that gap with respect to the start, (2 k, 2 k): the monodromy matrix minus the identity."""
-        own, model = self._own, self.solution.model
-        engine = model.coupled.engine
-        size = engine.numbers(at.MEASURE, engine.size)[self._cycle.which]
-        courses = np.array([self._cycle.coordinates(model.coupled, *state) for state in zip(own.q, own.v, strict=True)])
-        y, rate = np.split(courses, 2, axis=1)
-        moves = np.minimum(np.ptp(y, axis=0), size), np.ptp(rate, axis=0)
-        units = np.concatenate([np.where(part > 0.0, part, size) for part in moves])
-        columns = []
-        for k, unit in enumerate(units):
-            x = np.zeros(len(units))
-            x[k] = _APART * unit
-            starts = (self._cycle.moved(model.coupled, own.q[0], own.v[0], share * x) for share in SHARES)
-            gaps = [self._gap(model, self._run(model, *start)) for start in starts]
-            columns.append(slope(gaps, _APART) / unit)
+        """Derivative of the change over a cycle with respect to the start, (2 k, 2 k): the monodromy matrix minus the
+        identity."""
+        own, model, cycles, columns = self._own, self.solution.model, self._cycles, []
+        for unit in np.diag(cycles.sizes(own)):
+            starts = (cycles.moved((own.q[0], own.v[0]), share * _APART * unit) for share in SHARES)
+            gaps = [cycles.missed(self._run(model, *start)) for start in starts]
+            columns.append(slope(gaps, _APART) / unit.max())
         return np.array(columns).T
 
 
