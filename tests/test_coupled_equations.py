@@ -16,7 +16,7 @@ from kaneflex.generated.body import kernels
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.multibody.model.system import rigid_state
-from kaneflex.multibody.time.linearisation import Instant, linear, prepare
+from kaneflex.multibody.time.planar_linear import Instant, prepare
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled import simulate_coupled
 from kaneflex.solve.coupled_linearisation import modes_at_rest
@@ -167,9 +167,9 @@ def test_stiffness_at_speed_is_that_of_the_stiffened_model():
     settings = ["solve.preset=coupled", "beam.axially_rigid=true"]
     model = kaneflex.load(with_settings(read_scene("spin-up"), settings))
     system, t = model.coupled, 20.0
-    engine = prepare(system, t, *rigid_state(system, model.motion.at(t)))
-    still = np.zeros(len(engine.independent))
-    K = linear(engine, Instant(t, still, still, still)).K
+    equations = prepare(system, t, *rigid_state(system, model.motion.at(t)))
+    still = np.zeros(len(equations.names))
+    K = equations.linear(Instant(t, still, still, still)).K
     plain = kaneflex.load(read_scene("spin-up"))
     free = [row for row in range(27) if row not in (0, 1, 2)]
     Phi = system.shapes["beam"].transverse[free]

@@ -13,8 +13,8 @@ import kaneflex
 from kaneflex.multibody.dynamics.spatial_entries import LACKED
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem
-from kaneflex.multibody.time import spatial_linear
-from kaneflex.multibody.time.spatial_linear import _turned, growth, names_of, neighbours
+from kaneflex.multibody.time import linearisation
+from kaneflex.multibody.time.spatial_linear import SpatialEquations, _turned
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled_linearisation import linear_about
 from kaneflex.solve.modes import modes
@@ -194,7 +194,7 @@ def test_linear_equations_take_the_forces_of_neighbours_and_not_their_accelerati
     but at the state itself."""
     model, near, rows = kaneflex.load(scene_of(BLADE.format(speed=3.0) + SHORT.format(6))), SpatialSystem.near, []
     expected = linear_about(model, 0.0).K
-    monkeypatch.setattr(spatial_linear, "STEP", 1e-3)
+    monkeypatch.setattr(linearisation, "STEP", 1e-3)
     monkeypatch.setattr(SpatialSystem, "near", lambda *args: (rows.append(args[-1]), near(*args)))
     assert linear_about(model, 0.0).K == pytest.approx(expected, abs=1e-9 * abs(expected).max())
     assert set(rows) == {LACKED}
@@ -306,13 +306,11 @@ def test_the_speeds_of_a_closed_loop_change_with_its_place():
     which = start.choice.independent
     u = start.u.copy()
     u[which] = np.linspace(1.5, -1.0, len(which))
-    beside = neighbours(system, system.project(0.0, start.q, u, start.choice))
-    base = system.project(0.0, beside.base.q, beside.base.u, beside.base.choice)
-    N = system.basis(base.choice).copy()
-    found, h = growth(beside, N), 1e-4
+    base, equations = system.project(0.0, start.q, u, start.choice), SpatialEquations(system, start.choice)
+    found, h = equations.growth(base), 1e-4
     places = system.advanced(base.q, np.array([h, -h])[:, None] * base.u)
     near = [system.basis(system.project(0.0, q, base.u, base.choice).choice).copy() for q in places]
     expected = (near[0] - near[1]).T / (2 * h)
-    assert 0 < sum(name.startswith("shoulder.") for name in names_of(system, base)) < 3
+    assert 0 < sum(name.startswith("shoulder.") for name in equations.names) < 3
     assert abs(expected).max() > 0.5
     np.testing.assert_allclose(found, expected, atol=1e-5 * abs(expected).max())

@@ -44,7 +44,7 @@ class Frozen:
 
 def freeze(model: Model, count: int, instants: int) -> Frozen:
     """Poles of M z'' + C z' + K z = 0 with the coefficients of each of ``instants`` instants of a cycle."""
-    from kaneflex.multibody.time.linear_equations import state_matrix
+    from kaneflex.multibody.time.linearisation import state_matrix
 
     count = min(count, model.reduced.size)
     times = np.arange(instants) * model.scene.period / instants

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model, keep_terms
-from kaneflex.multibody.time.linear_equations import state_matrix
+from kaneflex.multibody.time.linearisation import state_matrix
 from kaneflex.response.elastic_motion import elastic_motion
 
 _MODES = 24

@@ -13,16 +13,13 @@ import numpy as np
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import initial_rates
-from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.rigid_reference import FollowedKinematics, TwinKinematics
 from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
 from kaneflex.multibody.time.cycle_map import PlanarCycles, Start
 from kaneflex.multibody.time.harmonic_balance import orbit_start
-from kaneflex.multibody.time.linearisation import Instant, equilibrium, prepare, slopes
-from kaneflex.multibody.time.load_steps import UNBALANCED
+from kaneflex.multibody.time.planar_linear import prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -33,7 +30,7 @@ from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.forward import with_courses
 from kaneflex.solve.initial import given_start, laid_over, start_dimensions
 from kaneflex.solve.run_result import RunResult
-from kaneflex.solve.slow_start import first_rates, followed
+from kaneflex.solve.slow_start import slow_state
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
@@ -183,28 +180,10 @@ def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
         )  # fmt: skip
     system, t = model.coupled, float(rigid.times[0])
     assert system is not None
-    engine = prepare(system, t, q, rigid_state(system, rigid)[1])
-    still = equilibrium(engine, t)
-    if still is None or equilibrium(engine, t, _slow_rates(engine, still, model.options.duration)) is None:
-        raise SceneError("solve.start", model.options.start, UNBALANCED, "Start from zero, with damping")
-    state = system.unfold(engine.row(t)[None])
+    equations = prepare(system, t, q, rigid_state(system, rigid)[1])
+    slow_state(equations, equations.now(t), model.options.duration)
+    state = system.unfold(equations.engine.row(t)[None])
     return state.q[0], state.v[0]
-
-
-def _slow_rates(engine: Engine, still: Instant, duration: float) -> Start:
-    """Initial rates and accelerations of the shapes in quasi-static equilibrium."""
-    n, here = len(still.y), engine.row(still.t)
-    slope = slopes(engine, still, np.concatenate([np.arange(n), np.arange(2 * n, 3 * n)]))[1]
-
-    def residual(times: np.ndarray, y: np.ndarray) -> np.ndarray:
-        rows = np.zeros((len(times), len(still.row(engine.inputs))))
-        rows[:, 0], rows[:, 1 : 1 + n] = times, y
-        return engine.demand(rows)
-
-    measure = engine.numbers(at.MEASURE, engine.size)[engine.independent]
-    found = first_rates(followed(residual, still.y, slope[:, :n], measure), slope[:, n:], duration)
-    engine.stand(here)
-    return found
 
 
 def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,13 +11,13 @@ from scipy.linalg import eigh
 
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import no_modes
-from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, balanced
-from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.model.independent_speeds import choose
+from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.model.system import rigid_state
-from kaneflex.multibody.time import spatial_linear
-from kaneflex.multibody.time.linear_equations import Linear
-from kaneflex.multibody.time.linearisation import Instant, at_rest, equilibrium, linear, prepare, probes
+from kaneflex.multibody.time.linearisation import Equations, Linear, state_matrix
+from kaneflex.multibody.time.planar_linear import Instant, prepare, probes
 from kaneflex.multibody.time.revolutions import unwrapped
+from kaneflex.multibody.time.spatial_linear import Neighbours, SpatialEquations
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
@@ -37,53 +37,45 @@ def linear_about(model: Model, t: float) -> Linear[Any]:
     """
     reason = "the equations are nonlinear"
     refuse_contacts(model.scene, "solve.preset", "coupled", reason, "Leave it out")
-    found = (_linear_in_space if model.scene.is_spatial else _linear_in_plane)(model, t)
-    if found is None:
-        raise SceneError(
-            "solve.preset", model.options.preset, f"the deformed mechanism has no equilibrium at t = {t:.6g} s",
-            "Choose another configuration",
-        )  # fmt: skip
-    return found
-
-
-def _linear_in_plane(model: Model, t: float) -> Linear[Instant] | None:
-    rigid, system = model.motion.at(t), model.coupled
-    assert system is not None
-    q, v = rigid_state(system, rigid)
-    engine = prepare(system, t, unwrapped(model.scene, system, q, rigid), v)
-    found = equilibrium(engine, t)
-    return None if found is None else linear(engine, found)
-
-
-def _linear_in_space(model: Model, t: float) -> Linear[State] | None:
-    system, state = _undeformed(model, t)
+    equations, base = _undeformed(model, t)
     try:
-        return spatial_linear.linear(spatial_linear.neighbours(system, balanced(system, state)))
+        found = equations.equilibrium(base)
+        if found is not None:
+            return equations.linear(found)
     except (ArithmeticError, np.linalg.LinAlgError):
-        return None
+        pass
+    raise SceneError(
+        "solve.preset", model.options.preset, f"the deformed mechanism has no equilibrium at t = {t:.6g} s",
+        "Choose another configuration",
+    )  # fmt: skip
 
 
-def _undeformed(model: Model, t: float) -> tuple[SpatialSystem, State]:
-    """A mechanism in space and its undeformed state at t [s]."""
+def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations[Any], Any]:
+    """Equations of a mechanism and its undeformed state at t [s]; at rest unless it ``moves``."""
+    if model.coupled is not None:
+        rigid = model.motion.at(t)
+        q, v = rigid_state(model.coupled, rigid)
+        planar = prepare(model.coupled, t, unwrapped(model.scene, model.coupled, q, rigid), moves * v)
+        return planar, planar.now(t)
     motion, end = cast(CoupledKinematics, model.motion), model.options.duration
     if motion.module.FREE and not 0.0 <= t <= end:
         reason = f"the motion of {motion.module.FREE[0]} is known from 0 to {end:.6g} s"
         raise SceneError("t", t, reason, "Choose an instant of the run, or a longer solve.duration")
-    return motion.module.system, motion.undeformed(t)
+    system, state = motion.module.system, motion.undeformed(t)
+    if not moves:
+        state = replace(state, u=0.0 * state.u, choice=choose(system, state.q, prefer=True))
+    return SpatialEquations(system, state.choice), state
 
 
 def fastest_decay(model: Model, trajectory: CoupledTrajectory) -> float:
     """Largest decay rate [1/s] of an overdamped mode about the last state of a planar run; 0 if there is none."""
     system, t = model.coupled, float(trajectory.times[-1])
     assert system is not None
-    engine = prepare(system, t, trajectory.q[-1], trajectory.v[-1])
-    y, v, a = (part[engine.independent].copy() for part in engine.motion[:3])
+    equations = prepare(system, t, trajectory.q[-1], trajectory.v[-1])
     try:
-        found = linear(engine, Instant(t, y, v, a))
-        rates = np.linalg.solve(found.M, -np.hstack([found.K, found.C]))
+        values = np.linalg.eigvals(state_matrix(*equations.matrices(equations.now(t))))
     except (ArithmeticError, np.linalg.LinAlgError):
         return 0.0
-    values = np.linalg.eigvals(np.vstack([np.eye(len(y), 2 * len(y), len(y)), rates]))
     return float(-values.real[abs(values.imag) < abs(values.real)].min(initial=0.0))
 
 
@@ -112,12 +104,14 @@ def _beside_in_plane(model: Model, found: Linear[Instant]) -> tuple[Motion, np.n
     return replace(motion, shift=shift), weights
 
 
-def _beside_in_space(model: Model, found: Linear[State]) -> tuple[Motion, np.ndarray]:
+def _beside_in_space(model: Model, found: Linear[Any]) -> tuple[Motion, np.ndarray]:
     """Motions near an instant in space, and the weights of the differences."""
-    motion = cast(CoupledKinematics, model.motion)
-    beside = spatial_linear.neighbours(motion.module.system, found.instant)
+    motion, base = cast(CoupledKinematics, model.motion), found.instant
+    equations, n = SpatialEquations(motion.module.system, base.choice), len(found.names)
+    x, _, weights = equations.neighbours(base, np.r_[: 2 * n, 3 * n : 3 * n + found.B.shape[1]])
+    beside = Neighbours(equations.system, base, equations.given(base, x))
     motion = motion.along(beside)
-    return SpatialCoupledMotion(replace(model, motion=motion), motion.at(beside.times)), beside.weights
+    return SpatialCoupledMotion(replace(model, motion=motion), motion.at(beside.times)), weights.ravel()
 
 
 def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
@@ -127,24 +121,12 @@ def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray
     dead centre.
     """
     try:
-        names, M, K = (_at_rest_in_space if model.scene.is_spatial else _at_rest_in_plane)(model, model.reference_time)
+        equations, state = _undeformed(model, model.reference_time, moves=False)
+        M, K = equations.at_rest(state)
     except ArithmeticError:
         raise no_modes(model) from None
     if not len(M):
-        return names, np.zeros(0), np.zeros((0, 0))
+        return equations.names, np.zeros(0), np.zeros((0, 0))
     squares, shapes = eigh(K, (M + M.T) / 2.0)
     largest = shapes[abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    return names, np.sqrt(np.maximum(squares, 0.0)), shapes * np.sign(largest)
-
-
-def _at_rest_in_plane(model: Model, t: float) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    system, rigid = model.coupled, model.motion.at(t)
-    assert system is not None
-    q = unwrapped(model.scene, system, rigid_state(system, rigid)[0], rigid)
-    engine = prepare(system, t, q, np.zeros(system.size))
-    return engine.names, *at_rest(engine, t)
-
-
-def _at_rest_in_space(model: Model, t: float) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    system, state = _undeformed(model, t)
-    return spatial_linear.at_rest(system, t, state.q)
+    return equations.names, np.sqrt(np.maximum(squares, 0.0)), shapes * np.sign(largest)

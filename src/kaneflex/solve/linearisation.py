@@ -22,7 +22,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import Placement, drive_rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.time.linear_equations import state_matrix
+from kaneflex.multibody.time.linearisation import state_matrix
 from kaneflex.scene.read import SceneLike
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.solve.free_motion import integrated

@@ -12,7 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.time.linearisation import At, Equations
 from kaneflex.solve.quasistatic import answers
+from kaneflex.support.errors import SceneError
 
 _POINTS, _HALVINGS = 7, 25
 """Instants of an interval for the initial rates, and number of intervals, down to about 1e-7 of the run."""
@@ -67,16 +69,34 @@ def first_rates(balanced: Answers, inertia: np.ndarray, duration: float) -> tupl
     return v[taken], a[taken]
 
 
-def followed(
-    residual: Callable[[np.ndarray, np.ndarray], np.ndarray], z: np.ndarray, slope: np.ndarray, measure: np.ndarray
-) -> Answers:
-    """Equilibria z (n,) followed from the first instant, as far as steps with its tangent (n, n) converge.
+def slow_state(equations: Equations[At], base: At, duration: float) -> At:
+    """Quasi-static initial state of coupled equations from an instant of undeformed bodies; free joints keep their
+    speeds and accelerations.
 
-    ``residual``: instants and z (n_times, n) -> residual of the equilibrium, same shape.
+    Raises SceneError if no equilibrium is found.
     """
+    try:
+        still = equations.equilibrium(base)
+        if still is not None:
+            shapes = equations.shapes
+            path, inertia = _followed(equations, still), equations.mass(still)[np.ix_(shapes, shapes)]
+            still = equations.equilibrium(base, first_rates(lambda t: path(t)[:, shapes], inertia, duration))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        still = None
+    if still is None:
+        raise SceneError(
+            "solve.start", "quasistatic", "no static equilibrium is found at the start, even in load steps",
+            "Start from zero, with damping, or give fewer solve.modes",
+        )  # fmt: skip
+    return still
+
+
+def _followed(equations: Equations[At], still: At) -> Answers:
+    """Equilibria, as deviations (n_times, n) from the first one, as far as steps with its tangent converge."""
+    residual, slope, measure = equations.followed(still)
 
     def balanced(times: np.ndarray) -> np.ndarray:
-        out, here = np.full((len(times), len(z)), np.nan), z
+        out, here = np.full((len(times), len(slope)), np.nan), np.zeros(len(slope))
         for first in range(0, len(times), _POINTS):
             rows = slice(first, first + _POINTS)
             found = _chords(residual, times[rows], here, slope, measure)

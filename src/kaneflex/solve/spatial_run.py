@@ -11,18 +11,20 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
-from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, balanced, taken_turns
+from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, taken_turns
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_layout import COORDINATE, SPEED
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.multibody.time.shooting import COMPLETED, Verdict
 from kaneflex.multibody.time.spatial_cycles import SpatialCycles
 from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.scene.options import Options
 from kaneflex.solve.law_checks import check_finite, check_springs
+from kaneflex.solve.slow_start import slow_state
 from kaneflex.solve.spatial_checks import check_stage, with_open_reactions
-from kaneflex.solve.spatial_initial import given_state, slow_state
+from kaneflex.solve.spatial_initial import given_state
 from kaneflex.support.errors import SceneError
 
 Share = Callable[[float], None]
@@ -70,7 +72,7 @@ def _first(system: SpatialSystem, options: Options) -> State:
     """Initial state of a coupled mechanism in space."""
     start = start_of(system)
     if options.start == "quasistatic":
-        return slow_state(system, start, options.duration)
+        return slow_state(SpatialEquations(system, start.choice), start, options.duration)
     return given_state(system, start) if options.start == "given" else start
 
 
@@ -82,10 +84,8 @@ def _cycle(
     Raises SceneError if drives or loads are not periodic, or the motion can't continue.
     """
     _check_repeats(system, start, options.duration)
-    try:
-        start = balanced(system, start)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        pass  # fast motion may have no equilibrium nearby
+    # fast motion may have no equilibrium nearby
+    start = SpatialEquations(system, start.choice).equilibrium(start) or start
     run, verdict = SpatialCycles(system, options, start, closer).repeated(start, share)
     if verdict is None:
         assert run.stopped is not None

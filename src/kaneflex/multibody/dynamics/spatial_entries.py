@@ -218,8 +218,6 @@ def lacked(m, c, times, count, given, width, out):
             return i
         row = after(out, (free + speeds) * i)
         missed(m, c, False, row)
-        for j in range(free):
-            row[j] = -row[j]
         for j in range(speeds):
             row[free + j] = m.u[j]
     return count

@@ -15,19 +15,13 @@ from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIN
 from kaneflex.multibody.model.spatial_modal_data import held_shapes
 from kaneflex.multibody.model.spatial_shapes import spatial_shapes
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
-from kaneflex.multibody.time.load_steps import FARTHEST, UNBALANCED, in_load_steps
 from kaneflex.multibody.time.shooting import Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed, Standing
-from kaneflex.multibody.time.spatial_linear import neighbours
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.spatial_sections import sections
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 
-_STEPS = 60
-"""Newton steps to a static equilibrium, in each load step."""
-_BALANCED = 1e-10
-"""Last of them, as a share of the mechanism's size, for convergence."""
 _BENT = 0.02
 """Largest modal coordinate, as a share of its link's length, without a warning of shapes that resemble a rotation."""
 
@@ -161,56 +155,3 @@ def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
                 "compare with fewer solve.modes, or divide it into several welded bodies"
             )
     return found
-
-
-def balanced(
-    system: SpatialSystem, start: State, rates: tuple[np.ndarray, np.ndarray] | None = None
-) -> State:
-    """State near a given one on the constraints with shapes in static equilibrium.
-
-    Newton's method on the forces: accelerations vary far more where the mass matrix is nearly singular. ``rates``: the
-    independent shapes' speeds and accelerations (n,) instead of zero. Raises ArithmeticError without convergence.
-    """
-    which, moving, columns = start.choice.independent, start.u.copy(), independent_shapes(system, start)
-    shapes, others = which[columns], np.setdiff1d(np.arange(len(which)), columns)
-    moving[shapes], wanted = (0.0, 0.0) if rates is None else rates
-    first = system.coordinates + system.speeds
-
-    def standing(q: np.ndarray, less: np.ndarray) -> State:
-        system.inputs[: len(less)] = less
-        return system.project(start.t, q, moving, start.choice)
-
-    def corrected(state: State, less: np.ndarray) -> State | None:
-        """Balanced state with additions to the sizes of the loads; None without convergence in _STEPS."""
-        try:
-            state = standing(state.q, less)
-            for _ in range(_STEPS):
-                beside = neighbours(system, state, columns)
-                beside.given[:, first + shapes] = wanted
-                beside.given[:, first + system.speeds : first + system.speeds + len(less)] += less
-                by_shapes, M, step = beside.forces, beside.mass, np.zeros(system.speeds)
-                forces = M[:, columns] @ (state.du[shapes] - wanted)
-                # unknown besides the shapes: the accelerations of the other independent speeds
-                found = np.linalg.solve(np.hstack([by_shapes, -M[:, others]]), -forces)
-                step[shapes] = found[: len(shapes)]
-                largest = abs(step).max(initial=0.0) / system.mechanism.size
-                step *= min(1.0, 0.5 * FARTHEST / max(largest, 1e-300))
-                state = standing(system.advanced(state.q, step[None])[0], less)
-                if largest < _BALANCED:
-                    return state
-        except (ArithmeticError, np.linalg.LinAlgError):
-            pass
-        finally:
-            system.inputs[:] = 0.0
-        return None
-
-    state = system.project(start.t, start.q, moving, start.choice)
-    found = in_load_steps(state, -state.sizes, corrected)
-    if found is None:
-        raise ArithmeticError(UNBALANCED)
-    return found
-
-
-def independent_shapes(system: SpatialSystem, state: State) -> np.ndarray:
-    """Places of the shapes' speeds among the independent speeds of a state."""
-    return np.flatnonzero(np.isin(state.choice.independent, system.modal_speeds))

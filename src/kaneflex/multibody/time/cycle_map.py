@@ -10,7 +10,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time.dense_output import between
-from kaneflex.multibody.time.linearisation import Instant, slopes
+from kaneflex.multibody.time.planar_linear import PlanarEquations
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -76,12 +76,11 @@ class PlanarCycles(Cycles[Start, CoupledTrajectory]):
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         path = between(self.system, cycle, self.times[0] + shares * self.period)
         self._choose((cycle.q[0], cycle.v[0]))
+        equations = PlanarEquations(self.engine)
         for t, *state in zip(path.times.tolist(), path.q, path.v, strict=True):
             self.system.fold(*state)
             self.engine.project(t)
-            base = Instant(t, *(part[self.which].copy() for part in self.engine.motion[:3]))
-            K, C, M = np.split(slopes(self.engine, base, range(3 * len(self.which)))[1], 3, axis=1)
-            yield M, C, K
+            yield equations.matrices(equations.now(t))
 
     def end(self, cycle: CoupledTrajectory) -> Start:
         turns = np.array([k + 2 for k in self.system.start.values()])

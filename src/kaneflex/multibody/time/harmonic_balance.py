@@ -22,7 +22,7 @@ from scipy.sparse.linalg import LinearOperator, gmres
 
 from kaneflex.integrate.spectral import at_instants, rates
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
-from kaneflex.multibody.time.linearisation import Instant, slopes
+from kaneflex.multibody.time.planar_linear import Instant, PlanarEquations
 
 _DRAGS, _NEAR = (8.0, 1.0, 0.125, 0.0), 0.03
 """Damping for continuation to a motion far from the undeformed one, relative to the cycle's angular velocity;
@@ -169,8 +169,7 @@ class _Tangent:
             if j == 0:
                 search.system.engine.choose(t)  # as at first, whatever the states did since
             instant = Instant(float(t), z[:, j], v[:, j], a[:, j])
-            slope = slopes(search.system.engine, instant, range(3 * k))[1]
-            matrices[::-1, ..., j] = np.stack(np.split(slope, 3, axis=1))
+            matrices[..., j] = PlanarEquations(search.system.engine).matrices(instant)
         matrices[1] += drag * matrices[0]
         still = np.eye(instants)
         turning = [part.T for part in (*rates(still, search.omega)[::-1], still)]

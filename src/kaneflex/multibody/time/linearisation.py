@@ -1,206 +1,234 @@
-"""Coupled equations linearised about a motion, in independent coordinates of the tree.
+"""Coupled equations linearised about an instant of a motion, in independent coordinates, in the plane and in space.
 
-The residual (:mod:`kaneflex.multibody.dynamics.reduction`) is a function D(t, y, y', y'', u) of the independent
-coordinates, loads and prescribed accelerations u, zero on the motion. Small motions about it satisfy
+The residual D(t, y, y', y'', p) of the equations of motion (generalised forces M a - f of the independent coordinates
+y, with sizes of loads and prescribed accelerations p) is zero on the motion. Small motions about it satisfy
 
-    M y'' + C y' + K y = B u,   M = dD/dy'', C = dD/dy', K = dD/dy, B = -dD/du:
+    M y'' + C y' + K y = B p,   M = dD/dy'', C = dD/dy', K = dD/dy, B = -dD/dp:
 
-these derivatives include geometric stiffening and the loops' kinematics.
+these derivatives include geometric stiffening and the loops' kinematics. The residual is smooth and accurate to
+rounding: central differences of fourth order have an error of 1e-11 of the largest entry.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from kaneflex.generated import joints as laws
-from kaneflex.multibody.engine import Engine
-from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.system import CoupledSystem, Unfolded
-from kaneflex.multibody.time.linear_equations import OFFSETS, STEP, WEIGHTS, Linear
-from kaneflex.multibody.time.load_steps import FARTHEST, in_load_steps
-from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
+OFFSETS, WEIGHTS = np.array([2.0, 1.0, -1.0, -2.0]), np.array([-1.0, 8.0, -8.0, 1.0]) / 12.0
+"""Offsets and weights of central differences of fourth order."""
+STEP = 1e-4
+"""Step in positions, in sizes of the mechanism and rad; steps in accelerations and forces may be larger, since the
+equations are affine in them."""
+_NEWTON, _BALANCED = 50, 1e-12
+"""Newton steps to an equilibrium in each load step, and length of the last one, in sizes of the mechanism or rad."""
+_FARTHEST, _LOAD_STEPS = 0.1, 256
+"""Largest Newton step, since longer ones may lead to a distant equilibrium, and inverse of the smallest load step."""
+
+At = TypeVar("At")
+"""Instant of a motion, planar or in space."""
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
-    """Independent coordinates with rates and accelerations (n,) at the time t [s]."""
+class Linear(Generic[At]):
+    """Linear equations M y'' + C y' + K y = B p about an instant of a motion.
 
-    t: float
-    y: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
-
-    def row(self, inputs: int) -> np.ndarray:
-        """Argument of :meth:`Engine.demand`."""
-        return np.concatenate([[self.t], self.y, self.v, self.a, np.zeros(inputs)])
-
-
-def prepare(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Engine:
-    """Engine at a state of the bodies, with the coordinates of free drives independent if possible."""
-    engine = system.engine
-    system.fold(q, v)
-    drives = engine.tables.acts[engine.count(at.DRIVES) : engine.count(at.LOADS), at.COURSE_AT]
-    engine.choose(t, drives[drives >= 0].tolist())
-    return engine
-
-
-def slopes(
-    engine: Engine, base: Instant, columns: Sequence[int] | np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Residual D (n,) at an instant and its derivatives by y, v, a, u (n, 3 n + inputs), or by some of these.
-
-    The tables keep that state. Raises ArithmeticError if loops don't close nearby.
+    Attributes
+    ----------
+    instant : At
+    names : tuple of str
+        Names of y: JOINT.angle, JOINT.position, BODY.axial_K, BODY.transverse_K; BODY.x, y, phi of a floating body; in
+        space BODY.shape_K, and turn_x, turn_y, turn_z of a ball or a floating body.
+    M, C, K : ndarray (n, n)
+    B : ndarray (n, inputs)
+        Columns for the magnitudes of loads, then for prescribed accelerations.
     """
-    inputs = len(engine.numbers(at.INPUT, engine.inputs))
-    middle = base.row(inputs)
-    engine.demand(middle[None])
-    steps = _steps(engine)
-    chosen = np.arange(len(steps)) if columns is None else np.asarray(columns, dtype=int)
-    rows = np.tile(middle, (4 * len(chosen) + 1, 1))
-    for k, column in enumerate(chosen):
-        rows[4 * k : 4 * k + 4, 1 + column] += OFFSETS * steps[column]
-    found = engine.demand(rows)
-    moved = found[:-1].reshape(len(chosen), 4, found.shape[1])
-    return found[-1], np.einsum("j,cjn->nc", WEIGHTS, moved) / steps[chosen]
+
+    instant: At
+    names: tuple[str, ...]
+    M: np.ndarray
+    C: np.ndarray
+    K: np.ndarray
+    B: np.ndarray
 
 
-def _steps(engine: Engine) -> np.ndarray:
-    """Steps in y, v, a, u about the state of the tables."""
-    n, which = engine.size, engine.independent
-    measure, (_, v, a, reactions) = engine.numbers(at.MEASURE, n), engine.motion
-    rate, acceleration = (max(1.0, (abs(part) / measure).max(initial=0.0)) for part in (v, a))
-    loads = engine.count(at.SPRINGS) - engine.count(at.LOADS)
-    push = np.full(engine.inputs, max(1.0, abs(reactions).max(initial=0.0)))
-    push[loads:] = acceleration
-    own = measure[which]
-    return np.concatenate([STEP * own, 1e-2 * rate * own, acceleration * own, push])
+def state_matrix(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """State matrix A of x' = A x, x = (y, y'), (2 n, 2 n)."""
+    n = len(M)
+    return np.vstack([np.eye(n, 2 * n, n), -np.linalg.solve(M, np.hstack([K, C]))])
 
 
-def equilibrium(engine: Engine, t: float, rates: tuple[np.ndarray, np.ndarray] | None = None) -> Instant | None:
-    """Steady deformation under the loads and accelerations at an instant, by Newton's method; None if not found.
+class Equations(ABC, Generic[At]):
+    """Equations of motion of a mechanism as functions of deviations x = (y, y', y'', p) from an instant.
 
-    Joints' independent coordinates and rates are those of the tables; their accelerations follow from the equations.
-    ``rates``: speeds and accelerations (n,) of the shapes, zero by default.
+    Methods raise ArithmeticError if loops don't close nearby.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the n independent coordinates y.
+    shapes : ndarray (n,)
+        Mask of those that are amplitudes of shapes.
+    measure : ndarray (n,)
+        Their units: 1 rad, or the mechanism's size.
     """
-    which = engine.independent
-    still = engine.shapes[which]
-    y, v, a = (part[which].copy() for part in engine.motion[:3])
-    a[:] = 0.0
-    v[still], a[still] = (0.0, 0.0) if rates is None else (part[still] for part in rates)
-    begin, x = engine.row(t), np.where(still, y, a)
 
-    def instant(x: np.ndarray) -> Instant:
-        return Instant(t, np.where(still, x, y), v, np.where(still, a, x))
+    names: tuple[str, ...]
+    shapes: np.ndarray
+    measure: np.ndarray
 
-    def corrected(x: np.ndarray, left: np.ndarray) -> np.ndarray | None:
-        """State x with the residual ``left``; None if 50 short steps don't converge."""
-        here = engine.row(t)
+    @abstractmethod
+    def scales(self, base: At) -> tuple[float, float, np.ndarray]:
+        """Largest rate and acceleration in measures, and sizes of steps of the inputs (inputs,)."""
+
+    @abstractmethod
+    def residuals(self, base: At, x: np.ndarray, times: np.ndarray | None = None) -> np.ndarray:
+        """Residuals (k, n) at deviations x (k, 3 n + inputs), at the time of the instant or at others [s]."""
+
+    @abstractmethod
+    def rates(self, base: At) -> tuple[np.ndarray, np.ndarray]:
+        """Rates and accelerations of y, (n,) each."""
+
+    @abstractmethod
+    def moved(self, base: At, x: np.ndarray) -> At:
+        """Instant on the constraints with deviation x (3 n,)."""
+
+    @abstractmethod
+    def mass(self, base: At) -> np.ndarray:
+        """Mass matrix M of y, (n, n)."""
+
+    @abstractmethod
+    def rests(self, base: At) -> tuple[np.ndarray, Iterable[tuple[np.ndarray, np.ndarray]]]:
+        """Stiffness (n, n) by the strain of shapes, and every spring's relative displacements in unit motions of y,
+        (n, parts), with their stiffnesses."""
+
+    def turning(self, base: At) -> np.ndarray:
+        """Change of the accelerations y'' by y where axes of y move, (n, n)."""
+        return np.zeros(2 * (len(self.names),))
+
+    def neighbours(
+        self, base: At, columns: Sequence[int] | np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Deviations of four neighbours for each of all or some columns of x, (4 k, 3 n + inputs), their distances and
+        weights in its derivative, (k, 4)."""
+        rate, acceleration, push = self.scales(base)
+        own = self.measure
+        steps = np.concatenate([STEP * own, 1e-2 * rate * own, acceleration * own, push])
+        chosen = np.arange(len(steps)) if columns is None else np.asarray(columns, dtype=int)
+        x, away = np.zeros((4 * len(chosen), len(steps))), np.outer(steps[chosen], OFFSETS)
+        x[np.arange(len(x)), np.repeat(chosen, 4)] = away.ravel()
+        return x, away, WEIGHTS / steps[chosen, None]
+
+    def slopes(
+        self, base: At, columns: Sequence[int] | np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Residual D (n,) at an instant and its derivatives by x (n, 3 n + inputs), or by some of its columns."""
+        x, _, weights = self.neighbours(base, columns)
+        found = self.residuals(base, np.vstack([x, np.zeros(x.shape[1])]))
+        return found[-1], np.einsum("cj,cjn->nc", weights, found[:-1].reshape(*weights.shape, found.shape[1]))
+
+    def matrices(self, base: At) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Matrices M, C and K about an instant."""
+        M, (K, C) = self.mass(base), np.split(self.slopes(base, range(2 * len(self.names)))[1], 2, axis=1)
+        return M, C, K + M @ self.turning(base)
+
+    def linear(self, base: At) -> Linear[At]:
+        """Linear equations about an instant."""
+        first = 3 * len(self.names)
+        by_inputs = self.slopes(base, range(first, first + len(self.scales(base)[2])))[1]
+        return Linear(base, self.names, *self.matrices(base), -by_inputs)
+
+    @property
+    def _unknown(self) -> np.ndarray:
+        """Columns of x that an equilibrium determines: shapes, and accelerations of all other coordinates."""
+        n = len(self.shapes)
+        return np.where(self.shapes, 0, 2 * n) + np.arange(n)
+
+    def equilibrium(self, base: At, rates: tuple[np.ndarray, np.ndarray] | None = None) -> At | None:
+        """Steady deformation under the loads and accelerations at an instant, by Newton's method; None if not found.
+
+        Other coordinates and their rates are those of the instant; their accelerations follow from the equations.
+        ``rates``: speeds and accelerations of the shapes, zero by default.
+        """
+        shapes, columns, n = self.shapes, self._unknown, len(self.shapes)
+
+        def corrected(state: At, left: np.ndarray) -> At | None:
+            """Instant with the residual ``left``; None if short steps don't converge."""
+            try:
+                for _ in range(_NEWTON):
+                    found, slope = self.slopes(state, columns)
+                    x = np.zeros(3 * n)
+                    x[columns] = np.linalg.solve(slope, left - found)
+                    state, size = self.moved(state, x), (abs(x[:n]) / self.measure).max(initial=0.0)
+                    if size < _BALANCED:
+                        return state
+                    if not size < _FARTHEST:
+                        break
+            except (ArithmeticError, np.linalg.LinAlgError):
+                pass
+            return None
+
+        v, a = self.rates(base)
+        x = np.zeros((3, n))
+        x[1, shapes], x[2] = -v[shapes], -a
+        if rates is not None:
+            x[1:, shapes] += rates
         try:
-            for _ in range(50):
-                found, slope = slopes(engine, instant(x), columns)
-                step = np.linalg.solve(slope, left - found)
-                x, size = x + step, (abs(step) / measure)[still].max(initial=0.0)
-                if size < 1e-12:
-                    return x
-                if not size < FARTHEST:
-                    break
-        except (ArithmeticError, np.linalg.LinAlgError):
-            pass
-        engine.stand(here)
-        return None
+            state = self.moved(base, x.ravel())
+            load = self.slopes(state, [])[0]
+        except ArithmeticError:
+            return None
+        done, share = 0.0, 1.0  # the whole load is tried first, then halves as often as needed
+        while done < 1.0:
+            found = corrected(state, (1.0 - done - share) * load)
+            if found is None:
+                share *= 0.5
+                if share * _LOAD_STEPS < 1.0:
+                    return None
+            else:
+                state, done = found, done + share
+                share = min(2.0 * share, 1.0 - done)
+        return state
 
-    columns = np.where(still, 0, 2 * len(x)) + np.arange(len(x))
-    measure = engine.numbers(at.MEASURE, engine.size)[which]
-    try:
-        demand = engine.demand(instant(x).row(engine.inputs)[None])[0]
-    except ArithmeticError:
-        return None
-    engine.stand(begin)
-    found = in_load_steps(x, demand, corrected)
-    return None if found is None else instant(found)
+    def followed(self, still: At) -> tuple[Any, np.ndarray, np.ndarray]:
+        """Residual of the unknowns of an equilibrium by instants [s] near that of ``still``, (k,) and (k, n) -> (k, n);
+        its derivative there (n, n), and units of the unknowns (n,).
 
+        Other coordinates keep their accelerations.
+        """
+        (v, a), free, columns, n = self.rates(still), ~self.shapes, self._unknown, len(self.shapes)
 
-def linear(engine: Engine, instant: Instant) -> Linear[Instant]:
-    """Linear equations about an instant. Raises ArithmeticError if loops don't close nearby."""
-    n = len(instant.y)
-    K, C, M, by_inputs = np.split(slopes(engine, instant)[1], [n, 2 * n, 3 * n], axis=1)
-    return Linear(instant, engine.names, M, C, K, -by_inputs)
+        def residual(later: np.ndarray, unknown: np.ndarray) -> np.ndarray:
+            x = np.zeros((len(later), 3 * n))
+            x[:, columns] = unknown
+            x[:, :n][:, free] += later[:, None] * v[free] + 0.5 * later[:, None] ** 2 * a[free]
+            x[:, n : 2 * n][:, free] = later[:, None] * a[free]
+            return self.residuals(still, x, later)
 
+        units = self.measure * np.where(self.shapes, 1.0, self.scales(still)[1])
+        return residual, self.slopes(still, columns)[1], units
 
-def at_rest(engine: Engine, t: float) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices M and K at the coordinates of the tables, K from strain of shapes and springs without geometric
-    stiffness."""
-    n, which = len(engine.independent), engine.independent
-    if not n:  # everything is prescribed
-        return np.zeros((0, 0)), np.zeros((0, 0))
-    still = Instant(t, engine.motion[0][which].copy(), np.zeros(n), np.zeros(n))
-    M = slopes(engine, still, range(2 * n, 3 * n))[1]
-    rows = np.tile(still.row(engine.inputs), (n + 1, 1))
-    rows[1:, 1 + n : 1 + 2 * n] = np.eye(n)
-    sections, rates = [], []
-    for row in rows:
-        engine.demand(row[None])
-        rates.append(engine.motion[1].copy())
-        sections.append(engine.sections.copy())
-    N = (np.array(rates[1:]) - rates[0]).T
-    K = N.T @ (np.where(engine.shapes, engine.numbers(at.STIFFNESS, engine.size), 0.0)[:, None] * N)
-    for fields in engine.tables.acts[engine.count(at.SPRINGS) : engine.count(at.CONTACTS)]:
-        parts = np.array([_parts(engine, fields, sections[0], moved - sections[0]) for moved in sections[1:]])
-        K += engine.tables.w[fields[at.NUMBERS_AT]] * parts @ parts.T
-    return M, K
+    def at_rest(self, base: At) -> tuple[np.ndarray, np.ndarray]:
+        """Matrices M and K at an instant at rest, K from the strain of shapes and springs without the effect of their
+        forces."""
+        if not len(self.names):  # everything is prescribed
+            return np.zeros((0, 0)), np.zeros((0, 0))
+        K, springs = self.rests(base)
+        for parts, stiffness in springs:
+            K = K + (stiffness * parts) @ parts.T
+        return self.mass(base), K
 
 
-def _parts(engine: Engine, fields: np.ndarray, sections: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Relative motion of a spring's ends for small motions ``moved`` (sections, 9) of the speeds.
-
-    Computed as the force of a unit damper, or of a unit spring without direction.
-    """
-    first, second = int(fields[at.AT]), int(fields[at.ON])
-    _, c, free = engine.tables.w[fields[at.NUMBERS_AT] :][:3]
-    out, sec = np.zeros(at.SPRING_SIZE), sections.copy()
-    sec[:, 3:6] = moved[:, 3:6]
-    if fields[at.WHAT] == at.TORSIONAL:
-        laws.twist(sec.ravel(), first, second, 0.0, 1.0, 0.0, out, 0)
-        return out[1:2]
-    if c or free:
-        laws.pull(sec.ravel(), first, second, 0.0, 1.0, 0.0, out, 0)
-    else:
-        sec[:, :3] = moved[:, 3:6]
-        laws.pull(sec.ravel(), first, second, 1.0, 0.0, 0.0, out, 0)
-    return out[2:4]
-
-
-def probes(system: CoupledSystem, found: Linear[Instant]) -> tuple[CoupledTrajectory, np.ndarray, np.ndarray]:
-    """States around an instant for central differences by y, y' and u.
-
-    Returns a trajectory with four states for each of these, their distances from the instant, and their weights in the
-    derivative.
-    """
-    engine, base, n = system.engine, found.instant, len(found.names)
-    engine.demand(base.row(engine.inputs)[None])
-    which, middle, steps = engine.independent, engine.row(base.t), _steps(engine)
-    steps = np.delete(steps, np.arange(2 * n, 3 * n))
-    away = np.outer(steps, OFFSETS)
-    states: list[Unfolded] = []
-    for k, part in enumerate(away):
-        for distance in part:
-            engine.stand(middle)
-            x = np.zeros(len(steps))
-            x[k] = distance
-            engine.motion[0][which] += x[:n]
-            engine.motion[1][which] += x[n : 2 * n]
-            engine.numbers(at.INPUT, engine.inputs)[:] = x[2 * n :]
-            state = system.unfold(engine.row(base.t)[None]) if engine.project(base.t) else None
-            engine.numbers(at.INPUT, engine.inputs)[:] = 0.0
-            if state is None:
-                raise ArithmeticError(f"the loops don't close near t = {base.t:.6g} s")
-            states.append(state)
-    every = Unfolded(**{name: np.concatenate([getattr(state, name) for state in states]) for name in vars(states[0])})
-    # free courses need ascending times: instants so close that nothing else changes
-    apart = 1e-15 * max(1.0, abs(base.t)) * bool(system.mechanism.free)
-    times = base.t + apart * np.arange(len(states))
-    trajectory = by_themselves(times, every.q, every.v, every.a, every.reactions)
-    return trajectory, away.ravel(), (WEIGHTS / steps[:, None]).ravel()
+def pulled(
+    places: np.ndarray, v: np.ndarray, ends: np.ndarray, numbers: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Relative displacements (n, parts) of a spring's ends in unit motions ``v`` (n, sections, 2 or 3), along its line
+    if it has a length or a damper, with their stiffnesses; numbers: stiffness, damping, length."""
+    (first, second), (stiffness, damping, length) = ends, numbers
+    parts, apart = v[:, second] - v[:, first], places[second] - places[first]
+    if damping or length:
+        parts = parts @ (apart / np.linalg.norm(apart))[:, None]
+    return parts, np.full(parts.shape[1], stiffness)

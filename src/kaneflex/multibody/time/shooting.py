@@ -20,7 +20,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.time.linear_equations import state_matrix
+from kaneflex.multibody.time.linearisation import state_matrix
 
 _CYCLES = 100
 """Largest number of cycles of the search."""

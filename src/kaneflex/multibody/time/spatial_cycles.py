@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, KIND, SLID
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_forward import Run
-from kaneflex.multibody.time.spatial_linear import linear, neighbours, spinning
+from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
@@ -57,16 +56,15 @@ class SpatialCycles(Cycles[State, Run]):
 
     def matrices(self, cycle: Run, shares: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         for here in map(cycle, (shares * self.period).tolist()):
-            base = replace(here, choice=self.choice)
-            found = linear(neighbours(self.system, base, range(2 * len(self.choice.independent))))
-            yield found.M, found.C, found.K
+            yield SpatialEquations(self.system, self.choice).matrices(here)
 
     def end(self, cycle: Run) -> State:
         return self.system.project(0.0, cycle.end.q, cycle.end.u, self.choice)
 
     def _moving(self, start: State) -> tuple[np.ndarray, np.ndarray]:
         """N and W of :mod:`kaneflex.multibody.time.spatial_linear` at a state."""
-        return spinning(self.system, self.system.project(start.t, start.q, start.u, self.choice))
+        self.system.project(start.t, start.q, start.u, self.choice)
+        return SpatialEquations(self.system, self.choice).spinning(start)
 
     def _turned(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Difference of coordinates as a step of all speeds, without whole turns, (speeds,)."""
