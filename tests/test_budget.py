@@ -63,7 +63,7 @@ def test_a_command_stays_within_its_budget(command, tmp_path):
 
 
 HEAVY = ("matplotlib", "numba", "pandas", "pint", "rich", "scipy.interpolate", "scipy.linalg", "scipy.sparse", "sympy")
-HEAVY += ("xarray", "kaneflex.plots")
+HEAVY += ("xarray", "kaneflex.plots", "numpy.ma", "numpy.random")
 IMPORTED = """
 import gc, sys
 from kaneflex.cli import main
@@ -81,8 +81,9 @@ finally:
 
 @pytest.mark.parametrize(("command", "used"), [
     ("list", []), ("check engine", []), ("modes engine", []), ("run engine --no-plots -o results --force", []),
-    ("show engine -o shown.png --force", ["matplotlib", "kaneflex.plots"]),
-    ("run engine -o results --force", ["matplotlib", "kaneflex.plots"]),
+    ("check swept-blade", ["numba", "scipy.linalg", "scipy.sparse", "numpy.ma", "numpy.random"]),
+    ("show engine -o shown.png --force", ["matplotlib", "kaneflex.plots", "numpy.ma", "numpy.random"]),
+    ("run engine -o results --force", ["matplotlib", "kaneflex.plots", "numpy.ma"]),
 ])  # fmt: skip
 def test_a_command_imports_only_what_it_uses(command, used, tmp_path):
     code = IMPORTED.format(arguments=command.split(), heavy=HEAVY)

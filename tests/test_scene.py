@@ -15,8 +15,9 @@ from kaneflex.scene import json_schema, read_scene, scene_of, shipped_scenes, wi
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.read import _validated
 from kaneflex.scene.structure import structure_hash, structure_of
+from kaneflex.support import units
 from kaneflex.support.errors import SceneError
-from kaneflex.support.units import _SI_OF_COMMON, ANGULAR_SPEED, FREQUENCY, LENGTH, SECOND_MOMENT, to_si
+from kaneflex.support.units import ANGULAR_SPEED, FREQUENCY, LENGTH, SECOND_MOMENT, to_si
 
 FOUR_BAR = """
 schema = 1
@@ -318,9 +319,13 @@ def test_json_schema_describes_every_table():
 
 def test_common_units_are_those_of_pint():
     registry = pint.UnitRegistry()
-    for unit, (si, factor) in _SI_OF_COMMON.items():
-        by_pint = registry.Quantity(1.0, unit).to(si or "dimensionless").magnitude
-        assert by_pint == pytest.approx(factor, rel=1e-14)
+    one = [prefix + unit for prefix in units._PREFIXES for unit in units._UNITS if unit not in ("%", "1") or not prefix]
+    for unit in [*units._COMMON, *one, "mN m", "kN/mm^2", "N mm/deg", "g/cm^3", "1/ms", "kg m/s^2", "W/rpm", "N/m/s"]:
+        factor, powers = units._read(unit)
+        by_pint, root = registry.get_root_units(registry.parse_units(unit))
+        assert powers == [root._units.get(name, 0) for name in ("meter", "gram", "second", "radian")], unit
+        assert by_pint * 1e-3 ** root._units.get("gram", 0) == pytest.approx(factor, rel=1e-14), unit
+    assert [units._read(unit)[1] for unit in ("N/m s", "m  s", "", "m/", "k%", "min", "m^-1", "m^0")] == [None] * 8
 
 
 @pytest.mark.parametrize(

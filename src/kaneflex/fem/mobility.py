@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from random import Random
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -224,9 +225,10 @@ _DEPENDENT = 1e-9
 
 def _by_chance(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
     """Reproducible random poses, with the angles that guides and welds prescribe between two bodies."""
-    random = np.random.default_rng(0)
-    spread = [mechanism.size, mechanism.size, math.pi]
-    poses = {GROUND: np.zeros(3)} | {name: random.uniform(-1.0, 1.0, 3) * spread for name in mechanism.bodies}
+    random = Random(0)  # numpy's takes longer to import than all of this
+    spread = (mechanism.size, mechanism.size, math.pi)
+    poses = {name: np.array([random.uniform(-w, w) for w in spread]) for name in mechanism.bodies}
+    poses[GROUND] = np.zeros(3)
     held, turning = {GROUND}, [joint for joint in mechanism.joints.values() if joint.kind != "revolute"]
     while len(held) < len(poses):
         for joint in [joint for _ in turning for joint in turning]:

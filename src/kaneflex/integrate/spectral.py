@@ -167,7 +167,7 @@ def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.nda
 
     shapes = np.eye(n)
     if n > MODES:  # about the slowest, by subspace iteration (Bathe 2013)
-        shapes = np.linalg.qr(np.random.default_rng(0).standard_normal((n, min(n, MODES + SPARE))))[0]
+        shapes = np.linalg.qr(np.cos(np.outer(np.arange(1, n + 1), np.arange(1, min(n, MODES + SPARE) + 1))))[0]
         for _ in range(_SUBSPACE):
             shapes = np.linalg.qr(means(shapes, _SAMPLES)[0])[0]
     matrices = shapes.T @ means(shapes, FEWEST)

@@ -130,7 +130,7 @@ def _statics(model: Model, link: Link) -> tuple[Affine, np.ndarray, np.ndarray]:
     assembled = model.parts[link.name].coordinates
     pick = np.zeros((len(held), len(assembled)))
     pick[np.arange(len(held)), [assembled.index(part.coordinates[row]) for row in held]] = 1.0
-    free = np.setdiff1d(np.arange(part.size), held)
+    free = np.delete(np.arange(part.size), held)
     stiffness = part.matrices["K_s"].value({})
     shapes = np.zeros((part.size, len(held)))
     shapes[held, np.arange(len(held))] = 1.0

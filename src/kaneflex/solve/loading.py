@@ -13,7 +13,6 @@ import numpy as np
 
 from kaneflex.fem.mobility import check_determined, check_held_twice
 from kaneflex.mechanism.closure import SWEEP, check_closure, stand
-from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.position_analysis import Placement, place
@@ -90,8 +89,7 @@ def model_from(given: SceneLike) -> Model:
 
 
 def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) -> Model:
-    started = time.perf_counter()
-    options = resolve_options(scene)
+    started, options = time.perf_counter(), resolve_options(scene)
     if scene.is_spatial:
         from kaneflex.solve.spatial_loading import load_spatial
 
@@ -102,7 +100,10 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
         return _load_coupled(scene, options, progress, started)
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
         check_determined(mechanism_of(scene))
-        check_free(scene)
+        if any(drive.free for drive in scene.drives.values()):
+            from kaneflex.mechanism.closure_continuation import check_free
+
+            check_free(scene)
     scene = as_it_starts(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
@@ -113,6 +114,8 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
     # call a kernel once, so that compilation is reported and timed separately
     compiled = compiled_by(progress, lambda: motion.table(np.zeros(1)))
     if getattr(module, "LOOPS", ()):
+        from kaneflex.mechanism.closure_continuation import seed_loops
+
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
     if module.FREE:
@@ -167,7 +170,10 @@ def has_elastic_stage(scene: Scene) -> bool:
     if scene.floating or scene.observed or not deforms or check_determined(mechanism_of(scene), twice=True):
         return False
     try:
-        check_free(scene)
+        if any(drive.free for drive in scene.drives.values()):
+            from kaneflex.mechanism.closure_continuation import check_free
+
+            check_free(scene)
         check_elastic(scene)
     except SceneError:
         return False
@@ -325,6 +331,8 @@ def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
     module, parameters = model.module, bind_parameters(scene, model.module)
     if duration == model.options.duration and np.array_equal(parameters, bind_parameters(model.scene, module)):
         return model.motion
+    from kaneflex.mechanism.closure_continuation import seed_loops
+
     return RigidKinematics(module, seed_loops(scene, module, parameters, duration))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import secrets
 import shutil
 import sys
 import time
@@ -56,7 +55,7 @@ def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
     with writing(path):
         _refuse_existing(path, mark, force)
     missing = [parent for parent in path.parents if not parent.exists()]
-    partial, lock = path.with_name(f".{path.name}.{secrets.token_hex(4)}"), None
+    partial, lock = path.with_name(f".{path.name}.{os.urandom(4).hex()}"), None
     try:
         with writing(path):
             partial.mkdir(parents=True)
