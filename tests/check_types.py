@@ -16,7 +16,7 @@ BASELINE = {
     "fem": 28,
     "integrate": 40,
     "mechanism": 24,
-    "multibody": 47,
+    "multibody": 44,
     "peers": 23,
     "plots": 38,
     "report": 6,

@@ -68,7 +68,7 @@ def at_instant(found: Model, affine: Affine, t: float) -> np.ndarray:
 def moments(found: Model, body: str) -> dict[str, np.ndarray]:
     """ARRAYS of a body under preset coupled."""
     system = found.coupled
-    return body_moments(found.scene, body, body_data(found.scene, body, system.links, system.shapes))
+    return body_moments(found.scene, body, body_data(found.scene, body, system.shapes))
 
 
 def solved(scene: Scene, *settings: str) -> Solution:

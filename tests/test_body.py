@@ -328,7 +328,7 @@ def blocks(tmp_path_factory) -> Blocks:
     system, _ = build_system(read_scene("slider-crank-150-coupled"), lambda stage: None)
     file = tmp_path_factory.mktemp("loaded") / "loaded.toml"
     file.write_text(LOADED)
-    return Blocks(read_scene(file), system.module.BODIES, system.links, system.shapes)
+    return Blocks(read_scene(file), system.module.BODIES, system.shapes)
 
 
 def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):

@@ -54,7 +54,7 @@ def system_of(scene, *contacts, gravity=(0.0, -G), hinged=False):
     mechanism = replace(mechanism_of(scene), contacts={each.name: each for each in contacts}, gravity=gravity)
     if not hinged:
         mechanism = replace(mechanism, joints={}, drives={})
-    engine = build_engine(mechanism, module, Blocks(scene, module.BODIES, {}, {}), bind_parameters(scene, module))
+    engine = build_engine(mechanism, module, Blocks(scene, module.BODIES, {}), bind_parameters(scene, module))
     return CoupledSystem(module, engine, mechanism, {}, {})
 
 

@@ -70,7 +70,7 @@ def test_a_mode_that_only_turns_the_nodes_counts_like_others(start):
     """The fourth mode between two pins has its nodes where four elements have theirs, where nothing is displaced."""
     found = run("engine", "solve.preset=coupled", "solve.modes=4", f"solve.start={start}", "solve.steps=360")
     assert found.message == "completed"
-    shapes = found.model.coupled.shapes["rod"].all
+    shapes = found.model.coupled.shapes["rod"].basis
     turns, moves = shapes[2::3], shapes[1::3]
     only_turning = abs(moves).max(axis=0) < 1e-6 * abs(turns).max(axis=0)
     assert list(abs(turns[:, only_turning]).max(axis=0) * found.model.scene.bodies["rod"].length) == pytest.approx([1])

@@ -88,7 +88,7 @@ def moved(engine):
 def inertia_forces(model, q, v, a):
     """M a - f of every body by itself, what holds, damps and weighs it included, by the body's kernel."""
     system, found = model.coupled, np.zeros(model.coupled.size)
-    blocks = Blocks(model.scene, system.module.BODIES, system.links, system.shapes)
+    blocks = Blocks(model.scene, system.module.BODIES, system.shapes)
     for name, k in system.start.items():
         inverse = kernels(*system.module.BODIES[name][:2]).inverse.py_func
         turn, frame = (np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]), a[k : k + 3] - [*model.scene.gravity, 0.0]

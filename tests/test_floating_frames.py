@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 
 import kaneflex
 from kaneflex.fem.links import build_link
-from kaneflex.multibody.model.shapes import link_shapes
+from kaneflex.multibody.model.shape_bases import link_shapes
 from kaneflex.multibody.model.system import build_system, rigid_state
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.read import _validated

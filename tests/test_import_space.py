@@ -14,7 +14,7 @@ from scipy.sparse.linalg import eigsh
 import kaneflex
 from kaneflex.fem.foreign_files import read_foreign
 from kaneflex.fem.spatial_foreign import spatial_foreign_data
-from kaneflex.multibody.model.spatial_modal_data import held_shapes
+from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.scene.modal_data import read_modal_data
 
 

@@ -10,7 +10,7 @@ from scipy.io import mmread, mmwrite
 import kaneflex
 from kaneflex.fem.foreign_files import read_foreign
 from kaneflex.fem.spatial_foreign import spatial_foreign_data
-from kaneflex.multibody.model.spatial_modal_data import held_shapes
+from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.scene.modal_data import read_modal_data
 
 L, HEIGHT, WIDTH, E, NU, RHO, COUNT = 0.4, 20e-3, 12e-3, 210e9, 0.3, 7850.0, 16

@@ -52,7 +52,7 @@ def test_the_arrays_are_those_of_the_link(model, exported):
 
 def test_what_is_read_is_what_was_written(model, tmp_path):
     link = model.coupled.links["rod"]
-    data = link_data(model.scene, link, model.coupled.shapes["rod"])
+    data = link_data(model.coupled.shapes["rod"])
     np.savez(tmp_path / "rod.npz", **modal_data(model.scene, link, model.coupled))
     read = read_modal_data(str(tmp_path / "rod.npz"))
     assert (read.length, read.points) == (data.length, data.points) and set(read.arrays) == set(data.arrays)

@@ -10,8 +10,8 @@ from runs import solved
 import kaneflex
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds
+from kaneflex.multibody.model.shape_bases import spatial_shapes
 from kaneflex.multibody.model.spatial_layout import COORDINATE
-from kaneflex.multibody.model.spatial_shapes import spatial_shapes
 from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.materials import MATERIALS
 from kaneflex.scene.sections import torsion_constant

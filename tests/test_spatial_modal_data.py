@@ -11,8 +11,9 @@ from runs import solved
 
 import kaneflex
 from kaneflex.fem.spatial_links import link_of_scene
-from kaneflex.multibody.model.spatial_modal_data import held_shapes, spatial_data
-from kaneflex.multibody.model.spatial_shapes import spatial_shapes
+from kaneflex.multibody.model.held_shapes import held_shapes
+from kaneflex.multibody.model.inertia_integrals import link_data
+from kaneflex.multibody.model.shape_bases import spatial_shapes
 from kaneflex.scene import read_scene, scene_of
 from kaneflex.scene.modal_data import SPATIAL_ARRAYS, SPATIAL_POINT_ARRAYS, read_modal_data
 from kaneflex.support.errors import SceneError
@@ -125,7 +126,7 @@ def test_other_axes_are_those_of_the_same_motion(exported, plane, held):
     link = link_of_scene(read_scene(exported / "beam.toml"), "rod", 4)
     whole = spatial_shapes(read_scene(exported / "beam.toml"), link, 3, (0.0, 0.0, 0.0))
     bent = abs(whole.basis[{"v": 1, "w": 2}[plane] :: 6]).max(axis=0) > 0.0
-    data = spatial_data(whole.scene, replace(whole, basis=whole.basis[:, bent]))
+    data = link_data(replace(whole, basis=whole.basis[:, bent]))
     expected_basis = data_less_rigid(whole.basis[:, bent], link, held)
     expected = replace(whole, basis=expected_basis, held=held)
     found = held_shapes(data, (held, 0.0, 0.0))

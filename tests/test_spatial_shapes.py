@@ -15,8 +15,8 @@ from kaneflex.derive.body_space_proof import comparisons, prove
 from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.generated import spatial, spatial_shapes
+from kaneflex.multibody.model.shape_bases import spatial_shapes as built_shapes
 from kaneflex.multibody.model.shape_moments import ShapeMoments
-from kaneflex.multibody.model.spatial_shapes import spatial_shapes as built_shapes
 from kaneflex.scene import scene_of
 
 TEXT = Path(spatial_shapes.__file__).read_text(encoding="utf-8")

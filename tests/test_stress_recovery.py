@@ -44,7 +44,7 @@ BEAM = 'length = "0.5 m", beam = {E = "210 GPa", rho = "7850 kg/m^3", section = 
 def edge_stresses(link, shapes):
     """Stresses xx, yy, xy of unit shapes at the root's edges, E (u' - y v''), by the first element's own cubic."""
     l = link.nodes[1]
-    u_0, v_0, t_0, u_1, v_1, t_1 = shapes.all[:6]
+    u_0, v_0, t_0, u_1, v_1, t_1 = shapes.basis[:6]
     stretch, bend = (u_1 - u_0) / l, (6 * (v_1 - v_0) / l - 4 * t_0 - 2 * t_1) / l
     rows = np.array([E * (stretch - y * bend) for y in (HEIGHT / 2, -HEIGHT / 2)])
     return np.stack([rows, 0 * rows, 0 * rows], axis=1)
@@ -57,7 +57,7 @@ def folder(tmp_path_factory):
     (folder / "beam.toml").write_text(SCENE.format(of=BEAM, sensors='tip = {position = "bar.end", component = "y"}'))
     model = kaneflex.load(read_scene(folder / "beam.toml"))
     link, shapes = model.coupled.links["bar"], model.coupled.shapes["bar"]
-    data = link_data(model.scene, link, shapes)
+    data = link_data(shapes)
     stresses = Recovery(("above", "below"), edge_stresses(link, shapes))
     recovering = ModalData(data.length, data.points, data.arrays, stresses)
     recovering.save(folder / "bar.npz")

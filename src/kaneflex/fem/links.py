@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -13,12 +13,16 @@ import numpy as np
 
 from kaneflex.fem.element_terms import chain, terms_of_elements
 from kaneflex.fem.shape_functions import shape_functions
-from kaneflex.mechanism.affine import Affine, Monomial, as_array, solve
+from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
 from kaneflex.mechanism.floating_frames import forced_points, mesh
 from kaneflex.scene import Scene
+from kaneflex.scene.parts import Load
 
 _SAME = 1e-9
 """Distance below which points coincide, as a share of a link's length."""
+
+GAUSS = np.polynomial.legendre.leggauss(5)
+"""Quadrature over an element, exact for products of two cubics with a mass that grows linearly."""
 
 DOFS = ("u", "v", "theta")
 """Coordinates of a node: axial and transverse displacement [m], rotation [rad]."""
@@ -76,6 +80,12 @@ class Link:
     """Coordinates of a node."""
     slopes: ClassVar[slice] = slice(3, 4)
     """Rows of :meth:`shape` that are the axis' slopes."""
+    shortening: ClassVar[slice] = slopes
+    """Rows of :meth:`shape` whose squares shorten the axis."""
+    motions: ClassVar[tuple[int, ...]] = (0, 1, 5)
+    """Places of the node's coordinates among those of a node in space."""
+    densities: ClassVar[tuple[str, ...]] = ("rho_A", "rho_I")
+    """Parameters: mass per length, rotary inertia of the fibres at y, in space also of those at z."""
 
     @property
     def length(self) -> float:
@@ -98,12 +108,29 @@ class Link:
     def shape(self, e: int, local: float) -> np.ndarray:
         """Rows u, v, theta, v' of an element's shape functions at ``local`` [m] from its start, (4, 6)."""
         if (e, local) not in self._shapes:
-            self._shapes[e, local] = self._shape_at(e, local)
+            self._shapes[e, local] = self.functions(float(local), self._numbers[e])
         return self._shapes[e, local]
 
-    def _shape_at(self, e: int, local: float) -> np.ndarray:
-        growth = self.parameters["E_I_rise"][e] / self.parameters["E_I"][e]
-        return shape_functions(local, self.length_of(e), self.parameters["phi_s"][e], growth)
+    @staticmethod
+    def functions(x: Any, of: Mapping[str, Any]) -> np.ndarray:
+        """Rows of :meth:`shape` at x [m] from the start of an element with these parameters, or of many."""
+        return shape_functions(x, of["length"], of["phi_s"], of["E_I_rise"] / of["E_I"])
+
+    @cached_property
+    def _numbers(self) -> list[dict[str, float]]:
+        """Parameters of each element as numbers of Python, which are faster."""
+        return [{name: float(numbers[e]) for name, numbers in self.parameters.items()}
+                for e in range(len(self.nodes) - 1)]  # fmt: skip
+
+    @cached_property
+    def gauss(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Places from the link's start [m] and weights [m] of the quadrature over each element, (elements, 5), and rows
+        of :meth:`shape` there, (elements, 5, rows, columns)."""
+        return at_gauss(self.functions, self.parameters)
+
+    def at_points(self, name: str) -> np.ndarray:
+        """Parameter that grows linearly over an element, at the points of :attr:`gauss`, (elements, 5)."""
+        return self.parameters[name][:, None] + 0.5 * self.parameters[f"{name}_rise"][:, None] * GAUSS[0]
 
     @cached_property
     def _shapes(self) -> dict[tuple[int, float], np.ndarray]:
@@ -161,7 +188,7 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         beyond = nodes[:-1] > x - _SAME * body.length
         key = "K_g", (f"{name}.link.jump_{point}",)
         sums[key] = tensioned * beyond[:, None, None]
-    for key, blocks in _spread_terms(scene, name, nodes, parameters):
+    for key, blocks in _spread_terms(scene, name, parameters):
         sums[key] = sums.get(key, 0.0) + blocks
     coordinates, place = node_coordinates(name, len(nodes), body.beam.axially_rigid)
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
@@ -169,46 +196,40 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     return Link(name, nodes, parameters, element_terms, part)
 
 
-_GAUSS = np.polynomial.legendre.leggauss(4)
-"""Quadrature that is exact for v'^2 of a cubic under an axial force that grows with the square of x."""
-
-
-def spread_sums(
-    scene: Scene, name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
+def at_gauss(
+    functions: Callable[..., np.ndarray], parameters: Mapping[str, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodal loads and K_g of each element, for unit distributed loads along and across a link.
+    """Quadrature over elements with these parameters, see :attr:`Link.gauss`."""
+    of = {name: numbers[:, None] for name, numbers in parameters.items()}
+    local = 0.5 * of["length"] * (1.0 + GAUSS[0])
+    return of["x_0"] + local, 0.5 * of["length"] * GAUSS[1], functions(local, of)
 
-    (elements, 6, 1) twice, (elements, 6, 6): int u^T p dx, int v^T p dx and, of the load along the link, the geometric
-    stiffness of P(X) = -int_0^X p dX, with the element's own shape functions.
+
+def spread_terms(
+    scene: Scene, name: str, parameters: Mapping[str, np.ndarray], link: type[Link]
+) -> Iterator[tuple[str, Load, np.ndarray, np.ndarray]]:
+    """Distributed loads of a link: name, load, and for unit loads along each axis the elements' nodal loads.
+
+    The last one, (axes, elements, n, 1), is int N^T p dx with the element's own shape functions; then K_g (elements, n,
+    n) of the axial force P(X) = -int_0^X p dX of a load along the link.
     """
-    load = scene.spreads[name]
-    first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / nodes[-1]
-    count = len(nodes) - 1
-    along, across, K_g = np.zeros((count, 6, 1)), np.zeros((count, 6, 1)), np.zeros((count, 6, 6))
-    for e, (a, b) in enumerate(pairwise(nodes)):
-        growth = parameters["E_I_rise"][e] / parameters["E_I"][e]
-        for point, weight in zip(*_GAUSS, strict=True):
-            x, w = 0.5 * (b - a) * (1 + point), 0.5 * (b - a) * weight
-            u, v, _, slope = shape_functions(x, b - a, parameters["phi_s"][e], growth)
-            X = a + x
-            along[e] += w * (first + rise * X) * u[:, None]
-            across[e] += w * (first + rise * X) * v[:, None]
-            K_g[e] -= w * (first * X + rise * X**2 / 2) * np.outer(slope, slope)
-    return along, across, K_g
+    for load_name, load in scene.spreads.items():
+        if load.spread_on == name:
+            X, weights, rows = at_gauss(link.functions, parameters)
+            first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / scene.bodies[name].length
+            F = np.einsum("eg,egan->aen", weights * (first + rise * X), rows[:, :, : link.dofs // 3 + 1])
+            slopes, pull = rows[:, :, link.shortening], weights * (first * X + rise * X**2 / 2)
+            yield load_name, load, F[..., None], -np.einsum("eg,egan,egam->enm", pull, slopes, slopes)
 
 
 def _spread_terms(
-    scene: Scene, link: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
+    scene: Scene, link: str, parameters: Mapping[str, np.ndarray]
 ) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
     """Terms of the loads distributed along a link, with a matrix for each element.
 
-    F holds int N^T q dx with the element's own shape functions; K_g the growth of the axial force that q's axial part
-    brings, P(X) = P_0 - int_0^X q dX. A fixed structure has no known P_0, and no such growth.
+    K_g holds the growth of the axial force by the load; a fixed structure has no known P_0, and no such growth.
     """
-    for name, load in scene.spreads.items():
-        if load.spread_on != link:
-            continue
-        along, across, K_g = spread_sums(scene, name, nodes, parameters)
+    for name, load, (along, across), K_g in spread_terms(scene, link, parameters, Link):
         x, y = load.direction
         parts: dict[Monomial, tuple[float, float]] = {(name,): (x, y)}
         if load.axes == "global":
@@ -285,11 +306,17 @@ def _basis(part: Part, held: list[int], modes: int) -> np.ndarray:
 
     free = np.delete(np.arange(part.size), held)
     stiffness, mass = part.matrices["K_s"].value({}), part.matrices["M"].value({})
-    static = np.zeros((part.size, len(held)))
-    static[held, np.arange(len(held))] = 1.0
-    if held:
-        static[free] = -solve(stiffness[free][:, free], as_array(stiffness[free][:, held]))
+    static = static_shapes(stiffness, held, free)
     _, shapes = lowest_modes(stiffness[free][:, free], mass[free][:, free], min(modes, len(free)))
     dynamic = np.zeros((part.size, shapes.shape[1]))
     dynamic[free] = shapes
     return np.hstack([static, dynamic])
+
+
+def static_shapes(stiffness: Matrix, held: list[int], free: np.ndarray) -> np.ndarray:
+    """Shapes of unit displacements of the held rows, one at a time, with equilibrium in the free rows."""
+    shapes = np.zeros((stiffness.shape[0], len(held)))
+    shapes[held, np.arange(len(held))] = 1.0
+    if held and len(free):  # what turns freely is singular without held rows
+        shapes[free] = -solve(stiffness[free][:, free], as_array(stiffness[free][:, held]))
+    return shapes

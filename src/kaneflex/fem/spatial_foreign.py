@@ -155,7 +155,7 @@ class MeanSections:
         """G (3, n, n) [1/m] of particles at r (n_places, 3), summed with weights (n_places,).
 
         The line shortens by the integral of v' v' + w' w' from the link's first section; of what a fibre at Y, Z of a
-        turned section moves by see :attr:`kaneflex.multibody.model.spatial_shapes.SpatialShapes.moments`.
+        turned section moves by see :attr:`kaneflex.multibody.model.shapes.Shapes.moments`.
         """
         x, y, z = r.T
         turns = self.turns(x)

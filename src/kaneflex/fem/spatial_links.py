@@ -10,12 +10,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kaneflex.fem.element_terms import chain, terms_of_elements
-from kaneflex.fem.links import Link, Part, node_coordinates
+from kaneflex.fem.links import GAUSS, Link, Part, node_coordinates, spread_terms
 from kaneflex.fem.shape_functions import spatial_shape_functions
 from kaneflex.fem.spatial_bodies import at_point
 from kaneflex.mechanism.affine import Monomial
@@ -24,7 +24,6 @@ from kaneflex.scene import Scene
 from kaneflex.scene.sections import SpatialSectionNumbers
 from kaneflex.support.spatial_contract import SPATIAL_NODE, spatial_beam_module
 
-_GAUSS = np.polynomial.legendre.leggauss(5)  # exact for the products with x of every linearly tapered shape
 _VARYING = ("rho_A", "rho_I_y", "rho_I_z", "E_I_y", "E_I_z")
 
 
@@ -74,11 +73,11 @@ def spatial_element_parameters_of(at: Callable[[float], SpatialProperties], node
     found: dict[str, list[float]] = {}
     mass = moment = 0.0
     for a, b in pairwise(nodes):
-        shares, places = _GAUSS[1] / 2, (a + b) / 2 + (b - a) / 2 * _GAUSS[0]
+        shares, places = GAUSS[1] / 2, (a + b) / 2 + (b - a) / 2 * GAUSS[0]
         rows = [at(x) for x in places]
         values = {name: np.array([getattr(row, name) for row in rows]) for name in SpatialProperties._fields}
         mean = {name: float(shares @ of_places) for name, of_places in values.items()}
-        rise = {f"{name}_rise": float(6 * (shares * _GAUSS[0]) @ values[name]) for name in _VARYING}
+        rise = {f"{name}_rise": float(6 * (shares * GAUSS[0]) @ values[name]) for name in _VARYING}
         here = {name: mean[name] for name in SpatialProperties._fields[:7]} | rise
         here |= {"I_p_A": (mean["E_I_y"] + mean["E_I_z"]) / mean["E_A"], "length": b - a, "x_0": a}
         here |= {"phi_y": 12 * mean["E_I_z"] / (mean["G_A_y"] * (b - a) ** 2), "m_0": mass, "S_0": moment}
@@ -95,13 +94,19 @@ class SpatialLink(Link):
 
     dofs = 6
     slopes = slice(6, 8)
+    shortening = slice(6, 9)
+    motions = (0, 1, 2, 3, 4, 5)
+    densities = ("rho_A", "rho_I_z", "rho_I_y")
 
     def rigid_motion(self, x: float) -> np.ndarray:
         return at_point(np.array([x, 0.0, 0.0]))
 
-    def _shape_at(self, e: int, local: float) -> np.ndarray:
-        """Rows u, v, w, theta_x, theta_y, theta_z, v', w' of an element's shape functions, (8, 12)."""
-        return _shapes({name: numbers[e] for name, numbers in self.parameters.items()}, local, self.length_of(e))
+    @staticmethod
+    def functions(x: Any, of: Mapping[str, Any]) -> np.ndarray:
+        """Rows u, v, w, theta_x, theta_y, theta_z, v', w', and the twist by which an axial force stiffens torsion (that
+        times the radius of gyration, after Wagner), (..., 9, 12)."""
+        growth = of["E_I_z_rise"] / of["E_I_z"], of["E_I_y_rise"] / of["E_I_y"]
+        return spatial_shape_functions(x, of["length"], (of["phi_y"], of["phi_z"]), growth, of["I_p_A"] ** 0.5)
 
 
 def link_of_scene(scene: Scene, name: str, elements: int) -> SpatialLink:
@@ -124,46 +129,16 @@ def link_of_scene(scene: Scene, name: str, elements: int) -> SpatialLink:
     viscous = None if scene.damping is None else scene.damping.viscous
     mu = None if viscous is None else viscous.mu
     parameters = spatial_element_parameters_of(at, nodes)
-    also = _spread_terms(scene, name, nodes, parameters)
+    also = list[tuple[str, Monomial, np.ndarray]]()
+    for load, _, F, K_g in spread_terms(scene, name, parameters, SpatialLink):
+        also += [("F", (spread_scalar(name, load, axis),), of_axis) for axis, of_axis in zip("xyz", F, strict=True)]
+        also.append(("K_g", (spread_scalar(name, load, "x"),), K_g))
     return build_spatial_link(name, nodes, at, module, mu, jumps(scene, name, nodes), also)
 
 
 def spread_scalar(link: str, load: str, axis: str) -> str:
     """Name of the scalar of a distributed load per length, in the link's axes [N/m], without its profile."""
     return f"{link}.link.{load}_{axis}"
-
-
-def _spread_terms(
-    scene: Scene, link: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
-) -> list[tuple[str, Monomial, np.ndarray]]:
-    """Terms of the loads distributed along a link: F with the elements' shape functions, and K_g of the axial force
-    that they cause, P(X) = P_0 - int_0^X p dX, torsion's share of it by Wagner included."""
-    found: list[tuple[str, Monomial, np.ndarray]] = []
-    for name, load in scene.spreads.items():
-        if load.spread_on != link:
-            continue
-        first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / nodes[-1]
-        F, K_g = np.zeros((3, len(nodes) - 1, 12, 1)), np.zeros((len(nodes) - 1, 12, 12))
-        for e, (a, b) in enumerate(pairwise(nodes)):
-            of = {key: numbers[e] for key, numbers in parameters.items()}
-            twist = np.zeros(12)
-            twist[[3, 9]] = -1.0 / (b - a), 1.0 / (b - a)
-            for point, share in zip(*_GAUSS, strict=True):
-                X, w = 0.5 * (a + b) + 0.5 * (b - a) * point, 0.5 * (b - a) * share
-                rows = _shapes(of, X - a, b - a)
-                F[:, e] += w * (first + rise * X) * rows[:3, :, None]
-                slopes = np.outer(rows[6], rows[6]) + np.outer(rows[7], rows[7])
-                K_g[e] -= w * (first * X + rise * X**2 / 2) * (slopes + of["I_p_A"] * np.outer(twist, twist))
-        for k, axis in enumerate("xyz"):
-            found.append(("F", (spread_scalar(link, name, axis),), F[k]))
-        found.append(("K_g", (spread_scalar(link, name, "x"),), K_g))
-    return found
-
-
-def _shapes(of: Mapping[str, float], local: float, length: float) -> np.ndarray:
-    """Rows u, v, w, theta_x, theta_y, theta_z, v', w' of an element's shape functions, (8, 12)."""
-    growth = of["E_I_z_rise"] / of["E_I_z"], of["E_I_y_rise"] / of["E_I_y"]
-    return spatial_shape_functions(local, length, (of["phi_y"], of["phi_z"]), growth)
 
 
 def jumps(scene: Scene, name: str, nodes: np.ndarray) -> tuple[int, ...]:

@@ -189,7 +189,7 @@ class FloatingMotion(Motion):
         return tuple(part[:, rows].T for part in (t.q, t.v, t.a))
 
     def nodes(self, link: str) -> np.ndarray:
-        return self.system.shapes[link].all @ self.modal(link)[0]
+        return self.system.shapes[link].basis @ self.modal(link)[0]
 
     def moving_place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
         """Global position x, y [m] and section angle [rad] of a point, including deformation, with rates; (3, n_times)
@@ -242,21 +242,15 @@ class FloatingMotion(Motion):
         """Shapes u, v, theta (3, n) and shortening H (n_w, n_w) at a point of a body; None if it is rigid."""
         own, modal = self.system.modal(body), self.model.scene.bodies[body].modal
         if body in self.system.links:
-            return self._along(body, x)
+            shapes = self.system.shapes[body]
+            (rows, G), across = shapes.at((x,)), slice(shapes.counts[0], None)
+            return rows, -G[0, across, across]
         if own.start == own.stop or modal is None:
             return None
         k = modal.at((x, 0.0))
         s, w, psi = (modal.arrays[key][k] for key in ("s", "w", "psi"))
         none = np.zeros(len(s))
         return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), modal.arrays["H"][k]
-
-    def _along(self, link: str, x: float) -> tuple[np.ndarray, np.ndarray]:
-        return self.system.shapes[link].at(self.system.links[link], x, self._shortening[link])
-
-    @cached_property
-    def _shortening(self) -> dict[str, np.ndarray]:
-        """Shortening matrices H of each link at every node, (n_nodes, n_w, n_w)."""
-        return {name: self.system.shapes[name].shortening(link) for name, link in self.system.links.items()}
 
     @property
     def _turns_left_out(self) -> Mapping[str, float]:

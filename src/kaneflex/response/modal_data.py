@@ -11,9 +11,8 @@ import numpy as np
 from kaneflex.fem.links import Link
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.module_loading import find_spatial_module
+from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import build_coupled_system
-from kaneflex.multibody.model.spatial_modal_data import spatial_data
-from kaneflex.multibody.model.spatial_shapes import SpatialShapes
 from kaneflex.multibody.model.system import CoupledSystem, build_system
 from kaneflex.response.stress_recovery import recovering
 from kaneflex.scene import Scene
@@ -30,7 +29,7 @@ def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.
     dict
         "format", "length" [m], "points" (names), every name of ARRAYS, and of POINT_ARRAYS with the points first.
     """
-    return link_data(scene, link, system.shapes[link.name]).file
+    return link_data(system.shapes[link.name]).file
 
 
 def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, ModalData]:
@@ -38,16 +37,11 @@ def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, Modal
     if scene.is_spatial:
         module, _ = find_spatial_module(scene, progress)
         options = replace(resolve_options(scene), modes=modes_of(scene))
-        of = build_coupled_system(scene, module, options).layout.shapes
-        return {
-            name: recovering(scene, shapes.link, shapes.basis, spatial_data(scene, shapes))
-            for name, shapes in of.items() if isinstance(shapes, SpatialShapes)
-        }  # fmt: skip
-    system, _ = build_system(scene, progress)
-    return {
-        name: recovering(scene, link, shapes.all, link_data(scene, link, shapes))
-        for name, link in system.links.items() for shapes in [system.shapes[name]]
-    }  # fmt: skip
+        shapes = build_coupled_system(scene, module, options).layout.shapes
+    else:
+        shapes = build_system(scene, progress)[0].shapes
+    of = {name: each for name, each in shapes.items() if isinstance(each, Shapes)}
+    return {name: recovering(scene, each.link, each.basis, link_data(each)) for name, each in of.items()}
 
 
 def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Path]:

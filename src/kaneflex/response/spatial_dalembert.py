@@ -13,7 +13,7 @@ from kaneflex.fem.links import Link
 from kaneflex.mechanism.spatial import Side
 from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
-from kaneflex.multibody.model.spatial_shapes import SpatialShapes
+from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.multibody.time.spatial_sections import Deformed
 from kaneflex.response.dalembert import GAUSS, DAlembert
@@ -115,8 +115,8 @@ class SpatialBalance(DAlembert):
         return self.motion.frame(self.body)
 
     @property
-    def _shapes(self) -> SpatialShapes:
-        return cast(SpatialShapes, self.motion.system.layout.shapes[self.body])
+    def _shapes(self) -> Shapes:
+        return cast(Shapes, self.motion.system.layout.shapes[self.body])
 
     @property
     def _link(self) -> Link:

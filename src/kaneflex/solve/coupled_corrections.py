@@ -127,7 +127,7 @@ def _embedded(read: Read, richer: CoupledSystem) -> tuple[np.ndarray, np.ndarray
         state[:, into : into + BODY] = [run.q[0, k : k + BODY], run.v[0, k : k + BODY]]
         parts = np.array([run.q[0, own], run.v[0, own]])
         if body in system.links:
-            shapes = (each.shapes[body].all for each in (system, richer))
+            shapes = (each.shapes[body].basis for each in (system, richer))
             parts = parts @ _carried(system.links[body], richer.links[body], *shapes).T
         state[:, modal] = parts
     return state[0], state[1]

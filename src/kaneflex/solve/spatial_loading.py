@@ -13,9 +13,9 @@ from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, reference_instant, rigid_model
 from kaneflex.multibody.model.module_loading import find_spatial_module
+from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_shapes import SpatialShapes
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.multibody.time.spatial_curves import Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
@@ -75,7 +75,7 @@ def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:
     asked = scene.solve.modes
     if asked == "all" or "modes" not in scene.solve.model_fields_set:
         return []
-    links = {name: each for name, each in system.layout.shapes.items() if isinstance(each, SpatialShapes)}
+    links = {name: each for name, each in system.layout.shapes.items() if isinstance(each, Shapes)}
     return [
         f"{name} has only {each.most} bending modes per plane, fewer than solve.modes = {asked}: "
         "more elements give more"

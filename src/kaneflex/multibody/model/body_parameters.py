@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.fem.links import Link
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments, spread_shapes
 from kaneflex.multibody.model.shapes import Shapes
@@ -28,18 +27,17 @@ class Blocks:
     ----------
     counts : mapping
         Body -> numbers of axial and transverse shapes; without rigid bodies.
-    links, shapes : mapping
-        Finite elements and shapes of links; other elastic bodies have modal data from a file.
+    shapes : mapping
+        Shapes of links; other elastic bodies have modal data from a file.
     """
 
     scene: Scene
     counts: Mapping[str, Sequence[int]]
-    links: Mapping[str, Link]
     shapes: Mapping[str, Shapes]
 
     @cached_property
     def _data(self) -> dict[str, ModalData | None]:
-        return {name: body_data(self.scene, name, self.links, self.shapes) for name in self.scene.bodies}
+        return {name: body_data(self.scene, name, self.shapes) for name in self.scene.bodies}
 
     def _counts(self, body: str) -> Sequence[int]:
         return self.counts.get(body, (0, 0))[:2]
@@ -54,7 +52,7 @@ class Blocks:
         found: Arrays
         data, (table, _, name) = self._data[body], point.partition(".")
         if table == "loads":
-            found = spread_shapes(self.scene, name, self.links.get(body), self.shapes.get(body))
+            found = spread_shapes(self.scene, name, self.shapes.get(body))
         elif table == "contacts":
             found = dict(zip("XY", mechanism_of(self.scene).contacts[name].second.at, strict=True))
         elif data is not None:

@@ -343,6 +343,6 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     module: Any = SimpleNamespace(BODIES=bodies, courses=laws.courses, magnitudes=laws.magnitudes)
     place = np.array([[start.drives[name], 0.0, 0.0] for name in drives])
     p = tabulated_inputs.parameters(place.reshape(1, -1), np.zeros((1, len(mechanism.loads))))
-    engine = build_engine(placed, module, Blocks(scene, {}, {}, {}), p)
+    engine = build_engine(placed, module, Blocks(scene, {}, {}), p)
     engine = replace(engine, shared=system.engine.handed)  # one library for both: compiling another takes as long again
     return RigidTwin(mechanism, system, CoupledSystem(module, engine, placed, {}, {}), start)

@@ -1,231 +1,229 @@
-"""Modal coordinates of elastic links: shapes of a link's own finite elements in its floating frame."""
+"""Shapes of an elastic link in its floating frame, and their integrals over its length.
+
+A link's finite elements have uncoupled kinds of motion: axial and transverse ones, in space also bending in the second
+plane and twist. A planar link is one of space whose shapes are u, v and theta_z alone.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import permutations
 
 import numpy as np
-from scipy.linalg import eigh
+from numpy.polynomial import legendre
 
-from kaneflex.fem.links import Link
-from kaneflex.fem.modes import lowest_modes
-from kaneflex.mechanism.affine import Matrix, as_array, solve
-from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Frame, axial_modes, frame_of, stations
-from kaneflex.multibody.model.shape_families import family
+from kaneflex.fem.links import GAUSS, Link
+from kaneflex.multibody.model.damping import against_axes, shape_damping
+from kaneflex.multibody.model.shape_moments import ShapeMoments
+from kaneflex.multibody.model.spatial_layout import Place
 from kaneflex.scene import Scene
 
-_GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics
-_TURNS = 1e-6
-"""Displacement of the nodes, as a share of the link's length times their rotation, below which a shape only rotates
-them."""
-_STILL = {"mean": 1, "free": 2}
-"""Number of the lowest shapes without deformation, by the kind of frame, which has these motions itself: rotation,
-translation."""
+_AT = legendre.legvander(GAUSS[0], 4)
+_RATES = np.column_stack([legendre.legval(GAUSS[0], legendre.legder(one)) for one in np.eye(5)]) @ np.linalg.inv(_AT)
+"""Derivatives at Gauss's points on -1..1 of a polynomial by its values there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """Shapes of one link at its nodes, one a column, rows u, v, theta of each node in turn.
+    """Shapes of a link at its nodes, one a column, rows of each node's coordinates in turn.
 
     Attributes
     ----------
-    axial, transverse : ndarray (3 n_nodes, n)
-        Zero where the link's frame is attached, those of a chord or a free link with no displacement along it in the
-        mean over the link's mass, those across of a free link without momentum. Orthogonal with respect to mass and
-        stiffness; the largest displacement of each is one.
-    frame : Frame
-    node : int
-        The node at which the frame is attached; of a chord or a free link the first one.
+    scene : Scene
+    link : Link
+    basis : ndarray (dofs n_nodes, count)
+        Orthogonal with respect to mass and stiffness; the largest displacement of each is one, of twist the rotation.
+        Zero where the link's axes are held, but for turns about freed ones; of free axes without momentum.
+    counts : tuple of int
+        Shapes of each kind, which follow each other in ``basis``: axial and transverse; in space of stretch, of bending
+        in either plane, and of twist.
+    held : float or None
+        Distance from the start of the section that has no displacement along the axes [m]; None: the link has none in
+        the mean over its mass.
+    most : int
+        Modes of bending that the elements of a link in space have in either plane, beside the static shapes.
     """
 
-    axial: np.ndarray
-    transverse: np.ndarray
-    frame: Frame
-    node: int
+    scene: Scene
+    link: Link
+    basis: np.ndarray
+    counts: tuple[int, ...]
+    held: float | None
+    most: int = 0
 
     @property
-    def all(self) -> np.ndarray:
-        """Axial shapes, then transverse ones."""
-        return np.hstack([self.axial, self.transverse])
+    def count(self) -> int:
+        return self.basis.shape[1]
 
-    def shortening(self, link: Link) -> np.ndarray:
-        """H_jk = int w_j' w_k' dX [1/m] from where the frame is attached to every node, (n_nodes, n, n).
+    @property
+    def axial(self) -> np.ndarray:
+        return self.basis[:, : self.counts[0]]
 
-        Of a chord less its mean over the link's mass: neither of its ends stays more than the other one.
+    @property
+    def transverse(self) -> np.ndarray:
+        """All but the axial shapes."""
+        return self.basis[:, self.counts[0] :]
+
+    @property
+    def twisting(self) -> np.ndarray:
+        """True for shapes of twist, (count,): their coordinates are angles [rad]."""
+        return np.repeat(np.arange(len(self.counts)) == 3, self.counts)
+
+    def carrier(self, at: Place) -> Place:
+        """Place on the axis whose section carries a point."""
+        return float(at[0]), 0.0, 0.0
+
+    def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the shapes at a place, (dofs, count): displacements, rotations; and G (3, count, count) [1/m]."""
+        e, local = self.link.locate(place[0])
+        d = self.link.dofs
+        rows = self.link.shape(e, local)[:d] @ self.basis[d * e : d * (e + 2)]
+        return rows, _along(self._start - self._shortening(place[0]))
+
+    def spread(self, first: float, last: float) -> tuple[float, float, np.ndarray, np.ndarray]:
+        """Integrals of a function that changes linearly from ``first`` at the start to ``last`` at the end: of itself,
+        times x, times the rows, and times G of :meth:`at`."""
+        x, lengths, _, rows, H = self._slices
+        weight = lengths * (first + (last - first) * x / self.link.length)
+        apart = np.einsum("g,gjk->jk", weight, self._start - H)
+        return float(weight.sum()), float(weight @ x), np.einsum("g,gaj->aj", weight, rows), _along(apart)
+
+    @cached_property
+    def turn(self) -> np.ndarray:
+        """Rotation of the axes of the planar model about the body's x, y, z by each shape, (3, count) [rad/m]."""
+        M = self.link.part.matrices["M"].value({})
+        return (self.basis - against_axes(self.scene, self.link, self.basis, M))[3:6]
+
+    def numbers(self) -> np.ndarray:
+        """Parameters of :mod:`kaneflex.generated.spatial_shapes`."""
+        return self.moments.numbers(self.counts, self.stiffness, self.damping, self.cubic)
+
+    @cached_property
+    def moments(self) -> ShapeMoments:
+        """Integrals over the sections, whose fibres at y and z go along with them.
+
+        A section that bends the shortest way by theta_y and theta_z and then turns by theta_x about itself moves these
+        to the second order by
+
+            y (theta_x theta_y, -(theta_x^2 + theta_z^2) / 2, theta_y theta_z / 2)
+            z (theta_x theta_z, theta_y theta_z / 2, -(theta_x^2 + theta_y^2) / 2)
         """
-        monomial, w = (f"{link.name}.link.P_0",), self.transverse
-        blocks = next(blocks for _, name, blocks in link.element_terms if name == monomial)
-        steps = [w[3 * e : 3 * e + 6].T @ block @ w[3 * e : 3 * e + 6] for e, block in enumerate(blocks)]
-        found = np.concatenate([np.zeros((1, *steps[0].shape)), np.cumsum(steps, axis=0)])
-        if self.frame.kind not in IN_THE_MEAN:
-            return found - found[self.node]
-        tension = (link.part.matrices["K_g"].terms[key] for key in (monomial, (f"{link.name}.link.a_x",)))
-        whole, beyond = (w.T @ matrix @ w for matrix in tension)
-        along = np.zeros(len(w))
-        along[0::3] = 1.0
-        return found - (whole - beyond / (along @ link.part.matrices["M"].value({}) @ along))
+        x, _, (dm, *inertias), rows, H = self._slices
+        moved = np.zeros((len(x), 6, self.count))
+        moved[:, list(self.link.motions)] = rows
+        N, psi = moved[:, :3], moved[:, 3:]
+        if not self.scene.bodies[self.link.name].beam.rotary:
+            psi[:, 1:] = 0.0  # then a section does not turn against its axes by bending
+        turned, still = psi.transpose(1, 0, 2), np.zeros_like(psi[:, 0])
+        first = [np.stack(of, axis=1) for of in ((-turned[2], still, turned[0]), (turned[1], -turned[0], still))]
+        xx, yy, zz, xy, xz, yz = (
+            np.einsum("gj,gl->gjl", turned[a], turned[b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        )
+        second = [np.stack([0.5 * (of + of.transpose(0, 2, 1)) for of in (a, b, c)], axis=1)
+                  for a, b, c in ((2.0 * xy, -(xx + zz), yz), (2.0 * xz, yz, -(xx + yy)))]  # fmt: skip
+        apart = self._start - H
+        N_N = np.einsum("g,gaj,gbl->abjl", dm, N, N)
+        r_N, r_G = np.zeros((3, 3, self.count)), np.zeros((3, 3, self.count, self.count))
+        r_N[0], r_G[0] = np.einsum("g,gaj->aj", dm * x, N), _along(np.einsum("g,gjl->jl", dm * x, apart))
+        for k, (w, of, of_pairs) in enumerate(zip(inertias, first, second, strict=False), 1):
+            N_N += np.einsum("g,gaj,gbl->abjl", w, of, of)
+            r_N[k], r_G[k] = np.einsum("g,gaj->aj", w, of), np.einsum("g,gajl->ajl", w, of_pairs)
+        G = _along(np.einsum("g,gjl->jl", dm, apart))
+        return ShapeMoments(np.einsum("g,gaj->aj", dm, N), r_N, N_N, G, r_G)
 
-    def at(self, link: Link, x: float, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows u, v, theta (3, n) and the shortening (n_w, n_w) at x [m] from the start, ``H`` that of the nodes."""
-        node = link.node_at(x)
-        if node is not None:
-            return self.all[3 * node : 3 * node + 3], H[node]
-        e, local = link.locate(x)
-        rows = slice(3 * e, 3 * e + 6)
-        slopes = np.array([link.shape(e, 0.5 * local * (1 + at))[3] for at in _GAUSS[0]]) @ self.transverse[rows]
-        return link.shape(e, local)[:3] @ self.all[rows], H[e] + 0.5 * local * (slopes.T * _GAUSS[1]) @ slopes
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """Stiffness of the modal coordinates [N/m], diagonal."""
+        K = self.link.part.matrices["K_s"].value({})
+        return np.diag(np.diag(self.basis.T @ K @ self.basis))
 
+    @cached_property
+    def omega(self) -> np.ndarray:
+        """Circular frequency of each shape, its axes held [rad/s]."""
+        M = self.link.part.matrices["M"].value({})
+        return np.sqrt(np.diag(self.stiffness) / np.diag(self.basis.T @ M @ self.basis))
 
-def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
-    """Static shapes of the points where forces enter, and ``modes`` fixed-interface modes (Craig & Bampton 1968).
+    @cached_property
+    def damping(self) -> np.ndarray:
+        """Damping of the modal coordinates [N s/m]."""
+        return shape_damping(self.scene, self.link, self.basis)
 
-    The beam's ``shapes`` can put functions of another family in the place of these modes. Axial shapes are the stretch
-    by forces at those points and by the link's own inertia.
-    """
-    rows = _rows(scene, link)
-    count = modes + rows.turns
-    stiffness, mass = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
-    beam = scene.bodies[link.name].beam
-    axial = np.zeros((mass.shape[0], 0))
-    if not beam.axially_rigid:
-        loose = np.setdiff1d(3 * np.arange(len(link.nodes)), [3 * rows.node, *rows.pulled])
-        wanted = axial_modes(modes, beam.elements, len(rows.pulled) + 1)
-        inertial = _inertial(stiffness, mass, _axial_loads(link, rows), loose, wanted)
-        axial = np.hstack([_static(stiffness, rows.pulled, loose), inertial])
-        axial = _orthogonal(_mean_free(axial, mass, rows.frame), stiffness, mass, link.length)
-    dynamic = np.zeros((mass.shape[0], count))
-    if count and beam.shapes != "craig-bampton":
-        dynamic = family(beam.shapes, link.nodes, [*rows.fixed, *rows.held], count)
-    elif count:
-        inner = [matrix[rows.free][:, rows.free] for matrix in (stiffness, mass)]
-        if rows.frame.kind in _STILL:  # those that deform nothing have a singular stiffness
-            inner = [as_array(matrix) for matrix in inner]
-            dynamic[rows.free] = eigh(*inner, subset_by_index=(0, count - 1))[1]
-        else:
-            dynamic[rows.free] = lowest_modes(inner[0], inner[1], count)[1]
-    transverse = np.hstack([_static(stiffness, rows.held, rows.free), dynamic])
-    transverse = _orthogonal(transverse, stiffness, mass, link.length)
-    return Shapes(axial, transverse[:, _STILL.get(rows.frame.kind, 0) :], rows.frame, rows.node)
+    @cached_property
+    def cubic(self) -> np.ndarray:
+        """Third derivatives of the strain energy by the modal coordinates, halved [N/m^2], (count, count, count).
 
+        Of a section that bends by theta_y, theta_z the shortest way and then turns by theta_x, the curvatures are
 
-def _inertial(stiffness: Matrix, mass: Matrix, loads: np.ndarray, loose: np.ndarray, count: int) -> np.ndarray:
-    """Stretch by the inertia of axial motions ``loads``, then by that of the stretch itself, and so on.
+            theta_x' - (theta_y theta_z' - theta_z theta_y') / 2
+            theta_y' + theta_x theta_z'
+            theta_z' - theta_x theta_y'
 
-    Load-dependent Ritz vectors (Wilson, Yuan & Dickens 1982) with the rows held that are not ``loose``. They converge
-    faster than modes, and need no more than the solution of a static problem each.
-    """
-    found, inner, first = np.zeros((mass.shape[0], count)), stiffness[loose][:, loose], loads.shape[1]
-    for k in range(count):
-        moving = loads[:, k] if k < first else found[:, k - first]
-        found[loose, k] = solve(inner, mass[loose] @ moving)
-        for _ in range(2):  # twice is enough against rounding (Parlett 1998, 6-9)
-            found[:, k] -= found[:, :k] @ (found[:, :k].T @ mass @ found[:, k])
-        found[:, k] /= np.sqrt(found[:, k] @ mass @ found[:, k])
-    return found
+        to second order (Hodges & Dowell 1974, NASA TN D-7818): bending in one plane twists what bends in the other one.
+        """
+        of, (_, weights, _) = self.link.parameters, self.link.gauss
+        turned = self._rows[:, :, 3:6]
+        rates = np.einsum("gh,ehaj->egaj", _RATES, turned) * (2.0 / of["length"])[:, None, None, None]
+        x, y, z, x_s, y_s, z_s = np.concatenate([turned, rates], axis=2).reshape(-1, 6, self.count).swapaxes(0, 1)
+        bending = weights * (self.link.at_points("E_I_z") - self.link.at_points("E_I_y"))
+        twist = 0.5 * weights * of["G_J"][:, None]
+        found = np.zeros((self.count,) * 3)
+        for factor, a, b, c in ((-twist, x_s, y, z_s), (twist, x_s, z, y_s), (-bending, x, y_s, z_s)):
+            found += np.einsum("gi,gj,gk->ijk", factor.reshape(-1, 1) * a, b, c, optimize=True)
+        return np.sum([np.transpose(found, order) for order in permutations(range(3))], axis=0) / 2.0
 
+    @cached_property
+    def _rows(self) -> np.ndarray:
+        """Rows of the link's shape functions at Gauss's points of each element by the shapes, (elements, 5, rows,
+        count)."""
+        of_nodes = self.basis.reshape(-1, self.link.dofs, self.count)
+        return self.link.gauss[2] @ np.concatenate([of_nodes[:-1], of_nodes[1:]], axis=1)[:, None]
 
-def _axial_loads(link: Link, rows: _Rows) -> np.ndarray:
-    """A centrifugal acceleration about the point that holds the frame, and a uniform one; of a chord this one first."""
-    found = np.zeros((3 * len(link.nodes), 2))
-    found[0::3, 0], found[0::3, 1] = link.nodes - link.nodes[rows.node], 1.0
-    return found[:, ::-1] if rows.frame.kind in IN_THE_MEAN else found
+    @cached_property
+    def _slices(self) -> tuple[np.ndarray, ...]:
+        """Places [m] and lengths [m] of the slices, their masses and rotary inertias, rows (n, dofs, count), and the
+        shortening from the start to each, (n, count, count)."""
+        (x, weights, _), squares = self.link.gauss, self._squares
+        inner = np.einsum("gh,ehjk->egjk", _up_to(GAUSS[0]), squares)
+        H = self._before[:-1, None] + 0.5 * self.link.parameters["length"][:, None, None, None] * inner
+        inertias = np.array([weights * self.link.at_points(name) for name in self.link.densities])
+        rows = self._rows[:, :, : self.link.dofs].reshape(-1, self.link.dofs, self.count)
+        return x.ravel(), weights.ravel(), inertias.reshape(len(inertias), -1), rows, H.reshape(-1, *H.shape[2:])
 
+    @cached_property
+    def _squares(self) -> np.ndarray:
+        """Shortening per length v_j' v_k' + w_j' w_k' + I_p / A theta_x,j' theta_x,k' at the points of ``_rows``."""
+        slopes = self._rows[:, :, self.link.shortening]
+        return slopes.swapaxes(2, 3) @ slopes
 
-def _mean_free(axial: np.ndarray, mass: Matrix, frame: Frame) -> np.ndarray:
-    """Axial shapes of a chord with zero mean displacement."""
-    if frame.kind not in IN_THE_MEAN:
-        return axial
-    along = np.zeros(mass.shape[0])
-    along[0::3] = 1.0
-    weights = mass @ along
-    return axial - np.outer(along, weights @ axial) / (weights @ along)
+    @cached_property
+    def _before(self) -> np.ndarray:
+        """Shortening from the start to every node, (n_nodes, count, count)."""
+        over = np.einsum("eg,egjk->ejk", self.link.gauss[1], self._squares)
+        return np.concatenate([np.zeros((1, *over.shape[1:])), np.cumsum(over, axis=0)])
 
+    def _shortening(self, x: float) -> np.ndarray:
+        """Shortening from the start to x [m]."""
+        e, local = self.link.locate(x)
+        length = self.link.length_of(e)
+        return self._before[e] + 0.5 * length * np.tensordot(_up_to(2.0 * local / length - 1.0), self._squares[e], 1)
 
-def spanned(shapes: Shapes, link: Link) -> Shapes:
-    """Shapes that span the same space, orthogonal with respect to mass and stiffness.
-
-    The equations need orthogonal shapes; the motion depends on their space alone.
-    """
-    stiffness, mass = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
-    still = np.zeros((mass.shape[0], 2))
-    still[1::3] = np.column_stack([link.nodes - link.nodes[shapes.node], np.ones(len(link.nodes))])
-    still[2::3, 0] = 1.0
-    still = still[:, : _STILL.get(shapes.frame.kind, 0)]
-    transverse = _orthogonal(np.hstack([still, shapes.transverse]), stiffness, mass, link.length)
-    axial = _orthogonal(_mean_free(shapes.axial, mass, shapes.frame), stiffness, mass, link.length)
-    return replace(shapes, axial=axial, transverse=transverse[:, still.shape[1] :])
-
-
-def alike(shapes: Shapes, others: Shapes, length: float) -> Shapes:
-    """Shapes of a link of a length [m], with size and sign of others at their largest displacements."""
-    axial, transverse = (
-        _scaled(own, length, other)
-        for own, other in ((shapes.axial, others.axial), (shapes.transverse, others.transverse))
-    )
-    return replace(shapes, axial=axial, transverse=transverse)
+    @cached_property
+    def _start(self) -> np.ndarray:
+        """Reference of the shortening: at the point that holds the axes, else its mean over the mass."""
+        if self.held is not None:
+            return self._shortening(self.held)
+        _, _, (dm, *_), _, H = self._slices
+        return np.einsum("g,gjl->jl", dm / dm.sum(), H)
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Rows of a link's nodes: u that something can pull at, transverse ones that a reduction keeps, the other ones.
-
-    ``fixed`` are those that hold the frame, at the node ``node`` first.
-    """
-
-    frame: Frame
-    node: int
-    fixed: list[int]
-    pulled: list[int]
-    held: list[int]
-    free: np.ndarray
-
-    @property
-    def turns(self) -> bool:
-        """True if one of the fixed-interface modes is a rotation of the undeformed link."""
-        return self.frame.kind == "mean" and not self.held
+def _up_to(t: float | np.ndarray) -> np.ndarray:
+    """Weights (..., 5) of values at Gauss's points in the integral from -1 to t, exact up to the fourth degree: by the
+    expansion in Legendre's polynomials, int P_k = (P_k+1 - P_k-1) / (2 k + 1)."""
+    P = legendre.legvander(t, 5).reshape(*np.shape(t), 6)
+    return 0.5 * GAUSS[1] * (1.0 + P[..., 1:2] + (P[..., 2:] - P[..., :-2]) @ _AT[:, 1:].T)
 
 
-def _rows(scene: Scene, link: Link) -> _Rows:
-    found = stations(scene, link.name)
-    frame = frame_of(found)
-    first, last = (link.node_at(x) for x in (frame.at, frame.to))
-    fixed = {
-        "tangent": [3 * first + 1, 3 * first + 2], "mean": [3 * first + 1], "chord": [3 * first + 1, 3 * last + 1],
-        "free": [],
-    }[frame.kind]  # fmt: skip
-    nodes = [(link.node_at(station.x), station) for station in found]
-    kept = [3 * node + 1 for node, _ in nodes] + [3 * node + 2 for node, station in nodes if station.turned]
-    held = sorted(set(kept) - set(fixed))
-    pulled = [3 * node for node, _ in nodes if node != first]
-    size = 3 * len(link.nodes)
-    free = np.setdiff1d(np.arange(size), [*range(0, size, 3), *fixed, *held])
-    return _Rows(frame, first, fixed, pulled, held, free)
-
-
-def _static(stiffness: Matrix, held: list[int], free: np.ndarray) -> np.ndarray:
-    """Shapes of unit displacements of the held rows, one at a time."""
-    shapes = np.zeros((stiffness.shape[0], len(held)))
-    shapes[held, np.arange(len(held))] = 1.0
-    if held and len(free):
-        shapes[free] = -solve(stiffness[free][:, free], as_array(stiffness[free][:, held]))
-    return shapes
-
-
-def _orthogonal(basis: np.ndarray, stiffness: Matrix, mass: Matrix, length: float) -> np.ndarray:
-    """The same space by the modes within it, largest displacement +1."""
-    if not basis.shape[1]:
-        return basis
-    _, mixed = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis)
-    return _scaled(basis @ mixed, length)
-
-
-def _scaled(shapes: np.ndarray, length: float, others: np.ndarray | None = None) -> np.ndarray:
-    """Shapes scaled to +1 at the largest displacement, of their own or of the others.
-
-    One that only turns the nodes, as the fourth mode of four elements, has the displacement 1 where its rotation times
-    the link's length [m] is.
-    """
-    looked_at, turns = shapes if others is None else others, (np.arange(len(shapes)) % 3 == 2)[:, None]
-    displacements = np.where(turns, _TURNS * length * looked_at, looked_at)
-    largest = abs(displacements).argmax(axis=0) if shapes.shape[1] else []
-    return shapes / np.where(turns, length * shapes, shapes)[largest, np.arange(shapes.shape[1])]
+def _along(x: np.ndarray) -> np.ndarray:
+    """Numbers of every two shapes (count, count) as the x of vectors, (3, count, count)."""
+    return np.stack([x, np.zeros_like(x), np.zeros_like(x)])

@@ -9,11 +9,11 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.multibody.model.independent_speeds import choose
+from kaneflex.multibody.model.shape_bases import spatial_shapes
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, SPEED, Deformable, Flexible, Place
-from kaneflex.multibody.model.spatial_modal_data import held_shapes
-from kaneflex.multibody.model.spatial_shapes import spatial_shapes
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.multibody.time.shooting import Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed, Standing

@@ -132,9 +132,9 @@ class Deformable(Protocol):
 class Axis(Deformable, Protocol):
     """Shapes of a link, which are defined all along its axis."""
 
-    def spread(self, rises: bool) -> tuple[Place, tuple[np.ndarray, np.ndarray]]:
-        """Mean place, and mean of :meth:`at`, with a weight that falls linearly to zero at the end, or rises from zero
-        at the start."""
+    def spread(self, first: float, last: float) -> tuple[float, float, np.ndarray, np.ndarray]:
+        """Integrals of a function that changes linearly from ``first`` at the start to ``last`` at the end: of itself,
+        times x, times the rows, and times G of :meth:`at`."""
 
 
 Flexible = Mapping[str, Callable[[Place | None, str], Deformable]]

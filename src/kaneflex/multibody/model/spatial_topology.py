@@ -134,7 +134,8 @@ class _Maker:
         Shapes are affine in the mean, so the load's power equals that of its resultant there.
         """
         link = cast(Axis, self.shapes[body])  # of others no scene spreads a load along
-        self.sections.append((self.station(body, *link.spread(rises)), np.zeros(3)))
+        share, x, rows, G = link.spread(*((0.0, 1.0) if rises else (1.0, 0.0)))
+        self.sections.append((self.station(body, (x / share, 0.0, 0.0), (rows / share, G / share)), np.zeros(3)))
         return len(self.sections) - 1
 
     def axis(self, side: Side, vector: np.ndarray) -> int:

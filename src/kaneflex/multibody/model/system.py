@@ -20,8 +20,9 @@ from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.module_loading import bind_parameters, find_coupled_module
+from kaneflex.multibody.model.shape_bases import alike, link_shapes, spanned
 from kaneflex.multibody.model.shape_families import check_family
-from kaneflex.multibody.model.shapes import Shapes, alike, link_shapes, spanned
+from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -269,7 +270,7 @@ def _links(scene: Scene, module: ModuleType, names: Iterable[str]) -> dict[str, 
 
 def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> CoupledSystem:
     mechanism = mechanism_of(scene)
-    blocks = Blocks(scene, module.BODIES, links, shapes)
+    blocks = Blocks(scene, module.BODIES, shapes)
     engine = build_engine(mechanism, module, blocks, bind_parameters(scene, module))
     return CoupledSystem(module, engine, mechanism, links, shapes)
 
@@ -278,8 +279,9 @@ def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> Coupl
     """System of a scene with other numbers; ``frozen`` keeps the space spanned by its shapes."""
     links, shapes = _links(scene, system.module, system.links), {}
     for name, link in links.items():
-        found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, link_modes(scene, name))
-        shapes[name] = alike(found, system.shapes[name], link.length)
+        before = system.shapes[name]
+        found = spanned(scene, before, link) if frozen else link_shapes(scene, link, link_modes(scene, name))
+        shapes[name] = alike(found, before)
     return _bound(scene, system.module, links, shapes)
 
 

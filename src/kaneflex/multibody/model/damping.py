@@ -1,6 +1,6 @@
-"""Damping of the shapes of links in space, measured against axes that don't depend on the tree of bodies.
+"""Damping of the shapes of links, in space measured against axes that don't depend on the tree of bodies.
 
-A body's floating axes follow its section at one joint, which the mechanism's tree chooses. The motion damped by
+There a body's floating axes follow its section at one joint, which the mechanism's tree chooses. The motion damped by
 Rayleigh's mass term, a modal ratio or viscous damping is measured as in the plane, in each plane of bending: against
 the tangent if only one joint holds the link's rotation relative to prescribed motions, else against the chord of its
 first and last joints, else against its mean rotation about its only joint.
@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eigh
 
-from kaneflex.fem.spatial_links import SpatialLink
+from kaneflex.fem.links import Link
+from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
 from kaneflex.mechanism.affine import Matrix
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
-from kaneflex.multibody.model.inertia_integrals import modal_damping
 from kaneflex.scene import Scene
 
 _FREE = 0.5 + 1e-9
@@ -25,9 +25,11 @@ _PLANES = ((1, 5, "z", 1.0), (2, 4, "y", -1.0))
 link turns about it."""
 
 
-def shape_damping(scene: Scene, link: SpatialLink, basis: np.ndarray) -> np.ndarray:
+def shape_damping(scene: Scene, link: Link, basis: np.ndarray) -> np.ndarray:
     """Damping of modal coordinates [N s/m], (count, count), of shapes ``basis``, (6 n_nodes, count)."""
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
+    if not scene.is_spatial:
+        return modal_damping(scene, link, basis, M)
     apart = against_axes(scene, link, basis, M)
     mass = apart.T @ M @ apart
     modes = eigh(apart.T @ K @ apart, mass)[1]
@@ -36,7 +38,22 @@ def shape_damping(scene: Scene, link: SpatialLink, basis: np.ndarray) -> np.ndar
     return back.T @ of_modes @ back
 
 
-def against_axes(scene: Scene, link: SpatialLink, basis: np.ndarray, M: Matrix) -> np.ndarray:
+def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: Matrix) -> np.ndarray:
+    """Damping matrix of the modal coordinates [N s/m]; a modal ratio applies to the link's own modes."""
+    damping = scene.damping
+    if damping is None:
+        return np.zeros((modal.shape[1],) * 2)
+    K, mass = modal.T @ link.part.matrices["K_s"].value({}) @ modal, modal.T @ M @ modal
+    if damping.kind == "rayleigh":
+        alpha, beta = rayleigh_coefficients(damping.rayleigh.ratio, *damping.rayleigh.at)
+        return alpha * mass + beta * K
+    if damping.kind == "modal":
+        omega = np.sqrt(np.diag(K) / np.diag(mass))
+        return np.diag(2 * damping_ratios(damping.modal.ratio, omega) * omega * np.diag(mass))
+    return modal.T @ link.part.matrices["C_s"].value({}) @ modal
+
+
+def against_axes(scene: Scene, link: Link, basis: np.ndarray, M: Matrix) -> np.ndarray:
     """Shapes relative to the axes of the damping, without rigid motions, (6 n_nodes, count)."""
     clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
     joined, size, left = sorted(clamped), M.shape[0], basis.copy()
@@ -70,7 +87,7 @@ def against_axes(scene: Scene, link: SpatialLink, basis: np.ndarray, M: Matrix) 
     return left
 
 
-def _node(link: SpatialLink, x: float) -> int:
+def _node(link: Link, x: float) -> int:
     found = link.node_at(x)
     assert found is not None  # joints are at nodes
     return int(found)

@@ -1,4 +1,4 @@
-"""Modal data of bodies in space: their shapes in the axes of a mechanism, and those of beams as such data.
+"""Modal data of bodies in space: their shapes in the axes of a mechanism.
 
 A file has its shapes in axes of its own. A mechanism needs axes that follow the body at its joint in the tree, or in
 the mean: these move by t_j q_j and turn by w_j q_j in the file's axes, so that
@@ -18,12 +18,9 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.model.shape_moments import ShapeMoments
 from kaneflex.multibody.model.spatial_layout import Place
-from kaneflex.multibody.model.spatial_shapes import SpatialShapes
-from kaneflex.scene import Scene
-from kaneflex.scene.modal_data import CROSS, ModalData, spatial_modal_data
+from kaneflex.scene.modal_data import CROSS, ModalData
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,24 +123,3 @@ def held_shapes(data: ModalData, held: Place | None, freed: str = "") -> HeldSha
 def _symmetric(array: np.ndarray) -> np.ndarray:
     """An array plus itself with the two shapes exchanged."""
     return array + np.swapaxes(array, -1, -2)
-
-
-def spatial_data(scene: Scene, shapes: SpatialShapes) -> ModalData:
-    """Modal data of a link in space without the scene's lumped masses, in its axes, of the points on its axis."""
-    name, moments = shapes.link.name, shapes.moments
-    body = spatial_mechanism_of(scene).bodies[name]
-    x, y, z, xy, yz, zx = body.inertia
-    J = np.array([[x, xy, zx], [xy, y, yz], [zx, yz, z]])
-    second = 0.5 * np.trace(J) * np.eye(3) - J + body.mass * np.outer(body.centre, body.centre)
-    all_points = {point: scene.vector(at) for point, at in scene.bodies[name].points_all.items()}
-    places = {point: at for point, at in all_points.items() if not any(at[1:])}
-    of_points = [shapes.at(at) for at in places.values()]
-    found = {
-        "mass": np.array(body.mass), "mass_r": body.mass * body.centre, "mass_r_r": second,
-        "mass_N": moments.N, "mass_r_N": moments.r_N, "mass_N_N": moments.N_N,
-        "mass_G": moments.G, "mass_r_G": moments.r_G,
-        "stiffness": np.diag(shapes.stiffness), "damping": shapes.damping, "cubic": shapes.cubic,
-        "r": np.array(list(places.values())), "N": np.array([rows[:3] for rows, _ in of_points]),
-        "psi": np.array([rows[3:] for rows, _ in of_points]), "G": np.array([G for _, G in of_points]),
-    }  # fmt: skip
-    return spatial_modal_data(float(shapes.link.nodes[-1]), tuple(places), found)
