@@ -15,7 +15,8 @@ from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.peers.exudyn_spatial import OF_BODIES, Bodies
 from kaneflex.peers.readings import NOT_SHARED, Recorder, address_of
-from kaneflex.response.spatial_sensors import displacement_of, strain_of
+from kaneflex.response.readings import displacement_of
+from kaneflex.response.spatial_sensors import strain_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 

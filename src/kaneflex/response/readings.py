@@ -10,6 +10,7 @@ import numpy as np
 from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate_back
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.section_forces import joint_force
+from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, SPRING_KINDS, Sensor
 
@@ -17,6 +18,34 @@ from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, SPRING_KINDS, Sen
 def address_of(sensor: Sensor) -> Address:
     """Point of a sensor of a body's motion or section."""
     return cast(Address, sensor.target)
+
+
+def displacement_of(
+    scene: Scene, sensor: Sensor, frame: BodyFrame, moved: Callable[[Address], np.ndarray]
+) -> np.ndarray:
+    """Reading of a displacement or rotation of a body's point, (n_times,).
+
+    ``frame``: the rigid body's; ``moved``: function of a point that returns its displacement and rotation in these
+    axes: x, y, angle, or in space u, v, w and three rotations, (3 or 6, n_times).
+    """
+    address = address_of(sensor)
+    d = moved(address).copy()
+    if sensor.relative_to != "frame":
+        start = moved(Address(address.body, "start"))
+        if sensor.relative_to == "start":
+            d -= start
+        else:
+            end, length = moved(Address(address.body, "end")), scene.bodies[address.body].length
+            assert length is not None
+            chord = start + scene.point(address)[0] / length * (end - start)
+            chord[-1] = (end[1] - start[1]) / length
+            if len(d) == 6:
+                chord[3:5] = start[3], (start[2] - end[2]) / length
+            d -= chord
+    if sensor.component == "angle":
+        return d[2]
+    vector = np.split(d, [(len(d) + 1) // 2])[sensor.component.startswith("angle")]
+    return (vector if sensor.axes == "body" else frame.to_global(vector))["xyz".index(sensor.component[-1])]
 
 
 class Reader:
@@ -66,30 +95,18 @@ class Reader:
         return moved[2]
 
     def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
-        """Component of a global vector, or angle, that a sensor reads."""
+        """Component of a global vector, or of an angle or a global rotation vector, that a sensor reads."""
         if sensor.component == "angle":
             return angle
+        if sensor.component.startswith("angle"):
+            vector = angle
         if sensor.axes == "body":
             vector = self.motion.seen_from(address_of(sensor).body, vector)
-        return vector["xy".index(sensor.component)]
+        return vector["xyz".index(sensor.component[-1])]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
-        address = address_of(sensor)
-        d = self._elastic(address)[0].copy()
-        if sensor.relative_to != "frame":
-            start = self._elastic(Address(address.body, "start"))[0]
-            if sensor.relative_to == "start":
-                d -= start
-            else:
-                end = self._elastic(Address(address.body, "end"))[0]
-                length = self.scene.bodies[address.body].length
-                share = self.scene.point(address)[0] / length
-                chord = start + share * (end - start)
-                chord[2] = (end[1] - start[1]) / length
-                d -= chord
-        if sensor.axes != "body" and sensor.component != "angle":
-            d = self.rigid.frame(address.body).to_global(d)
-        return d[("x", "y", "angle").index(sensor.component)]
+        frame = self.rigid.frame(address_of(sensor).body)
+        return displacement_of(self.scene, sensor, frame, lambda address: self._elastic(address)[0])
 
     def _position(self, sensor: Sensor) -> np.ndarray:
         address = address_of(sensor)
@@ -221,14 +238,19 @@ class Reader:
     ) -> np.ndarray:
         """Component of a joint's force or moment on ``sensor.body`` (by default the second), or that of the rigid
         mechanism."""
-        name = str(sensor.joint_force)
-        joint = self.scene.joints[name]
-        first, second = (address.body for address in joint.addresses)
-        sign = -1.0 if sensor.body == first else 1.0
+        first, second = (address.body for address in self.scene.joints[str(sensor.joint_force)].addresses)
+        exerted = (-1.0 if sensor.body == first else 1.0) * self._exerted(sensor, reaction, of_rigid)
         if sensor.component == "angle":
-            return sign * (self._pin_moment(name, reaction) if joint.kind == "revolute" else reaction(f"{name}.moment"))
-        force = joint_force(self.scene, self.rigid if of_rigid else self.motion.scalars, name, reaction)
+            return exerted
         if sensor.axes == "body":
             on = sensor.body or second
-            force = self.rigid.frame(on).to_body(force) if of_rigid else self.motion.seen_from(on, force)
-        return sign * force["xy".index(sensor.component)]
+            exerted = self.rigid.frame(on).to_body(exerted) if of_rigid else self.motion.seen_from(on, exerted)
+        return exerted["xyz".index(sensor.component[-1])]
+
+    def _exerted(self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool) -> np.ndarray:
+        """Global force of a joint on its second body, or its moment."""
+        name = str(sensor.joint_force)
+        if sensor.component != "angle":
+            return joint_force(self.scene, self.rigid if of_rigid else self.motion.scalars, name, reaction)
+        pinned = self.scene.joints[name].kind == "revolute"
+        return self._pin_moment(name, reaction) if pinned else reaction(f"{name}.moment")

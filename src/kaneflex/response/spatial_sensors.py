@@ -9,39 +9,14 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import BodyFrame, Rates
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_rates
+from kaneflex.mechanism.spatial_frame import slide_of, turn_rates
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.response.elastic_motion import SpatialElasticMotion
-from kaneflex.response.readings import Reader, address_of
+from kaneflex.response.readings import Reader, address_of, displacement_of
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, SPRING_KINDS, Sensor
-
-
-def displacement_of(
-    scene: Scene, sensor: Sensor, frame: SpatialFrame, moved: Callable[[Address], np.ndarray]
-) -> np.ndarray:
-    """Reading of a displacement or rotation of a link's point, (n_times,).
-
-    ``frame``: the rigid body's; ``moved``: function of a point that returns u, v, w and rotations in its axes, (6,
-    n_times).
-    """
-    address = address_of(sensor)
-    d = moved(address).copy()
-    if sensor.relative_to != "frame":
-        start = moved(Address(address.body, "start"))
-        if sensor.relative_to == "start":
-            d -= start
-        else:
-            end, length = moved(Address(address.body, "end")), scene.bodies[address.body].length
-            assert length is not None
-            chord = start + scene.point(address)[0] / length * (end - start)
-            chord[3:] = start[3], (start[2] - end[2]) / length, (end[1] - start[1]) / length
-            d -= chord
-    if sensor.axes != "body":
-        d = np.vstack([frame.to_global(d[:3]), frame.to_global(d[3:])])
-    return d[3 * sensor.component.startswith("angle") + "xyz".index(sensor.component[-1])]
 
 
 def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z: np.ndarray) -> np.ndarray:
@@ -64,20 +39,11 @@ class SpatialReader(Reader):
     def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
         return frame.to_global(moved[3:])
 
-    def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
-        """Component of a global vector, or of a global rotation vector, that a sensor reads."""
-        if sensor.component.startswith("angle"):
-            vector = angle
-        if sensor.axes == "body":
-            vector = self.motion.seen_from(address_of(sensor).body, vector)
-        return vector["xyz".index(sensor.component[-1])]
-
     def _displacement(self, sensor: Sensor) -> np.ndarray:
-        motion, body = self.motion, address_of(sensor).body
-        if isinstance(motion, SpatialCoupledMotion):
-            return displacement_of(self.scene, sensor, motion.beside.frame(body), self._from_rigid)
-        frame = SpatialFrame(self.rigid, body)
-        return displacement_of(self.scene, sensor, frame, lambda address: self._elastic(address)[0])
+        motion = self.motion
+        if not isinstance(motion, SpatialCoupledMotion):
+            return super()._displacement(sensor)
+        return displacement_of(self.scene, sensor, motion.beside.frame(address_of(sensor).body), self._from_rigid)
 
     def _from_rigid(self, address: Address) -> np.ndarray:
         return cast(SpatialCoupledMotion, self.motion).from_rigid(address.body, self.scene.point(address))
@@ -153,16 +119,7 @@ class SpatialReader(Reader):
         of_joint = address_of(sensor).body in self.scene.joints
         return self._joint(sensor)[2] if of_joint else super()._acceleration(sensor)
 
-    def _joint_component(
-        self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool = False
-    ) -> np.ndarray:
-        """Force of a joint on ``sensor.body`` (by default the second), or its moment about the joint's second point."""
-        name = str(sensor.joint_force)
-        first, second = (address.body for address in self.scene.joints[name].addresses)
+    def _exerted(self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool) -> np.ndarray:
+        """Force of a joint on its second body, or its moment about the joint's second point; global."""
         part = "moment" if sensor.component.startswith("angle") else "force"
-        vector = np.array([reaction(f"{name}.{part}_{axis}") for axis in "xyz"])
-        if sensor.axes == "body":
-            on = sensor.body or second
-            vector = self.rigid.frame(on).to_body(vector) if of_rigid else self.motion.seen_from(on, vector)
-        sign = -1.0 if sensor.body == first else 1.0
-        return sign * vector["xyz".index(sensor.component[-1])]
+        return np.array([reaction(f"{sensor.joint_force}.{part}_{axis}") for axis in "xyz"])
