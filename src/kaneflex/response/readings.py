@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, SPRING_KINDS, Sensor
 
+if TYPE_CHECKING:
+    from kaneflex.mechanism.spatial_frame import SpatialFrame
+
 
 def address_of(sensor: Sensor) -> Address:
     """Point of a sensor of a body's motion or section."""
@@ -21,7 +24,7 @@ def address_of(sensor: Sensor) -> Address:
 
 
 def displacement_of(
-    scene: Scene, sensor: Sensor, frame: BodyFrame, moved: Callable[[Address], np.ndarray]
+    scene: Scene, sensor: Sensor, frame: BodyFrame | SpatialFrame, moved: Callable[[Address], np.ndarray]
 ) -> np.ndarray:
     """Reading of a displacement or rotation of a body's point, (n_times,).
 
