@@ -54,12 +54,6 @@ class Pose(NamedTuple):
         """Axes with a point as the origin: the section of a rigid body at a joint."""
         return Pose(*self.place(at), self.c, self.s, self.phi)
 
-    def nudged(self, step: Number) -> tuple[Pose, Pose, Pose]:
-        """Axes after an infinitesimal displacement: along x, along y, and rotation."""
-        x, y, c, s, phi = self
-        turned = Pose(x, y, c - s * step, s + c * step, phi + step)
-        return Pose(x + step, y, c, s, phi), Pose(x, y + step, c, s, phi), turned
-
     @property
     def origin(self) -> Vector:
         return self.x, self.y

@@ -182,8 +182,7 @@ def has_elastic_stage(scene: Scene) -> bool:
 
 def _load_coupled(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
     """Variant of :func:`load` for preset coupled, which needs the coupled module only."""
-    from kaneflex.multibody.model.massless_joints import check_weighty
-    from kaneflex.multibody.model.redundant_constraints import check_sensors, undetermined
+    from kaneflex.multibody.model.determinacy import check_sensors, check_weighty, undetermined
     from kaneflex.multibody.model.rigid_reference import build_twin
     from kaneflex.multibody.model.system import build_system, rigid_state, with_stretch
     from kaneflex.solve.contact_lines import check_lines

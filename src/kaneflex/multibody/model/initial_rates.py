@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kaneflex.multibody.model.redundant_constraints import jacobian
+from kaneflex.multibody.model.determinacy import jacobian
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from scipy.linalg import null_space
 
 from kaneflex.fem.assembly import Placed, empty_part
 from kaneflex.fem.coordinate_map import Frame
@@ -22,6 +21,7 @@ from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
+from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
 from kaneflex.multibody.model.elastic_stage import Stage, count_of_modes
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches, without_work
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
@@ -334,15 +334,10 @@ def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
     for instant in range(len(motion.times)):
         here = J[0, instant] * joined.measure[joined.tied]
         scale = np.maximum(abs(here).max(axis=1), 1e-300)
-        for combination in null_space((here / scale[:, None]).T, rcond=1e-9).T:
+        for combination in self_equilibrated(here / scale[:, None]).T:
             multipliers = combination / scale
-            wrenches = {name: joined.exerted(motion.taken(np.array([instant])), name, multipliers[None, own])
-                        for name, own in where.items()}  # fmt: skip
-            largest = max(abs(wrench).max() for wrench, _ in wrenches.values())
-            for name, (wrench, drive) in wrenches.items():
-                for part, values in (("force", wrench[:3]), ("moment", wrench[3:])):
-                    if abs(values).max() > _NONE * largest:
-                        names |= {f"{name}.{part}_{axis}" for axis in AXES}
-                if drive is not None and abs(drive).max() > _NONE * largest:
-                    names.add(f"{name}.drive")
+            exerted = {name: joined.exerted(motion.taken(np.array([instant])), name, multipliers[None, own])
+                       for name, own in where.items()}  # fmt: skip
+            drives = {name: drive for name, (_, drive) in exerted.items() if drive is not None}
+            names |= self_equilibrated_names({name: wrench for name, (wrench, _) in exerted.items()}, drives)
     return frozenset(names)

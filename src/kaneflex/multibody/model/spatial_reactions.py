@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.multibody.dynamics.spatial_work import Instants
+from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.support.kept import Kept
 
 COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")
 """Components of a joint's force and moment, global."""
-_NONE = 1e-7
-"""Share of the largest force below which one by self-equilibrated multipliers counts as zero."""
 
 
 class _TreeJoints(NamedTuple):
@@ -65,35 +64,17 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[str]:
-    """Names of the forces and moments of joints and drives that are statically indeterminate in some of the states.
-
-    A force or a moment is indeterminate with all its components: those that a combination of multipliers leaves out
-    depend on the position.
-    """
+    """Names of the forces and moments of joints and drives that are statically indeterminate in some of the states."""
     found: set[str] = set()
     for state in states:
         for multipliers in without_work(system, state):
-            found |= _exerted_by(system, multipliers)
+            wrenches = {name: each[0] for name, each in joint_wrenches(system, system.passed_on(multipliers)).items()}
+            along = system.work.J[:, system.driven_speeds].T @ multipliers
+            found |= self_equilibrated_names(wrenches, dict(zip(system.driven, along, strict=True)))
     return frozenset(found)
 
 
 def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
     """Self-equilibrated multipliers of redundant rows; ``work`` then has the state."""
-    from scipy.linalg import null_space
-
-    J = system.jacobian(state.q)
-    for combination in null_space(J[:, system.open_speeds].T, rcond=1e-9).T if len(J) else ():
+    for combination in self_equilibrated(system.jacobian(state.q)[:, system.open_speeds]).T:
         yield combination / system.row_measure
-
-
-def _exerted_by(system: SpatialSystem, multipliers: np.ndarray) -> set[str]:
-    """Names of the forces and moments of multipliers, at the position of ``work``."""
-    alone = system.passed_on(multipliers)
-    least = _NONE * max(abs(alone.wrenches).max(), abs(multipliers).max())
-    found: set[str] = set()
-    for joint, (values,) in joint_wrenches(system, alone).items():
-        for part, own in (("force", values[:3]), ("moment", values[3:])):
-            if abs(own).max() > least:
-                found |= {f"{joint}.{name}" for name in COMPONENTS if name.startswith(part)}
-    along = system.work.J[:, system.driven_speeds].T @ multipliers
-    return found | {f"{name}.drive" for name, value in zip(system.driven, along, strict=True) if abs(value) > least}

@@ -17,6 +17,7 @@ from kaneflex.multibody.dynamics import spatial_entries
 from kaneflex.multibody.dynamics.spatial_entries import LACKED, NEAR
 from kaneflex.multibody.dynamics.spatial_instant import DONE, check
 from kaneflex.multibody.dynamics.spatial_work import Instants, Laws, Work, work_of
+from kaneflex.multibody.model.determinacy import virtual_inertia
 from kaneflex.multibody.model.layout import STRUCTURE_KERNELS, Handle
 from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.multibody.model.spatial_layout import (
@@ -41,7 +42,7 @@ from kaneflex.multibody.model.spatial_layout import (
 )  # fmt: skip
 from kaneflex.multibody.model.spatial_topology import build_tables
 from kaneflex.multibody.time.spatial_revolutions import ball_about
-from kaneflex.multibody.time.spatial_steps import Choice, Steps, blocks_of, virtual_inertia
+from kaneflex.multibody.time.spatial_steps import Choice, Steps, blocks_of
 from kaneflex.scene import Scene
 
 _LIGHT = 1e-9

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.multibody.dynamics.articulated import FREEDOMS, MODAL, PUSH, SHAPES
+from kaneflex.multibody.dynamics.articulated import SHAPES
 from kaneflex.multibody.dynamics.spatial_work import Work
 from kaneflex.multibody.model.layout import Handle
 from kaneflex.multibody.model.spatial_layout import COORDINATE, COUNT, KIND, SLIDE, SPEED, TURN, Layout, Tables
@@ -144,28 +144,3 @@ def blocks_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     found = [(np.ravel(shapes.stiffness), np.ravel(shapes.damping)) for _, shapes in in_order]
     none = [np.zeros(0)]
     return np.concatenate(none + [K for K, _ in found]), np.concatenate(none + [C for _, C in found])
-
-
-_NOTHING = 1e-12
-"""Share of the largest inertia that counts as none."""
-
-
-def virtual_inertia(
-    dependent: np.ndarray, M: np.ndarray, measure: np.ndarray, bodies: np.ndarray, free: np.ndarray
-) -> np.ndarray:
-    """Virtual inertia of dependent speeds whose pivot in a recursion over the tree would vanish, (s,).
-
-    M: mass matrix; free: mask of speeds without drives. The recursion eliminates the outermost body first, of each its
-    shapes, then its joint.
-    """
-    lent = np.zeros(len(measure))
-    A = M * np.outer(measure, measure)
-    most = A.diagonal().max(initial=0.0)
-    for body in bodies[::-1]:
-        shapes, joint = (range(body[first], body[first] + body[n]) for first, n in ((MODAL, SHAPES), (PUSH, FREEDOMS)))
-        for s in filter(free.__getitem__, (*shapes, *joint)):
-            if A[s, s] <= _NOTHING * most and s in dependent:
-                lent[s], A[s, s] = most / measure[s] ** 2, A[s, s] + most
-            if A[s, s] > 0.0:
-                A = A - np.outer(A[:, s], A[s]) / A[s, s]
-    return lent
