@@ -11,13 +11,14 @@ from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
 TOPICS = {
-    "Links and bodies": r"scene/(beams|bodies|sections|materials|profile|rotation)|multibody/(stage|shape_families)",
-    "Joints, drives and loops": r"scene/(drive|parts)|mechanism/|multibody/(held_twice|rigid_twin|spatial|counted)",
+    "Links and bodies": r"scene/(beams|bodies|sections|materials|profile|rotation)|multibody/model/shape",
+    "Joints, drives and loops": r"scene/(drive|parts)|mechanism/|fem/(interface|mobility)"
+    r"|multibody/(model/(massless|redundant|rigid_ref|spatial)|time/(revolutions|initial))",
     "Loads, laws and springs": r"scene/(law|load|springs|headings|tables)|support/units|solve/law",
-    "Contacts and friction": r"scene/(contact|friction)|solve/contact",
+    "Contacts and friction": r"scene/(contact|friction)|solve/(contact|touching)",
+    "Links from finite elements": r"fem/(foreign|matrices|modal|recovery|craig|import)|cli/importing|scene/modal",
+    "Solving": r"solve/|multibody/|fem/|integrate/|scene/(option|start)",
     "Units, names and files": r"scene/|support/",
-    "Links from finite elements": r"fem/(foreign|matrices|modal|recovery|craig|interface|mobility)|cli/importing",
-    "Solving": r"solve/|multibody/|fem/",
     "Studies and commands": r"",
 }
 """Heading -> modules whose errors stand under it, by the first pattern that matches."""
@@ -64,16 +65,19 @@ def messages() -> Iterator[tuple[str, str, str, str]]:
 
 
 def _refused_by(made: ast.FunctionDef) -> Iterator[tuple[str, str, str]]:
-    """Those of one function, whose words may have a name in it."""
-    named = {
-        target.id: node.value
+    """Those of one function, whose words may have a name in it: the last one given before."""
+    named = [
+        (target.id, node.lineno, node.value)
         for node in ast.walk(made) if isinstance(node, ast.Assign)
         for target in node.targets if isinstance(target, ast.Name)
-    }  # fmt: skip
+    ]  # fmt: skip
     for call in ast.walk(made):
         kind = call.func.id if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) else ""
-        words = [_said(each, named) for each in call.args] if kind in _WORDS else []
-        said = words[_WORDS.get(kind, 2) - 2 :][:2]
+        if kind not in _WORDS:
+            continue
+        before = {name: value for name, line, value in sorted(named, key=lambda each: each[1]) if line < call.lineno}
+        words = [_said(each, before) for each in call.args]
+        said = words[_WORDS[kind] - 2 :][:2]
         if len(said) == 2 and all(each.strip(". ") for each in said):  # else its words are elsewhere
             yield words[0] if kind == "SceneError" else "the entry", *said
 

@@ -41,9 +41,10 @@ RULES = """
 - **Slow motions** (a step covers thousands of vibration periods) and **stiff links next to soft ones**: use `radau`
   or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state, and say so.
 - **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; with `gauss`
-  and `newmark` a run warns if forces by the equations of motion differ from those by the change of velocities.
-- **`coupled` at low speed**: forces are right. At 60 rpm vibrations within the tolerance accelerate as much as the
-  motion; a run warns. Below about 0.01 rpm a cycle takes millions of steps.
+  and `newmark` a run warns if forces from the equations of motion differ from forces computed by differences of
+  velocities.
+- **`coupled` at low speed**: forces are right. At 60 rpm vibrations that are smaller than the tolerance have
+  accelerations as large as those of the motion; a run warns. Below about 0.01 rpm a cycle takes millions of steps.
 - **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not show it;
   `coupled` works.
 - **Steps longer than the vibration periods**: a run warns of unstable steps; only `exact-modal` (preset `paper`)

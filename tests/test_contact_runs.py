@@ -288,7 +288,7 @@ def test_what_needs_a_smooth_motion_refuses_contacts():
         linearise(load(scene))
     with pytest.raises(SceneError, match=r"with contacts\.floor the instants of impacts depend"):
         check_differentiable(scene, continued=False)
-    with pytest.raises(SceneError, match=r"contacts\.floor: a contact is not built in the peer"):
+    with pytest.raises(SceneError, match=r"contacts\.floor: a contact is not supported by the other program"):
         check_buildable(scene)
 
 

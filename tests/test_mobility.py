@@ -115,7 +115,7 @@ def test_what_nothing_drives(tmp_path, nothing_is_derived):
 
 def test_rigid_bodies_that_elastic_ones_can_not_carry_name_the_preset_that_can(tmp_path, nothing_is_derived):
     said = refused(tmp_path, CARRIED_RHOMBUS)
-    assert "hold it between rigid bodies, so it can't follow the links" in said and "Use preset coupled" in said
+    assert "connect it to rigid bodies that the links move apart" in said and "Use preset coupled" in said
 
 
 TWO_AT_A_POINT = """

@@ -486,6 +486,11 @@ def test_an_enlargement_opens_no_joint_and_lets_no_body_pass_another():
     assert not enlarged_module._cross([straight], [straight])
 
 
+def test_paths_of_a_flat_mechanism_leave_no_white_space():
+    """The page of the engine, three times as long as high, was five inches high."""
+    assert drawn("rigid")["paths"].get_size_inches()[1] < 3.5
+
+
 def test_ticks_across_a_link_are_across_it():
     line = np.outer(np.linspace(0.0, 1.0, ALONG_LINK), [3.0, 4.0])
     strokes = ticks(line).reshape(-1, 3, 2)[:, :2]
@@ -500,6 +505,16 @@ def test_a_rigid_mechanism_is_drawn_at_its_largest_joint_force():
     title = figure.axes[0].get_title(loc="left")
     assert figure.get_suptitle() == "engine: rigid mechanism" and "largest joint force of the run" in title
     assert float(re.search(r"([\d.]+) kN", title)[1]) >= round(1e-3 * max(map(np.max, forces)), 1)
+
+
+def test_a_mechanism_of_indeterminate_joint_forces_is_drawn_at_its_largest_speed():
+    """Bricard's loop falls from rest: no joint is slower than the measured corner."""
+    solution = solve(load(with_settings(read_scene("bricard"), ["solve.steps=100"])))
+    with styled():
+        title = figures_of_worst(solution)["mechanism"].axes[0].get_title(loc="left")
+    corner = [np.gradient(solution.series[f"corner_{axis}"].values, solution.times) for axis in "xyz"]
+    told = re.search(r"t = 1.00 s\nlargest joint speed of the run, ([\d.]+) m/s", title)
+    assert told is not None and float(told[1]) >= 0.99 * np.linalg.norm(corner, axis=0).max() > 1.0
 
 
 @pytest.mark.parametrize("name", ["engine", "spatial-slider-crank-elastic"])

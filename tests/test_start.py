@@ -225,8 +225,8 @@ def test_turns_that_a_drive_takes_from_a_spring_are_refused():
     """After two turns the drive begins at zero anew, and the spring at it would have lost them."""
     driven = COILS.replace("hinge = {free = true, initial_speed = 10.0}", 'hinge = {speed = "2 rps"}')
     state = solved(scene_of(driven)).state()
-    with pytest.raises(SceneError, match=r"a torsional spring counts the turns of hinge, which is given at 720 deg, .*"
-                       r"at -?\d\S* deg\. Continue with --after"):  # fmt: skip
+    with pytest.raises(SceneError, match=r"the state has hinge at 720 deg, .* starts at -?\d\S* deg, and a "
+                       r"torsional spring depends on these whole turns\. Continue with --after"):  # fmt: skip
         load(with_settings(scene_of(driven), starting(state)))
     ahead = driven.replace('"2 rps"', '"2 rps", angle = "720 deg"')
     found = solved(scene_of(ahead), *starting(state))

@@ -22,7 +22,7 @@ def draw(sections: Mapping[str, Rows], path: Path) -> None:
     }
     with styled():
         lines = -(-len(panels) // 2)
-        figure = new_figure(11.0, 4.2 * max(lines, 1), "kaneflex beside other ways to the same numbers")
+        figure = new_figure(11.0, 4.2 * max(lines, 1), "kaneflex compared with other solvers")
         for k, (panel, rows) in enumerate(panels.values()):
             panel(figure.add_subplot(lines, min(2, len(panels)), k + 1), rows)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -59,7 +59,7 @@ def scaling(axes: Axes, rows: Rows) -> None:
 
 
 def precision(task: str) -> Callable[[Axes, Rows], None]:
-    """Time over error, the cheapest and most wrong first."""
+    """Time over error, the largest error first."""
 
     def panel(axes: Axes, rows: Rows) -> None:
         chosen = [row for row in rows if row.time and row.error and row.task == task]
@@ -67,8 +67,8 @@ def precision(task: str) -> Callable[[Axes, Rows], None]:
             points = [(row.error, 1e3 * row.time.median) for row in chosen if row.candidate == name]
             axes.loglog(*zip(*points, strict=True), marker="o", markersize=3, label=name)
         axes.invert_xaxis()
-        axes.set_title(f"{task}:\nwork over precision")
-        axes.set_xlabel("error, of the largest deflection")
+        axes.set_title(f"{task}:\ntime over error")
+        axes.set_xlabel("error / largest deflection")
         axes.set_ylabel("time [ms]")
         axes.legend()
 
@@ -78,7 +78,7 @@ def precision(task: str) -> Callable[[Axes, Rows], None]:
 def latency(axes: Axes, rows: Rows) -> None:
     chosen = [row for row in rows if row.time and not row.unit and row.task.startswith(("cold", "warm"))]
     values = [(f"{row.task}: {row.candidate}", row.time.median, "kaneflex" if row.target else "") for row in chosen]
-    bars(axes, values, "Whole processes", "processor's time [s]", logarithmic=False)
+    bars(axes, values, "Whole processes", "processor time [s]", logarithmic=False)
 
 
 def bars(

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     help="Coordinate of a drive, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. "
     "[default: as at the start of the run]",
 )  # fmt: skip
-@click.option("--branches", is_flag=True, help="Draw all ways in which the loops close, and what chooses each.")
+@click.option("--branches", is_flag=True, help="Draw all ways in which the loops close, with the entry for each.")
 @force_option
 @json_option
 @gathered(asked=SceneArguments)

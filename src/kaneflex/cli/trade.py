@@ -63,7 +63,7 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
 @command(renamed={"--sensor": "--sensors"})
 @_options("terms")
 def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
-    """Print the cost of each group of terms of SCENE, its effect on the sensors, and whether the tolerance needs it.
+    """Print the cost of each group of terms of SCENE, its effect on the sensors, and if the tolerance requires it.
 
     Each group is left out of preset stiffened, one at a time: spin, gyroscopic, Euler and geometric terms, damping,
     axial deformation, each load, dynamics, two-way coupling and others that the scene has. If the motion is periodic
@@ -147,7 +147,7 @@ def price_table(found: Prices) -> str:
     """Table of the change of each sensor by each clearance, with its error estimate."""
     from kaneflex.report.tables import table, unit_shown
 
-    head = ("sensor", "unit", "peak tight", "with", "change", "known to", "rms tight", "with", "change", "known to")
+    head = ("sensor", "unit", "peak without", "with", "change", "+-", "rms without", "with", "change", "+-")
     parts = []
     for each in found.prices:
         rows = []
@@ -167,7 +167,7 @@ def price_table(found: Prices) -> str:
 
 _CHAOS = (
     "Peaks and rms are those of the whole run, since motions with impacts diverge and cannot be compared instant by\n"
-    "instant. The error estimate is the difference from a run with solve.tolerance divided by ten."
+    "instant. The error estimate (+-) is the difference from a run with solve.tolerance divided by ten."
 )
 
 

@@ -76,8 +76,8 @@ def _naming_the_steps(found: Beginning, run: Run) -> Beginning:
         return found
     growth = abs(found.multipliers[0])
     message = (
-        f"unstable steps: with {run.method} a disturbance grows by {growth:.4g} in a cycle, in the "
-        "machine it does not; use integrator radau, or more steps"
+        f"unstable steps: with {run.method} a disturbance grows by {growth:.4g} in a cycle, although "
+        "the motion is stable; use integrator radau, or more steps"
     )
     return replace(found, state=None, message=message)
 

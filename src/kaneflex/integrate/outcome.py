@@ -20,7 +20,7 @@ class Outcome(Enum):
     SINGULAR = "singular step: a pivot of its equations vanishes"
     NO_PERIODIC_STATE = "no periodic state: a Floquet multiplier equals one"
     CASCADE = "cascade: contacts close and open without end at one instant"
-    PARADOX = "paradox: friction that no way to stick or slip agrees with"
+    PARADOX = "paradox: no combination of sticking and sliding satisfies the friction laws"
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
     """
     n = setup.system.n
     if (work := _FOR_A_STEP * period_steps * float(n) ** 2) > _MOST_OPERATIONS:
-        reason = f"its {n} coordinates in {period_steps} steps are {2 * n} states a cycle: {work:.1g} operations"
+        reason = f"{n} coordinates and {period_steps} steps would need {work:.1g} operations for the map of a cycle"
         cure = "Set solve.reduction = 'craig-bampton' and solve.modes, use fewer elements, or start from zero"
         raise SceneError("solve.start", "periodic", reason, cure)
     cycle = over_a_cycle(setup, period_steps)
@@ -235,7 +235,7 @@ def _verdict(multipliers: np.ndarray, blur: float) -> tuple[Outcome, str]:
     largest = multipliers[0]
     if 1.0 + _UNSTABLE < abs(largest) < 1.0 + blur:
         outcome, cure = Outcome.NO_PERIODIC_STATE, "use integrator generalised-alpha, preset quasistatic or more steps"
-        reason = f"{_multiplier_text(largest)}, to the rounding of steps that are far longer than the fastest periods"
+        reason = f"{_multiplier_text(largest)} within rounding, as the steps are far longer than the shortest periods"
         return outcome, f"{outcome.value}: {reason}; {cure}"
     if abs(largest) > 1.0 + _UNSTABLE:
         return Outcome.UNSTABLE, exceeds_one(largest)

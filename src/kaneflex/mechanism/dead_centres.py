@@ -61,8 +61,8 @@ class Closing:
         if self.is_angle and least < _NEAR:
             return (
                 f"{at}{self.name} is {math.degrees(least):.2g} deg from a dead centre: joint forces are up to "
-                f"{1.0 / max(math.sin(least), 1e-9):.3g} times the transmitted force, and clearance decides the "
-                "further motion; 40 deg or more is usual"
+                f"{1.0 / max(math.sin(least), 1e-9):.3g} times the transmitted force, and clearance decides "
+                "which way the mechanism goes on; keep 40 deg or more"
             )
         if not self.is_angle and least < _WEAK * self.values.max():
             return (

@@ -212,7 +212,7 @@ def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
                 return group
     raise SceneError(
         "drives", ", ".join(mechanism.drives) or None, f"the position of {', '.join(waiting)} is not determined",
-        "Drive or join these bodies: each needs three constraints, drives counted; or let one be free",
+        "Drive or join these bodies: each needs three constraints by joints and drives; or let one be free",
     )  # fmt: skip
 
 

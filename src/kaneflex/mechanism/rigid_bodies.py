@@ -92,7 +92,7 @@ def carried_bodies(scene: Scene) -> dict[str, Carried]:
         if len(holders[name]) > 1:
             joints = " and ".join(joint for joint, _, _ in holders[name])
             raise SceneError(
-                f"bodies.{name}", "rigid", f"{joints} hold it between rigid bodies, so it can't follow the links",
+                f"bodies.{name}", "rigid", f"{joints} connect it to rigid bodies that the links move apart",
                 "Use preset coupled or rigid, give one of these bodies a beam, or leave one of the joints out",
             )  # fmt: skip
         carried[name] = _carry(scene, holders[name][0], prescribed) if holders[name] else Carried("free", (0.0, 0.0))

@@ -34,7 +34,8 @@ def has_elastic(scene: Scene) -> bool:
 
 
 def _problem(key: str, value: object, reason: str) -> Problem:
-    return Problem(key, value, f"{reason} is not built in the peer", "Compare presets instead, or leave it out")
+    reason = f"{reason} is not supported by the other program"
+    return Problem(key, value, reason, "Compare presets instead, or leave it out")
 
 
 def _bodies(scene: Scene) -> Iterator[Problem]:
@@ -140,13 +141,13 @@ def torque_by_speed(scene: Scene, name: str) -> tuple[float, float] | None:
 def _solving(scene: Scene) -> Iterator[Problem]:
     if scene.solve.start == "quasistatic":
         yield Problem(
-            "solve.start", "quasistatic", "the peer starts from the undeformed state", "Set solve.start=zero"
+            "solve.start", "quasistatic", "the other program starts from the undeformed state", "Set solve.start=zero"
         )
     if isinstance(scene.solve.start, Start):
         yield _problem("solve.start", None, "a state to start from")
     if scene.solve.start == "periodic" and (scene.damping is None or not scene.damping.rayleigh):
         yield Problem(
-            "solve.start", "periodic", "the peer finds it by waiting, and without Rayleigh damping nothing settles",
+            "solve.start", "periodic", "the other program runs until transients decay, which needs Rayleigh damping",
             "Set solve.start=zero and a duration, or give damping",
         )  # fmt: skip
 
@@ -176,7 +177,7 @@ def cycles_to_steady_state(scene: Scene, options: Options) -> int:
     cycles = 1 + math.ceil(-math.log(_LEFT_OF_TRANSIENT) / decay) if decay else math.inf
     if cycles > _MOST_CYCLES:
         raise SceneError(
-            "damping.rayleigh.ratio", rayleigh.ratio, f"the peer needs {cycles} cycles to settle",
+            "damping.rayleigh.ratio", rayleigh.ratio, f"the other program needs {cycles} cycles until transients decay",
             "Set solve.start=zero",
         )  # fmt: skip
     return cycles

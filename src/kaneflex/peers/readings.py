@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kaneflex.peers.exudyn_spatial import Built as SpatialBuilt
     from kaneflex.peers.exudyn_system import Built
 
-NO_COUNTERPART = "the peer has no counterpart"
+NO_COUNTERPART = "the other program has no such sensor"
 NOT_SHARED = "there is no rigid motion that both share"
 _RATES = ("Coordinates", "Coordinates_t", "Coordinates_tt")
 

@@ -70,17 +70,17 @@ def draw_all(
     solution : Solution
         From :func:`kaneflex.simulate`; one that stopped early is drawn up to where it stopped.
     folder : path
-        Made where it does not exist; pictures of the same names are replaced.
+        Created if needed; pictures of the same names are replaced.
     progress : callable, optional
         Called with the finished share of the work, 0 to 1.
     frames : int, optional
         Instants of the animation; by default 60.
     seconds : float, optional
-        How long the animation lasts; by default 12 instants are shown in a second.
+        Duration of the animation; by default 12 frames per second.
     mp4 : bool
         Whether the animation is written as MP4, too; extra ``mp4`` brings the encoder.
     kinds : str
-        Comma-separated names of :data:`kaneflex.plots.KINDS`; "svg" writes SVG beside PNG, "all" is everything.
+        Comma-separated names of :data:`kaneflex.plots.KINDS`; "svg" also writes SVG files, "all" draws everything.
 
     Returns
     -------
@@ -141,18 +141,18 @@ def figures(solution: Solution, kinds: str = _ALL) -> dict[str, Figure]:
 
 @takes(scene="scene", at="places")
 def show(scene: SceneLike, at: Mapping[str, float] | None = None) -> Figure:
-    """The drawing of a scene with its bodies, joints, drives, loads and sensors; nothing is solved for it.
+    """Drawing of a scene with its bodies, joints, drives, loads and sensors; the scene is not solved.
 
     Parameters
     ----------
     scene : Scene, Model, Solution or path
     at : mapping of str to float, optional
-        Drive -> coordinate [rad or m] at which it is drawn; by default as the run starts.
+        Coordinates of drives by name [rad or m]; by default those at the start of the run.
 
     Raises
     ------
     SceneError
-        If the mechanism can't stand there; for a place of one in space, which is drawn as it starts.
+        If the loops cannot close there, or if ``at`` is given for a scene in space, which is drawn at its start.
     """
     from kaneflex.plots.style import styled
     from kaneflex.scene.read import scene_from
@@ -195,7 +195,7 @@ def explore(
     sensors : sequence of str, optional
         Sensors to show; by default those of the first four kinds.
     window : bool
-        False returns the window as it opens, and opens none.
+        False opens no window and returns its first picture as a Figure.
 
     Returns
     -------
@@ -207,7 +207,7 @@ def explore(
     SceneError
         For an entry that cannot vary, and an unknown sensor.
     UserError
-        Where matplotlib can open no window.
+        If matplotlib cannot open a window.
     """
     from kaneflex.plots import explorer
     from kaneflex.plots.style import styled

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from kaneflex.plots.drawing import MM, draw_outline, draw_scenery, draw_triad, frame_axes
 from kaneflex.plots.enlarged import Enlarged, caption_at, enlarged
 from kaneflex.plots.link_colours import LinkColours, displacement_field, stress_field
+from kaneflex.plots.paths import velocity
 from kaneflex.plots.style import new_figure, readable
 from kaneflex.plots.view import View, view
 from kaneflex.response.section_forces import joint_force
@@ -40,7 +41,7 @@ class _Worst(NamedTuple):
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``mechanism``: at the instant of the largest stress; else of the largest displacement, joint force or load."""
+    """``mechanism``: at the instant of the largest stress; else of the largest displacement, joint force or speed."""
     worst = _worst(solution)
     shown = View(solution, np.array([worst.instant]))
     found = enlarged(shown)
@@ -92,7 +93,14 @@ def _worst(solution: Solution) -> _Worst:
         factor, unit = readable("N", forces[name])
         told = f"\nlargest joint force of the run, {factor * forces[name].max():.3g} {unit}, in {picture_text(name)}"
         return _Worst(int(forces[name].argmax()), told, joint=name)
-    return _Worst(0)
+    speeds = {name: np.linalg.norm(velocity(shown, point), axis=0) for name, joint in scene.joints.items()
+              for point in joint.addresses if point.body != "ground"}  # fmt: skip
+    if not speeds:
+        return _Worst(0)
+    name = max(speeds, key=lambda each: float(speeds[each].max()))
+    factor, unit = readable("m/s", speeds[name])
+    told = f"\nlargest joint speed of the run, {factor * speeds[name].max():.3g} {unit}, of {picture_text(name)}"
+    return _Worst(int(shown.instants[speeds[name].argmax()]), told, joint=name)
 
 
 def _joint_forces(solution: Solution) -> dict[str, np.ndarray]:

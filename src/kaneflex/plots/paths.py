@@ -35,7 +35,8 @@ def figures(solution: Solution) -> dict[str, Figure]:
     curves = _together(shown, points, _ONE * fixed.size)
     note = "" if len(curves) <= len(PALETTE) else f", the first {len(PALETTE)} of {len(curves)}"
     figure = new_figure(11.8, 5.0, f"Paths and hodographs{shown.note}{note}")
-    path, hodograph = figure.subplots(1, 2)
+    grid = figure.add_gridspec(1, 2)
+    path, hodograph = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
     outline = rigid_outline(scene, shown.rigid, fixed)
     draw_scenery(path, fixed, outline)
     draw_outline(path, outline, 0, ghost=True)
@@ -49,6 +50,9 @@ def figures(solution: Solution) -> dict[str, Figure]:
     frame_axes(path, [outline], fixed)
     hodograph.plot(0.0, 0.0, "+", color="black", markersize=9)
     hodograph.set(aspect="equal", adjustable="datalim", xlabel=f"v_x [{unit}]", ylabel=f"v_y [{unit}]")
+    shape = float(np.ptp(path.get_ylim()) / np.ptp(path.get_xlim()))
+    figure.set_size_inches(11.8, min(5.0, 1.2 + 4.8 * shape))  # no white space around a flat mechanism ...
+    grid.set_width_ratios((min(1.0, 0.8 / shape), 1.0))  # ... or a tall one
     path.set_title(f"Paths, starting at the ring, {dotted(shown)}")
     hodograph.set_title("Hodographs: velocity vectors from one origin")
     legend_beside(hodograph)

@@ -18,15 +18,15 @@ _SIDE = 0.38
 
 
 def figure(found: Prices) -> Figure:
-    """A panel for each part, a pair of bars for each sensor, with what they are known to."""
+    """A panel for each part, a pair of bars for each sensor, with error estimates."""
     counts = [len(price.changes) for price in found.prices]
     height = 1.3 + sum(0.9 + 0.5 * count for count in counts)
-    page = new_figure(9.0, height, f"{found.scene.name}: what clearances change")
+    page = new_figure(9.0, height, f"{found.scene.name}: effect of clearance and friction")
     panels = page.subplots(len(counts), 1, squeeze=False, height_ratios=[1.8 + count for count in counts])[:, 0]
     for axes, price in zip(panels, found.prices, strict=True):
         _panel(axes, price)
     panels[0].legend(loc="lower right", fontsize=8)
-    panels[-1].set_xlabel("with it, as a multiple of the value without; lines: with a tenth of the tolerance of a step")
+    panels[-1].set_xlabel("value with it / value without; black lines: error estimate")
     return page
 
 

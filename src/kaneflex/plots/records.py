@@ -236,7 +236,7 @@ def marked(solution: Solution, reach: float) -> list[tuple[float, str, str | Non
     kinds = (
         (np.array(sorted(speeds)) / (2 * math.pi), ":", "drive"),
         (natural, "--", "natural, where nothing touches" if scene.contacts else "natural, at the reference angle"),
-        (np.abs(high - np.round(high / sampling) * sampling), "-.", "natural, folded back by sampling"),
+        (np.abs(high - np.round(high / sampling) * sampling), "-.", "natural, aliased by the sampling"),
     )
     marked = []
     for values, style, what in kinds:

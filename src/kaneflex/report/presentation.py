@@ -116,8 +116,8 @@ def _options(model: Model) -> dict[str, str]:
     if dynamics == "rigid":
         return shown
     if dynamics == "coupled":
-        error = f"error in ten periods of a vibration {options.tolerance:g} of the longest body"
-        bounded = f", of {' and '.join(options.bounded)} as much of their largest" if options.bounded else ""
+        error = f"tolerance {options.tolerance:g} of the longest body's length"
+        bounded = f", for {' and '.join(options.bounded)} of their largest value" if options.bounded else ""
         if moves_with_links(model.scene, dynamics):
             shown["integrator"] = f"{options.integrator}, {error}{bounded}"
         shown["start"] = _STARTS[options.start]
@@ -219,8 +219,8 @@ def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) ->
 def _overconstrained(twice: int) -> str:
     """Explanation for joints that leave more freedoms than Gruebler's formula counts."""
     return (
-        f"that the joints leave, drives not counted: {twice} of their constraints redundant for these lengths and "
-        "angles, reactions there statically indeterminate; preset coupled supports this"
+        f"without drives, by the rank of the constraints: {twice} redundant for these lengths and angles, so "
+        "reactions are statically indeterminate; preset coupled supports this"
     )
 
 

@@ -161,7 +161,7 @@ def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
     at = f"t = {rigid.times[int(factors.argmin())]:.4g} s"
     if options.geometric:
         return [
-            f"the axial forces exceed a buckling load at {at}: {factors.min():.3g} times them reach it; check with "
+            f"the axial forces exceed a buckling load at {at}, with a load factor of {factors.min():.3g}; check with "
             f"kaneflex stability whether the motion is stable"
         ]
     return [

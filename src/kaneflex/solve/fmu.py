@@ -93,7 +93,7 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
     -------
     Fmu
         Inputs are the values of constant loads [N or N m], parameters the drives' speeds and angles and the offsets of
-        tables, outputs the sensors. It starts from the initial state of the scene's run, whatever they are set to.
+        tables, outputs the sensors. It starts from the initial state of the scene's run, also if parameters change.
 
     Raises
     ------

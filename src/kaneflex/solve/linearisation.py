@@ -45,7 +45,7 @@ def linearise(model: SceneLike, t: float | None = None, sensors: Sequence[str] |
     Parameters
     ----------
     model : Model, Solution, Scene or path
-        A frozen model has the matrices of its own angle.
+        Under preset ``paper`` the matrices are those of ``solve.mode_angle``.
     t : float, optional
         Instant [s]; by default the one at which the first drive is at ``solve.mode_angle``.
     sensors : sequence of str, optional

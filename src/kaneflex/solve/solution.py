@@ -57,7 +57,7 @@ class Solution(RunResult):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the model, then of the run; those of the complete run for a part of it."""
+        """Warnings of the model, then of the run; a part of a run has those of the complete run."""
         if isinstance(self.whole, Solution):
             return self.whole.warnings
         from kaneflex.solve.validity import validity_warnings

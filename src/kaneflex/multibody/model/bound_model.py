@@ -52,13 +52,13 @@ class Model:
     Attributes
     ----------
     scene, options
-        What is modelled, and how.
+        Scene without entries that the options do not use, and all options resolved.
     motion : RigidKinematics
         Rigid motion; before a run that integrates free joints, at its start only.
     links : mapping of str to Link
         Elastic bodies with their meshes.
     parts : mapping of str to Part
-        The links as they were assembled, reduced where asked.
+        The links as assembled, reduced if requested.
     bases : mapping of str to ndarray
         Craig-Bampton basis of each reduced link.
     interfaces, frame
@@ -66,19 +66,20 @@ class Model:
     equations : ElasticEquations
         Assembled and constrained, in the coordinates ``coordinates``.
     reduced : ElasticEquations
-        What is integrated: the same, or in modes of the whole mechanism, and frozen where the preset says so.
+        The integrated equations: ``equations``, or their form in modes of the mechanism; frozen under preset ``paper``.
     modal_basis : ndarray or None
-        Modes of the whole mechanism that the motion is sought in, one a column.
+        Modes of the whole mechanism in columns, if the motion is computed in them.
     reference_time : float
-        Instant [s] at which the first drive stands at ``options.mode_angle``; 0 where it never does.
+        Instant [s] at which the first drive is at ``options.mode_angle``; 0 if it never is.
     coupled : CoupledSystem or None
         The coupled equations, under preset ``coupled``.
     energy : Energy or None
-        Of the rigid mechanism or, in space, of the coupled one: of the model of a run that integrated its motion.
+        Energies of a motion that was integrated before the elastic equations: of the rigid mechanism with free joints
+        or, in space under ``coupled``, of the elastic one. None before the run.
     seconds : mapping
         Wall time of the stages of loading.
     given : Scene or None
-        What was loaded: ``scene`` lacks what the options have no use for.
+        The scene as it was loaded, with all entries.
     """
 
     scene: Scene
@@ -121,9 +122,9 @@ class Model:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Elastic ones before any reduction; bodies with modal data have their shapes.
+        """Number of elastic degrees of freedom before any reduction, or of shapes for bodies with modal data.
 
-        Of coupled equations without an elastic stage: free coordinates and all shapes.
+        In a coupled model without linear elastic equations: number of free coordinates and of all shapes.
         """
         if self.bare or self.coupled_in_space is not None:
             return self.solved_for
@@ -218,11 +219,11 @@ class Model:
         return self._at("K_s", t)
 
     def K_d(self, t: float) -> np.ndarray:
-        """Spin and Euler stiffness at time t [s], with T' and T'' of the joints where the preset keeps them; (n, n)."""
+        """Spin and Euler stiffness at time t [s], with the terms of turning joint axes if in use, shape (n, n)."""
         return self._at("K_d", t)
 
     def K_c(self, t: float) -> np.ndarray:
-        """Stiffness by damping that turns with the links, at time t [s], shape (n, n)."""
+        """Stiffness due to damping in rotating links at time t [s], shape (n, n)."""
         return self._at("K_c", t)
 
     def K_g(self, t: float) -> np.ndarray:
@@ -245,8 +246,8 @@ class Model:
     def kernels(self) -> Kernels:
         """Compiled kernels of the integrated equations, with the term groups that the options keep, and argument p.
 
-        Raises SceneError under preset ``coupled``, whose matrices depend on where the mechanism goes, in space, and
-        with free joints before a run.
+        Raises SceneError under preset ``coupled``, whose matrices depend on the coordinates, in space, and with free
+        joints before a run.
         """
         from kaneflex.mechanism.kernels import Kernels, bind, place_of_points, scalars_of
 

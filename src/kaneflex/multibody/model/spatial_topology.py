@@ -169,8 +169,9 @@ def build_tables(
             continue
         if not hangs and name in mechanism.asked:
             raise SceneError(
-                f"joints.{name}", None, "it closes a loop whose other joints' coordinates are used, too",
-                "Use one coordinate less in this loop: in drives, laws and springs of joints",
+                f"joints.{name}", None,
+                "drives, laws or springs use the coordinates of all joints of the loop that it closes",
+                "Use one coordinate of this loop less: leave out a drive, a spring or a coordinate of a law",
             )  # fmt: skip
         found = _cut(maker, joint, rows, hangs)
         cuts += found

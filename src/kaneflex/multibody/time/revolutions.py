@@ -45,8 +45,8 @@ def check_turns_kept(
         if knows and round((turned - now[name]) / math.tau):
             raise SceneError(
                 "solve.start", "a table of a state",
-                f"{knows} counts the turns of {name}, which is given at {math.degrees(turned):.6g} deg, but drives, "
-                f"welds and guides start with it at {math.degrees(now[name]):.6g} deg",
+                f"the state has {name} at {math.degrees(turned):.6g} deg, but by drives, welds and guides it starts at "
+                f"{math.degrees(now[name]):.6g} deg, and {knows} depends on these whole turns",
                 "Continue with --after, or simulate(model, after=...), which also continues drives, or add turns to "
                 "the drives' angles",
             )  # fmt: skip

@@ -206,7 +206,8 @@ class Run:
             if damped > dry:
                 return Outcome.UNSTABLE, (
                     f"the step size tends to zero after {{at}}: at {name} bristle_damping times the speed is "
-                    f"{damped:.3g}, sliding friction {dry:.3g}; no force may equal both. Give a smaller bristle_damping"
+                    f"{damped:.3g}, sliding friction {dry:.3g}: the bristle force has no solution. Give a smaller "
+                    "bristle_damping"
                 )  # fmt: skip
         return None
 

@@ -151,7 +151,8 @@ def terms(
 ) -> Terms:
     """Drop each group of terms from preset ``stiffened``, one at a time, at the scene's own elements and steps.
 
-    Each by one linear solve if the motion is periodic and linear and this decides, else by a run.
+    The effect of a group follows from one linear solution if the motion is periodic and linear, and if the error of
+    this effect does not matter for the verdict; otherwise from a run.
 
     Parameters
     ----------
