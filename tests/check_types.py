@@ -21,7 +21,7 @@ BASELINE = {
     "plots": 38,
     "report": 6,
     "response": 41,
-    "scene": 68,
+    "scene": 66,
     "solve": 28,
     "study": 77,
     "support": 3,

@@ -115,7 +115,7 @@ def bending_matrices(loaded: Model) -> dict[str, np.ndarray]:
 def blade(elements: int, eta: float) -> tuple[dict[str, np.ndarray], float]:
     """Matrices at the speed eta sqrt(E I / (rho A l^4)), and that unit of speed [rad/s]."""
     body = read_scene("rotating-cantilever").bodies["blade"]
-    unit = float(np.sqrt(body.profile.at(0.0).E_I / body.profile.at(0.0).rho_A) / body.length**2)
+    unit = float(np.sqrt(body.profile.at(0.0).E_I_z / body.profile.at(0.0).rho_A) / body.length**2)
     loaded = model("rotating-cantilever", f"blade.elements={elements}", f"shaft.speed={eta * unit!r}")
     return bending_matrices(loaded), unit
 

@@ -13,8 +13,9 @@ from scipy.linalg import eig, eigh
 
 from kaneflex.fem.assembly import assemble
 from kaneflex.fem.links import craig_bampton, with_rayleigh
-from kaneflex.fem.spatial_links import SpatialLink, SpatialProperties, build_spatial_link, spatial_properties
+from kaneflex.fem.spatial_links import SpatialLink, build_spatial_link
 from kaneflex.mechanism.affine import Affine, as_array
+from kaneflex.scene.profile import Properties, element_parameters, properties_of
 from kaneflex.scene.sections import Shape
 from kaneflex.support.spatial_contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE
 
@@ -23,7 +24,7 @@ FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())["unifor
 ROTATING = json.loads((DATA / "rotating_cantilever.json").read_text())["table"]
 SWEPT = json.loads((DATA / "swept_tip_rotor.json").read_text())
 
-ROUND = SpatialProperties(rho_A=1.3, rho_I_y=2e-5, rho_I_z=2e-5, E_A=2e7, E_I_y=400.0, E_I_z=400.0, G_J=300.0)
+ROUND = Properties(rho_A=1.3, rho_I_y=2e-5, rho_I_z=2e-5, E_A=2e7, E_I_y=400.0, E_I_z=400.0, G_J=300.0)
 FLAT = ROUND._replace(rho_I_z=8e-5, E_I_z=1600.0)
 
 
@@ -31,9 +32,13 @@ def module(name: str):
     return importlib.import_module(f"kaneflex.generated.spatial_beam_{name}")
 
 
-def link(elements: int, at: SpatialProperties = FLAT, length: float = 1.5, theory: str = "euler_bernoulli", mu=None):
+def built(name, nodes, at, *more) -> SpatialLink:
+    return build_spatial_link(name, nodes, element_parameters(at, nodes), *more)
+
+
+def link(elements: int, at: Properties = FLAT, length: float = 1.5, theory: str = "euler_bernoulli", mu=None):
     nodes = np.linspace(0.0, length, elements + 1)
-    return build_spatial_link("blade", nodes, lambda x: at, module(theory), mu)
+    return built("blade", nodes, lambda x: at, module(theory), mu)
 
 
 def rows(of: SpatialLink, *names: str) -> list[int]:
@@ -90,8 +95,8 @@ def test_planar_link_is_contained():
     found = model("engine")
     rod, body = found.links["rod"], found.scene.bodies["rod"]
     here = body.profile.at(0.0)
-    at = FLAT._replace(rho_A=here.rho_A, E_A=here.E_A, E_I_z=here.E_I)
-    of = build_spatial_link("rod", rod.nodes, lambda x: at, module("euler_bernoulli"))
+    at = FLAT._replace(rho_A=here.rho_A, E_A=here.E_A, E_I_z=here.E_I_z)
+    of = built("rod", rod.nodes, lambda x: at, module("euler_bernoulli"))
     chosen = [6 * i + k for i in range(len(rod.nodes)) for k in (0, 1, 5)]
     scalars = {"omega": 130.0, "epsilon": -4e3, "a_x": 300.0, "a_y": -200.0, "P_0": 5e3}
     planar = {"rod.omega": 130.0, "rod.epsilon": -4e3} | {f"rod.link.{name}": scalars[name] for name in scalars}
@@ -127,12 +132,12 @@ def test_mass_and_pull_of_a_taper():
     """Of a cone: its mass by the load of a_x = 1, and the tension at its root that the free tip asks for."""
     radius = np.array([0.02, 0.008])
 
-    def at(x: float) -> SpatialProperties:
+    def at(x: float) -> Properties:
         here = radius[0] + (radius[1] - radius[0]) * x / 1.5
         shape = Shape.model_validate({"circle": 2 * here})
-        return spatial_properties(shape.spatial_numbers_of(shape.dimensions, 0.3), 2e11, 8e10, 7800.0)
+        return properties_of(shape.numbers_of(shape.dimensions, 0.3), 2e11, 8e10, 7800.0)
 
-    of = build_spatial_link("blade", np.linspace(0.0, 1.5, 7), at, module("euler_bernoulli_varying"))
+    of = built("blade", np.linspace(0.0, 1.5, 7), at, module("euler_bernoulli_varying"))
     mass = 7800 * np.pi / 3 * 1.5 * (radius[0] ** 2 + radius.prod() + radius[1] ** 2)
     pushed = matrix(of, "F", a_x=1.0)[:, 0]
     assert -pushed[::6].sum() == pytest.approx(mass, rel=1e-12)
@@ -201,8 +206,8 @@ def test_rotating_blade_is_the_planar_one():
     """The matrices of the shipped blade's planar link, and its frequencies to the solver's rounding."""
     found = model("rotating-cantilever")
     planar, here = found.links["blade"], found.scene.bodies["blade"].profile.at(0.0)
-    at = ROUND._replace(rho_A=here.rho_A, E_A=here.E_A, E_I_z=here.E_I)
-    of = build_spatial_link("blade", planar.nodes, lambda x: at, module("euler_bernoulli"))
+    at = ROUND._replace(rho_A=here.rho_A, E_A=here.E_A, E_I_z=here.E_I_z)
+    of = built("blade", planar.nodes, lambda x: at, module("euler_bernoulli"))
     speed = found.scene.drives["shaft"].speed
     P_0 = here.rho_A * speed**2 * of.length**2 / 2
     in_plane = {"blade.omega": speed, "blade.link.P_0": P_0}
@@ -264,7 +269,7 @@ def test_helical_spring():
     radius, wire, turns, each, pitch = 0.05, 0.004, 4, 72, 0.005
     E, G = 2e11, 8e10
     shape = Shape.model_validate({"circle": wire})
-    section = spatial_properties(shape.spatial_numbers_of(shape.dimensions, 0.25), E, G, 7800.0)
+    section = properties_of(shape.numbers_of(shape.dimensions, 0.25), E, G, 7800.0)
     angle = np.linspace(0.0, 2 * np.pi * turns, turns * each + 1)
     points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)])
     size, placed = 6 * len(angle), []
@@ -276,7 +281,7 @@ def test_helical_spring():
         L = np.zeros((12, size))
         L[:, 6 * k : 6 * k + 12] = np.kron(np.eye(4), axes)
         nodes = np.array([0.0, np.linalg.norm(b - a)])
-        of = build_spatial_link(f"beam_{k}", nodes, lambda x: section, module("euler_bernoulli"))
+        of = built(f"beam_{k}", nodes, lambda x: section, module("euler_bernoulli"))
         placed.append((of.part, L))
     K = sum(L.T @ as_array(part.matrices["K_s"].value({})) @ L for part, L in placed)
     # a unit force along the spring's axis, carried to the wire's end by a rigid arm; the other end is clamped
@@ -292,13 +297,13 @@ INCH, PSI, POUND = 0.0254, 6894.757293168361, 4.4482216152605
 INNER, TIP, ROOT = (SWEPT["model"][name] * INCH for name in ("straight_in", "tip_in", "root_offset_in"))
 
 
-def strip() -> SpatialProperties:
+def strip() -> Properties:
     of = SWEPT["model"]
     shape = Shape.model_validate({"rectangle": [of["width_in"] * INCH, of["height_in"] * INCH]})
-    numbers = shape.spatial_numbers_of(shape.dimensions, of["nu"])
+    numbers = shape.numbers_of(shape.dimensions, of["nu"])
     assert (numbers.I_y + numbers.I_z) / numbers.J == pytest.approx(65.85255, rel=1e-5)  # the ratio of the source
     E, rho = of["E_psi"] * PSI, of["density_lb_s2_in4"] * POUND / INCH**4
-    return spatial_properties(numbers, E, E / 2 / (1 + of["nu"]), rho, shear=True)
+    return properties_of(numbers, E, E / 2 / (1 + of["nu"]), rho, shear=True)
 
 
 def damped_frequencies(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> np.ndarray:
@@ -318,8 +323,8 @@ def swept(sweep: float, rpm: float) -> np.ndarray:
     at, speed = strip(), rpm * np.pi / 30
     c, s = np.cos(np.radians(sweep)), np.sin(np.radians(sweep))
     axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])  # from the inner link's axes to the tip's
-    inner = build_spatial_link("inner", np.linspace(0.0, INNER, 13), lambda x: at, module("timoshenko"))
-    tip = build_spatial_link("tip", np.linspace(0.0, TIP, 4), lambda x: at, module("timoshenko"))
+    inner = built("inner", np.linspace(0.0, INNER, 13), lambda x: at, module("timoshenko"))
+    tip = built("tip", np.linspace(0.0, TIP, 4), lambda x: at, module("timoshenko"))
     L_inner, L_tip = np.zeros((78, 90)), np.zeros((24, 90))
     L_inner[6:, :72] = np.eye(72)
     L_tip[:6, 66:72] = np.kron(np.eye(2), axes)
@@ -369,7 +374,7 @@ def test_a_blade_welded_of_two_without_sweep_is_one():
     """Frequencies at 750 rpm of one link of the whole length."""
     at, speed = strip(), 750 * np.pi / 30
     nodes = np.concatenate([np.linspace(0.0, INNER, 13), INNER + np.linspace(0.0, TIP, 4)[1:]])
-    whole = build_spatial_link("blade", nodes, lambda x: at, module("timoshenko"))
+    whole = built("blade", nodes, lambda x: at, module("timoshenko"))
     pull = at.rho_A * speed**2 * (ROOT * whole.length + whole.length**2 / 2)
     scalars = {"omega_z": speed, "a_x": -(speed**2) * ROOT, "P_0": pull}
     chosen = list(range(6, whole.part.size))

@@ -153,7 +153,7 @@ def folder(tmp_path_factory):
 def unit(model: Model) -> float:
     """sqrt(E I/(rho A))/L^2 at the root."""
     root = model.scene.bodies["beam"].profile.at(0.0)
-    return np.sqrt(root.E_I / root.rho_A)
+    return np.sqrt(root.E_I_z / root.rho_A)
 
 
 # Frequencies times L^2 sqrt(rho A/(E I)) of cantilevers whose height falls to 1 - c of the root's, the width to 1 - b:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from types import ModuleType
 from typing import Any, ClassVar
 
@@ -172,8 +171,7 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     """
     body = scene.bodies[name]
     nodes = mesh(scene, name, elements)
-    of_element = [body.profile.element(a, b - a) for a, b in pairwise(nodes)]
-    parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
+    parameters = body.profile.planar_elements(nodes)
     sums: dict[tuple[str, Monomial], np.ndarray] = {}
     viscous = None if scene.damping is None else scene.damping.viscous
     mu = None if viscous is None else viscous.mu

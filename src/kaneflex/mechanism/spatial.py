@@ -229,7 +229,8 @@ def _body(scene: Scene, name: str) -> SpatialBody:
     body = scene.bodies[name]
     given = body.inertia if isinstance(body.inertia, tuple) else (0.0, body.inertia, body.inertia)
     if body.beam is not None:
-        about_x, about_y, about_z = body.spatial_profile.rotary_inertias()
+        of = body.profile.inertia(body.profile.length)
+        about_x, about_y, about_z = of.about_y + of.about_z, of.about_y, of.about_z
         slender = float(given[2]) - about_z * body.beam.rotary
         given = (about_x, slender + about_y * body.beam.rotary, slender + about_z * body.beam.rotary)
     inertia = np.array([*given, *np.zeros(6 - len(given))])

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaneflex.fem.spatial_links import spatial_properties
 from kaneflex.mechanism.floating_frames import mesh
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.peers.buildable import stiffness_damping
+from kaneflex.scene.profile import properties_of
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
@@ -184,10 +184,11 @@ class _Builder:
 
     def _section(self, name: str, x: float) -> Any:
         """Section at x [m] for Exudyn's beams, which always have shear and rotary inertia."""
-        section, (E, rho, G, _) = self.scene.bodies[name].spatial_profile.at(x)
-        assert E is not None and rho is not None and G is not None  # checked with the scene
+        piece = self.scene.bodies[name].profile.piece_at(x)
+        section, (E, rho, G, _) = piece.at(x), piece.made_of
+        assert E is not None and rho is not None  # checked with the scene
         known = section._replace(k_y=section.k_y or 1.0, k_z=section.k_z or 1.0)
-        p = spatial_properties(known, E, G, rho, shear=True)
+        p = properties_of(known, E, G, rho, shear=True)
         found = self.built.exudyn.BeamSection()
         found.massPerLength = p.rho_A
         found.inertia = np.diag([p.rho_I_y + p.rho_I_z, p.rho_I_y, p.rho_I_z])

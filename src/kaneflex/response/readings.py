@@ -180,7 +180,7 @@ class Reader:
         N, _, M = self._section(sensor)
         body, x, after = self._cut(sensor)
         here = self.scene.bodies[body].profile.at(x, after)
-        return N / here.E_A - sensor.fibre * M / here.E_I
+        return N / here.E_A - sensor.fibre * M / here.E_I_z
 
     def _stress(self, sensor: Sensor) -> np.ndarray:
         body, point = address_of(sensor)

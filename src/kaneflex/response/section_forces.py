@@ -28,12 +28,13 @@ class LinkForces:
         inertia part of N is (a_x - g_x) m - omega^2 S, as in P(x), with mass m and first moment S of the part before x;
         signs as in `Deformation.section`.
         """
-        rigid, before = self.rigid, self.scene.bodies[name].profile.inertia(x)
+        rigid, profile = self.rigid, self.scene.bodies[name].profile
+        before = profile.inertia(x)
         a_x, a_y = rigid[f"{name}.link.a_x"], rigid[f"{name}.link.a_y"]
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
         N = a_x * before.mass - omega**2 * before.first
         V = a_y * before.mass + epsilon * before.first
-        M = epsilon * (before.second + before.rotary) + a_y * before.first - x * V
+        M = epsilon * (before.second + profile.rotary_inertia(x)) + a_y * before.first - x * V
         for point, (at, _) in self.scene.bodies[name].points_all.items():
             if at < x or point == "start" or (after and at == x and point != "end"):
                 force, moment = self.forces_at(Address(name, point))

@@ -58,13 +58,9 @@ class SpatialBalance(DAlembert):
 
     def _inertia(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass and rotary inertias about x, y, z per length at some points, (n,) and (3, n)."""
-        profile, found = self.motion.system.scene.bodies[self.body].spatial_profile, []
-        for section, made_of in map(profile.at, points):
-            assert made_of.rho is not None  # checked with the scene
-            turns = section.I_y + section.I_z, section.I_y * profile.rotary, section.I_z * profile.rotary
-            found.append([made_of.rho * of for of in (section.A, *turns)])
-        of_mass, *of_turns = np.array(found).T
-        return of_mass, np.array(of_turns)
+        profile = self.motion.system.scene.bodies[self.body].profile
+        of_mass, about_y, about_z = np.array([profile.at(x)[:3] for x in points]).T
+        return of_mass, np.array([about_y + about_z, about_y * profile.rotary, about_z * profile.rotary])
 
     @cached_property
     def _carried(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

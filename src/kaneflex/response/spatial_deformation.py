@@ -68,7 +68,8 @@ def rigid_section(scene: Scene, rigid: RigidMotion, name: str, x: float, after: 
     force = before.mass * specific_force + before.first * grows
     first, second = before.first - x * before.mass, before.second - x * before.first  # about x
     moment = np.cross(e_x, first * specific_force + second * grows, axis=0)
-    own = np.array(body.spatial_profile.rotary_inertias(x))[:, None] * [[1.0], [body.beam.rotary], [body.beam.rotary]]
+    about_y, about_z = before.about_y, before.about_z
+    own = np.array([[about_y + about_z], [about_y * body.beam.rotary], [about_z * body.beam.rotary]])
     moment += own * epsilon + np.cross(omega, own * omega, axis=0)
     for start, rise in spread_loads(scene, rigid, name):
         force = force - (start * x + rise * x**2 / 2)

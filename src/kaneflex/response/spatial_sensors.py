@@ -23,10 +23,9 @@ def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z:
     """Strain u' - y v'' - z w'' of a fibre along a link, from the force N and moments E I_z v'' = M_z, -E I_y w'' =
     M_y."""
     address, after = address_of(sensor), sensor.cut == "after"
-    (A, I_y, I_z, *_), made_of = scene.bodies[address.body].spatial_profile.at(scene.point(address)[0], after)
+    here = scene.bodies[address.body].profile.at(scene.point(address)[0], after)
     y, z = cast(tuple[float, float], sensor.fibre)
-    assert made_of.E is not None  # checked with the scene
-    return (N / A + z * M_y / I_y - y * M_z / I_z) / made_of.E
+    return N / here.E_A + z * M_y / here.E_I_y - y * M_z / here.E_I_z
 
 
 class SpatialReader(Reader):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kaneflex.scene.sections import Shape, SpatialSectionNumbers
+from kaneflex.scene.sections import SectionNumbers, Shape
 
 if TYPE_CHECKING:
     from kaneflex.response.motion import Motion
@@ -90,7 +90,7 @@ def link_stresses(motion: Motion, name: str) -> LinkStresses | None:
     return LinkStresses(np.array([x for x, _ in stations]), *found) if np.isfinite(found).all() else None
 
 
-def section_at(body: Body, x: float, after: bool = False) -> tuple[Outline, SpatialSectionNumbers] | None:
+def section_at(body: Body, x: float, after: bool = False) -> tuple[Outline, SectionNumbers] | None:
     """Outline and numbers of a body's section x [m] from its start; None if its shape is not known."""
     assert body.beam is not None
     piece = body.profile.piece_at(x, after)
@@ -100,8 +100,8 @@ def section_at(body: Body, x: float, after: bool = False) -> tuple[Outline, Spat
 
 
 @lru_cache(maxsize=4 * STATIONS)
-def _outline_of(shape: Shape, dimensions: tuple[float, ...]) -> tuple[Outline, SpatialSectionNumbers]:
-    numbers = shape.spatial_numbers_of(dimensions, None)
+def _outline_of(shape: Shape, dimensions: tuple[float, ...]) -> tuple[Outline, SectionNumbers]:
+    numbers = shape.numbers_of(dimensions, None)
     return _OUTLINES[shape.kind](numbers, *dimensions), numbers
 
 
@@ -113,7 +113,7 @@ def _in_space(forces: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
 
 
 def _of_section(
-    outline: Outline, numbers: SpatialSectionNumbers, forces: tuple[np.ndarray, ...], spatial: bool
+    outline: Outline, numbers: SectionNumbers, forces: tuple[np.ndarray, ...], spatial: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Greatest and least normal stress (upper and lower in the plane), and von Mises stress [Pa], (n_times,) each."""
     N, V_y, V_z, T, M_y, M_z = forces
@@ -126,7 +126,7 @@ def _of_section(
     return normal[outline.y.argmax()], normal[outline.y.argmin()], mises
 
 
-def _rectangle(numbers: SpatialSectionNumbers, height: float, width: float) -> Outline:
+def _rectangle(numbers: SectionNumbers, height: float, width: float) -> Outline:
     """Outline of a rectangle: sides at +y, -y, +z and -z; shear stress of a force is parabolic along its sides."""
     s = np.linspace(-1.0, 1.0, _POINTS // 4 + 1)
     one, parabola, none = np.ones_like(s), 1.5 / numbers.A * (1.0 - s**2), np.zeros_like(s)
@@ -152,7 +152,7 @@ def _torsion_along(s: np.ndarray, along: float, across: float) -> np.ndarray:
     return across * (1.0 - 8.0 / math.pi**2 * (ratio / _TERMS**2).sum(axis=0))
 
 
-def _round(numbers: SpatialSectionNumbers, radius: float, share: float) -> Outline:
+def _round(numbers: SectionNumbers, radius: float, share: float) -> Outline:
     """Outline of a round section; ``share``: largest shear stress of a force over its mean, varying with the sine of
     the angle."""
     angle = 2.0 * np.pi / _POINTS * np.arange(_POINTS)
@@ -162,12 +162,12 @@ def _round(numbers: SpatialSectionNumbers, radius: float, share: float) -> Outli
     return Outline(radius * c, radius * s, shear)
 
 
-def _circle(numbers: SpatialSectionNumbers, diameter: float) -> Outline:
+def _circle(numbers: SectionNumbers, diameter: float) -> Outline:
     """Outline of a circle: largest shear 4/3 of the mean; elasticity theory gives 1.23 in the middle for nu = 0.3."""
     return _round(numbers, 0.5 * diameter, 4.0 / 3.0)
 
 
-def _tube(numbers: SpatialSectionNumbers, diameter: float, wall: float) -> Outline:
+def _tube(numbers: SectionNumbers, diameter: float, wall: float) -> Outline:
     """Outline of a tube: largest shear 4/3 (R^2 + R r + r^2)/(R^2 + r^2) of the mean, from the first moment of half
     the ring."""
     R = 0.5 * diameter
@@ -175,7 +175,7 @@ def _tube(numbers: SpatialSectionNumbers, diameter: float, wall: float) -> Outli
     return _round(numbers, R, 4.0 / 3.0 * (R**2 + R * r + r**2) / (R**2 + r**2))
 
 
-def _i_section(numbers: SpatialSectionNumbers, height: float, width: float, flange: float, web: float) -> Outline:
+def _i_section(numbers: SectionNumbers, height: float, width: float, flange: float, web: float) -> Outline:
     """Outline of an I section, both sides of flanges and web, as thin walls: shear flows, and T t/J on either side of
     a wall.
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
 from pydantic import Field, StrictBool, model_validator
 
 from kaneflex.scene.materials import MATERIALS, Constants, Made
-from kaneflex.scene.profile import Piece, Profile, SpatialProfile
+from kaneflex.scene.profile import Piece, Profile
 from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveModulus, PositiveSecondMoment, WholeNumber
-from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient, SpatialSectionNumbers
+from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient
 from kaneflex.support.errors import Fault
 
 _THEORIES = {
@@ -72,27 +71,16 @@ class Sectioned(Made):
 
     def piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
         """Piece of the beam from start to stop [m]; `area` replaces a missing `A`."""
-        if self.section is None:
-            first = (self.A if self.A is not None else area, self.I if self.I_z is None else self.I_z)
-            last = (first[0] if self.A_end is None else self.A_end, first[1] if self.I_end is None else self.I_end)
-            return Piece(start, stop, partial(_given, self.kappa), first, last, made_of)
-        return self._shaped_piece(start, stop, made_of, _shaped)
-
-    def spatial_piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
-        """Piece of a spatial beam, with both planes of bending and torsion."""
-        if self.section is None:
-            numbers = partial(SpatialSectionNumbers, k_y=self.kappa, k_z=self.kappa)
-            A = self.A if self.A is not None else area
-            assert A and self.I_y and self.I_z and self.J  # checked with the scene
-            given = (A, self.I_y, self.I_z, self.J)
-            return Piece(start, stop, numbers, given, given, made_of)
-        return self._shaped_piece(start, stop, made_of, _shaped_in_space)
-
-    def _shaped_piece(self, start: float, stop: float, made_of: Constants, numbers: Callable) -> Piece:
-        assert self.section is not None
-        last = self.section if self.taper is None else self.taper
-        shaped = partial(numbers, self.section, made_of.nu, self.kappa)
-        return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of, shape=self.section)
+        if self.section is not None:
+            last = self.section if self.taper is None else self.taper
+            shaped = partial(_shaped, self.section, made_of.nu, self.kappa)
+            return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of, shape=self.section)
+        A, I = self.A if self.A is not None else area, self.I if self.I_z is None else self.I_z
+        assert A is not None and I is not None  # checked with the scene
+        A_end, I_end = A if self.A_end is None else self.A_end, I if self.I_end is None else self.I_end
+        I_y, J = self.I_y or 0.0, self.J or 0.0
+        numbers = partial(SectionNumbers, k_y=self.kappa, k_z=self.kappa)
+        return Piece(start, stop, numbers, (A, I_y, I, J), (A_end, I_y, I_end, J), made_of)
 
 
 _IN_SPACE = ("I_y", "I_z", "J")
@@ -101,19 +89,8 @@ _IN_SPACE = ("I_y", "I_z", "J")
 # At module level, so that a scene can be pickled and sent to other processes.
 
 
-def _given(kappa: float | None, A: float, I: float) -> SectionNumbers:
-    return SectionNumbers(A, I, kappa)
-
-
-def _shaped(section: Shape, nu: float, kappa: float | None, *dimensions: float) -> SectionNumbers:
+def _shaped(section: Shape, nu: float | None, kappa: float | None, *dimensions: float) -> SectionNumbers:
     numbers = section.numbers_of(dimensions, nu)
-    return numbers if kappa is None else numbers._replace(kappa=kappa)
-
-
-def _shaped_in_space(
-    section: Shape, nu: float | None, kappa: float | None, *dimensions: float
-) -> SpatialSectionNumbers:
-    numbers = section.spatial_numbers_of(dimensions, nu)
     return numbers if kappa is None else numbers._replace(k_y=kappa, k_z=kappa)
 
 
@@ -228,22 +205,15 @@ class Beam(Sectioned):
 
     def profile(self, length: float, mass: float) -> Profile:
         """Profile of the beam along its length [m]; a missing area follows from the mass [kg]."""
-        return Profile(self._pieces(Sectioned.piece, length, mass), self.rotary, self.shear)
-
-    def spatial_profile(self, length: float, mass: float) -> SpatialProfile:
-        """Profile of a spatial beam along its length [m]."""
-        return SpatialProfile(self._pieces(Sectioned.spatial_piece, length, mass), self.rotary, self.shear)
-
-    def _pieces(self, piece_of: Callable[..., Piece], length: float, mass: float) -> tuple[Piece, ...]:
         pieces, start = [], 0.0
         for segment in self.segments.values():
             stop = length if segment.to is None else segment.to
-            pieces.append(piece_of(segment, start, stop, segment.constants(self)))
+            pieces.append(segment.piece(start, stop, segment.constants(self)))
             start = stop
         if not pieces:
             made_of = self.constants()
-            pieces = [piece_of(self, 0.0, length, made_of, mass / (made_of.rho * length))]
-        return tuple(pieces)
+            pieces = [self.piece(0.0, length, made_of, mass / (made_of.rho * length))]
+        return Profile(tuple(pieces), self.rotary, self.shear)
 
     def structure(self) -> dict[str, str | bool]:
         """Features of the beam's equations beyond a uniform Euler-Bernoulli beam."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field, field_validator, model_validator
 
 from kaneflex.scene.beams import Beam
-from kaneflex.scene.profile import Profile, SpatialProfile
+from kaneflex.scene.profile import Profile
 from kaneflex.scene.quantities import (
     Angle,
     AngularSpeed,
@@ -79,7 +79,7 @@ def _default_inertia(data: dict) -> float | tuple[float, ...]:
     if profile is None:
         return slender
     whole = profile.inertia(length)
-    return (whole.second - whole.first**2 / whole.mass if profile.varying else slender) + whole.rotary
+    return (whole.second - whole.first**2 / whole.mass if profile.varying else slender) + profile.rotary_inertia(length)
 
 
 class Pose(SceneTable):
@@ -211,13 +211,6 @@ class Body(SceneTable):
     def profile(self) -> Profile:
         """Profile of the beam along its length, scaled to the body's mass; elastic bodies only."""
         return self.beam.profile(self.length, self.mass).of_mass(self.mass)
-
-    @cached_property
-    def spatial_profile(self) -> SpatialProfile:
-        """Profile of a spatial beam, scaled to the body's mass; elastic bodies only."""
-        assert self.beam is not None and self.length is not None
-        expected = self.beam.profile(self.length, self.mass).inertia(self.length).mass
-        return self.beam.spatial_profile(self.length, self.mass).denser(self.mass / expected)
 
     @cached_property
     def first_element(self) -> dict[str, float]:

@@ -122,11 +122,8 @@ def stubby_links(scene: Scene) -> Iterator[str]:
 
 def _radius_of_gyration(scene: Scene, body: Body, x: float) -> float:
     """Radius of gyration of an elastic body's section about its bending axis, in space the larger one [m]."""
-    if not scene.is_spatial:
-        middle = body.profile.at(x)
-        return math.sqrt(middle.E_I / middle.E_A)
-    section, _ = body.spatial_profile.at(x)
-    return math.sqrt(max(section.I_y, section.I_z) / section.A)
+    here = body.profile.at(x)
+    return math.sqrt(max(here.E_I_z, here.E_I_y * scene.is_spatial) / here.E_A)
 
 
 def _far_apart(scene: Scene) -> Iterator[str]:

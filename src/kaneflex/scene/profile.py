@@ -5,39 +5,97 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
 from kaneflex.scene.materials import Constants
-from kaneflex.scene.sections import Shape, SpatialSectionNumbers
+from kaneflex.scene.sections import SectionNumbers, Shape
 
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for x^2 A and (x - middle) I of every tapered shape
 
 
 class Properties(NamedTuple):
-    """Numbers of a beam's section.
+    """Numbers of a beam's section, with its height along y.
 
-    rho_A mass per length [kg/m], E_A axial stiffness [N], E_I bending stiffness [N m^2], rho_I rotary inertia per
-    length [kg m], G_A shear stiffness kappa G A [N]; theories without rotary inertia have rho_I = 0, those
-    without shear G_A = inf.
+    rho_A mass per length [kg/m], rho_I_y and rho_I_z rotary inertias per length [kg m], whatever the theory; E_A axial,
+    E_I_y and E_I_z bending, G_J torsional stiffness [N, N m^2, N m^2]; G_A_y and G_A_z stiffnesses in shear along y and
+    z [N], inf for theories without shear. In the plane bending is about z, and the numbers about x and y may be 0.
     """
 
     rho_A: float
+    rho_I_y: float
+    rho_I_z: float
     E_A: float
-    E_I: float
-    rho_I: float
-    G_A: float
+    E_I_y: float
+    E_I_z: float
+    G_J: float
+    G_A_y: float = math.inf
+    G_A_z: float = math.inf
+
+
+def properties_of(section: SectionNumbers, E: float, G: float | None, rho: float, shear: bool = False) -> Properties:
+    """Numbers of a section of one material: E and G [Pa], rho [kg/m^3]; ``shear``: true if the theory includes it.
+
+    Raises
+    ------
+    ValueError
+        With shear, for a section with unknown shear coefficients or a material with unknown G.
+    """
+    A, I_y, I_z, J, k_y, k_z = section
+    found = Properties(rho * A, rho * I_y, rho * I_z, E * A, E * I_y, E * I_z, 0.0 if G is None else G * J)
+    if not shear:
+        return found
+    if k_y is None or k_z is None or G is None:
+        raise ValueError(f"k_y = {k_y}, k_z = {k_z}: shear needs both; give the material a Poisson's ratio")
+    return found._replace(G_A_y=G * k_y * A, G_A_z=G * k_z * A)
+
+
+def element_parameters(
+    at: Callable[[float], Properties], nodes: np.ndarray, borders: tuple[float, ...] = ()
+) -> dict[str, np.ndarray]:
+    """Parameters of a link's elements by their names in ``kaneflex.support.spatial_contract``, (elements,) each.
+
+    A varying property is replaced by its least-squares linear fit: the mean keeps the element's mass and average
+    stiffness, and the error is of the fourth order in the element's length. Those that the element holds constant take
+    their means. Sections may jump at nodes and ``borders`` [m].
+    """
+    stops, length = _stops(nodes, borders), np.diff(nodes)
+    x, weights = _gauss(stops)
+    values = np.array([at(place) for place in x.tolist()])
+    first = len(_GAUSS[0]) * np.searchsorted(stops, nodes[:-1])
+    element = np.repeat(np.arange(len(length)), np.diff(np.append(first, len(x))))
+    share = (x - nodes[element]) / length[element] - 0.5
+    means = np.add.reduceat(weights[:, None] * values, first) / length[:, None]
+    apart = values[:, :7] - values[first[element], :7]  # so that a constant grows by exactly zero
+    rises = 12 * np.add.reduceat((weights * share)[:, None] * apart, first) / length[:, None]
+    mass, moment = length * means[:, 0], np.add.reduceat(weights * x * values[:, 0], first)
+    mean = Properties(*means.T)
+    found = mean._asdict() | {f"{name}_rise": rise for name, rise in zip(mean._fields, rises.T, strict=False)}
+    found |= {"length": length, "x_0": nodes[:-1], "I_p_A": (mean.E_I_y + mean.E_I_z) / mean.E_A}
+    found |= {"phi_y": 12 * mean.E_I_z / (mean.G_A_y * length**2), "phi_z": 12 * mean.E_I_y / (mean.G_A_z * length**2)}
+    return found | {name: np.append(0.0, np.cumsum(of)[:-1]) for name, of in (("m_0", mass), ("S_0", moment))}
+
+
+def _stops(nodes: np.ndarray, borders: tuple[float, ...]) -> np.ndarray:
+    return np.unique([*nodes, *(x for x in borders if nodes[0] < x < nodes[-1])])
+
+
+def _gauss(stops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points [m] and weights [m] of an exact quadrature between stops."""
+    half = np.diff(stops)[:, None] / 2
+    return (stops[:-1, None] + half * (1 + _GAUSS[0])).ravel(), (half * _GAUSS[1]).ravel()
 
 
 class Inertia(NamedTuple):
     """Inertia of a piece of a beam: mass [kg], first and second moment about the link's origin [kg m, kg m^2], and the
-    sum of the sections' rotary inertias [kg m^2]."""
+    sums of the sections' rotary inertias about y and z, whatever the theory [kg m^2]."""
 
     mass: float
     first: float
     second: float
-    rotary: float
+    about_y: float
+    about_z: float
 
 
 @dataclass(frozen=True)
@@ -49,14 +107,14 @@ class Piece:
 
     start: float
     stop: float
-    numbers: Callable[..., Any]
+    numbers: Callable[..., SectionNumbers]
     first: tuple[float, ...]
     last: tuple[float, ...]
     made_of: Constants
     shape: Shape | None = None
 
-    def at(self, x: float) -> Any:
-        """Numbers of the section at distance x [m] from the beam's start, SectionNumbers or SpatialSectionNumbers."""
+    def at(self, x: float) -> SectionNumbers:
+        """Numbers of the section at distance x [m] from the beam's start."""
         return self.numbers(*self.dimensions(x))
 
     def dimensions(self, x: float) -> tuple[float, ...]:
@@ -66,8 +124,8 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Stretches:
-    """Pieces of a beam; `rotary` and `shear` tell if its theory includes them."""
+class Profile:
+    """Profile of a beam by its pieces; `rotary` and `shear` tell if its theory includes them."""
 
     pieces: tuple[Piece, ...]
     rotary: bool
@@ -86,7 +144,7 @@ class Stretches:
         """Borders between pieces [m]."""
         return tuple(piece.stop for piece in self.pieces[:-1])
 
-    def denser(self, share: float) -> Self:
+    def denser(self, share: float) -> Profile:
         """Profile with densities multiplied by a factor."""
         scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
         return replace(self, pieces=tuple(scaled))
@@ -96,83 +154,44 @@ class Stretches:
         *inner, last = self.pieces
         return next((piece for piece in inner if x < piece.stop or (x == piece.stop and not after)), last)
 
-    def _gauss(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
-        """Points [m] and weights [m] of an exact quadrature from a to b, piece by piece."""
-        points, weights = [np.zeros(0)], [np.zeros(0)]
-        for piece in self.pieces:
-            low, high = max(a, piece.start), min(b, piece.stop)
-            if high > low:
-                points.append((low + high) / 2 + (high - low) / 2 * _GAUSS[0])
-                weights.append((high - low) / 2 * _GAUSS[1])
-        return np.concatenate(points), np.concatenate(weights)
-
-
-class SpatialProfile(Stretches):
-    """Profile of a spatial beam."""
-
-    def at(self, x: float, after: bool = False) -> tuple[SpatialSectionNumbers, Constants]:
-        """Section at distance x [m] from the start, and its material; at a border as `piece_at`."""
-        piece = self.piece_at(x, after)
-        return piece.at(min(max(x, piece.start), piece.stop)), piece.made_of
-
-    def rotary_inertias(self, x: float | None = None) -> tuple[float, float, float]:
-        """Integrals of the sections' inertias about x, y and z [kg m^2] from the start to x [m], by default to the end.
-
-        They do not depend on the theory; one without rotary inertia ignores those about y and z.
-        """
-        points, weights = self._gauss(0.0, self.length if x is None else x)
-        sums = np.zeros(2)
-        for place, weight in zip(points, weights, strict=True):
-            numbers, made_of = self.at(place)
-            sums += weight * made_of.rho * np.array([numbers.I_y, numbers.I_z])
-        return float(sums.sum()), float(sums[0]), float(sums[1])
-
-
-class Profile(Stretches):
-    """Profile of a planar beam."""
-
     def at(self, x: float, after: bool = False) -> Properties:
         """Properties at distance x [m] from the start; at a border as `piece_at`."""
         piece = self.piece_at(x, after)
-        (A, I, kappa), (E, rho, G, _) = piece.at(x), piece.made_of
-        rho_I = rho * I if self.rotary else 0.0
-        G_A = kappa * G * A if self.shear else math.inf
-        return Properties(rho * A, E * A, E * I, rho_I, G_A)
+        E, rho, G, _ = piece.made_of
+        assert E is not None and rho is not None  # checked with the scene
+        return properties_of(piece.at(min(max(x, piece.start), piece.stop)), E, G, rho, self.shear)
 
     def of_mass(self, mass: float) -> Profile:
         """Profile with densities scaled so that the beam's mass is exactly `mass` [kg]."""
         return self.denser(mass / self.inertia(self.length).mass)
 
-    def element(self, x_0: float, length: float) -> dict[str, float]:
-        """Parameters of the element from x_0 to x_0 + length [m], by their names in ``kaneflex.support.contract``.
+    def elements(self, nodes: np.ndarray) -> dict[str, np.ndarray]:
+        """Parameters of elements in space, see :func:`element_parameters`."""
+        here, before = self.at(0.0), self.inertia(nodes[0])
+        found = element_parameters(self.at if self.varying else lambda x: here, nodes, self.borders)
+        return found | {"m_0": before.mass + found["m_0"], "S_0": before.first + found["S_0"]}
 
-        A varying property is replaced by its least-squares linear fit: the mean keeps the element's mass and average
-        stiffness, and the error is of the fourth order in the element's length. phi_s uses the means of E I and of
-        kappa G A.
-        """
-        before = self.inertia(x_0)
-        if self.varying:
-            points, weights = self._gauss(x_0, x_0 + length)
-            share = weights / length
-            values = np.array([self._near(x) for x in points])
-            means = share @ values
-            rises = 12 * (share * ((points - x_0) / length - 0.5)) @ values[:, :4]
-        else:
-            means, rises = self.at(x_0), (0.0, 0.0, 0.0, 0.0)
-        found = dict(zip(("rho_A", "E_A", "E_I", "rho_I"), map(float, means[:4]), strict=True))
-        found |= dict(zip(("rho_A_rise", "E_A_rise", "E_I_rise", "rho_I_rise"), map(float, rises), strict=True))
-        phi_s = 12 * found["E_I"] / (float(means[4]) * length**2)
-        return found | {"length": length, "x_0": x_0, "phi_s": phi_s, "m_0": before.mass, "S_0": before.first}
+    def planar_elements(self, nodes: np.ndarray) -> dict[str, np.ndarray]:
+        """Parameters of planar elements, by their names in ``kaneflex.support.contract``."""
+        found, growing = self.elements(nodes), ("rho_A", "E_A", "E_I_z", "rho_I_z")
+        names = (*growing, *(f"{name}_rise" for name in growing), "length", "x_0", "m_0", "S_0")
+        planar = {name.replace("_z", ""): found[name] for name in names} | {"phi_s": found["phi_y"]}
+        return planar if self.rotary else planar | dict.fromkeys(("rho_I", "rho_I_rise"), np.zeros(len(nodes) - 1))
+
+    def element(self, x_0: float, length: float) -> dict[str, float]:
+        """Parameters of the planar element from x_0 to x_0 + length [m]."""
+        return {name: float(of[0]) for name, of in self.planar_elements(np.array([x_0, x_0 + length])).items()}
 
     def inertia(self, x: float) -> Inertia:
         """Inertia of the beam from its start to x [m]."""
         if not self.varying:
-            rho_A, _, _, rho_I, _ = self.at(0.0)
-            return Inertia(rho_A * x, rho_A * x**2 / 2, rho_A * x**3 / 3, rho_I * x)
-        points, weights = self._gauss(0.0, x)
-        values = np.array([self._near(point) for point in points]).reshape(-1, 5)
-        mass, rotary = weights * values[:, 0], weights * values[:, 3]
-        return Inertia(*(float(v.sum()) for v in (mass, mass * points, mass * points**2, rotary)))
+            rho_A, rho_I_y, rho_I_z, *_ = self.at(0.0)
+            return Inertia(rho_A * x, rho_A * x**2 / 2, rho_A * x**3 / 3, rho_I_y * x, rho_I_z * x)
+        points, weights = _gauss(_stops(np.array([0.0, x]), self.borders))
+        of_mass, *of_turns = np.array([self.at(point)[:3] for point in points]).reshape(-1, 3).T
+        sums = (of_mass, of_mass * points, of_mass * points**2, *of_turns)
+        return Inertia(*(float(weights @ of) for of in sums))
 
-    def _near(self, x: float) -> Properties:
-        return self.at(min(max(x, 0.0), self.length))
+    def rotary_inertia(self, x: float) -> float:
+        """Rotary inertia of the sections from the start to x [m] in the plane [kg m^2], 0 for theories without."""
+        return self.inertia(x).about_z if self.rotary else 0.0

@@ -45,18 +45,11 @@ ShearCoefficient = Annotated[
 
 
 class SectionNumbers(NamedTuple):
-    """Area A [m^2], second moment of area I [m^4] and shear coefficient kappa [1], None if unknown."""
-
-    A: float
-    I: float
-    kappa: float | None
-
-
-class SpatialSectionNumbers(NamedTuple):
     """Numbers of a section with its height along y and its width along z, its principal axes.
 
     Area A [m^2]; I_y = int z^2 dA and I_z = int y^2 dA [m^4]; J, Saint-Venant's torsion constant [m^4], equal to
-    I_y + I_z for round sections only; k_y A and k_z A are the areas in shear along y and z, with k None if unknown.
+    I_y + I_z for round sections only; k_y A and k_z A are the areas in shear along y and z, with k None if unknown. The
+    plane bends about z, and has I_y = J = 0 where only A and I are given.
     """
 
     A: float
@@ -65,11 +58,6 @@ class SpatialSectionNumbers(NamedTuple):
     J: float
     k_y: float | None
     k_z: float | None
-
-    @property
-    def in_plane(self) -> SectionNumbers:
-        """Section for bending in the plane of the height."""
-        return SectionNumbers(self.A, self.I_z, self.k_y)
 
 
 def torsion_constant(height: float, width: float) -> float:
@@ -87,23 +75,23 @@ _ODD_FIFTHS = 31 / 32 * 1.0369277551433699
 """Sum of 1/n^5 over odd n."""
 
 
-def _rectangle(nu: float, height: float, width: float) -> SpatialSectionNumbers:
+def _rectangle(nu: float, height: float, width: float) -> SectionNumbers:
     """Rectangle; shear by Cowper (1966), J. Applied Mechanics 33, 335-340; 5/6 for nu = 0."""
     k = 10 * (1 + nu) / (12 + 11 * nu)
     J = torsion_constant(height, width)
-    return SpatialSectionNumbers(height * width, height * width**3 / 12, width * height**3 / 12, J, k, k)
+    return SectionNumbers(height * width, height * width**3 / 12, width * height**3 / 12, J, k, k)
 
 
-def _round(A: float, I: float, k: float) -> SpatialSectionNumbers:
-    return SpatialSectionNumbers(A, I, I, 2 * I, k, k)
+def _round(A: float, I: float, k: float) -> SectionNumbers:
+    return SectionNumbers(A, I, I, 2 * I, k, k)
 
 
-def _circle(nu: float, diameter: float) -> SpatialSectionNumbers:
+def _circle(nu: float, diameter: float) -> SectionNumbers:
     """Circle; shear by Cowper (1966)."""
     return _round(math.pi * diameter**2 / 4, math.pi * diameter**4 / 64, 6 * (1 + nu) / (7 + 6 * nu))
 
 
-def _tube(nu: float, diameter: float, wall: float) -> SpatialSectionNumbers:
+def _tube(nu: float, diameter: float, wall: float) -> SectionNumbers:
     """Tube; shear by Cowper (1966), m is the ratio of the inner to the outer radius."""
     inner = diameter - 2 * wall
     m = inner / diameter
@@ -112,7 +100,7 @@ def _tube(nu: float, diameter: float, wall: float) -> SpatialSectionNumbers:
     return _round(math.pi * (diameter**2 - inner**2) / 4, math.pi * (diameter**4 - inner**4) / 64, kappa)
 
 
-def _i_section(nu: float, height: float, width: float, flange: float, web: float) -> SpatialSectionNumbers:
+def _i_section(nu: float, height: float, width: float, flange: float, web: float) -> SectionNumbers:
     """I section; A, I_y and I_z are exact, torsion and shear are those of thin walls.
 
     Shear along the height by Cowper (1966), with the height between the middles of the flanges; along the width only
@@ -126,7 +114,7 @@ def _i_section(nu: float, height: float, width: float, flange: float, web: float
     denominator += 30 * n**2 * (m + m**2) + 5 * nu * n**2 * (8 * m + 9 * m**2)
     kappa = 10 * (1 + nu) * (1 + 3 * m) ** 2 / denominator
     area = 2 * width * flange + web * clear
-    return SpatialSectionNumbers(
+    return SectionNumbers(
         A=area,
         I_y=(2 * flange * width**3 + clear * web**3) / 12,
         I_z=(width * height**3 - (width - web) * clear**3) / 12,
@@ -136,7 +124,7 @@ def _i_section(nu: float, height: float, width: float, flange: float, web: float
     )
 
 
-_SHAPES: dict[str, Callable[..., SpatialSectionNumbers]] = {
+_SHAPES: dict[str, Callable[..., SectionNumbers]] = {
     "rectangle": _rectangle,
     "circle": _circle,
     "tube": _tube,
@@ -174,10 +162,6 @@ class Shape(SceneTable):
         return found if isinstance(found, tuple) else (found,)
 
     def numbers_of(self, dimensions: tuple[float, ...], nu: float | None) -> SectionNumbers:
-        """Area, second moment of area and shear coefficient of this kind of shape at Poisson's ratio `nu`."""
-        return self.spatial_numbers_of(dimensions, nu).in_plane
-
-    def spatial_numbers_of(self, dimensions: tuple[float, ...], nu: float | None) -> SpatialSectionNumbers:
-        """Numbers of the section in space; the height is along y."""
+        """Numbers of a section of this kind of shape at Poisson's ratio `nu`; the height is along y."""
         numbers = _SHAPES[self.kind](nu if nu is not None else 0.0, *dimensions)
         return numbers if nu is not None else numbers._replace(k_y=None, k_z=None)

@@ -71,10 +71,11 @@ def _planar_moments(shapes: Shapes, s: slice, w: slice) -> dict[str, np.ndarray]
 
     Rotary energy includes the mass matrix's correction for an element's answer to its own inertia.
     """
-    m, total = shapes.moments, shapes.scene.bodies[shapes.link.name].profile.inertia(shapes.link.length)
+    m, profile, length = shapes.moments, shapes.scene.bodies[shapes.link.name].profile, shapes.link.length
+    total = profile.inertia(length)
     across, M = m.N_N[1, 1, w, w], shapes.link.part.matrices["M"].value({})
     return {
-        "mass": total.mass, "mass_X": total.first, "mass_X_X": total.second, "inertia": total.rotary,
+        "mass": total.mass, "mass_X": total.first, "mass_X_X": total.second, "inertia": profile.rotary_inertia(length),
         "mass_s": m.N[0, s], "mass_w": m.N[1, w], "mass_X_s": m.r_N[0, 0, s], "mass_X_w": m.r_N[0, 1, w],
         "mass_s_s": m.N_N[0, 0, s, s], "mass_w_w": across, "mass_s_w": m.N_N[0, 1, s, w],
         "mass_H": -m.G[0, w, w], "mass_X_H": -m.r_G[0, 0, w, w], "inertia_psi": -m.r_N[1, 0, w],

@@ -26,6 +26,7 @@ from kaneflex.support.spatial_contract import SPATIAL_NODE
 _TURNS = 1e-6
 """Displacement of the nodes, as a share of the link's length times their rotation, below which a shape only rotates
 them."""
+_ALIKE = 1e-6  # share of the largest displacement within which the first one decides: symmetric shapes have two
 _STILL = {"mean": 1, "free": 2}
 """Number of the lowest shapes without deformation, by the kind of frame, which has these motions itself: rotation,
 translation."""
@@ -188,8 +189,8 @@ def _scaled(shapes: np.ndarray, link: Link, others: np.ndarray | None = None) ->
     the link's length is; twist has the rotation 1.
     """
     looked_at, place = shapes if others is None else others, np.array(link.motions)[np.arange(len(shapes)) % link.dofs]
-    displacements = np.where((place > 2)[:, None], _TURNS * link.length * looked_at, looked_at)
-    largest = abs(displacements).argmax(axis=0) if shapes.shape[1] else []
+    displacements = abs(np.where((place > 2)[:, None], _TURNS * link.length * looked_at, looked_at))
+    largest = (displacements > (1 - _ALIKE) * displacements.max(axis=0)).argmax(axis=0) if shapes.shape[1] else []
     return shapes / np.where((place > 3)[:, None], link.length * shapes, shapes)[largest, np.arange(shapes.shape[1])]
 
 
