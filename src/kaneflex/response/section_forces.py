@@ -93,12 +93,17 @@ class LinkForces:
         return np.vstack([specific_force, frame.epsilon])
 
 
-def spread_loads(scene: Scene, rigid: RigidMotion, link: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Distributed loads of a link, in its axes: load at the start [N/m], and its slope [N/m^2]; (2, n_times)."""
+def spread_loads(
+    scene: Scene, rigid: RigidMotion, link: str, carry: Callable[[np.ndarray], np.ndarray] = np.asarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Distributed loads of a link, in its axes: load at the start [N/m], and its slope [N/m^2]; (2 or 3, n_times).
+
+    ``carry``: from the axes that loads in ``body`` axes follow to the link's.
+    """
     for name, load in scene.spreads.items():
         if load.spread_on == link:
             direction = np.outer(load.direction, rigid[name])
-            push = direction if load.axes == "body" else rigid.frame(link).to_body(direction)
+            push = carry(direction) if load.axes == "body" else rigid.frame(link).to_body(direction)
             first, last = load.profile
             yield first * push, (last - first) / scene.bodies[link].length * push
 

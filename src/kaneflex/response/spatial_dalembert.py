@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import cast
 
 import numpy as np
@@ -17,6 +17,7 @@ from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.multibody.time.spatial_sections import Deformed
 from kaneflex.response.dalembert import GAUSS, DAlembert
+from kaneflex.response.section_forces import spread_loads
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +80,8 @@ class SpatialBalance(DAlembert):
     @cached_property
     def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Distributed loads of the body, in its axes: load at its start [N/m], and its slope [N/m^2]."""
-        return list(self._spread_loads())
-
-    def _spread_loads(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        scene, loads = self.motion.system.scene, self.motion.system.mechanism.loads
-        for name, load in scene.spreads.items():
-            if load.spread_on == self.body:
-                direction = np.outer(loads[name].direction, self.motion[name])
-                turned = self._at(0.0).turned
-                push = applied(turned, direction) if loads[name].in_body else self._frame.to_body(direction)
-                first, last = load.profile
-                yield first * push, (last - first) / self._link.length * push
+        turned = self._at(0.0).turned
+        return list(spread_loads(self.motion.system.scene, self.motion, self.body, partial(applied, turned)))
 
     @cached_property
     def _axes(self) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, taken_turns
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_layout import COORDINATE, SPEED
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.multibody.time.shooting import COMPLETED, Verdict
 from kaneflex.multibody.time.spatial_cycles import SpatialCycles
@@ -95,21 +95,16 @@ def _cycle(
 
 def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None:
     """Raise SceneError unless drives and loads are periodic, up to full turns."""
-    courses = [system.courses(t) for t in (0.0, duration)]
-    x = np.array([start.q[system.columns(system.told_joints, COORDINATE)],
-                  start.u[system.columns(system.told_joints, SPEED)]])  # fmt: skip
-    sizes = []
-    for t, course in zip((0.0, duration), courses, strict=True):
-        told = {name: row for name, row in zip(system.driven, course, strict=True)}
-        known = [told.get(name, column)[:2] for name, column in zip(system.told_joints, x.T, strict=True)]
-        sizes.append(system.magnitudes(t, *np.array(known).reshape(-1, 2).T))
+    before, after = (system.courses(t) for t in (0.0, duration))
     turns = [system.mechanism.joints[name].kind != "prismatic" for name in system.driven]
-    change = courses[1] - courses[0]
-    change[turns, 0] -= whole_turns(change[turns, 0])
-    named = [*zip(system.driven, change, courses[0], strict=True)]
-    named += zip(system.mechanism.loads, sizes[1] - sizes[0], sizes[0], strict=True)
-    for name, changed, before in named:
-        if (abs(changed) > _REPEATS * max(1.0, abs(before).max())).any():
+    after[turns, 0] -= whole_turns(after[turns, 0] - before[turns, 0])
+
+    def sizes() -> Iterator[tuple[str, np.ndarray, np.ndarray]]:  # where free joints start
+        states = (system.project(t, start.q, start.u, start.choice) for t in (0.0, duration))
+        yield from zip(system.mechanism.loads, *(state.sizes for state in states), strict=True)
+
+    for name, one, other in chain(zip(system.driven, before, after, strict=True), sizes()):
+        if (abs(other - one) > _REPEATS * max(1.0, abs(one).max())).any():
             reason = f"{name} is not periodic"
             cure = "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic"
             raise SceneError("solve.start", "periodic", reason, cure)

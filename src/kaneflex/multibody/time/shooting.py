@@ -27,7 +27,7 @@ _CYCLES = 100
 REPEATS = 1e-5
 """Change over a cycle that counts as periodic: of the deformation, relative to its largest value, and of free joints,
 relative to their range and that of their speeds."""
-_LOOKS = 33
+LOOKS = 33
 """Instants of a cycle at which the range of its motion is measured."""
 _STILL = 1e-3
 """Share of the mechanism's size, or rad, below which a motion counts as rest."""
@@ -129,7 +129,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
 
     def _ranges(self, cycle: Cycle) -> np.ndarray:
         """Range of every component of x in a cycle, (2 k,)."""
-        start, *others = self.states(cycle, _LOOKS)
+        start, *others = self.states(cycle, LOOKS)
         return np.ptp(self.apart(start, start, *others), axis=0)
 
     def sizes(self, cycle: Cycle) -> np.ndarray:

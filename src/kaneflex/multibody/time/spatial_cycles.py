@@ -9,7 +9,7 @@ import numpy as np
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, KIND, SLIDE, SPEED, TURN
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
-from kaneflex.multibody.time.shooting import Cycles
+from kaneflex.multibody.time.shooting import LOOKS, Cycles
 from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.scene.options import Options
@@ -52,7 +52,8 @@ class SpatialCycles(Cycles[State, Run]):
         return self.system.project(0.0, self.system.advanced(start.q, (y @ N)[None])[0], u, self.choice)
 
     def deformation(self, cycle: Run) -> float:
-        return float(abs(cycle.at_ends()[:, self.system.modal_coordinates]).max(initial=0.0))
+        shapes = self.system.modal_coordinates
+        return float(max(abs(state.q[shapes]).max(initial=0.0) for state in self.states(cycle, LOOKS)))
 
     def matrices(self, cycle: Run, shares: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         for here in map(cycle, (shares * self.period).tolist()):

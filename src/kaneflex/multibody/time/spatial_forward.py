@@ -225,14 +225,6 @@ class Run(Curve):
         """Final state."""
         return self(self.ends[-1])
 
-    def at_ends(self) -> np.ndarray:
-        """Coordinates at the ends of the steps, (n_steps, n)."""
-        knots, n = np.array(self.knots), self.system.coordinates
-        found, which = np.zeros((len(knots), n)), self._steps_of(knots)
-        for k, (curve, _) in enumerate(self.curves):
-            found[which == k] = curve(knots[which == k])[:n].T
-        return found
-
     def rows(self, times: np.ndarray, what: int = NEAR) -> np.ndarray:
         system, n = self.system, self.system.coordinates
         out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.speeds))
