@@ -38,9 +38,7 @@ def skew(v: np.ndarray) -> np.ndarray:
 
 def second_moments(body: SpatialBody) -> np.ndarray:
     """int s s^T dm about the centre of mass [kg m^2], (3, 3), of the inertia about it."""
-    x, y, z, xy, yz, zx = body.inertia
-    inertia = np.array([[x, xy, zx], [xy, y, yz], [zx, yz, z]])
-    return 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return 0.5 * np.trace(body.about_centre) * np.eye(3) - body.about_centre
 
 
 def rigid_part(name: str, body: SpatialBody) -> Part:

@@ -27,6 +27,12 @@ class SpatialBody:
     inertia: np.ndarray
     rotation: np.ndarray
 
+    @property
+    def about_centre(self) -> np.ndarray:
+        """Inertia about the centre as a matrix, (3, 3)."""
+        x, y, z, xy, yz, zx = self.inertia
+        return np.array([[x, xy, zx], [xy, y, yz], [zx, yz, z]])
+
 
 @dataclass(frozen=True)
 class Side:

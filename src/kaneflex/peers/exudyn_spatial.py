@@ -141,15 +141,12 @@ class _Builder:
         return self.start.frame(side.body).place(side.at)[:, 0]
 
     def body(self, name: str, body: SpatialBody) -> None:
-        xx, yy, zz, xy, yz, zx = body.inertia
         turning, arm = self._vector(name, "omega"), self._stands(name) @ body.centre
         self.built.bodies[name] = self.system.CreateRigidBody(
             referencePosition=self._place(Side(name, tuple(body.centre))),
             referenceRotationMatrix=self._stands(name), initialAngularVelocity=turning,
             initialVelocity=self._vector(name, "v") + np.cross(turning, arm), gravity=[*self.mechanism.gravity],
-            inertia=self.built.exudyn.utilities.RigidBodyInertia(
-                mass=body.mass, inertiaTensor=np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
-            ),
+            inertia=self.built.exudyn.utilities.RigidBodyInertia(mass=body.mass, inertiaTensor=body.about_centre),
         )  # fmt: skip
 
     def link(self, name: str, count: int) -> None:

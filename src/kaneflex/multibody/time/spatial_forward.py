@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from kaneflex.integrate.by_scipy import IMPLICIT, SLOW, Pace, jacobian_of
-from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.energy import Energy, of_bodies
 from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.dynamics.spatial_entries import MOVED, NEAR
 from kaneflex.multibody.dynamics.spatial_instant import DONE, GROWN, OVERTURNED, REASONS
@@ -251,9 +251,11 @@ class Run(Curve):
     def energy(self, motion: SpatialKinematics) -> Energy:
         """Energy at the ends of the steps."""
         times = np.array([0.0, *self.knots])
-        found = motion.moved(times)
-        works = np.array(self.works).T
-        return Energy(*(found[f"{name} energy"] for name in ("kinetic", "strain", "weight")), *works)
+        found, bodies = motion.moved(times), self.system.mechanism.bodies
+        parts = [(name, body.mass, body.about_centre, body.centre) for name, body in bodies.items()]
+        kinetic, weight = of_bodies(found, parts, self.system.mechanism.gravity)
+        kinetic, weight = kinetic + found["kinetic energy"], weight + found["weight energy"]
+        return Energy(kinetic, found["strain energy"], weight, *np.array(self.works).T)
 
     def _stopped(self, t: float, message: str = "", by_bushing: bool = False) -> SceneError:
         far = overturned(self.system.mechanism, self.system.work.bushings) if by_bushing else None

@@ -15,7 +15,7 @@ from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_
 from kaneflex.multibody.dynamics.spatial_bushings import ENERGY
 from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.spatial_layout import COORDINATE, COUNT
-from kaneflex.multibody.model.spatial_reactions import COMPONENTS, cross, joint_wrenches
+from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time.spatial_curves import Curve, Standing
 from kaneflex.multibody.time.spatial_revolutions import Counts
@@ -90,7 +90,7 @@ class SpatialModule:
             found.append((f"{name}.drive", unit, "what the drive exerts"))
         for name, spring in mechanism.springs.items():
             found += [(f"{name}.{what}", unit, "of the spring and its damper") for what, unit in spring.scalars]
-        found += [(f"{name} energy", "J", "of the mechanism") for name in ("kinetic", "strain", "weight")]
+        found += [(f"{name} energy", "J", "of shapes and springs") for name in ("kinetic", "strain", "weight")]
         for body, shapes in self.system.layout.shapes.items():
             found += [(name, unit, "of a shape") for name, unit in modal_scalars(body, shapes.count)]
         return (*found, *self.more)
@@ -179,8 +179,7 @@ class SpatialKinematics(RigidKinematics):
         system, module, count = self.module.system, self.module, len(times)
         found, mechanism = system.instants(rows), system.mechanism
         nodes = [system.layout.node_of[name] for name in mechanism.bodies]
-        R = found.R[:, nodes]
-        bodies = (found.r[:, nodes], R.reshape(count, len(nodes), 9),
+        bodies = (found.r[:, nodes], found.R[:, nodes].reshape(count, len(nodes), 9),
                   *(part[:, nodes] for part in (found.v, found.w, found.a, found.e)))  # fmt: skip
         columns = [self._coordinate(name, found.q) for name in module.coordinates]
         wrenches = joint_wrenches(system, found).values()
@@ -191,11 +190,10 @@ class SpatialKinematics(RigidKinematics):
         kinetic, strain, weight, _ = found.deforming.T
         strain = strain + found.springs[:, :, 5].sum(axis=1) + found.twists[:, :, 2].sum(axis=1)
         strain = strain + found.bushings[:, :, ENERGY].sum(axis=1)
-        kinetic = kinetic + self._kinetic(R, found.v[:, nodes], found.w[:, nodes])
         return np.hstack([
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
             found.along[:, system.driven_speeds], _side_by_side(pulls, count),
-            *(each[:, None] for each in (kinetic, strain, weight + self._heavy(R, found.r[:, nodes]))),
+            *(each[:, None] for each in (kinetic, strain, weight)),
             *modal_series(system, found),
         ])  # fmt: skip
 
@@ -244,26 +242,6 @@ class SpatialKinematics(RigidKinematics):
         body, turn = layout.freed[joint]  # the section at the joint turns beyond the axes
         shapes = nodes[layout.node_of[body]]
         return q[:, first] + 2.0 * np.arctan(0.5 * q[:, shapes[COORDINATE] :][:, : shapes[COUNT]] @ turn)
-
-    @cached_property
-    def _inertias(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Masses, centres, and inertias about these of all bodies, in their axes."""
-        bodies = self.module.system.mechanism.bodies.values()
-        of = [np.array([[x, xy, zx], [xy, y, yz], [zx, yz, z]]) for x, y, z, xy, yz, zx in (b.inertia for b in bodies)]
-        return np.array([b.mass for b in bodies]), np.array([b.centre for b in bodies]), np.array(of).reshape(-1, 3, 3)
-
-    def _kinetic(self, R: np.ndarray, v: np.ndarray, w: np.ndarray) -> np.ndarray:
-        """Kinetic energy [J] by the bodies' axes, velocities and angular velocities."""
-        masses, centres, inertias = self._inertias
-        v = v + cross(w, (R @ centres[:, :, None])[..., 0])
-        own = (w[:, :, None] @ R)[:, :, 0]
-        turning = ((own[:, :, None] @ inertias)[:, :, 0] * own).sum(axis=(1, 2))
-        return 0.5 * ((v * v).sum(axis=2) @ masses + turning)
-
-    def _heavy(self, R: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """Potential energy of the weights [J]."""
-        masses, centres, _ = self._inertias
-        return -((r + (R @ centres[:, :, None])[..., 0]) @ self.module.system.tables.gravity) @ masses
 
     def acting(self, times: np.ndarray, seen: RigidMotion) -> SpatialMotion:
         """Sizes of the loads alone at ``times`` [s], with joint coordinates interpolated from known instants, as
