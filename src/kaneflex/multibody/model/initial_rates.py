@@ -1,7 +1,7 @@
 """Initial rates of a planar mechanism, from some given rates, its joints and its drives.
 
-Rates of shapes are as given, else zero. Given rates of bodies come next, the others follow by the joints; remaining
-freedoms move as in the rigid mechanism, joints with an initial speed first, then bodies from the ground outwards.
+Each is required in turn unless preceding ones determine it by the joints: given rates of shapes, zero ones of the
+others, given rates of bodies, initial speeds of joints, then rates of the rigid mechanism from the ground outwards.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kaneflex.multibody.model.determinacy import jacobian
-from kaneflex.multibody.model.system import BODY, CoupledSystem
+from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -25,6 +25,7 @@ _MISSED = 1e-3
 _NOTHING = 1e-12
 """Rate [sizes of the mechanism or rad a second] that is written as zero."""
 _CURE = "Give consistent rates of as many bodies as the mechanism has freedoms, or leave one out"
+_SHAPES = "Give rates of shapes consistent with the joints, for example those of solution.state()"
 
 
 def closed(system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
@@ -67,29 +68,31 @@ def fitted(
     SceneError
         If joints, drives and preceding given rates contradict a given rate.
     """
-    names = [name for name, _ in system.coordinates]
-    measure, frames = system.measure(system.mechanism.size or 1.0), np.zeros(system.size, bool)
-    for k in system.start.values():
-        frames[k : k + BODY] = True
-    speeds = _initial_speeds(scene)
-    rows, wanted = _rows(system, q, measure, list(speeds))
-    held, rate = len(system.constraints), v / measure
-    words = _Words(given, {name: (measure[k], f"{unit}/s") for k, (name, unit) in enumerate(system.coordinates)})
-    _fit_shapes(rows[:held], wanted[:held], rate, frames, words)
-    rest = wanted - rows[:, ~frames] @ rate[~frames]
-    free = _Free.of(rows[:held, frames], rest[:held])
-    place = {name: k for k, name in enumerate(np.array(names)[frames])}
-    for turn in (True, False):
-        for name in given:
-            if name in place and name.endswith(".phi") is turn:
-                _give(free, place[name], rate[names.index(name)], name, words)
-    for row, value, speed in zip(rows[held:, frames], rest[held:], speeds.values(), strict=True):
-        free.ask(row, value + speed)
-    for parts in (("phi",), ("x", "y")):
-        for name in (f"{body}.{part}" for body in system.engine.layout.bodies for part in parts):
-            free.ask(np.eye(1, len(place), place[name])[0], rate[names.index(name)])
-    rate[frames] = free.rate
-    return rate * measure
+    measure, speeds = system.measure(system.mechanism.size or 1.0), _initial_speeds(scene)
+    units = {name: f"{unit}/s" for name, unit in system.coordinates}
+    frames = [f"{body}.{part}" for parts in (("phi",), ("x", "y")) for body in system.engine.layout.bodies
+              for part in parts]  # fmt: skip
+    shapes = [name for name in units if name not in frames]
+    (rows, wanted), held = _rows(system, q, measure, list(speeds)), len(system.constraints)
+    rates = _Rates.of(rows[:held], wanted[:held], dict(zip(units, measure, strict=True)))
+    for name in (*sorted(shapes, key=lambda name: name not in given),
+                 *sorted(set(given) & set(frames), key=lambda name: (not name.endswith(".phi"), [*given].index(name)))):
+        k = rates.place[name]
+        value = v[k] / measure[k]
+        off = abs(rates.ask(np.eye(1, len(v), k)[0], value, name) - value)
+        if name in given and not off <= _MISSED * max(abs(value), abs(rates.rate).max()):
+            others = [f"{other} = {_said(rate * rates.measure[other])} {units[other]}"
+                      for other, rate in rates.partners(k) if other in given]  # fmt: skip
+            by = f"with {', '.join(others)} the joints make it" if others else "joints and drives make it"
+            reason = f"{by} {_said(rates.rate[k] * measure[k])} {units[name]}"
+            cure = _SHAPES if name in shapes else _CURE
+            raise SceneError(f"solve.start.velocities.{name}", given[name], reason, cure)
+    for row, value, speed in zip(rows[held:], wanted[held:], speeds.values(), strict=True):
+        rates.ask(row, value + speed)
+    for name in frames:
+        rates.ask(np.eye(1, len(v), rates.place[name])[0], v[rates.place[name]] / rates.measure[name])
+    found = rates.rate * measure
+    return np.where(abs(found - v) <= _NOTHING * measure, v, found)
 
 
 def _rows(
@@ -109,94 +112,50 @@ def _rows(
     return rows, wanted
 
 
-@dataclass(frozen=True)
-class _Words:
-    """Rates that are ``given``, as in the scene, and the unit of every coordinate."""
-
-    given: Mapping[str, float | str]
-    units: Mapping[str, tuple[float, str]]
-
-    def said(self, name: str, rate: float) -> str:
-        measure, unit = self.units[name]
-        return f"{rate * measure if abs(rate) > _NOTHING else 0.0:.6g} {unit}"
-
-    def refused(self, name: str, reason: str, cure: str) -> SceneError:
-        return SceneError(f"solve.start.velocities.{name}", self.given[name], reason, cure)
-
-
-def _fit_shapes(
-    rows: np.ndarray, wanted: np.ndarray, rate: np.ndarray, frames: np.ndarray, words: _Words
-) -> None:
-    """Change shapes' rates where the frames alone can't satisfy the joints: first those not given, then given ones."""
-    sums, sizes, _ = np.linalg.svd(rows[:, frames])
-    rank = int((sizes > _RANK * sizes.max(initial=0.0)).sum())
-    left = sums[:, rank:].T
-    A, shapes, names = left @ rows, np.flatnonzero(~frames), list(words.units)
-    least = _RANK * max(1.0, abs(A[:, shapes]).max(initial=0.0))  # what shapes don't bear is rounding
-    for own in (False, True):
-        columns = [k for k in shapes if (names[k] in words.given) is own]
-        size = np.linalg.norm(A[:, columns], 2) if columns and len(left) else 0.0
-        if size <= least:
-            continue
-        missing = left @ wanted - A[:, shapes] @ rate[shapes]
-        off = np.linalg.pinv(A[:, columns], rcond=least / size) @ missing
-        if own and abs(off).max() > _MISSED * max(abs(rate[shapes])):
-            most = int(abs(off).argmax())
-            name, found = names[columns[most]], rate[columns[most]] + off[most]
-            cure = "Give rates of shapes consistent with the joints, for example those of solution.state()"
-            raise words.refused(name, f"joints and drives make it {words.said(name, found)}", cure)
-        rate[columns] += off
-
-
-def _give(free: _Free, k: int, value: float, name: str, words: _Words) -> None:
-    """Set the rate number k of the bodies' frames."""
-    row = np.eye(1, len(free.rate), k)[0]
-    if free.ask(row, value, name):
-        return
-    off = abs(free.rate[k] - value)
-    if off <= _MISSED * max(abs(value), abs(free.rate).max()):
-        return
-    others = [f"{other} = {words.said(other, rate)}" for other, rate in free.partners(row)]
-    by = f"with {', '.join(others)} the joints make it" if others else "joints and drives make it"
-    raise words.refused(name, f"{by} {words.said(name, float(free.rate[k]))}", _CURE)
+def _said(rate: float) -> str:
+    return f"{rate if abs(rate) > _NOTHING else 0.0:.6g}"
 
 
 @dataclass
-class _Free:
-    """Rates of the frames, with an orthonormal ``basis`` (n, ...) of the rows that determine them so far."""
+class _Rates:
+    """Measured rates, with an orthonormal ``basis`` (n, ...) of the rows that determine them so far; ``measure``: unit
+    of each by name."""
 
     rate: np.ndarray
     basis: np.ndarray
     joints: int
+    measure: Mapping[str, float]
     asked: dict[str, tuple[np.ndarray, float]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, rows: np.ndarray, wanted: np.ndarray) -> _Free:
+    def of(cls, rows: np.ndarray, wanted: np.ndarray, measure: Mapping[str, float]) -> _Rates:
         """Least rates that satisfy the joints' rows."""
         rate = np.linalg.lstsq(rows, wanted, rcond=_RANK)[0]
         _, sizes, shapes = np.linalg.svd(rows, full_matrices=False)
         basis = shapes[sizes > _RANK * sizes.max(initial=0.0)].T
-        return cls(rate, basis, basis.shape[1])
+        return cls(rate, basis, basis.shape[1], measure)
 
-    def ask(self, row: np.ndarray, value: float, name: str = "") -> bool:
-        """Require a sum of the rates; False if preceding requirements determine it."""
+    @property
+    def place(self) -> dict[str, int]:
+        """Place of each rate by its name."""
+        return {name: k for k, name in enumerate(self.measure)}
+
+    def ask(self, row: np.ndarray, value: float, name: str = "") -> float:
+        """Require a sum of the rates; returns the one that preceding requirements leave."""
         own = row - self.basis @ (self.basis.T @ row)
         own -= self.basis @ (self.basis.T @ own)
         size = float(np.linalg.norm(own))
-        if size <= _OPEN * np.linalg.norm(row):
-            return False
-        self.rate = self.rate + own * ((value - row @ self.rate) / size**2)
-        self.basis = np.column_stack([self.basis, own / size])
-        if name:
-            self.asked[name] = row, value
-        return True
+        if size > _OPEN * np.linalg.norm(row):
+            self.rate = self.rate + own * ((value - row @ self.rate) / size**2)
+            self.basis = np.column_stack([self.basis, own / size])
+            if name:
+                self.asked[name] = row, value
+        return float(row @ self.rate)
 
-    def partners(self, row: np.ndarray) -> list[tuple[str, float]]:
-        """Named rates, with their values, on which a sum of rates depends."""
-        if not self.asked:
-            return []
+    def partners(self, k: int) -> list[tuple[str, float]]:
+        """Named rates, with their values, on which the rate number k depends."""
         joints = self.basis[:, : self.joints]
-        rows = np.array([row, *(asked for asked, _ in self.asked.values())]).T
+        rows = np.array([np.eye(1, len(self.rate), k)[0], *(asked for asked, _ in self.asked.values())]).T
         rows = rows - joints @ (joints.T @ rows)
         shares = np.linalg.lstsq(rows[:, 1:], rows[:, 0], rcond=None)[0]
         return [(name, value) for (name, (_, value)), share in zip(self.asked.items(), shares, strict=True)

@@ -157,16 +157,18 @@ class Equations(ABC, Generic[At]):
 
         def corrected(state: At, left: np.ndarray) -> At | None:
             """Instant with the residual ``left``; None if short steps don't converge."""
+            last = np.inf
             try:
                 for _ in range(_NEWTON):
                     found, slope = self.slopes(state, columns)
                     x = np.zeros(3 * n)
                     x[columns] = np.linalg.solve(slope, left - found)
                     state, size = self.moved(state, x), (abs(x[:n]) / self.measure).max(initial=0.0)
-                    if size < _BALANCED:
+                    if size < _BALANCED and size >= 0.5 * last:  # down to rounding: axial forces need all digits
                         return state
                     if not size < _FARTHEST:
                         break
+                    last = size
             except (ArithmeticError, np.linalg.LinAlgError):
                 pass
             return None
