@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from kaneflex.derive import packs
-from kaneflex.derive.body import body_text
+from kaneflex.derive.body_plane import body_text
 from kaneflex.derive.body_space import spatial_shapes_text
 from kaneflex.derive.contact import contact_text
 from kaneflex.derive.coupled_module import generate_coupled

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement, product
 
@@ -20,54 +19,20 @@ import sympy as sm
 
 from kaneflex.derive import spatial
 from kaneflex.derive.body_kinds import moment
-from kaneflex.derive.loops import COORDINATES
 from kaneflex.derive.spatial_shapes import ACCEL, PAIR, SINGLE, coordinates, pair, shaped_equations, single
 from kaneflex.derive.spatial_shapes import EPSILON as ANGULAR
 from kaneflex.derive.spatial_shapes import OMEGA as SPIN
 
-B, A = COORDINATES["s"], COORDINATES["w"]
-MOTION = ALONG, ACROSS, EPSILON, OMEGA = sm.symbols("along across epsilon omega")
+ALONG, ACROSS, EPSILON, OMEGA = sm.symbols("along across epsilon omega")
 _PLANE = dict(zip((*SPIN, *ACCEL, *ANGULAR), (0, 0, OMEGA, ALONG, ACROSS, 0, 0, 0, EPSILON), strict=True))
 _NAMES = {"u": "s", "v": "w", "theta_z": "psi"}
+_ELASTIC = {"K_": "stiffness", "C_": "damping"}
 _ORDER = ("X", "s", "w", "H", "psi")
 """Factors in the name of a sum."""
-
-
-@dataclass(frozen=True)
-class BodyEquations:
-    """Equations of a body with one shape of each kind, in its own axes; the symbols are those of ``loops.COORDINATES``.
-
-    Attributes
-    ----------
-    forces : Matrix
-        M u' - f, stiffness and damping included: along, across, moment about the start, then the rows of b and a.
-        ``along``, ``across``: acceleration of the start less gravity.
-    mass : Matrix
-        M, d forces / d(along, across, epsilon, b2, a2).
-    kinetic, strain, lost : Expr
-        Energies [J] and dissipated power [W]; ``along``, ``across`` are there the speed of the start.
-    """
-
-    forces: sm.Matrix
-    mass: sm.Matrix
-    kinetic: sm.Expr
-    strain: sm.Expr
-    lost: sm.Expr
-
-
-@cache
-def body_equations() -> BodyEquations:
-    """Kane's equations with one shape of each kind, with stiffness and damping."""
-    own = dict(zip((*coordinates(0), *coordinates(1)), (*B, *A), strict=True))
-    forces = planar_equations(1, 1).xreplace(own)
-    K_b, K_a, C_bb, C_ba, C_aa = sm.symbols("stiffness_0 stiffness_1 damping_0_0 damping_0_1 damping_1_1")
-    modal, rates = sm.Matrix([B[0], A[0]]), sm.Matrix([B[1], A[1]])
-    K, C = sm.diag(K_b, K_a), sm.Matrix([[C_bb, C_ba], [C_ba, C_aa]])
-    forces += sm.Matrix([0, 0, 0, *(K * modal + C * rates)])
-    mass = forces.jacobian([ALONG, ACROSS, EPSILON, B[2], A[2]])
-    u = sm.Matrix([ALONG, ACROSS, OMEGA, *rates])
-    kinetic, strain, lost = (u.T * mass * u)[0] / 2, (modal.T * K * modal)[0] / 2, (rates.T * C * rates)[0]
-    return BodyEquations(forces.expand(), mass, *(each.expand() for each in (kinetic, strain, lost)))
+RIGID = (*sm.symbols("mass mass_X mass_Y"), sum(sm.symbols("mass_X_X mass_Y_Y inertia")))
+"""Sums of a rigid body."""
+AT = sm.symbols("share X Y")
+"""A point of it, and its share of the forces there."""
 
 
 @cache
@@ -78,7 +43,7 @@ def planar_equations(axial: int, transverse: int) -> sm.Matrix:
     symbols = {single(name, j): (name, j, j) for j in range(count) for name in SINGLE}
     pairs = combinations_with_replacement(range(count), 2)
     symbols |= {pair(name, j, k): (name, j, k) for (j, k), name in product(pairs, PAIR)}
-    moments = {symbol: _named(moment(kinds, *of), axial) for symbol, of in symbols.items()}
+    moments = {symbol: by_name(moment(kinds, *of), axial) for symbol, of in symbols.items()}
     derived = count + count % 2  # an odd shape more is still: so few numbers of shapes are derived
     still = {symbol: 0 for j in range(count, derived) for symbol in coordinates(j)}
     shaped = shaped_equations(derived, True).xreplace(_PLANE | still | moments) if count else sm.zeros(6, 1)
@@ -94,15 +59,18 @@ def _rigid() -> dict[sm.Symbol, sm.Expr]:
     return dict(zip(sm.symbols("centre_x centre_y J_z"), (X / mass, Y / mass, J), strict=True))
 
 
-def _named(expression: sm.Expr, axial: int) -> sm.Expr:
-    """Products of fields as sums of mass or rotary inertia by their names."""
+def by_name(expression: sm.Expr, axial: int = 0, of: str = "mass") -> sm.Expr:
+    """Products of fields as sums of mass or rotary inertia by their names; with ``of`` empty, of a point."""
     terms = expression.as_coefficients_dict().items()
-    return sum((number * sm.Symbol("_".join(_factors(term, axial))) for term, number in terms if number), sm.S.Zero)
+    names = ((number, "_".join(filter(None, _factors(term, axial, of)))) for term, number in terms if number)
+    return sum((number * sm.Symbol(name) for number, name in names), sm.S.Zero)
 
 
-def _factors(term: sm.Expr, axial: int) -> list[str]:
+def _factors(term: sm.Expr, axial: int, of: str) -> list[str]:
     """Parts of a sum's name, like mass, X, H_0_1."""
-    found, slopes, of = list[str](), list[int](), "mass"
+    if str(term)[:2] in _ELASTIC:
+        return [_ELASTIC[str(term)[:2]], *str(term)[2:]]
+    found, slopes = list[str](), list[int]()
     for symbol, power in term.as_powers_dict().items():
         letter, index = re.fullmatch(r"(.+?)(\d*)", str(symbol)).groups()
         if letter == "I_z":

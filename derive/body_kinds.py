@@ -15,7 +15,7 @@ Any other shape is of kind g.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -165,10 +165,50 @@ def of_pair(a: str, b: str, j: int = 0, k: int = 1) -> Values:
     return {name: summed((a, b), value) for name, value in values.items()} | damping
 
 
+@dataclass(frozen=True)
+class Kinds:
+    """Kinds of shapes that a text is printed for, and the sums that it needs of them.
+
+    ``names`` in their order in a body; ``vectors``: places of modal coordinates q, rates v and accelerations b.
+    """
+
+    names: tuple[str, ...]
+    of_shape: Callable[..., Values]
+    of_pair: Callable[..., Values]
+    vectors: tuple[tuple[str, str], ...]
+
+
+_PLANE = ("P_x", "P_y", "H_z", "J_zz", "X_z", "M", "K")
+"""Sums that motion in the x-y plane needs."""
+_IN_PLANE = (("q", "q[i + {}]"), ("v", "v[i + {}]"), ("b", "a[i + {}]"))
+SPACE = Kinds(KINDS, of_shape, of_pair, (("q", "q[i + {}]"), ("v", "u[s + {}]"), ("b", "du[s + {}]")))
+
+
+def _in_plane(values: Values) -> Values:
+    return {name: values[name] for name in _PLANE if name in values}
+
+
+def _pair_in_plane(a: str, b: str, j: int = 0, k: int = 1) -> Values:
+    return _in_plane(of_pair(a, b, j, k)) | {"C": sm.Symbol(f"C_{min(j, k)}{max(j, k)}")}
+
+
+def _at_point(kind: str, j: int = 0) -> Values:
+    """Displacement of a point of the axis, and rotation of its section."""
+    moved, turned = _field(kind, j)
+    return {"x": moved[0], "y": moved[1], "turn": turned[2]}
+
+
+PLANE = Kinds(("u", "v"), lambda kind, j=0: _in_plane(of_shape(kind, j)), _pair_in_plane, _IN_PLANE)
+POINT = Kinds(
+    ("u", "v"), _at_point, lambda a, b, j=0, k=1: {"x": second_order(a, j, b, k)[0].xreplace({y: 0, z: 0})}, _IN_PLANE
+)
+"""A point of the axis in the plane."""
+
+
 @cache
-def numbers(a: str, b: str = "") -> Numbers:
+def numbers(a: str, b: str = "", kinds: Kinds = SPACE) -> Numbers:
     """Numbers of a shape of kind ``a``, or of a pair with one of kind ``b``."""
-    values, stored, of = of_pair(a, b) if b else of_shape(a), dict[str, sm.Expr](), Values()
+    values, stored, of = kinds.of_pair(a, b) if b else kinds.of_shape(a), dict[str, sm.Expr](), Values()
     for name, value in values.items():
         found = _combination(value, stored)
         if found is None:
@@ -198,11 +238,11 @@ def tables() -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]:
     return {kind: numbers(kind).stored for kind in KINDS}, {both: names for both, names in pairs.items() if names}
 
 
-def reading_order(kinds: Sequence[str]) -> Iterator[sm.Expr]:
+def reading_order(shapes: Sequence[str], kinds: Kinds = SPACE) -> Iterator[sm.Expr]:
     """Numbers of a body with shapes of these kinds, in products of their fields."""
-    for j, a in enumerate(kinds):
-        own = of_shape(a, j)
-        yield from (own[name] for name in numbers(a).stored)
-        for k, b in enumerate(kinds):
-            both = of_pair(a, b, j, k)
-            yield from (both[name] for name in numbers(a, b).stored)
+    for j, a in enumerate(shapes):
+        own = kinds.of_shape(a, j)
+        yield from (own[name] for name in numbers(a, kinds=kinds).stored)
+        for k, b in enumerate(shapes):
+            both = kinds.of_pair(a, b, j, k)
+            yield from (both[name] for name in numbers(a, b, kinds).stored)

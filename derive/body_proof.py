@@ -13,11 +13,10 @@ from types import SimpleNamespace
 import sympy as sm
 from sympy.physics.mechanics import dynamicsymbols
 
-from kaneflex.derive.body_equations import ACROSS, ALONG, EPSILON, OMEGA, place, planar_equations
-from kaneflex.derive.loops import block_symbols
+from kaneflex.derive.body_equations import ACROSS, ALONG, AT, EPSILON, OMEGA, RIGID, by_name, place, planar_equations
+from kaneflex.derive.body_kinds import PLANE, POINT, Kinds, reading_order
 from kaneflex.derive.rigid import TIME
 from kaneflex.derive.spatial_shapes import coordinates
-from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK
 
 PROVED = ((0, 0), (1, 0), (0, 1), (1, 2), (2, 2))
 """Numbers of axial and transverse shapes for which the kernels are proved: every sum runs over none, one and two."""
@@ -30,7 +29,7 @@ class NotKane(AssertionError):
 
 
 def prove(text: str) -> None:
-    """Raise NotKane if a kernel of this text, a function ``kernels``, differs from the derived equations."""
+    """Raise NotKane if a kernel of this text differs from the derived equations."""
     for counts in PROVED:
         demand_equal(comparisons(text, *counts), counts, _plain)
 
@@ -52,27 +51,28 @@ def demand_equal(
 
 def functions(text: str) -> dict[str, Callable]:
     """Functions of a text as plain Python, for any type with addition and multiplication."""
-    names = {"njit": lambda **options: lambda kernel: kernel, "cache": lambda kernels: kernels}
-    names |= {"OPTIONS": {}, "IN_ORDER": {}, "SimpleNamespace": SimpleNamespace}
+    names = {"njit": lambda **options: lambda kernel: kernel, "IN_ORDER": {}, "WITHIN": {}}
     exec(compile(text, "kernels", "exec"), names)
     return names
 
 
-def interpreted(text: str, axial: int, transverse: int) -> SimpleNamespace:
-    """The kernels of bodies with so many shapes."""
-    return functions(text)["kernels"](axial, transverse)
-
-
 def comparisons(text: str, axial: int, transverse: int) -> Comparisons:
     """Comparisons of a body, then of its points."""
-    yield from _of_body(interpreted(text, axial, transverse), axial, transverse)
-    yield from _of_point(interpreted(text, axial, transverse), axial, transverse)
+    kernels = SimpleNamespace(**functions(text))
+    yield from _of_body(kernels, axial, transverse)
+    yield from _of_point(kernels, axial, transverse)
+
+
+def _numbers(first: Iterable[sm.Expr], axial: int, transverse: int, kinds: Kinds, of: str) -> list[sm.Expr]:
+    """Numbers of a body or of a point in the moments' symbols."""
+    shapes = reading_order("u" * axial + "v" * transverse, kinds)
+    return [*first, axial, axial + transverse, *(by_name(value, axial, of) for value in shapes)]
 
 
 def _of_body(kernels: SimpleNamespace, axial: int, transverse: int):
     shapes = axial + transverse
     n, own = 3 + shapes, planar_equations(axial, transverse)
-    p = [expression for expression, *_ in block_symbols(BODY_BLOCK, axial, transverse)]
+    p = _numbers(RIGID, axial, transverse, PLANE, "mass")
     stiffness = sm.diag(*(sm.Symbol(f"stiffness_{k}") for k in range(shapes)))
     damping = sm.Matrix(shapes, shapes, lambda j, k: sm.Symbol(f"damping_{min(j, k)}_{max(j, k)}"))
     q, v, a = (list(of) for of in zip(*map(coordinates, range(shapes)), strict=True)) if shapes else ([], [], [])
@@ -100,7 +100,7 @@ def _of_body(kernels: SimpleNamespace, axial: int, transverse: int):
 
 
 def _of_point(kernels: SimpleNamespace, axial: int, transverse: int):
-    p = [expression for expression, *_ in block_symbols(POINT_BLOCK, axial, transverse)]
+    p = _numbers(AT, axial, transverse, POINT, "")
     b, a = ([dynamicsymbols(f"{name}_{k}") for k in range(count)] for name, count in (("b", axial), ("a", transverse)))
     modal = [*b, *a]
     q, v, a2 = ([sm.Symbol(f"{name}_{k}") for k in range(len(modal))] for name in ("q", "v", "accel"))

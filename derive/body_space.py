@@ -16,7 +16,7 @@ Nothing is printed that is not proved to be Kane's equations (:mod:`kaneflex.der
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from textwrap import indent
 
@@ -24,9 +24,8 @@ import sympy as sm
 
 from kaneflex.derive import module_text
 from kaneflex.derive.body_kinds import CUBIC, KINDS, MOMENTS, XYZ, numbers, section_motion, tables
-from kaneflex.derive.body_loops import INDENT, Shape, bounds, grow, loops, named, zeroed
+from kaneflex.derive.body_loops import INDENT, Shape, bounds, code, grow, loops, named, zeroed
 from kaneflex.derive.body_space_proof import prove
-from kaneflex.derive.loops import code
 from kaneflex.derive.names import Names
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, OMEGA
@@ -39,6 +38,7 @@ def _components(letter: str, axes: Iterable[str] = XYZ) -> tuple[str, ...]:
 P, H, X, J = (*map(_components, "PHX"), _components("J", MOMENTS))
 _SPIN = _components("s", MOMENTS)
 """-omega_x^2, ..., -2 omega_y omega_z, ...: factors of J in a row."""
+VELOCITY = sm.symbols("v_x v_y v_z")
 
 
 @cache
@@ -91,12 +91,12 @@ def _vector(letter: str) -> sm.Matrix:
     return sm.Matrix(_symbols(_components(letter)))
 
 
-def _grown(shape: Shape) -> tuple[list[str], dict[str, sm.Expr]]:
+def grown(shape: Shape) -> tuple[list[str], dict[str, sm.Expr]]:
     """Statements for P, H and J of the j-th shape, and these."""
     return named({name: shape.grown(name) for name in (*P, *H, *J)})
 
 
-def _first_and_second(shape: Shape, of: Mapping[str, sm.Expr]) -> dict[str, sm.Expr]:
+def first_and_second(shape: Shape, of: Mapping[str, sm.Expr]) -> dict[str, sm.Expr]:
     """Increments of S and I by the j-th shape."""
     q, total = sm.Symbol("q_j"), {}
     for name in (*P, *J):
@@ -105,58 +105,69 @@ def _first_and_second(shape: Shape, of: Mapping[str, sm.Expr]) -> dict[str, sm.E
     return total
 
 
-def _demand() -> str:
+def demanded(shape: Shape, row: str) -> tuple[list[str], dict[str, sm.Expr]]:
+    """Statements that add what a motion takes of the j-th shape to its row, and increments of the sums of them all."""
     q, v, b = sm.symbols("q_j v_j b_j")
-    spin = sm.expand((sm.Matrix(OMEGA).T * _matrix("J") * sm.Matrix(OMEGA))[0])
-    factors = [f"{name} = {code(-spin.coeff(of))}" for name, of in zip(_SPIN, _symbols(J), strict=True)]
+    lines, of = grown(shape)
+    more, rates = named({f"{name}_rate": shape.total(name, "v") for name in (*P, *H)})
+    own = shape.single("K") * q + shape.total("M", "b") + shape.total("C", "v")
+    own += sum(of.get(name, 0) * x for name, x in zip((*P, *H), (*ACCEL, *EPSILON), strict=True))
+    own += sum(of.get(name, 0) * x for name, x in zip(J, _symbols(_SPIN), strict=True))
+    own += 2 * sum(shape.total(name, "v") * x for name, x in zip(X, OMEGA, strict=True))
+    total = first_and_second(shape, of)
+    for letter, names in (("V", P), ("h", H), ("D", J)):
+        total |= {f"{letter}{name[1:]}": v * of.get(name, 0) for name in names}
+    for name in (*P, *H):
+        force = name.replace("P", "f").replace("H", "m")
+        total[force] = b * of.get(name, 0) + v * rates.get(f"{name}_rate", 0)
+    return [*lines, *more, *grow({row: own})], total
+
+
+def spin() -> list[str]:
+    """Statements for the factors of J in a row."""
+    square = sm.expand((sm.Matrix(OMEGA).T * _matrix("J") * sm.Matrix(OMEGA))[0])
+    return [f"{name} = {code(-square.coeff(of))}" for name, of in zip(_SPIN, _symbols(J), strict=True)]
+
+
+def _demand() -> str:
     sums: dict[str, None] = {}
 
     def of_shape(shape: Shape) -> list[str]:
-        lines, of = _grown(shape)
-        more, rates = named({f"{name}_rate": shape.total(name, "v") for name in (*P, *H)})
-        row = shape.single("K") * q + shape.total("M", "b") + shape.total("C", "v")
-        row += sum(of.get(name, 0) * x for name, x in zip((*P, *H), (*ACCEL, *EPSILON), strict=True))
-        row += sum(of.get(name, 0) * x for name, x in zip(J, _symbols(_SPIN), strict=True))
-        row += 2 * sum(shape.total(name, "v") * x for name, x in zip(X, OMEGA, strict=True))
-        total = _first_and_second(shape, of)
-        for letter, names in (("V", P), ("h", H), ("D", J)):
-            total |= {f"{letter}{name[1:]}": v * of.get(name, 0) for name in names}
-        for name in (*P, *H):
-            force = name.replace("P", "f").replace("H", "m")
-            total[force] = b * of.get(name, 0) + v * rates.get(f"{name}_rate", 0)
+        lines, total = demanded(shape, "h[r + j]")
         sums.update(dict.fromkeys(name for name, value in total.items() if value != 0))
-        return [*lines, *more, *grow({"h[r + j]": row} | total)]
+        return [*lines, *grow(total)]
 
-    body = loops(of_shape)
+    body, whole = loops(of_shape), list[str]()
+
+    def assigned(letter: str, values: sm.Matrix) -> sm.Matrix:
+        whole.extend(f"{name} = {code(value)}" for name, value in zip(_components(letter), values, strict=True))
+        return _vector(letter)
+
+    adds = grow({f"out[{emit.offset('n', k)}]": value for k, value in enumerate(wrench(assigned))})
     return _DEMAND.format(
-        reads=_reads("k", (*OMEGA, *ACCEL, *EPSILON)), factors=_lines(factors), zeros=_lines(zeroed(sums)), ends=_ENDS,
-        loops=_lines(body), cubic=_lines(_cubic("h[r + {}]")), whole=_lines(_whole()),
+        reads=_reads("k", (*OMEGA, *ACCEL, *EPSILON)), factors=_lines(spin()), zeros=_lines(zeroed(sums)), ends=_ENDS,
+        loops=_lines(body), cubic=_lines(_cubic("h[r + {}]")), whole=_lines(whole + adds),
     )  # fmt: skip
 
 
-def _whole() -> list[str]:
-    """Force and moment by the sums over all shapes."""
+def wrench(assigned: Callable[[str, sm.Matrix], sm.Matrix] = lambda letter, values: values) -> sm.Matrix:
+    """Force and moment by the sums over all shapes; ``assigned`` may give vectors a name."""
     omega, a, epsilon = map(sm.Matrix, (OMEGA, ACCEL, EPSILON))
     S, inertia = _vector("S"), _matrix("I")
-    lines = _assigned("u", omega.cross(S) + 2 * _vector("V"))
-    lines += _assigned("l", inertia * omega + _vector("h"))
-    force = epsilon.cross(S) + omega.cross(_vector("u")) + _vector("f")
-    moment = S.cross(a) + inertia * epsilon + omega.cross(_vector("l")) + 2 * _matrix("D") * omega + _vector("m")
-    return lines + grow({f"out[{emit.offset('n', k)}]": value for k, value in enumerate([*force, *moment])})
-
-
-def _assigned(letter: str, values: sm.Matrix) -> list[str]:
-    return [f"{name} = {code(value)}" for name, value in zip(_components(letter), values, strict=True)]
+    u, l = assigned("u", omega.cross(S) + 2 * _vector("V")), assigned("l", inertia * omega + _vector("h"))
+    force = epsilon.cross(S) + omega.cross(u) + _vector("f")
+    moment = S.cross(a) + inertia * epsilon + omega.cross(l) + 2 * _matrix("D") * omega + _vector("m")
+    return force.col_join(moment)
 
 
 def _inertia() -> str:
     """Mass matrix beyond that of the rigid body, d (force, moment, rows) / d (a, epsilon, b)."""
 
     def of_shape(shape: Shape) -> list[str]:
-        lines, of = _grown(shape)
+        lines, of = grown(shape)
         stores = [f"out[coupling{f' + {k} * count' if k else ''} + j] = {code(of.get(name, sm.S.Zero))}"
                   for k, name in enumerate((*P, *H))]  # fmt: skip
-        return [*lines, *stores, *grow(_first_and_second(shape, of))]
+        return [*lines, *stores, *grow(first_and_second(shape, of))]
 
     def of_pair(a: str, b: str) -> list[str]:
         mass = numbers(a, b).of.get("M", sm.S.Zero)
@@ -173,25 +184,34 @@ def _inertia() -> str:
     )  # fmt: skip
 
 
-def _energy() -> str:
+def energies(shape: Shape) -> tuple[list[str], dict[str, sm.Expr]]:
+    """Statements for the j-th shape, and increments of energies, dissipated power and moments."""
     q, v = sm.symbols("q_j v_j")
-    velocity, omega, S = sm.Matrix(sm.symbols("v_x v_y v_z")), sm.Matrix(OMEGA), _vector("S")
+    lines, of = grown(shape)
+    speed = sum(of.get(name, 0) * x for name, x in zip((*P, *H), (*VELOCITY, *OMEGA), strict=True))
+    return lines, {
+        "kinetic": v * (speed + shape.total("M", "v") / 2), "strain": shape.single("K") * q**2 / 2,
+        "lost": v * shape.total("C", "v"),
+    } | first_and_second(shape, of)  # fmt: skip
 
+
+def rigid_energy() -> sm.Expr:
+    """Kinetic energy by S and I, the body's shapes not in motion."""
+    velocity, omega = sm.Matrix(VELOCITY), sm.Matrix(OMEGA)
+    return ((omega.T * _matrix("I") * omega)[0] / 2 + velocity.dot(omega.cross(_vector("S")))).expand()
+
+
+def _energy() -> str:
     def of_shape(shape: Shape) -> list[str]:
-        lines, of = _grown(shape)
-        speed = sum(of.get(name, 0) * x for name, x in zip((*P, *H), (*velocity, *omega), strict=True))
-        return [*lines, *grow({
-            "kinetic": v * (speed + shape.total("M", "v") / 2), "strain": shape.single("K") * q**2 / 2,
-            "lost": v * shape.total("C", "v"),
-        } | _first_and_second(shape, of))]  # fmt: skip
+        lines, total = energies(shape)
+        return [*lines, *grow(total)]
 
-    rigid = (omega.T * _matrix("I") * omega)[0] / 2 + velocity.dot(omega.cross(S))
-    whole = [f"kinetic += {code(rigid.expand())}"]
+    whole = [f"kinetic += {code(rigid_energy())}"]
     stores = {"kinetic": 0, "strain": 1, "lost": 2, "S_x": 3, "S_y": 4, "S_z": 5}
     whole += [f"out[{emit.offset('n', k)}] += {name}" for name, k in stores.items()]
     zeros = ["kinetic", "strain", "lost", *_components("S"), *_components("I", MOMENTS)]
     return _ENERGY.format(
-        reads=_reads("k", (*velocity, *OMEGA)), zeros=_lines(zeroed(zeros)), ends=_ENDS, loops=_lines(loops(of_shape)),
+        reads=_reads("k", (*VELOCITY, *OMEGA)), zeros=_lines(zeroed(zeros)), ends=_ENDS, loops=_lines(loops(of_shape)),
         cubic=_lines(_cubic("")), whole=_lines(whole),
     )  # fmt: skip
 

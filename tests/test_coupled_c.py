@@ -154,14 +154,13 @@ def test_what_python_means_in_c(compiler, tmp_path):
         assert (found == expected).all()
 
 
-def test_a_function_is_printed_for_every_list_of_types():
-    kernels = [body.kernels(1, 2).energy, body.kernels(0, 3).energy]
-    printer = Printer([kernels, kernels[:1]])
-    kinds = at.BODY_KERNELS["energy"].signature.args
-    name, _, only = printer.chosen(0, kinds)
-    assert name == "kernel_energy" and not only
-    assert [text.count("body_energy") for text in printer.texts.values()] == [1, 1, 2]
-    assert printer.chosen(1, kinds) == ("body_energy", types.UniTuple(types.float64, 2), True)
+def test_a_function_is_printed_once_for_every_list_of_types():
+    printer, N = Printer(), at.N
+    kinds = [N, types.int64, N, N, types.int64, *(types.float64,) * 5, N]
+    name, returned = printer.function(body.energy, kinds)
+    assert (name, returned) == ("body_energy", types.UniTuple(types.float64, 2))
+    assert printer.function(body.energy, kinds)[0] == name
+    assert printer.function(body.energy, [N, types.int64, N, N, types.int64, *(types.complex128,) * 5, at.Z])[0] != name
     assert printer.declared(at.MECHANISM, "m") == "const mechanism *m"
     assert "int64_t *pivots;" in printer.text()
 

@@ -12,7 +12,7 @@ from runs import moments
 import kaneflex
 from kaneflex.derive.body_equations import planar_equations
 from kaneflex.fem.shape_functions import shape_functions
-from kaneflex.generated.body import kernels
+from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.multibody.model.system import rigid_state
@@ -90,9 +90,8 @@ def inertia_forces(model, q, v, a):
     system, found = model.coupled, np.zeros(model.coupled.size)
     blocks = Blocks(model.scene, system.module.BODIES, system.shapes)
     for name, k in system.start.items():
-        inverse = kernels(*system.module.BODIES[name][:2]).inverse.py_func
         turn, frame = (np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]), a[k : k + 3] - [*model.scene.gravity, 0.0]
-        inverse(blocks.body(name), 0, q, v, a, k + 3, *turn, *frame, found, k)
+        body.inverse.py_func(blocks.body(name), 0, q, v, a, k + 3, *turn, *frame, found, k)
     return found
 
 

@@ -1,18 +1,14 @@
 """A structure's part in the coupled equations: tables, its drives' courses and loads; its bodies' kernels."""
 
 import hashlib
-import inspect
 
 import numpy as np
 import pytest
-from numba import float64, int64
 from runs import STENCIL, model
 
 import kaneflex
 from kaneflex.derive.coupled_module import generate_coupled
-from kaneflex.generated import body
 from kaneflex.mechanism.floating_frames import shape_counts
-from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.module_loading import bind_parameters, import_file
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
@@ -135,21 +131,7 @@ def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused(tmp_pa
         safe.magnitudes(0.0, np.zeros(2), 0, p[:-1], np.zeros(1), 0)
 
 
-def test_bodies_of_one_kind_share_their_kernels(tmp_path):
+def test_a_module_says_which_bodies_have_shapes(tmp_path):
     _, found = module("slider-crank-150-coupled", tmp_path)
     assert found.BODIES == {"crank": (0, 0, 0), "rod": (2, 3, 1), "slider": (0, 0, 0)}
     assert found.JOINTS["guide"] == ("prismatic", "ground.origin", "slider.start", "")
-    engine = model("slider-crank-150-coupled").coupled.engine
-    kind_of = dict(zip(engine.layout.bodies, engine.tables.bodies[:, at.KIND] // len(at.BODY_KERNELS), strict=True))
-    assert {name: engine.kinds[kind] for name, kind in kind_of.items()} == {
-        name: counts[:2] for name, counts in found.BODIES.items()
-    }
-    assert len(engine.kinds) == 2
-
-
-def test_the_engine_calls_every_kernel_of_a_body_by_its_arguments():
-    of = dict.fromkeys("pqva", at.N) | dict.fromkeys("oik", int64) | {"out": at.N}
-    kernels = body.kernels(2, 3)
-    for name, kind in at.BODY_KERNELS.items():
-        arguments = inspect.signature(getattr(kernels, name).py_func).parameters
-        assert kind.signature.args == tuple(of.get(argument, float64) for argument in arguments)

@@ -11,7 +11,6 @@ from runs import model
 from test_c import HEADS, SHARED, built
 
 from kaneflex.derive.printers.c_printer import Printer
-from kaneflex.generated import body
 from kaneflex.multibody.compile import addresses, library
 from kaneflex.multibody.dynamics import unfolding
 from kaneflex.multibody.model import layout as at
@@ -69,16 +68,13 @@ def in_c(printer, name, kinds, returned):
 
 def printed(run):
     """The printer with all functions, and each one's name -> the compiled function, types, returned type."""
-    bodies = [body.kernels(*kind) for kind in run.engine.kinds]
-    kernels = [[each] for each in run.engine.kernels]
-    kernels += [[getattr(of, kernel) for of in bodies] for kernel in at.BODY_KERNELS]
-    printer = Printer(kernels)
+    printer = Printer(run.engine.kernels)
     for entry in (collocation.project, collocation.integrate, unfolding.unfold):
         printer.function(entry, library.ENTRIES[entry].args)
     rooms = ("kaneflex.multibody.", "kaneflex.generated.")
     known = [each for name, of in [*sys.modules.items()] if name.startswith(rooms) for each in vars(of).values()]
     known += [each.where[0] for each in known if isinstance(getattr(each, "where", None), tuple)]
-    known += [each for several in kernels for each in several]
+    known += run.engine.kernels
     compiled = {each.py_func: each for each in known if hasattr(each, "py_func")}
     text = printer.text()
     made = {name: (compiled[key[0]], key[1], returned) for key, (name, returned) in printer.functions.items()
@@ -159,8 +155,7 @@ def test_every_function_is_that_of_numba(compiler, exhaustive, tmp_path):
     run = _begun(model(SCENE))
     made, random = entries(run, compiler, tmp_path, exhaustive), np.random.default_rng(7)
     pointers = run.engine._handle.arrays[6]
-    kinds_of_bodies = np.repeat(np.arange(len(run.engine.kinds)), len(at.BODY_KERNELS))
-    numbers = np.concatenate([np.zeros(len(at.STRUCTURE_KERNELS), np.int64), kinds_of_bodies])
+    numbers = np.zeros(len(at.STRUCTURE_KERNELS), np.int64)
     off, changed = {}, 0
     for name, (kinds, numba, c) in made.items():
         for _ in range(3):

@@ -8,8 +8,7 @@ are their rates in turning axes, the last less the derivative of the kinetic ene
 import numpy as np
 import pytest
 
-from kaneflex.generated import spatial, spatial_shapes
-from kaneflex.generated.body import kernels
+from kaneflex.generated import body, spatial, spatial_shapes
 from kaneflex.multibody.model.body_parameters import body_block
 from kaneflex.multibody.model.shape_moments import ShapeMoments
 
@@ -89,7 +88,7 @@ def bar_by_hand(axial, transverse, q, v, a, elastic, motion):
 @pytest.mark.parametrize(("axial", "transverse"), [(1, 1), (0, 2), (2, 1), (1, 3)])
 def test_a_bar_of_several_shapes(axial, transverse):
     """Forces of any motion and mass matrix: axial with transverse shapes, and two or three of a kind."""
-    count, found = axial + transverse, kernels(axial, transverse)
+    count = axial + transverse
     elastic, (c, s) = elasticity(count), (np.cos(0.7), np.sin(0.7))
     turn = np.eye(3 + count)
     turn[:2, :2] = [[c, -s], [s, c]]
@@ -99,8 +98,8 @@ def test_a_bar_of_several_shapes(axial, transverse):
         arrays, forces, mass = bar_by_hand(axial, transverse, q, v, a, elastic, motion)
         p, out, matrix = body_block(arrays, axial, transverse), np.zeros(3 + count), np.full((3 + count) ** 2, np.nan)
         x, y = turn[:2, :2] @ motion[:2]
-        found.inverse(p, 0, q, v, a, 0, c, s, motion[2], x, y, motion[3], out, 0)
-        found.inertia(p, 0, q, 0, c, s, matrix, 0)
+        body.inverse(p, 0, q, v, a, 0, c, s, motion[2], x, y, motion[3], out, 0)
+        body.inertia(p, 0, q, 0, c, s, matrix, 0)
         assert_equal(out, turn @ forces)
         assert_equal(matrix.reshape(mass.shape), turn @ mass @ turn.T)
 

@@ -258,14 +258,11 @@ class Expressions:
         return self.printer.choices[key]
 
     def _kernel(self, chosen: ast.Call, node: ast.Call) -> Expression:
-        """A call of ``kernel(table, WHICH)``: of the only such function, or of that whose number is in the table."""
+        """A call of ``kernel(table, WHICH)``."""
         if getattr(self.object_of(chosen.func), "__name__", "") != "kernel":
             self.refuse(node)
-        table, which = chosen.args
         texts, kinds = self.expressions(node.args)
-        name, returned, one = self.printer.chosen(self.object_of(which), kinds)
-        if not one:
-            texts.insert(0, bare(self.expression(ast.Subscript(table, which))[0]))
+        name, returned = self.printer.function(self.printer.kernels[self.object_of(chosen.args[1])], kinds)
         return f"{name}({', '.join(texts)})", returned
 
     def _shifted(self, node: ast.Call) -> Expression:

@@ -61,14 +61,13 @@ class Printer:
 
     Parameters
     ----------
-    kernels : sequence of sequence
-        For each number WHICH the functions that ``kernel(table, WHICH)`` can be: the number at ``table[WHICH]`` tells
-        which one of several it is.
+    kernels : sequence
+        For each number WHICH the function that ``kernel(table, WHICH)`` is.
     own : str
         Prefix of names that are the caller's.
     """
 
-    def __init__(self, kernels: Sequence[Sequence[Any]] = (), own: str = "") -> None:
+    def __init__(self, kernels: Sequence[Any] = (), own: str = "") -> None:
         self.kernels, self.own = kernels, own
         self.texts: dict[str, str] = {}
         self.asked: set[str] = set()
@@ -114,29 +113,6 @@ class Printer:
         if self.own and name.startswith(f"{self.own}_"):
             name = f"printed_{name}"
         return next(each for k in range(1, 1000) if (each := name if k == 1 else f"{name}_{k}") not in self.taken)
-
-    def chosen(self, which: int, given: Sequence[Any]) -> tuple[str, Any, bool]:
-        """Call of a kernel, and True if it is the only one; of several their number is the first argument."""
-        found = [self.function(kernel, given) for kernel in self.kernels[which]]
-        if len(found) == 1:
-            return *found[0], True
-        key = tuple(found), tuple(given)
-        if key not in self.functions:
-            self.functions[key] = self._choice(which, found, given), found[0][1]
-        return *self.functions[key], False
-
-    def _choice(self, which: int, found: Sequence[tuple[str, Any]], given: Sequence[Any]) -> str:
-        returned, name = found[0][1], f"kernel_{self.kernels[which][0].__name__}"
-        arguments = ", ".join(self.declared(kind, f"a{k}") for k, kind in enumerate(given))
-        passed = ", ".join(f"a{k}" for k in range(len(given)))
-        lines = [f"static {self.declared(returned)} {name}(int64_t which, {arguments})", "{", "    switch (which) {"]
-        for k, (of, _) in enumerate(found):
-            lines.append(f"    case {k}:" if k + 1 < len(found) else "    default:")
-            call = f"{of}({passed});"
-            lines += [f"        {call}", "        break;"] if returned == types.void else [f"        return {call}"]
-        self.taken.add(name)
-        self.texts[name] = "\n".join([*lines, "    }", "}\n"])
-        return name
 
 
 class _Written(Expressions):

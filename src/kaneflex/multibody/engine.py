@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.generated import body
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody.compile.addresses import by_address, kernel_address
@@ -32,14 +31,12 @@ _ROUNDED = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Engine:
-    """Tables of one mechanism with the kernels of its structure and kinds of bodies.
+    """Tables of one mechanism with the kernels of its structure.
 
     Attributes
     ----------
     kernels : tuple
         Kernels of the structure's module, in the order of :data:`kaneflex.multibody.model.layout.STRUCTURE_KERNELS`.
-    kinds : tuple
-        Distinct numbers of axial and transverse shapes of its bodies.
     p : ndarray
         Values of the module's PARAMETERS with its tables.
     real, pair : ndarray
@@ -51,7 +48,6 @@ class Engine:
     tables: at.Tables
     layout: Layout
     kernels: tuple
-    kinds: tuple[tuple[int, int], ...]
     p: np.ndarray
     real: np.ndarray
     pair: np.ndarray
@@ -394,9 +390,6 @@ class Engine:
     @cached_property
     def _handle(self) -> Handle:
         pointers = [*map(kernel_address, self.kernels, at.STRUCTURE_KERNELS.values())]
-        for kind in self.kinds:
-            own = body.kernels(*kind)
-            pointers += [kernel_address(getattr(own, name), of) for name, of in at.BODY_KERNELS.items()]
         t = self.tables
         return Handle(
             t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, np.array(pointers), self.p, self.real, self.pair
@@ -406,7 +399,6 @@ class Engine:
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:
     """Engine of a mechanism with its structure's module and the module's parameters; at rest, loops not closed."""
     switches = len(getattr(module, "SWITCHES", ()))
-    kinds = tuple(dict.fromkeys((axial, transverse) for axial, transverse, *_ in module.BODIES.values()))
-    tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, kinds, blocks, mechanism.size, switches)
+    tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, blocks, mechanism.size, switches)
     kernels = tuple(getattr(module, name) for name in at.STRUCTURE_KERNELS)
-    return Engine(tables, layout, kernels, kinds, p, np.zeros(real), np.zeros(pair, complex))
+    return Engine(tables, layout, kernels, p, np.zeros(real), np.zeros(pair, complex))

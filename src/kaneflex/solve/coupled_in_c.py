@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from kaneflex.generated import body
 from kaneflex.multibody.compile.library import ENTRIES
 from kaneflex.multibody.dynamics import load_derivatives, unfolding
 from kaneflex.multibody.model import layout as at
@@ -143,10 +142,7 @@ def _engine(run: Run, name: str) -> dict[str, str]:
     """Text ``engine`` of the entry functions and all that they call, and their names in C."""
     from kaneflex.derive.printers.c_printer import Printer
 
-    bodies = [body.kernels(*kind) for kind in run.engine.kinds]
-    kernels = [[each] for each in run.engine.kernels]
-    kernels += [[getattr(of, kernel) for of in bodies] for kernel in at.BODY_KERNELS]
-    printer = Printer(kernels, name)
+    printer = Printer(run.engine.kernels, name)
     entries = {"project": collocation.project, "integrate": collocation.integrate, "unfold": unfolding.unfold}
     names = {key: printer.function(entry, ENTRIES[entry].args)[0] for key, entry in entries.items()}
     return {"engine": printer.text(), **names}
@@ -167,8 +163,6 @@ def _data(run: Run, name: str) -> Iterator[str]:
     yield array_in_c("int64_t", f"{name}_exerted", system.exerted)
     yield array_in_c("int64_t", f"{name}_unknown", [name_ in system.undetermined for name_ in system.constraints])
     yield array_in_c("int64_t", f"{name}_free", engine.independent)
-    kinds = np.repeat(np.arange(len(engine.kinds)), len(at.BODY_KERNELS))  # which of several each kernel is
-    yield array_in_c("int64_t", f"{name}_kernels", [*(0,) * len(at.STRUCTURE_KERNELS), *kinds])
     names = {"coordinate": [key for key, _ in system.coordinates], "force": system.constraints, "free": engine.names}
     for key, found in names.items():
         yield array_in_c("char *const", f"{name}_{key}_names", map(c_literal, found), "")
@@ -260,7 +254,7 @@ static mechanism {name}_handed({name}_state *state)
 {{
     const mechanism handed = {{
         state->plan, {name}_bodies, {name}_sections, {name}_acts, state->numbers, state->plan,
-        (int64_t *){name}_kernels, (double *){name}_p, state->real, (double complex *)state->pair
+        NULL, (double *){name}_p, state->real, (double complex *)state->pair
     }};
     return handed;
 }}

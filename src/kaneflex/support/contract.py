@@ -3,9 +3,6 @@
 The two sides share this file only, so that a name can't change on one side alone.
 """
 
-from collections.abc import Iterable
-from typing import NamedTuple
-
 FORMAT = 3
 """Version of the generated modules' layout, part of the structure hash: old modules are not used with a new layout."""
 
@@ -122,55 +119,3 @@ SPATIAL_ATTRIBUTES = (
     "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "DRIVES", "OBSERVED", "LOADS", "OPERATIONS", "courses", "magnitudes",
 )  # fmt: skip
 """Attributes of every module of a scene in space."""
-
-
-class Slot(NamedTuple):
-    """Numbers stored together in a block: name, axes and origin.
-
-    Axes: s axial shapes, w transverse shapes, a all, axial first; row by row, symmetric matrices in full. Values are
-    the sum of the moments ``of`` minus those of ``less``, by the names of ``scene.modal_data.ARRAYS``.
-    """
-
-    name: str
-    axes: str
-    of: tuple[str, ...]
-    less: tuple[str, ...] = ()
-
-
-BODY_BLOCK = (
-    Slot("MASS", "", ("mass",)),
-    Slot("X", "", ("mass_X",)),
-    Slot("Y", "", ("mass_Y",)),
-    Slot("SECOND", "", ("mass_X_X", "mass_Y_Y", "inertia")),
-    Slot("S", "s", ("mass_s",)),
-    Slot("W", "w", ("mass_w",)),
-    Slot("XS", "s", ("mass_X_s",)),
-    Slot("XW", "w", ("mass_X_w", "inertia_psi")),
-    Slot("SS", "ss", ("mass_s_s",)),
-    Slot("SW", "sw", ("mass_s_w",)),
-    Slot("N", "ww", ("mass_w_w",), less=("mass_X_H",)),
-    Slot("H", "ww", ("mass_H",)),
-    Slot("A", "ww", ("mass_w_w", "inertia_psi_psi")),
-    Slot("K", "a", ("stiffness",)),
-    Slot("C", "aa", ("damping",)),
-)
-"""Numbers of a body in the order in which every kernel of ``generated/body.py`` reads them, at p[o]."""
-
-POINT_BLOCK = (
-    Slot("SHARE", "", ("share",)),
-    Slot("PX", "", ("X",)),
-    Slot("PY", "", ("Y",)),
-    Slot("PS", "s", ("s",)),
-    Slot("PW", "w", ("w",)),
-    Slot("PSI", "w", ("psi",)),
-    Slot("PH", "ww", ("H",)),
-)
-"""Numbers of a point of a body, or of a distributed load: its place and the shapes there.
-
-The share of a point is 1. For a distributed load all are integrated with its profile: share = int p dX [m]."""
-
-
-def block_shapes(block: Iterable[Slot], axial: int, transverse: int) -> dict[str, tuple[int, ...]]:
-    """Shape of each slot's array, in the order of the block, for these numbers of axial and transverse shapes."""
-    counts = {"s": axial, "w": transverse, "a": axial + transverse}
-    return {slot.name: tuple(counts[axis] for axis in slot.axes) for slot in block}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.generated import body
 from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
@@ -15,9 +16,9 @@ from kaneflex.multibody.compile.stand_ins import of_contacts
 from kaneflex.multibody.model.layout import (
     ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FOLLOWER,
     FORCE, FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X,
-    NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSHED, PUSH_NOW, RATE, ROOM, ROW, ROW_AT,
+    NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSH_NOW, RATE, ROOM, ROW, ROW_AT,
     ROW_SIZE, SEC, SECTION, SIZE, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WHAT, X,
-    Y, apart, kernel, of_body, shifted, turned,
+    Y, apart, kernel, shifted, turned,
 )  # fmt: skip
 
 
@@ -127,7 +128,7 @@ def push(m, n, x, z, turn):
     b = m.sections[n, OWNER]
     if b >= 0:
         w, f = m.w, m.plan[FRAME] + FRAME_SIZE * b
-        kernel(of_body(m, b), PUSHED)(
+        body.push(
             w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], -x, -z, -turn,
             w, m.plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip

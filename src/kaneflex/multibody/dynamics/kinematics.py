@@ -11,15 +11,16 @@ import math
 
 from numba import njit
 
+from kaneflex.generated import body
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.dynamics.forces import act, push, rest_rows
 from kaneflex.support.inner import once
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, CONTACTS, COURSE, COURSES, COURSE_AT, COURSE_OF, CUT, CUTS, CUT_ROWS, DEFORM,
-    DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, HOLDS, INBOARD, INPUT, INVERSE, JOINT, JOINTS, LAST,
+    ACCEL, ACTS, AT, BLOCK, BODIES, CONTACTS, COURSE, COURSES, COURSE_AT, COURSE_OF, CUT, CUTS, CUT_ROWS,
+    DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, HOLDS, INBOARD, INPUT, JOINT, JOINTS, LAST,
     LOADS, LOCAL, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, PARENT, POINT, PRISMATIC, RATE, REVOLUTE, RIGID, ROW,
     ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, SPRINGS, TURN, WELD, WHAT, WORKS, Y, apart, kernel,
-    of_body, shifted, turned,
+    shifted, turned,
 )  # fmt: skip
 
 
@@ -54,7 +55,7 @@ def deform(m):
     for b in range(plan[BODIES]):
         if m.bodies[b, SHAPES]:
             for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-                kernel(of_body(m, b), DEFORM)(
+                body.deform(
                     w, m.sections[n, POINT], shifted(w, plan[Y]), shifted(w, plan[RATE]),
                     shifted(w, plan[ACCEL]), m.bodies[b, MODAL], w, plan[LOCAL] + SEC * n,
                 )  # fmt: skip
@@ -216,7 +217,7 @@ def resist(m, t):
         w[plan[FORCE] + k] = 0.0
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
-        kernel(of_body(m, b), INVERSE)(
+        body.inverse(
             w, m.bodies[b, BLOCK], shifted(w, plan[Y]), shifted(w, plan[RATE]),
             shifted(w, plan[ACCEL]), m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 7], w[f + 8] - w[plan[GRAVITY]],
             w[f + 9] - w[plan[GRAVITY] + 1], w[f + 10], w, plan[FORCE] + m.bodies[b, ROW],

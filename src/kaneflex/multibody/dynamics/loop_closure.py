@@ -11,6 +11,7 @@ import math
 
 from numba import njit
 
+from kaneflex.generated import body
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.dynamics.forces import meet
@@ -21,10 +22,10 @@ from kaneflex.multibody.time.state_record import copy
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, AT, BENDS, BODIES, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, CUT_ROWS,
-    DEMAND, DEPENDENT, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, LAST, LED,
+    DEMAND, DEPENDENT, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JOINT, KEPT, LAST, LED,
     LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PASSING, PIVOTS, POINT,
     PRISMATIC, RATE, REACH, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE,
-    SWITCH, WHAT, WHEN, W_NOW, Y, YIELDING, apart, kernel, larger, of_body, turned,
+    SWITCH, WHAT, WHEN, W_NOW, Y, YIELDING, apart, larger, turned,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.kinematics import accelerate, cut_rows, deform, demand, move, place, prescribe
 
@@ -85,7 +86,7 @@ def bent(m):
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
         for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-            kernel(of_body(m, b), JACOBIANS)(
+            body.jacobian(
                 w, m.sections[n, POINT], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w,
                 plan[W_NOW] + m.sections[n, JACOBIAN],
             )  # fmt: skip

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.generated import body
 from kaneflex.multibody.model.layout import (
     BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGES, HINGE_SIZE,
-    IN_ORDER, INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT,
-    POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart, kernel,
-    magnitude, of_body, turned,
+    IN_ORDER, INBOARD, JACOBIAN, JOINT, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT,
+    POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart,
+    magnitude, turned,
 )  # fmt: skip
 
 
@@ -26,10 +27,10 @@ def assemble(m):
     for b in range(plan[BODIES]):
         f, i = plan[FRAME] + FRAME_SIZE * b, plan[Y] + m.bodies[b, MODAL]
         c, s = w[f + 3], w[f + 4]
-        kernel(of_body(m, b), INERTIA)(w, m.bodies[b, BLOCK], w, i, c, s, w, plan[MASS] + m.bodies[b, SQUARE])
+        body.inertia(w, m.bodies[b, BLOCK], w, i, c, s, w, plan[MASS] + m.bodies[b, SQUARE])
         for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
             at = m.sections[n, JACOBIAN]
-            kernel(of_body(m, b), JACOBIANS)(w, m.sections[n, POINT], w, i, c, s, w, plan[W] + at)
+            body.jacobian(w, m.sections[n, POINT], w, i, c, s, w, plan[W] + at)
 
 
 @njit(**OPTIONS)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.generated import body
 from kaneflex.multibody.unilateral import friction_powers, lugre_step
 from kaneflex.multibody.dynamics.forces import load_direction
 from kaneflex.multibody.model.layout import (
     ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
-    ELASTIC, ENERGY, FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, JOINT, JOINTS, LOADS, LOSING, MODAL, NOW, NUMBERS, ON,
+    ELASTIC, FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, JOINT, JOINTS, LOADS, LOSING, MODAL, NOW, NUMBERS, ON,
     OPTIONS, PARENT, POWER, PUSH_NOW, RATE, REVOLUTE, ROW_AT, SEC, SECTION, SHAPES, SIZE, SPRING, SPRINGS, SPRING_SIZE,
-    SUMS, TORQUE, WHAT, WORKS, Y, apart, kernel, of_body, shifted, turned,
+    SUMS, TORQUE, WHAT, WORKS, Y, apart, shifted, turned,
 )  # fmt: skip
 
 
@@ -25,7 +26,7 @@ def energies(m):
     sums = shifted(w, at)
     for b in range(plan[BODIES]):
         f, o = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, BLOCK]
-        x, z = kernel(of_body(m, b), ENERGY)(
+        x, z = body.energy(
             w, o, shifted(w, plan[Y]), shifted(w, plan[RATE]), m.bodies[b, MODAL], w[f + 3],
             w[f + 4], w[f + 5], w[f + 6], w[f + 7], sums,
         )  # fmt: skip

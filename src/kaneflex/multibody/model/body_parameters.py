@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from kaneflex.generated.body import BODY, POINT
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments, spread_shapes
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.scene import Scene
-from kaneflex.scene.modal_data import ModalData
-from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, Slot, block_shapes
+from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData
 
 Arrays = Mapping[str, Any]
 
@@ -43,12 +43,19 @@ class Blocks:
         return self.counts.get(body, (0, 0))[:2]
 
     def body(self, name: str) -> np.ndarray:
-        """Block BODY_BLOCK of a body."""
-        return body_block(body_moments(self.scene, name, self._data[name]), *self._counts(name))
+        """Numbers of a body."""
+        return body_block(self._moments(name), *self._counts(name))
+
+    def elastic(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness of every shape of a body, and their damping matrix."""
+        found, count = self._moments(name), sum(self._counts(name))
+        return found.get("stiffness", np.zeros(count)), found.get("damping", np.zeros((count, count)))
+
+    def _moments(self, name: str) -> dict[str, np.ndarray]:
+        return body_moments(self.scene, name, self._data[name])
 
     def point(self, body: str, point: str) -> np.ndarray:
-        """Block POINT_BLOCK of a named point of a body; loads.NAME: a distributed load, contacts.NAME: a contact's
-        corner."""
+        """Numbers of a named point of a body; loads.NAME: a distributed load, contacts.NAME: a contact's corner."""
         found: Arrays
         data, (table, _, name) = self._data[body], point.partition(".")
         if table == "loads":
@@ -63,25 +70,44 @@ class Blocks:
 
 
 def body_block(moments: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """Block BODY_BLOCK from :func:`inertia_integrals.body_moments`, for these numbers of shapes."""
-    return _filled(BODY_BLOCK, {"mass_Y": 0.0, "mass_Y_Y": 0.0, **moments}, axial, transverse)
+    """Numbers of a body from :func:`inertia_integrals.body_moments`, for these numbers of shapes."""
+    return _in_reading_order(BODY, {"mass_Y": 0.0, "mass_Y_Y": 0.0, **moments}, axial, transverse)
 
 
 def point_block(shapes: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """Block POINT_BLOCK from a point's POINT_ARRAYS (X and Y only for a rigid body), or from sums of a distributed
-    load.
+    """Numbers of a point from its POINT_ARRAYS (X and Y only for a rigid body), or from sums of a distributed load.
 
-    A distributed load turns no section and has no psi.
+    The share of a point is 1. For a distributed load all are integrated with its profile: share = int p dX [m]. It
+    turns no section and has no psi.
     """
     none = {"share": 1.0, "Y": 0.0, "psi": 0.0}
-    return _filled(POINT_BLOCK, {**none, **shapes}, axial, transverse)
+    return _in_reading_order(POINT, {**none, **shapes}, axial, transverse)
 
 
-def _filled(block: Sequence[Slot], arrays: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """Block from the arrays of its slots; arrays without shapes are not needed."""
-    filled = []
-    for slot, shape in zip(block, block_shapes(block, axial, transverse).values(), strict=True):
-        if 0 not in shape:
-            values = sum(arrays[name] for name in slot.of) - sum(arrays[name] for name in slot.less)
-            filled.append(np.broadcast_to(values, shape).ravel())
-    return np.concatenate(filled)
+def _in_reading_order(table: Mapping[str, Any], arrays: Arrays, axial: int, transverse: int) -> np.ndarray:
+    """Numbers in the order in which the kernels read them, by BODY or POINT."""
+    ends = {"u": slice(axial), "v": slice(axial, axial + transverse)}
+    lengths = {"s": axial, "w": transverse, "a": axial + transverse}
+
+    def sums(kinds: str) -> np.ndarray:
+        """Numbers of all shapes of a kind or all pairs of two, their last axis those of one."""
+        found = [sum(sign * part(name, kinds) for name, sign in terms.items()) for terms in table.get(kinds, ())]
+        return np.stack(found, axis=-1) if found else np.zeros((*(lengths["a"],) * len(kinds), 0))
+
+    def part(name: str, kinds: str) -> np.ndarray:
+        axes = _AXES.get(name, "")
+        whole = np.broadcast_to(arrays[name], [lengths[axis] for axis in axes])
+        if "a" in axes:
+            return whole[tuple(ends[kind] for kind in kinds)]
+        return whole.T if (axes, kinds) == ("sw", "vu") else whole
+
+    shapes, found = [kind for kind in "uv" if ends[kind].stop > (ends[kind].start or 0)], [sums("")]
+    found.append(np.array([axial, axial + transverse], float))
+    for a in shapes:
+        single, pairs = sums(a), [sums(a + b) for b in shapes]
+        for j in range(len(single)):
+            found += [single[j], *(pair[j].ravel() for pair in pairs)]
+    return np.concatenate(found)
+
+
+_AXES = {name: axes for name, (axes, *_) in (ARRAYS | POINT_ARRAYS).items()}

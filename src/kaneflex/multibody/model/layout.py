@@ -40,15 +40,13 @@ contact: see :mod:`kaneflex.multibody.unilateral.contacts`. A factorised joint: 
 (3), the articulated inertia times it (3), the inverse of the coordinate's inertia, and 1 if it has one."""
 
 (
-    KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS,
-    DAMPED,
-) = range(16)  # fmt: skip
-"""Columns of ``bodies``, in the order of the tree: offset of its kernels from those of the first pair of shape counts;
-place of its block of numbers; its joint's first coordinate, their count, the joint's kind; its first modal
-coordinate and their count; the parent's section at its joint and its own there; the course that prescribes its
-joint, or -1; its first section and the one after its last; its first row in forces over all bodies' speeds, and the
-place of its square matrix; its joint's numbers: sign, angle, and direction in the parent section's axes; place of
-its shapes' damping matrix."""
+    BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS, DAMPED,
+) = range(15)  # fmt: skip
+"""Columns of ``bodies``, in the order of the tree: place of its block of numbers; its joint's first coordinate, their
+count, the joint's kind; its first modal coordinate and their count; the parent's section at its joint and its own
+there; the course that prescribes its joint, or -1; its first section and the one after its last; its first row in
+forces over all bodies' speeds, and the place of its square matrix; its joint's numbers: sign, angle, and direction in
+the parent section's axes; place of its shapes' damping matrix."""
 OWNER, POINT, JACOBIAN = range(3)
 """Columns of ``sections``: the body, or -1; place of its block of numbers; place of its W."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
@@ -251,28 +249,18 @@ N = CPointer(float64)
 _BITS = 64
 """Bits of an address."""
 
-COURSES, MAGNITUDES, DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY = range(8)
-"""Places of kernels: of a structure's own, then of a body's, which follow there for every kind of body."""
+COURSES, MAGNITUDES = range(2)
+"""Places of a structure's kernels."""
 STRUCTURE_KERNELS = {
     "courses": FunctionType(void(float64, N, N, int64)),
     "magnitudes": FunctionType(void(float64, N, int64, N, N, int64)),
 }
-BODY_KERNELS = {
-    "deform": FunctionType(void(N, int64, N, N, N, int64, N, int64)),
-    "push": FunctionType(void(N, int64, N, int64, *(float64,) * 5, N, int64)),
-    "jacobian": FunctionType(void(N, int64, N, int64, float64, float64, N, int64)),
-    "inverse": FunctionType(void(N, int64, N, N, N, int64, *(float64,) * 6, N, int64)),
-    "inertia": FunctionType(void(N, int64, N, int64, float64, float64, N, int64)),
-    "energy": FunctionType(UniTuple(float64, 2)(N, int64, N, N, int64, *(float64,) * 5, N)),
-}
-"""Signatures of the kernels ``kernels(axial, transverse)`` of :mod:`kaneflex.generated.body` for bodies with so many
-shapes."""
-_KERNELS = *STRUCTURE_KERNELS.values(), *BODY_KERNELS.values()
+_KERNELS = (*STRUCTURE_KERNELS.values(),)
 
 
 @intrinsic(prefer_literal=True)
 def kernel(typing, kernels, which):
-    """One of a structure's kernels, or of a body's (:func:`of_body`), to be called."""
+    """One of a structure's kernels, to be called."""
 
     def read(context, builder, sig, args):
         found = _fixed_number(builder, builder.gep(args[0], [ir.Constant(ir.IntType(_BITS), which.literal_value)]))
@@ -315,14 +303,14 @@ def _part(context, builder, handed, value, name):
 
 Z = CPointer(complex128)
 _PARTS = {
-    "plan": Fixed(1), "bodies": Fixed(16), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
+    "plan": Fixed(1), "bodies": Fixed(15), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
     "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
 }  # fmt: skip
 MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
     Handed(name, **_PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
 )
 """All numbers of a mechanism for compiled code. ``pivots``: the plan once more, writable; ``kernels``: addresses of
-those of the structure and of its kinds of bodies, see :func:`kernel`; ``p``: the parameters of the structure's
+those of the structure, see :func:`kernel`; ``p``: the parameters of the structure's
 module; ``real``, ``pair``: arrays for factors."""
 
 
@@ -334,12 +322,6 @@ class Handle:
         addresses = [each.address if isinstance(each, Handle) else each.ctypes.data for each in arrays]
         self._table = np.array(addresses, np.int64)
         self.address: int = self._table.ctypes.data
-
-
-@njit(**OPTIONS)
-def of_body(m, b):
-    """The kernels of a body's kind."""
-    return shifted(m.kernels, m.bodies[b, KIND])
 
 
 @njit(**OPTIONS)

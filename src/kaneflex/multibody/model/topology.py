@@ -16,7 +16,6 @@ from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.interactions import KINDS, ROWS, Branch, Numbers, key_of, lend, list_acts
 from kaneflex.multibody.unilateral.complementarity import room_of
-from kaneflex.support.contract import BODY_BLOCK, block_shapes
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,7 @@ class Layout:
 
 
 def build_tables(
-    mechanism: NumericMechanism, counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]],
-    blocks: Blocks, measure: float, switches: int = 0,
+    mechanism: NumericMechanism, counts: Mapping[str, Sequence[int]], blocks: Blocks, measure: float, switches: int = 0
 ) -> tuple[at.Tables, Layout, tuple[int, int]]:  # fmt: skip
     """Tables of a mechanism at rest with open loops.
 
@@ -58,8 +56,6 @@ def build_tables(
     ----------
     counts : mapping
         Body -> its numbers of axial and of transverse shapes.
-    kinds : sequence
-        Occurring pairs of counts, in the order of their kernels.
     measure : float
         Unit of lengths [m].
     switches : int
@@ -73,7 +69,7 @@ def build_tables(
     order = _order(mechanism)
     index = {key: k for k, key in enumerate(_sections(mechanism, order))}
     prescribed, numbers = [name for name, drive in mechanism.drives.items() if not drive.free], Numbers()
-    found = _build_bodies(mechanism, order, index, counts, kinds, blocks, numbers)
+    found = _build_bodies(mechanism, order, index, counts, blocks, numbers)
     bodies, sections, coordinates, hold, row, square, jacobian = found
     lent = lend(mechanism, order, index, bodies, numbers.parts, measure)
     acts, ranges, cut_names = list_acts(mechanism, order, bodies, index, prescribed, numbers, lent, switches)
@@ -163,7 +159,7 @@ class _Bodies(NamedTuple):
 
 def _build_bodies(
     mechanism: Mechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int],
-    counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks, numbers: Numbers,
+    counts: Mapping[str, Sequence[int]], blocks: Blocks, numbers: Numbers,
 ) -> _Bodies:  # fmt: skip
     names = list(index)
     coordinates: list[tuple[str, str]] = []
@@ -175,12 +171,12 @@ def _build_bodies(
     hold: list[tuple[float, float]] = []
     row = square = jacobian = 0
     for k, (body, joint, child) in enumerate(order):
-        axial, transverse = pair = tuple(counts.get(body, (0, 0))[:2])
+        axial, transverse = counts.get(body, (0, 0))[:2]
         shapes, own = axial + transverse, [n for n, (owner, _) in enumerate(names) if owner == body]
         for n in own:
             sections[n] = k, numbers.put(blocks.point(*names[n])), jacobian
             jacobian += 3 * (3 + shapes)
-        block = blocks.body(body)
+        stiffness, damping = blocks.elastic(body)
         if joint is None:
             kind, units, inboard, parent, course = at.FREE, ("m", "m", "rad"), (body, "start"), 0, -1
             joint_numbers, held = (1.0, 0.0, 1.0, 0.0), [(0.0, 0.0)] * 3
@@ -189,13 +185,12 @@ def _build_bodies(
             units = {at.WELD: (), at.REVOLUTE: ("rad",), at.PRISMATIC: ("m",)}[kind]
             course = prescribed.index(joint.name) if joint.name in prescribed else -1
             joint_numbers, held = _tree_joint(joint, child), [_holding(mechanism, joint)] * len(units)
-        place = numbers.put(block)
         bodies[k] = (
-            kinds.index(pair) * len(at.BODY_KERNELS), place, len(coordinates), len(units), kind,
-            len(coordinates) + len(units), shapes, parent, index[inboard], course, own[0], own[-1] + 1, row, square,
-            numbers.put(joint_numbers), place + block.size - shapes**2,
+            numbers.put(blocks.body(body)), len(coordinates), len(units), kind, len(coordinates) + len(units), shapes,
+            parent, index[inboard], course, own[0], own[-1] + 1, row, square, numbers.put(joint_numbers),
+            numbers.put(damping.ravel()),
         )  # fmt: skip
-        hold += held + _shape_holding(block, axial, transverse)
+        hold += [*held, *zip(stiffness.tolist(), np.diag(damping).tolist(), strict=True)]
         coordinates += _named(body, joint, units, axial, transverse)
         row += 3 + shapes
         square += (3 + shapes) ** 2
@@ -231,15 +226,6 @@ def _lay_out(plan: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequ
     for k, (owner, point, _) in enumerate(sections):
         if owner >= 0:
             w[plan[at.LOCAL] + at.SEC * k : plan[at.LOCAL] + at.SEC * k + 2] = w[point + 1 : point + 3]
-
-
-def _shape_holding(block: np.ndarray, axial: int, transverse: int) -> list[tuple[float, float]]:
-    """Diagonal stiffness and damping of a body's shapes."""
-    found, filled = {}, 0
-    for name, shape in block_shapes(BODY_BLOCK, axial, transverse).items():
-        found[name] = block[filled : filled + math.prod(shape)].reshape(shape)
-        filled += math.prod(shape)
-    return list(zip(found["K"].tolist(), np.diag(found["C"]).tolist(), strict=True))
 
 
 def _holding(mechanism: Mechanism, joint: Joint) -> tuple[float, float]:
