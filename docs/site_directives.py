@@ -13,7 +13,7 @@ from sphinx.util.docutils import SphinxDirective
 TOPICS = {
     "Links and bodies": r"scene/(beams|bodies|sections|materials|profile|rotation)|multibody/model/shape",
     "Joints, drives and loops": r"scene/(drive|parts)|mechanism/|fem/(interface|mobility)"
-    r"|multibody/(model/(massless|redundant|rigid_ref|spatial)|time/(revolutions|initial))",
+    r"|multibody/(model/(determin|massless|rigid_ref|spatial)|time/(revolutions|initial))",
     "Loads, laws and springs": r"scene/(law|load|springs|headings|tables)|support/units|solve/law",
     "Contacts and friction": r"scene/(contact|friction)|solve/(contact|touching)",
     "Links from finite elements": r"fem/(foreign|matrices|modal|recovery|craig|import)|cli/importing|scene/modal",

@@ -266,7 +266,7 @@ def test_the_picture_of_a_contact_marks_the_peak_of_every_impact():
     assert [axes.get_title(loc="left") for axes in followed.axes] == [
         "Position of ball along its guide", "Velocity of ball", "Acceleration of ball",
     ]  # fmt: skip
-    assert description(solution.model)["options in force"]["shapes"] == "none: all bodies are rigid"
+    assert description(solution.model)["options"]["shapes"] == "none: all bodies are rigid"
 
 
 def test_a_sensor_names_a_contact():

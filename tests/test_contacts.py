@@ -301,7 +301,7 @@ def test_a_scene_is_told_with_the_restitution_that_its_laws_return():
     law = STOP.replace("restitution = 0.5", 'restitution = 0.1, law = "lankarani-nikravesh"')
     scene = written((STOP, law))
     lines = printed(scene, parts(scene)).splitlines()
-    assert "  stop   piston.start before the line through ground.floor, 1e+09 N/m^1.5, " \
-        "lankarani-nikravesh returns 0.665, asked for 0.1" in lines  # fmt: skip
-    assert "  wrist  circle about piston.start in that about rod.end, clearance 0.5 mm, 1e+09 N/m^1.5, " \
-        "exact returns 0.9" in lines  # fmt: skip
+    assert "  stop   piston.start in front of the line through ground.floor, 1e+09 N/m^1.5, " \
+        "law lankarani-nikravesh, restitution 0.665, requested 0.1" in lines  # fmt: skip
+    assert "  wrist  circle about piston.start in the circle about rod.end, clearance 0.5 mm, 1e+09 N/m^1.5, " \
+        "law exact, restitution 0.9" in lines  # fmt: skip

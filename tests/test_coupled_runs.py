@@ -315,7 +315,7 @@ def test_a_tolerance_bounds_what_it_is_asked_to():
         assert errors(tolerance, '["speeds"]')[0] < tolerance
         assert max(errors(tolerance, '["speeds", "reactions"]')) < tolerance
     bounded = kaneflex.load(scene(*base, 'solve.bounded=["speeds"]'))
-    integrator = description(bounded)["options in force"]["integrator"]
+    integrator = description(bounded)["options"]["integrator"]
     assert "of the longest body's length, for speeds of their largest value" in integrator
     with pytest.raises(SceneError, match=r"solve\.bounded = \['speeds'\]: scipy's Radau applies"):
         kaneflex.load(scene(*base, "solve.integrator=scipy", 'solve.bounded=["speeds"]'))

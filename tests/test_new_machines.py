@@ -163,4 +163,4 @@ def test_a_point_of_the_users_where_a_joint_is_does_not_lie_there_by_chance():
     machine = scene_of(named)
     from kaneflex.mechanism.reach import reach_lines
 
-    assert "on each other" not in reach_lines(machine, followed(machine, place(machine)))
+    assert "coincide" not in reach_lines(machine, followed(machine, place(machine)))

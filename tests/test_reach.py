@@ -1,4 +1,4 @@
-"""`check` and `show` say how far joints go and what lies on each other; `near` chooses between a dyad's two places."""
+"""`check` and `show` print the range of each joint and points that coincide; `near` chooses between two closures."""
 
 import math
 
@@ -19,7 +19,7 @@ def test_strokes_and_ranges_are_those_of_the_closed_forms():
     lines = reach_lines(scene, followed(scene, place(scene)))
     assert lines["bore"] == f"97 to {97 + 80} mm, a stroke of 80 mm"
     swing = math.degrees(math.asin(40 / 137))
-    assert lines["wrist"] == f"{-swing:.4g} to {swing:.4g} deg" and lines["main"] == "turns around"
+    assert lines["wrist"] == f"{-swing:.4g} to {swing:.4g} deg" and lines["main"] == "full turns"
     scene = read_scene("quick-return")
     lines = reach_lines(scene, followed(scene, place(scene)))
     assert lines["foot"] == "60 to 120 deg" and lines["slot"] == "100 to 300 mm, a stroke of 200 mm"
@@ -93,5 +93,5 @@ def test_points_that_lie_on_each_other_are_named():
     text = FOLDED.replace("100 mm", "50 mm").replace("WAY", 'branch = "{way}"')
     for way, expected in (("+", None), ("-", "rocker.end")):
         scene = scene_of(text.replace("{way}", way))
-        meeting = reach_lines(scene, followed(scene, place(scene))).get("on each other", "")
+        meeting = reach_lines(scene, followed(scene, place(scene))).get("coincide", "")
         assert (expected or "") in meeting and bool(meeting) == (expected is not None)

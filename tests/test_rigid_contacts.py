@@ -259,7 +259,7 @@ def test_what_a_scene_says_of_newtons_law_is_in_its_check_summary_and_results():
     assert summary.impacts == len(solution.impacts) and summary.rests_since_s == last.begin
     assert (summary.largest_force, summary.lost) == (pytest.approx(G, rel=1e-12), pytest.approx(G, rel=1e-9))
     assert solution.dataset["impact_peak"].values[:-1].tolist() == [0.0] * (len(solution.impacts) - 1)
-    assert "rigid, newton returns 0.2 at once" in printed(solution.model.scene, parts(solution.model.scene))
+    assert "rigid, law newton, restitution 0.2" in printed(solution.model.scene, parts(solution.model.scene))
 
 
 def test_newtons_law_refuses_what_has_no_meaning_for_rigid_sides():
@@ -362,4 +362,5 @@ def test_backlash_with_rigid_flanks_rattles_by_its_closed_form():
         [resisting * 1.5 * rate for rate in (3, 1.5, 0.75)], rel=1e-9
     )
     assert solution.trajectory.energy.drift < 1e-9
-    assert "play 2 deg, rigid, newton returns 0.5 at once" in printed(solution.model.scene, parts(solution.model.scene))
+    told = printed(solution.model.scene, parts(solution.model.scene))
+    assert "play 2 deg, rigid, law newton, restitution 0.5" in told

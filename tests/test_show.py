@@ -235,6 +235,12 @@ def test_events_say_which_of_them_end_the_run():
                     "met": "mid_transverse passes 0.0001 m upwards, which ends the run"}  # fmt: skip
 
 
+def test_lumped_masses_are_printed_with_their_inertia():
+    """The flywheel of `engine-torque` was printed as 0 kg."""
+    assert parts(read_scene("engine-torque"))["masses"] == {"flywheel": "0 kg, 0.1 kg m^2 at crank.start"}
+    assert parts(read_scene("four-bar"))["masses"]["at_first"] == "0.042 kg at crank.end"
+
+
 def test_links_in_space_are_drawn_where_their_points_are():
     """Enlarged once, the rod's end is where its position sensor has it; three times, three displacements away."""
     motion = run("spatial-slider-crank-elastic", "solve.steps=90").motion

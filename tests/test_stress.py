@@ -208,7 +208,7 @@ def test_a_rod_in_space_that_acts_back_is_stressed_as_one_that_does_not():
         found = solve(model).stresses["rod"]
         assert found.x[found.largest[0]] == pytest.approx(0.125, abs=0.02)
         largest.append(found.mises.max())
-        assert modelled(model)["options in force"]["elements"] == "rod 6"
+        assert modelled(model)["options"]["elements"] == "rod 6"
     assert largest[1] == pytest.approx(largest[0], rel=1e-3)
 
 

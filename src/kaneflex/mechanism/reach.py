@@ -71,7 +71,7 @@ def instants(scene: Scene) -> np.ndarray:
 
 
 def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
-    """Range of each joint as text, and under "on each other" the points that coincide at the start without a joint."""
+    """Range of each joint as text, and under "coincide" the points that coincide at the start without a joint."""
     found = {}
     for name, joint in mechanism_of(scene).joints.items():
         if joint.kind == "weld":
@@ -81,9 +81,9 @@ def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
             course = 1e3 * course
             found[name] = f"{_range(course)} mm" + (f", a stroke of {np.ptp(course):.4g} mm" if len(course) > 1 else "")
         else:
-            found[name] = "turns around" if turns_around(course) else f"{_range(np.degrees(course))} deg"
+            found[name] = "full turns" if turns_around(course) else f"{_range(np.degrees(course))} deg"
     meeting = _meeting(scene, courses)
-    return found | ({"on each other": "; ".join(meeting)} if meeting else {})
+    return found | ({"coincide": "; ".join(meeting)} if meeting else {})
 
 
 def joint_course(joint: Joint, courses: Courses) -> np.ndarray:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from kaneflex.scene.drives import Drive
     from kaneflex.scene.events import Event
     from kaneflex.scene.friction import Friction
-    from kaneflex.scene.parts import Joint, Load
+    from kaneflex.scene.parts import Joint, Load, Mass
     from kaneflex.scene.springs import Spring
 
 _LONGEST = 72
@@ -52,12 +52,12 @@ def as_json(scene: Scene, blocks: Blocks, **more: object) -> str:
 
 
 def modelled(model: Model) -> Blocks:
-    """The mechanism and the options in force, as they are the same on any machine."""
+    """The mechanism and its options; the same on any machine."""
     return {
         **parts(model.scene),
         "assumptions": model.scene.assumptions,
         "over the run" if is_followed(model) else "at the start": _reach(model),
-        "options in force": _options(model),
+        "options": _options(model),
     }
 
 
@@ -174,7 +174,7 @@ def parts(scene: Scene) -> Blocks:
     return {
         "bodies": {name: _body(body) for name, body in scene.bodies.items()},
         "joints": {name: _joint(joint, name in closing) for name, joint in scene.joints.items()},
-        "masses": {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()},
+        "masses": {name: _mass(mass) for name, mass in scene.masses.items()},
         "drives": {name: _drive(scene, name) for name in scene.drives},
         "loads": {name: _load(load) for name, load in scene.loads.items()},
         "springs": {name: _spring(spring) for name, spring in scene.springs.items()},
@@ -238,6 +238,12 @@ def _body(body: Body) -> str:
     return f"{kind}{length}, {body.mass:.6g} kg"
 
 
+def _mass(mass: Mass) -> str:
+    inertia = np.atleast_1d(mass.inertia)
+    about = f", {', '.join(f'{x:.6g}' for x in inertia)} kg m^2" if inertia.any() else ""
+    return f"{mass.mass:.6g} kg{about} at {mass.at}"
+
+
 def _joint(joint: Joint, closes: bool) -> str:
     near = " and ".join(f"{body} near {math.degrees(angle):.4g} deg" for body, angle in joint.near.items())
     closing = f", closes a loop, {near or f'branch {joint.branch}'}" if closes else ""
@@ -298,8 +304,8 @@ def _drive(scene: Scene, name: str) -> str:
 
 
 _SIDES = {
-    "point-line": "{1} before the line through {0}", "circle-circle": "circles about {1} and {0}",
-    "circle-in-circle": "circle about {1} in that about {0}", "angle": "flank of {0} that turns {1} {way}",
+    "point-line": "{1} in front of the line through {0}", "circle-circle": "circles about {1} and {0}",
+    "circle-in-circle": "circle about {1} in the circle about {0}", "angle": "flank of {0} that turns {1} {way}",
 }  # fmt: skip
 
 
@@ -324,19 +330,17 @@ def contact_line(contact: Contact) -> str:
 
 
 def restitution_line(contact: Contact) -> str:
-    """A law beside the restitution that it returns, nothing else acting: which few return as they are asked for."""
+    """A contact law and the restitution of a single impact; the requested one if the law does not reach it."""
     law, asked = contact.law, contact.contact.restitution
     if law == "kelvin-voigt":
         unit = "N m s/rad" if contact.kind == "angle" else "N s/m"
-        return f"{law} of {contact.contact.damping:.6g} {unit}, whose restitution follows from the masses"
-    if law == "newton":
-        return f"newton returns {asked:.3g} at once"
-    if asked is None:
-        return f"{law} returns 1"
+        return f"law {law}, damping {contact.contact.damping:.6g} {unit}, its restitution depends on the masses"
+    if law == "newton" or asked is None:
+        return f"law {law}, restitution {1.0 if asked is None else asked:.3g}"
     from kaneflex.mechanism.contacts import hysteresis, returned
 
     found = returned(hysteresis(law, asked))
-    return f"{law} returns {found:.3g}" + ("" if law == "exact" else f", asked for {asked:.3g}")
+    return f"law {law}, restitution {found:.3g}" + ("" if law == "exact" else f", requested {asked:.3g}")
 
 
 def friction_line(friction: Friction) -> str:

@@ -241,8 +241,10 @@ def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -
     elif lowest == highest:
         reason = f"{name} stays at {start}"
     place = f"{name}.{'position' if scene.slides(name) else 'angle'}"
-    placed = f"Set {place} = {wanted}, or c" if drive.kind in ("constant speed", "free") else "C"
-    raise SceneError("solve.mode_angle", wanted, reason, f"{placed}hoose a position within its range")
+    cure = "Choose a position within its range"
+    if drive.kind in ("constant speed", "free"):
+        cure += f", or set {place} = {wanted}"
+    raise SceneError("solve.mode_angle", wanted, reason, cure)
 
 
 def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float | None:

@@ -186,7 +186,7 @@ def _of_frozen(found: Stability) -> str:
         return text
     drive = next(iter(scene.drives))
     at = scene.written_coordinate(drive, float(frozen.coordinates[worst]))
-    return f"{text}; frozen at {drive} = {at}, a disturbance grows at {frozen.growth[worst]:.4g} 1/s"
+    return f"{text}; frozen at {drive} = {at}, a disturbance grows at a rate of {frozen.growth[worst]:.4g} 1/s"
 
 
 def _of_buckling(found: Stability) -> str:
@@ -200,8 +200,8 @@ def _of_buckling(found: Stability) -> str:
     coordinate = found.frozen.coordinates[int(found.buckling.factors.argmin())]
     at = f"at {drive} = {scene.written_coordinate(drive, float(coordinate))} (of {len(times)} instants)"
     if margin < 1.0:
-        return f"beyond the buckling load: {margin:.4g} times the axial forces buckle it, {at}"
-    return f"{margin:.4g} times the axial forces reach the buckling load, {at}"
+        return f"beyond the buckling load: the load factor is {margin:.4g} {at}"
+    return f"the load factor for buckling is {margin:.4g} {at}"
 
 
 def _of_steps(found: Stability) -> str:
