@@ -19,7 +19,7 @@ from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.response.dalembert import Balanced, balanced
 from kaneflex.response.floating_motion import FloatingMotion
-from kaneflex.response.motion import Section, beside_axis
+from kaneflex.response.motion import Section, beside
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class CoupledMotion(FloatingMotion):
     def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
         frame = self.model.frame
         if body in self.system.links:
-            return beside_axis(self._in_axes(body, self._moved(body, (at[0], 0.0))), at[1])
+            return beside(self._in_axes(body, self._moved(body, (at[0], 0.0))), (0.0, at[1]))
         if frame is None or body in frame.bodies or self.model.scene.bodies[body].modal is not None:
             return self._in_axes(body, self._moved(body, at))
         return self._still()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from kaneflex.multibody.model.bound_model import Model, keep_terms
 from kaneflex.response.deformation import Deformation, as_balanced, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.least_squares import Solver, by_reflections
-from kaneflex.response.motion import Motion, Section, beside_axis
+from kaneflex.response.motion import Motion, Section, beside
 from kaneflex.response.reactions import consistent_reactions, spring_tension
 
 if TYPE_CHECKING:
+    from kaneflex.fem.coordinate_map import Frame
     from kaneflex.fem.spatial_map import SpatialMap
     from kaneflex.multibody.model.spatial_elastic import DeformingKinematics
 
@@ -44,13 +45,17 @@ class ElasticMotion(Motion):
         coordinates = tuple(part[:, instants] for part in self.coordinates)
         return replace(self, rigid=rigid, coordinates=coordinates, whole=self.whole or self)
 
-    def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
+    def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> Rates:
         model = self.model
         if body in model.links:
-            return beside_axis(self._displaced.links[body].at(at[0]), at[1])
+            return beside(self._displaced.links[body].at(at[0]), (0.0, *at[1:]))
         if model.frame is None or body not in model.frame.bodies:
             return self._still()
-        moved = follow(model, self.rigid, self._displaced.coordinates, model.frame.body_point(body, at))
+        return self._carried(model.frame, body, at)
+
+    def _carried(self, frame: Frame, body: str, at: Any) -> Rates:
+        """Displacement of a point of a carried rigid body."""
+        moved = follow(self.model, self.rigid, self._displaced.coordinates, frame.body_point(body, at))
         return self._in_axes(body, moved)
 
     def nodes(self, link: str, rate: int = 0) -> np.ndarray:
@@ -85,25 +90,8 @@ class ElasticMotion(Motion):
 class SpatialElasticMotion(ElasticMotion):
     """Rigid motion in space with elastic coordinates about it; displacements have six components."""
 
-    def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Rates:
-        model = self.model
-        if body in model.links:
-            moved, arm = self._displaced.links[body].at(at[0]), np.array([0.0, *at[1:]])
-        elif model.frame is not None and body in model.frame.bodies:
-            moved, arm = follow(model, self.rigid, self._displaced.coordinates, model.frame.bodies[body]), np.array(at)
-        else:
-            return self._still()
-        if not arm.any():
-            return moved
-        return cast(Rates, tuple(
-            np.vstack([part[:3] + np.cross(part[3:], arm[:, None], axis=0), part[3:]]) for part in moved
-        ))  # fmt: skip
-
-    def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
-        own = self.rigid.frame(body).to_body(vector)
-        if body == GROUND or self.model.scene.bodies[body].deforms:
-            return own
-        return own - np.cross(self.displacement(body)[0][3:], own, axis=0)
+    def _carried(self, frame: Frame, body: str, at: Any) -> Rates:
+        return beside(follow(self.model, self.rigid, self._displaced.coordinates, frame.bodies[body]), at)
 
     def section(self, link: str, x: float, after: bool = False) -> Section:
         if link in self.model.links:

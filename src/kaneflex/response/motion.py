@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -161,11 +162,10 @@ class Motion(ABC):
 
         For deforming bodies these turn with the rigid motion, for carried ones with the body.
         """
-        x, y = self.rigid.frame(body).to_body(vector)
+        own = self.rigid.frame(body).to_body(vector)
         if body == "ground" or self.model.scene.bodies[body].deforms:
-            return np.array([x, y])
-        turned = self.displacement(body)[0][2]  # small, like all displacements
-        return np.array([x + turned * y, y - turned * x])
+            return own
+        return own - _turned(self.displacement(body)[0], own)
 
     def slide(self, joint: str) -> np.ndarray:
         """Coordinate of a guide: position of its second body along it [m]."""
@@ -185,7 +185,15 @@ class Motion(ABC):
         return still, still, still
 
 
-def beside_axis(moved: Rates, y: float) -> Rates:
-    """Displacement of a point at distance y [m] from the axis, moving with its section, from the displacement of the
-    axis."""
-    return tuple(part + np.array([[-y], [0.0], [0.0]]) * part[2] for part in moved) if y else moved
+def beside(moved: Rates, arm: Sequence[float]) -> Rates:
+    """Displacement of a point at an arm [m] from another one, whose displacement is ``moved`` and with which it turns;
+    (3, n_times) each, in space (6, n_times)."""
+    if not any(arm):
+        return moved
+    n, end = len(arm), np.reshape(arm, (-1, 1))
+    return cast(Rates, tuple(np.vstack([part[:n] + _turned(part, end), part[n:]]) for part in moved))
+
+
+def _turned(moved: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """Displacement of an arm's end by a small rotation, the last component or components of ``moved``."""
+    return moved[2] * np.array([-arm[1], arm[0]]) if len(moved) == 3 else np.cross(moved[3:], arm, axis=0)

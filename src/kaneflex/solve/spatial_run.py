@@ -45,7 +45,8 @@ def integrated_in_space(model: Model, share: Share, closer: float = 1.0) -> Mode
         start = begun.curve.start if coupled is None else _first(system, options)
         run = Run(system, options, start, share)
         run.go()
-    motion, energy = run.moving(SpatialModule(system))
+    motion = SpatialKinematics(SpatialModule(system), system.parameters, run)
+    energy = run.energy(motion)
     if coupled is not None:
         motion = replace(coupled.along(run), verdict=verdict)
     if begun.is_start:

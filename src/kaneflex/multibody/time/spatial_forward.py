@@ -25,7 +25,7 @@ from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.multibody.time.coefficients import RADAU, integrals
 from kaneflex.multibody.time.spatial_collocation import EVALUATIONS, GROWTH, LONGEST, OUTCOME, ROW, WANTED
 from kaneflex.multibody.time.spatial_curves import Curve
-from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.spatial_passing import EXACT, Passing
 from kaneflex.multibody.time.spatial_steps import Choice, step_size, steps_of
 from kaneflex.scene.options import Options
@@ -60,11 +60,6 @@ class Run(Curve):
         self.passing = Passing(system, options.forward_method, options.forward_tolerance)
         self.reason = ""  # for which the rates were not known somewhere
         self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
-
-    def moving(self, module: SpatialModule) -> tuple[SpatialKinematics, Energy]:
-        """Motion and its energy."""
-        motion = SpatialKinematics(module, self.system.parameters, self)
-        return motion, self.energy(motion)
 
     def go(self) -> None:
         """Integrate to the end of the run. Raises SceneError if the motion can't continue."""

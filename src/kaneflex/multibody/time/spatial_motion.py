@@ -281,17 +281,9 @@ class SpatialMotion(RigidMotion):
 
     def modal(self, body: str) -> Rates:
         """Amplitudes of a body's shapes, their rates and accelerations, (count, n_times) each."""
-        if body not in self._modal:
-            count = self.system.layout.shapes[body].count
-            names = [name for name, _ in modal_scalars(body, count)]
-            found = np.array([self[name] for name in names]).reshape(3, count, len(self.times))
-            self._modal[body] = found[0], found[1], found[2]
-        return self._modal[body]
-
-    @cached_property
-    def _modal(self) -> dict[str, Rates]:
-        """Results, as every section of a body reads them."""
-        return {}
+        first, count = self.motion.column[f"{body}.shape_0"], self.system.layout.shapes[body].count
+        found = self.values[:, first : first + 3 * count].T.reshape(3, count, -1)
+        return found[0], found[1], found[2]
 
     def frame(self, body: str) -> SpatialFrame:  # type: ignore[override]
         """The axes of a body, or of the ground."""
