@@ -1,13 +1,12 @@
 """Planar beam elements through Kane's method: the constant matrices of the affine form.
 
-A differential particle of mass rho_A dx sits at r + N q in the link's floating frame with r = (x_0 + x, 0); with
-rotary inertia it is a rigid slice that turns by theta against the frame. An unmodified ``KanesMethod`` gives its
-generalised inertia forces at x; they are polynomials in the elastic coordinates, in the motion of the frame and in
-the shape functions, so the integral over the element is a table of moments and the affine form
+A slice of mass rho_A dx sits at r + N q in the link's floating frame with r = (x_0 + x, 0) and turns by theta
+against it. An unmodified ``KanesMethod`` gives its generalised inertia forces (``beam_slice``); integrated with the
+shape functions over the element they are the affine form
 
     sum_k s_k(t) M_k q'' + sum_k s_k(t) C_k q' + sum_k s_k(t) K_k q = sum_k s_k(t) F_k
 
-is read off the coefficients, not typed in. The strain energy and the work of the axial tension add their
+whose coefficients are read off, not typed in. The strain energy and the work of the axial tension add their
 generalised active forces as further stiffness terms.
 
 Sources: paper equations (28), (43), (44) with the single tilde of (41), (46), (49)-(55), (89), (90), (98);
@@ -19,27 +18,29 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, prod, symbols, zeros
-from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
 
+from kaneflex.derive.beam_slice import X, link_tension, slice_equations
 from kaneflex.derive.mass_correction import mass_correction
 from kaneflex.derive.shapes import (
     PARAMETERS,
     Section,
     ShapeFunctions,
-    antiderivative,
     beam_section,
     beam_shape,
     integral,
     length,
     rho_A,
-    rho_I,
     without_beta,
     x,
     x_0,
 )
+from kaneflex.derive.spatial_symbols import SCALARS, rho_I_z
 from kaneflex.support.contract import LINK_SCALARS, element_parameters
 
 omega, epsilon, a_x, a_y, P_0 = symbols([name for name, *_ in LINK_SCALARS], real=True)
+_NODE = ("u", "v", "theta_z")
+_IN_PLANE = {SCALARS[2]: omega, SCALARS[5]: epsilon}
+"""Motion about z of a slice with the coordinates _NODE."""
 MOTION = (omega, epsilon, a_x, a_y)
 
 # A term's name and group follow from where Kane's equations put it: (matrix, monomial of the motion).
@@ -105,120 +106,25 @@ class Element:
         return sum((t.scalar * t.matrix for t in chosen), ImmutableMatrix.zeros(*chosen[0].matrix.shape))
 
 
-@dataclass(frozen=True)
-class ParticleEquations:
-    """Kane's equations of the differential particle at x, per unit length.
+def inertia_terms(shape: ShapeFunctions, section: Section, frame: bool = False) -> tuple[Term, ...]:
+    """The inertia's terms in the elastic rows, or in the frame's own three, in the order of KANE_TERMS.
 
-    rows: fr + fr*, first the frame's three (force x, y, moment), then the elastic ones; polynomials in x, in
-    rho_A and rho_I there and in the symbols below. shape: (symbol, polynomial in x) of each shape function.
-    q, q_d, q_dd: elastic coordinates and their derivatives.
+    Matrices S before a slice's coordinates R q, u, v and theta, are R^T S R before those of the element, integrated.
     """
-
-    rows: tuple[Expr, ...]
-    shape: tuple[tuple[Symbol, Expr], ...]
-    q: tuple[Symbol, ...]
-    q_d: tuple[Symbol, ...]
-    q_dd: tuple[Symbol, ...]
-
-
-def particle_equations(shape: ShapeFunctions, rotary: bool = False) -> ParticleEquations:
-    """Kane's equations of one particle of mass rho_A at r + N q under gravity, paper (17), (28).
-
-    With `rotary` it is a rigid slice with the moment of inertia rho_I, angular velocity omega + theta'.
-    Generalised speeds: the velocity of the frame's origin in link axes, omega, and the n elastic q'. The
-    frame needs no coordinates, so no angle appears. The shape functions enter as symbols: time derivatives
-    do not touch them, and their polynomials would only be expanded again and again.
-    """
-    n = shape.displacement.cols
-    rows = ImmutableMatrix.vstack(shape.displacement, shape.rotation)
-    N = ImmutableMatrix(3, n, lambda i, j: Symbol(f"N_{i}_{j}") if rows[i, j] != 0 else S.Zero)
-    functions = tuple(pair for pair in zip(N, rows, strict=True) if pair[0] != 0)
-    q, u = dynamicsymbols(f"q_1:{n + 1}"), dynamicsymbols(f"u_1:{n + 1}")
-    v_x, v_y, w = dynamicsymbols("v_x v_y w")
-    g_x, g_y = symbols("g_x g_y")
-
-    inertial, link = ReferenceFrame("inertial"), ReferenceFrame("link")
-    link.set_ang_vel(inertial, w * link.z)
-    origin, point = Point("origin"), Point("point")
-    origin.set_vel(inertial, v_x * link.x + v_y * link.y)
-    displaced, rate = N * ImmutableMatrix(q), N * ImmutableMatrix(u)
-    point.set_pos(origin, (x_0 + x + displaced[0]) * link.x + displaced[1] * link.y)
-    point.set_vel(link, rate[0] * link.x + rate[1] * link.y)
-    point.v1pt_theory(origin, inertial, link)
-
-    time = dynamicsymbols._t
-    kinematics = [q_i.diff(time) - u_i for q_i, u_i in zip(q, u, strict=True)]
-    kane = KanesMethod(inertial, q_ind=q, u_ind=[v_x, v_y, w, *u], kd_eqs=kinematics)
-    weight = rho_A * (g_x * link.x + g_y * link.y)
-    body = Particle("particle", point, rho_A)
-    if rotary:
-        section = ReferenceFrame("section")
-        section.orient_axis(link, link.z, displaced[2])
-        section.set_ang_vel(link, rate[2] * link.z)
-        body = RigidBody("slice", point, section, rho_A, (inertia(section, 0, 0, rho_I), point))
-    fr, fr_star = kane.kanes_equations([body], [(point, weight)])
-
-    plain_q, plain_d, plain_dd = (symbols(f"{name}_1:{n + 1}") for name in ("q", "qd", "qdd"))
-    plain_vx, plain_vy = symbols("v_x v_y")
-    plain = dict(zip([*q, *u, *(u_i.diff(time) for u_i in u)], [*plain_q, *plain_d, *plain_dd], strict=True))
-    # a = dv/dt + omega x v, and gravity acts as an acceleration -g of the frame: v and g must then drop out.
-    plain |= {v_x: plain_vx, v_y: plain_vy, w: omega, w.diff(time): epsilon}
-    plain |= {v_x.diff(time): a_x + g_x + omega * plain_vy, v_y.diff(time): a_y + g_y - omega * plain_vx}
-    balance = tuple(row.xreplace(plain).expand() for row in fr + fr_star)
-    left = set().union(*(row.free_symbols for row in balance)) & {g_x, g_y, plain_vx, plain_vy}
-    assert not left, f"the equations depend on {sorted(map(str, left))} beside the acceleration a - g"
-    return ParticleEquations(balance, functions, plain_q, plain_d, plain_dd)
-
-
-def affine_terms(equations: ParticleEquations, section: Section, first: int, last: int) -> Affine:
-    """Rows first..last-1 integrated over an element of this section: {(matrix, monomial of the motion): matrix}.
-
-    Found by collecting the coefficients of q'', q', q, 1 and, inside each, the motion's monomials. Products
-    of elastic coordinates, which only the frame's rows have, are of second order and left out.
-    """
-    n, m = len(equations.q), len(MOTION)
-    shapes = tuple(polynomial for _, polynomial in equations.shape)
-    shape_symbols = tuple(symbol for symbol, _ in equations.shape)
-    generators = (*equations.q_dd, *equations.q_d, *equations.q, *MOTION, x, *shape_symbols)
-
-    @cache
-    def moment(powers: tuple[int, ...]) -> Expr:
-        return integral(prod(base**power for base, power in zip((x, *shapes), powers, strict=True)))
-
-    inertia_here = {rho_A: section.density, rho_I: section.rotary}
-    matrices = {}
-    for i, row in enumerate(equations.rows[first:last]):
-        for powers, coefficient in Poly(row.xreplace(inertia_here), *generators).terms():
-            elastic, motion, local = powers[: 3 * n], powers[3 * n : 3 * n + m], powers[3 * n + m :]
-            if sum(elastic) > 1:
-                continue
-            scalar = prod(symbol**power for symbol, power in zip(MOTION, motion, strict=True))
-            # fr + fr* = 0 reads -(M q'' + C q' + K q) + F: only the right-hand side keeps Kane's sign.
-            if 1 in elastic:
-                kind, j = divmod(elastic.index(1), n)
-                target, columns, sign = "MCK"[kind], n, -1
-            else:
-                target, columns, sign, j = "F", 1, 1, 0
-            matrix = matrices.setdefault((target, scalar), zeros(last - first, columns))
-            matrix[i, j] += sign * coefficient * moment(local)
-    return {key: ImmutableMatrix(matrix).expand() for key, matrix in matrices.items()}
-
-
-def inertia_terms(
-    equations: ParticleEquations, section: Section, with_frame: bool
-) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """The inertia's terms in the elastic rows and, if asked for, the frame's own three, in the order of KANE_TERMS."""
-    elastic = affine_terms(equations, section, 3, len(equations.rows))
-    frame = affine_terms(equations, section, 0, 3) if with_frame else {}
-    unknown = [key for key in (*elastic, *frame) if key not in KANE_TERMS]
+    R = ImmutableMatrix.vstack(shape.displacement, shape.rotation).expand()
+    here = {X: x_0 + x, rho_A: section.density, rho_I_z: section.rotary}
+    found = {}
+    for (target, monomial), matrix in slice_equations(_NODE, frame).items():
+        right = matrix.xreplace(here) * (R if matrix.cols > 1 else ImmutableMatrix([[1]]))
+        whole = (right if frame else R.T * right).applyfunc(integral).expand()
+        if not whole.is_zero_matrix:
+            found[target, monomial.xreplace(_IN_PLANE)] = whole
+    unknown = found.keys() - KANE_TERMS.keys()
     assert not unknown, f"Kane's equations hold terms without a name: {unknown}"
-    of_element = [Term(*KANE_TERMS[key], *key, elastic[key]) for key in KANE_TERMS if key in elastic]
-    of_frame = [
-        Term("frame_" + name, group, target + "_f", scalar, frame[target, scalar])
-        for (target, scalar), (name, group) in KANE_TERMS.items()
-        if (target, scalar) in frame
-    ]
-    return tuple(of_element), tuple(of_frame)
+    return tuple(
+        Term("frame_" * frame + name, group, key[0] + "_f" * frame, key[1], found[key])
+        for key, (name, group) in KANE_TERMS.items() if key in found
+    )  # fmt: skip
 
 
 def elastic_terms(shape: ShapeFunctions) -> tuple[Term, ...]:
@@ -229,23 +135,6 @@ def elastic_terms(shape: ShapeFunctions) -> tuple[Term, ...]:
     return tuple(
         Term(f"{name}_stiffness", "elastic", "K", S.One, (rigidity * B.T * B).applyfunc(integral))
         for name, B, rigidity in shape.strains
-    )
-
-
-def axial_tension(equations: ParticleEquations, section: Section) -> Expr:
-    """The tension P(x_0 + x) of the rigid link, from its motion and the force P_0 at its origin.
-
-    A slice of the link is in equilibrium under dP and the inertia in Kane's row of the frame's axial speed at
-    q = 0: dP/dX = -(fr + fr*) = rho_A (a_x - omega^2 X) in the LINK's X. So P = P_0 + a_x m - omega^2 S with the
-    mass m of the link before x and its first moment S; P_0 + rho_A a_x X - rho_A omega^2 X^2/2 if it is uniform.
-    """
-    X = Symbol("X")
-    at_rest = dict.fromkeys((*equations.q, *equations.q_d, *equations.q_dd), S.Zero)
-    growth = -equations.rows[0].xreplace(at_rest).xreplace({x: X - x_0})
-    per_mass = Poly((growth / rho_A).expand(), X).terms()
-    return P_0 + sum(
-        coefficient * (section.before[k] + antiderivative(section.density * (x_0 + x) ** k))
-        for (k,), coefficient in per_mass
     )
 
 
@@ -299,11 +188,10 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
     """
     section = beam_section(rotary, varying)
     shape = beam_shape(section, shear)
-    equations = particle_equations(shape, rotary)
-    of_element, of_frame = inertia_terms(equations, section, with_frame)
+    of_element, of_frame = inertia_terms(shape, section), inertia_terms(shape, section, True) if with_frame else ()
     N = shape.displacement
     viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
-    tension = axial_tension(equations, section)
+    tension = P_0 + link_tension(section.before, section.density, _NODE).xreplace(_IN_PLANE)
     moments = slope_moments(shape, tension)
     geometric = geometric_terms(tension, moments)
     stiffness = elastic_terms(shape) + geometric

@@ -1,6 +1,6 @@
 """Modules of beam elements in space: the kernels of one element, printed once for each theory and for every scene.
 
-Each entry (i, j) of a slice's matrices (``spatial_slice``) stands for int f N_i^T N_j dx with the shape functions of
+Each entry (i, j) of a slice's matrices (``beam_slice``) stands for int f N_i^T N_j dx with the shape functions of
 its two coordinates: with the entry (j, i) before its transpose, it becomes a call of ``fill_both`` with the factors
 before the powers of x/length in f, which is a polynomial by the section's growth and the link's X. Strain energy and
 axial tension bring such integrals, too. The x-z plane is the x-y plane with w' for v', where theta_y = -w'.
@@ -16,15 +16,14 @@ from itertools import combinations_with_replacement
 from sympy import Expr, Poly, Rational, S, factor_terms
 
 from kaneflex.derive import module_text
+from kaneflex.derive.beam_slice import X, link_tension, slice_equations
 from kaneflex.derive.elements import every_matrix
 from kaneflex.derive.names import Names
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Program, share
 from kaneflex.derive.rows import element_table
 from kaneflex.derive.shape_integrals import POWERS, s, shape_integrals_text
-from kaneflex.derive.shapes import antiderivative
 from kaneflex.derive.shapes import x as along
-from kaneflex.derive.spatial_slice import X, slice_equations, tension
 from kaneflex.derive.spatial_symbols import P_0, PARAMETERS, SCALARS, length, rho_A, rho_I_y, rho_I_z, x_0
 from kaneflex.support.contract import ELEMENT_KERNELS
 from kaneflex.support.spatial_contract import (
@@ -81,8 +80,7 @@ class _Section:
         """Axial force by s."""
         before = (PARAMETERS["m_0"], PARAMETERS["S_0"]) if self.varying else (rho_A * x_0, rho_A * x_0**2 / 2)
         density = self.along("rho_A").subs(s, along / length)
-        upto = (before[k] + antiderivative((density * (x_0 + along) ** k).expand()) for k in range(2))
-        return P_0 + tension(*(mass.subs(along, length * s) for mass in upto))
+        return P_0 + link_tension(before, density).subs(along, length * s)
 
     def bubble(self, functions: str, rows: str) -> str:
         """Name in a kernel of (beta - 1, alpha, turn) of these functions."""

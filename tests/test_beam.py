@@ -165,15 +165,6 @@ def test_symmetry_and_rigid_motion(matrices):
     assert equal(loads, -matrices["frame_mass"].T)
 
 
-def test_elastic_rows_are_exactly_linear_in_the_coordinates():
-    """affine_terms leaves out products of coordinates; in the elastic rows there are none to leave out."""
-    equations = beam.particle_equations(beam_shape(beam_section()))
-    elastic = equations.q + equations.q_d + equations.q_dd
-    for row in equations.rows[3:]:
-        assert row.as_poly(*elastic).total_degree() == 1
-    assert equations.rows[2].as_poly(*elastic).total_degree() == 2
-
-
 def test_section_and_length_scale_nothing_else(matrices):
     """Each stiffness holds its own rigidity, each inertia its own mass: nothing leaks into a neighbour."""
     for name, own in (("axial_stiffness", E_A), ("bending_stiffness", E_I)):

@@ -9,7 +9,7 @@ import sympy as sm
 from sympy.physics.mechanics import dynamicsymbols
 
 import kaneflex
-from kaneflex.derive import spatial_slice
+from kaneflex.derive import beam_slice
 from kaneflex.support.contract import ELEMENT_KERNELS, beam_module
 from kaneflex.support.spatial_contract import SPATIAL_BEAMS
 
@@ -61,9 +61,9 @@ def components(scalars, letter):
 def test_section_rotation_is_a_rotation_to_second_order_and_turns_at_its_angular_velocity():
     theta = dynamicsymbols("theta_x theta_y theta_z")
     t, small = dynamicsymbols._t, sm.Symbol("small")
-    R = spatial_slice.section_rotation(*theta)
+    R = beam_slice.section_rotation(*theta)
     spin = R.diff(t) * R.T
-    turning = spatial_slice.section_angular_velocity(tuple(theta), tuple(angle.diff(t) for angle in theta))
+    turning = beam_slice.section_angular_velocity(tuple(theta), tuple(angle.diff(t) for angle in theta))
     expected = sm.Matrix([[0, -turning[2], turning[1]], [turning[2], 0, -turning[0]], [-turning[1], turning[0], 0]])
     plain = dict(zip([*(angle.diff(t) for angle in theta), *theta], sm.symbols("a:3 b:3"), strict=True))
     scale = {symbol: small * symbol for symbol in plain.values()}

@@ -1,23 +1,24 @@
-"""A slice of a link in space through Kane's method: the affine form that every spatial beam element is made of.
+"""A slice of a link through Kane's method: the affine form that every beam element is made of.
 
 A slice of the length dx has the mass rho_A dx and stands at (X + u, v, w) in the link's frame; its section, with the
 rotary inertias rho_I_y, rho_I_z and their sum about x, is turned by theta_x, theta_y, theta_z. The frame moves with the
 acceleration a of its origin less gravity, with omega and epsilon, all in link axes. An unmodified ``KanesMethod`` gives
 fr + fr*; at rest in the frame its derivatives by the accelerations, speeds and coordinates are -M, -C, -K and its value
 is F, each a sum of scalars of the motion x constant matrices. Which scalars there are is found by collecting
-coefficients. The planar slice is the special case w = theta_x = theta_y = 0.
+coefficients. In the plane a slice has u, v and theta_z alone.
 
 To first order in the equations the section's rotation counts to second order, so that in space the order of rotations
 matters: here bending turns the axis's tangent the shortest way, then the section by theta_x about the tangent. That
 prefers neither of the two planes of bending (Hodges and Dowell 1974, NASA TN D-7818, discuss the choice).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Matrix, Poly, S, Symbol, eye, symbols
 from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, Vector, dynamicsymbols, inertia
 
+from kaneflex.derive.shapes import antiderivative, x, x_0
 from kaneflex.derive.spatial_symbols import MOTION, a, epsilon, omega, rho_A, rho_I_y, rho_I_z
 from kaneflex.support.spatial_contract import SPATIAL_NODE
 
@@ -25,16 +26,18 @@ X = Symbol("X", real=True)
 """The slice's distance from the link's origin."""
 
 Affine = Mapping[tuple[str, Expr], ImmutableMatrix]
-"""(matrix, monomial of the motion) -> constant 6 x 6 before q'', q', q, or 6 x 1."""
+"""(matrix, monomial of the motion) -> constant n x n before q'', q', q, or n x 1."""
 
 
 @cache
-def slice_equations() -> Affine:
-    """M q'' + C q' + K q = F of a slice, per unit of length: M, C, K, F by the monomials of MOTION.
+def slice_equations(kept: tuple[str, ...] = SPATIAL_NODE, frame: bool = False) -> Affine:
+    """M q'' + C q' + K q = F of a slice with these coordinates, per unit of length: M, C, K, F by the monomials of
+    MOTION.
 
-    Entries are polynomials in rho_A, rho_I_y, rho_I_z and X. A few seconds.
+    Entries are polynomials in rho_A, rho_I_y, rho_I_z and X. ``frame``: of the force and the moment about the link's
+    origin that move the frame, in place of the slice's own rows. A few seconds in space, a tenth of that in the plane.
     """
-    rows, q, q_d, q_dd = _kane()
+    rows, q, q_d, q_dd = _kane(kept, frame)
     at_rest = dict.fromkeys((*q, *q_d, *q_dd), S.Zero)
     found = {"F": rows.xreplace(at_rest)}
     for target, variables in (("M", q_dd), ("C", q_d), ("K", q)):
@@ -63,15 +66,21 @@ def _by_monomials(matrix: ImmutableMatrix) -> dict[Expr, ImmutableMatrix]:
     return {monomial: ImmutableMatrix(matrix) for monomial, matrix in found.items()}
 
 
-def _kane() -> tuple[Matrix, tuple[Symbol, ...], tuple[Symbol, ...], tuple[Symbol, ...]]:
-    """The slice's own six rows of fr + fr* in plain symbols, with those of q, q', q''.
+def _kane(
+    kept: tuple[str, ...], frame: bool
+) -> tuple[Matrix, tuple[Symbol, ...], tuple[Symbol, ...], tuple[Symbol, ...]]:
+    """The slice's own rows of fr + fr* in plain symbols, or those of the frame, with those of q, q', q''.
 
-    Generalised speeds: velocity of the frame's origin and angular velocity in link axes, and the six rates. The frame
-    needs no coordinates, so that no angle of it appears.
+    Generalised speeds: velocity of the frame's origin and angular velocity in link axes, and the rates. The frame
+    needs no coordinates, so that no angle of it appears; it moves as the coordinates of the slice do.
     """
-    q, u = dynamicsymbols(" ".join(SPATIAL_NODE)), dynamicsymbols(" ".join(f"{name}_rate" for name in SPATIAL_NODE))
-    v, w = dynamicsymbols("v_x v_y v_z"), dynamicsymbols("w_x w_y w_z")
-    g = symbols("g_x g_y g_z")
+
+    def still(of: Iterable[Expr]) -> list[Expr]:
+        """Six symbols, zero in place of what is not kept."""
+        return [symbol if name in kept else S.Zero for name, symbol in zip(SPATIAL_NODE, of, strict=True)]
+
+    q, u, vw = (still(dynamicsymbols(f"{name}_1:7")) for name in ("q", "u", "vw"))
+    v, w, g = vw[:3], vw[3:], still((*symbols("g_x g_y g_z"), *[S.Zero] * 3))[:3]
     inertial, link, section = ReferenceFrame("inertial"), ReferenceFrame("link"), ReferenceFrame("section")
     origin, point = Point("origin"), Point("point")
 
@@ -88,18 +97,21 @@ def _kane() -> tuple[Matrix, tuple[Symbol, ...], tuple[Symbol, ...], tuple[Symbo
     body = RigidBody("slice", point, section, rho_A, (inertia(section, rho_I_y + rho_I_z, rho_I_y, rho_I_z), point))
 
     time = dynamicsymbols._t
-    kinematics = [q_i.diff(time) - u_i for q_i, u_i in zip(q, u, strict=True)]
-    kane = KanesMethod(inertial, q_ind=q, u_ind=[*v, *w, *u], kd_eqs=kinematics)
-    fr, fr_star = kane.kanes_equations([body], [(point, rho_A * in_link(g))])
+    kinematics = [q_i.diff(time) - u_i for q_i, u_i in zip(q, u, strict=True) if u_i != 0]
+    speeds = [u_i for u_i in (*vw, *u) if u_i != 0]
+    kane = KanesMethod(inertial, q_ind=[q_i for q_i in q if q_i != 0], u_ind=speeds, kd_eqs=kinematics)
+    rows = sum(kane.kanes_equations([body], [(point, rho_A * in_link(g))]), Matrix.zeros(len(speeds), 1))
 
-    plain_q, plain_d, plain_dd = (symbols(f"{name}_1:7") for name in ("q", "qd", "qdd"))
-    plain_v = symbols("v_x v_y v_z")
-    plain = dict(zip([*q, *u, *(u_i.diff(time) for u_i in u)], [*plain_q, *plain_d, *plain_dd], strict=True))
-    plain |= dict(zip([*v, *w, *(w_i.diff(time) for w_i in w)], [*plain_v, *omega, *epsilon], strict=True))
+    plain_q, plain_d, plain_dd = (still(symbols(f"{name}_1:7")) for name in ("q", "qd", "qdd"))
+    moved = still((*symbols("v_x v_y v_z"), *omega))
     # a = dv/dt + omega x v, and gravity acts as an acceleration -g of the frame: v and g must then drop out.
-    carried = Matrix(omega).cross(Matrix(plain_v))
-    plain |= {v[i].diff(time): a[i] + g[i] - carried[i] for i in range(3)}
-    return (fr + fr_star)[6:, :].xreplace(plain), plain_q, plain_d, plain_dd
+    carried = Matrix(moved[3:]).cross(Matrix(moved[:3]))
+    rates = still((*(a[i] + g[i] - carried[i] for i in range(3)), *epsilon))
+    symbol_of = zip([*q, *u, *vw, *(each.diff(time) for each in (*u, *vw))],
+                    [*plain_q, *plain_d, *moved, *plain_dd, *rates], strict=True)  # fmt: skip
+    rows = rows[: len(kept), :] if frame else rows[len(kept) :, :]
+    of = (tuple(symbol for symbol in each if symbol != 0) for each in (plain_q, plain_d, plain_dd))
+    return rows.xreplace({old: new for old, new in symbol_of if old != 0}), *of
 
 
 def section_rotation(theta_x: Expr, theta_y: Expr, theta_z: Expr) -> Matrix:
@@ -120,15 +132,16 @@ def _skew(x: Expr, y: Expr, z: Expr) -> Matrix:
     return Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
-def tension(mass_before: Expr, moment_before: Expr) -> Expr:
-    """Axial force of the rigid link at a slice, from P_0, the mass of the link before it and its first moment.
+def link_tension(before: tuple[Expr, Expr], density: Expr, kept: tuple[str, ...] = SPATIAL_NODE) -> Expr:
+    """Axial force of the rigid link at x_0 + x less that at its origin, from the mass and the first moment of the link
+    ``before`` an element, and the element's density by x.
 
     A slice is in equilibrium under dP and the inertia in Kane's row of u: dP/dX = -F_u = rho_A (a_x - (omega_y^2 +
     omega_z^2) X).
     """
     found = S.Zero
-    for (target, monomial), matrix in slice_equations().items():
+    for (target, monomial), matrix in slice_equations(kept).items():
         if target == "F" and matrix[0, 0] != 0:
-            for (power,), number in Poly(-matrix[0, 0] / rho_A, X).terms():
-                found += monomial * number * (mass_before, moment_before)[power]
+            for (k,), number in Poly(-matrix[0, 0] / rho_A, X).terms():
+                found += monomial * number * (before[k] + antiderivative((density * (x_0 + x) ** k).expand()))
     return found
