@@ -107,6 +107,15 @@ def swung(mechanism: Mechanism, joint: str, rigid: RigidMotion, index: int = 0) 
     )  # fmt: skip
 
 
+def changed_speed(entry: str, given: float, found: float) -> SceneError:
+    """Error for a given initial speed that the loops change."""
+    return SceneError(
+        entry, given,
+        f"with the other speeds the loops make it {found:.9g}: one of them locks it, or is in a singular position",
+        "Start near this position, or give initial speeds to as many joints as the mechanism has freedoms",
+    )  # fmt: skip
+
+
 def locking(rigid: RigidMotion) -> str | None:
     """Joint that closes the loop near its limit at a motion's only instant, if any."""
     margins = {name: float(rigid[name][0]) for name in _margins(rigid)}

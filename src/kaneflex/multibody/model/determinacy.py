@@ -8,15 +8,11 @@ indeterminate.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.multibody.dynamics.articulated import FREEDOMS, MODAL, PUSH, SHAPES
 from kaneflex.multibody.model import layout as at
@@ -43,28 +39,20 @@ def jacobian(system: CoupledSystem, q: np.ndarray, free: Sequence[str] = ()) -> 
     Then those of the coordinates of ``free`` drives.
     """
     system.fold(q, np.zeros_like(q))
-    engine = system.engine
+    engine, mechanism = system.engine, system.mechanism
     engine.openings(0.0)  # computes W of the sections
-    tables, poses, joints = engine.tables, dict[str, np.ndarray](), {}
-    W = np.zeros((6 * len(system.mechanism.joints), system.size))
-    for name, joint in system.mechanism.joints.items():
-        ends = [BodyPoint(f"{name}.{side}", "", (0.0, 0.0)) for side in range(2)]  # each section as its own body
-        joints[name] = replace(joint, first=ends[0], second=ends[1])
-        for side, end in zip(joint.sides, ends, strict=True):
-            section = engine.layout.sections[side.body, side.name]
-            owner, _, first = tables.sections[section]
-            if owner >= 0:
-                columns = slice(system.start[side.body], system.modal(side.body).stop)
-                moved = tables.w[engine.count(at.W_NOW) + first :][: 3 * (columns.stop - columns.start)]
-                W[3 * len(poses) : 3 * len(poses) + 3, columns] = moved.reshape(3, -1)
-            poses[end.body] = engine.sections[section, :3]
     rows = [*system.constraints, *(f"{name}.drive" for name in free)]
-    drives = [name for name in joints if f"{name}.drive" in rows]
-    order = [f"{name}.{row}" for name, joint in joints.items() for row in joint.rows]
-    order += [f"{name}.drive" for name in drives]
-    mechanism: Any = SimpleNamespace(joints=joints)
-    found = Constraints(mechanism, dict.fromkeys(drives, 0.0)).jacobian(poses, list(poses), list(joints)) @ W
-    return found[[order.index(row) for row in rows]]
+    drives = {name: 0.0 for name in mechanism.joints if f"{name}.drive" in rows}
+    constraints, poses, names = system.joint_rows(drives)
+    W = np.zeros((3 * len(poses), system.size))
+    for k, side in enumerate(side for joint in mechanism.joints.values() for side in joint.sides):
+        owner, _, first = engine.tables.sections[engine.layout.sections[side.body, side.name]]
+        if owner >= 0:
+            columns = slice(system.start[side.body], system.modal(side.body).stop)
+            moved = engine.tables.w[engine.count(at.W_NOW) + first :][: 3 * (columns.stop - columns.start)]
+            W[3 * k : 3 * k + 3, columns] = moved.reshape(3, -1)
+    found = constraints.jacobian(poses, list(poses), list(mechanism.joints)) @ W
+    return found[[names.index(row) for row in rows]]
 
 
 def undetermined(system: CoupledSystem, q: np.ndarray) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from kaneflex.mechanism.closure import changed_speed
 from kaneflex.multibody.model.determinacy import jacobian
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.scene import Scene
@@ -45,11 +46,7 @@ def check_kept(scene: Scene, system: CoupledSystem, q: np.ndarray, v: np.ndarray
     rates = jacobian(system, q, list(speeds))[len(system.constraints) :] @ moving
     for (name, speed), rate in zip(speeds.items(), rates.tolist(), strict=True):
         if not abs(rate - speed) <= _MISSED * abs(speed):
-            raise SceneError(
-                f"drives.{name}.initial_speed", speed,
-                f"at the start its loops allow a speed of {rate:.6g} only: one of them locks it, or is in a "
-                "singular position", "Start near this position, or give the speed of another joint",
-            )  # fmt: skip
+            raise changed_speed(f"drives.{name}.initial_speed", speed, rate)
 
 
 def _initial_speeds(scene: Scene) -> dict[str, float]:

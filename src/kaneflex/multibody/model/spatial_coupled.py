@@ -93,11 +93,6 @@ class _Beside(Curve):
         self.q = np.setdiff1d(np.arange(of.coordinates), of.modal_coordinates)
         self.u = np.setdiff1d(np.arange(of.speeds), of.modal_speeds)
 
-    def __call__(self, t: float) -> State:
-        found = self._given(np.array([t]))[0]
-        n, start = self.system.coordinates, self.start
-        return self.system.project(t, found[:n], found[n:], start.choice)
-
     def rows(self, times: np.ndarray) -> np.ndarray:
         given, out = self._given(times), np.full((len(times), len(self.system.work.kept)), np.nan)
         done = 0

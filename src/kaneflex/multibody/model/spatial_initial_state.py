@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
 from kaneflex.multibody.model.spatial_layout import COORDINATE
@@ -154,8 +155,4 @@ def _check_speeds(system: SpatialSystem, state: State) -> None:
             owner = system.layout.speeds[k].rpartition(".")[0]
             joint = system.mechanism.joints.get(owner)
             field = START_SPEEDS.get(joint.kind, "initial_speed") if joint else "velocity"
-            raise SceneError(
-                f"{_key(system, owner)}.{field}", float(wanted),
-                f"with the other speeds the loops make it {state.u[k]:.9g}",
-                "Give initial speeds to as many joints as the mechanism has freedoms",
-            )  # fmt: skip
+            raise changed_speed(f"{_key(system, owner)}.{field}", float(wanted), state.u[k])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType, SimpleNamespace
 from typing import cast
@@ -12,9 +12,9 @@ import numpy as np
 
 from kaneflex.fem.links import Link, build_link
 from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes, shape_counts
-from kaneflex.mechanism.joints import coordinate, drive_reaction, reactions, residuals
+from kaneflex.mechanism.joints import Constraints, drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.planar import Pose, pose_at
+from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
@@ -208,22 +208,26 @@ class CoupledSystem:
             found |= {first + j: int(fields[at.MODAL]) + j for j in range(fields[at.SHAPES])}
         return found
 
+    def joint_rows(self, drives: Mapping[str, float]) -> tuple[Constraints, dict[str, np.ndarray], list[str]]:
+        """Constraints of all joints and of ``drives`` between sections at the position of the tables, each section as a
+        body of its own; poses (3,) of these, two for each joint; names of the rows."""
+        engine, joints, poses = self.engine, {}, dict[str, np.ndarray]()
+        for name, joint in self.mechanism.joints.items():
+            ends = [BodyPoint(f"{name}.{side}", "", (0.0, 0.0)) for side in range(2)]
+            joints[name] = replace(joint, first=ends[0], second=ends[1])
+            for side, end in zip(joint.sides, ends, strict=True):
+                poses[end.body] = engine.sections[engine.layout.sections[side.body, side.name], :3]
+        names = [row for joint in joints.values() for row, *_ in reactions(joint)]
+        names += [f"{name}.drive" for name in joints if name in drives]
+        return Constraints(replace(self.mechanism, joints=joints), drives), poses, names
+
     def gaps(self, t: float, q: np.ndarray) -> dict[str, float]:
         """Violation of every joint's rows [m or rad], and of every prescribed drive [m or rad], at t [s]: by name."""
         self.fold(q, np.zeros(self.size))
-        engine = self.engine
-        found: dict[str, float] = {}
-        sections = engine.numbers(at.SECTION, at.SEC * len(engine.layout.sections)).reshape(-1, at.SEC)
-        pose: dict[tuple[str, str], Pose] = {
-            key: pose_at(*sections[k, :3].tolist()) for key, k in engine.layout.sections.items()
-        }
-        courses = dict(zip(engine.layout.driven, engine.courses(np.array([t]))[0, ::3], strict=True))
-        for joint in self.mechanism.joints.values():
-            first, second = (pose[side.body, side.name] for side in joint.sides)
-            found |= dict(zip((name for name, *_ in reactions(joint)), residuals(joint, first, second), strict=True))
-            if joint.name in courses:
-                found[f"{joint.name}.drive"] = coordinate(joint, first, second) - courses[joint.name]
-        return found
+        courses = self.engine.courses(np.array([t]))[0, ::3].tolist()
+        constraints, poses, names = self.joint_rows(dict(zip(self.engine.layout.driven, courses, strict=True)))
+        found = constraints.residuals(poses, list(self.mechanism.joints)).tolist()
+        return dict(zip(names, found, strict=True))
 
 
 @dataclass(frozen=True, eq=False)

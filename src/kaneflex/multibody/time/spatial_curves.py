@@ -23,15 +23,16 @@ class Curve(ABC):
     system: SpatialSystem
     start: State
 
-    @abstractmethod
     def __call__(self, t: float) -> State:
         """The state at t [s]."""
+        self.rows(np.array([float(t)]))
+        return self.system.state(t, self.start.choice)
 
+    @abstractmethod
     def rows(self, times: np.ndarray) -> np.ndarray:
         """Rows of :class:`kaneflex.multibody.dynamics.spatial_work.Instants` at ``times`` [s], which are in their
         order.
         """
-        return np.array([self.system.row(self(t)) for t in times.tolist()])
 
     def moved(self, times: np.ndarray) -> np.ndarray:
         """The same, where accelerations and what joints exert are not read."""
@@ -44,11 +45,12 @@ class Standing(Curve):
     def __init__(self, system: SpatialSystem, start: State) -> None:
         self.system, self.start = system, start
 
-    def __call__(self, t: float) -> State:
+    def rows(self, times: np.ndarray) -> np.ndarray:
         start = self.start
-        if t != start.t:
+        for t in times[times != start.t].tolist():
             raise not_integrated(t)
-        return self.system.project(start.t, start.q, start.u, start.choice)
+        state = self.system.project(start.t, start.q, start.u, start.choice)
+        return np.tile(self.system.row(state), (len(times), 1))
 
 
 class Followed(Curve):

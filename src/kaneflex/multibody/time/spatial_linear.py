@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.fem.spatial_bodies import skew
-from kaneflex.multibody.dynamics.spatial_entries import LACKED, NEAR
+from kaneflex.multibody.dynamics.spatial_entries import LACKED
 from kaneflex.multibody.model.spatial_layout import BALL, KIND, SPEED
 from kaneflex.multibody.model.spatial_system import Choice, SpatialSystem, State
 from kaneflex.multibody.time.linearisation import Equations, pulled
@@ -35,33 +35,26 @@ class Neighbours(Curve):
     Attributes
     ----------
     system : SpatialSystem
-    base : State
+    start : State
+        State of the motion itself.
     given : ndarray (k, coordinates + 2 speeds + inputs)
         Their coordinates, independent speeds and accelerations, and inputs.
     """
 
     system: SpatialSystem
-    base: State
+    start: State
     given: np.ndarray
-
-    @cached_property
-    def found(self) -> np.ndarray:
-        """Their rows (k, ...)."""
-        out = np.zeros((len(self.given), len(self.system.work.kept)))
-        self.system.near(self.base.choice, np.full(len(out), self.base.t), self.given, out, NEAR)
-        return out
 
     @property
     def times(self) -> np.ndarray:
         """Fictitious times of the neighbours [s]."""
-        return self.base.t + _APART * max(1.0, abs(self.base.t)) * np.arange(len(self.given))
-
-    def __call__(self, t: float) -> State:
-        here = self.system.instants(self.rows(np.array([t])))
-        return State(t, here.q[0], here.u[0], here.du[0], here.sizes[0], self.base.choice)
+        return self.start.t + _APART * max(1.0, abs(self.start.t)) * np.arange(len(self.given))
 
     def rows(self, times: np.ndarray) -> np.ndarray:
-        return self.found[np.minimum(np.searchsorted(self.times, times), len(self.given) - 1)]
+        out = np.zeros((len(times), len(self.system.work.kept)))
+        given = self.given[np.minimum(np.searchsorted(self.times, times), len(self.given) - 1)]
+        self.system.near(self.start.choice, np.full(len(out), self.start.t), given, out)
+        return out
 
 
 @dataclass(frozen=True, eq=False)
