@@ -161,5 +161,5 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start(tmp_path)
 
 def test_what_does_not_repeat_is_named(tmp_path):
     text = PENDULUM.replace("1.5 * cos(clock)", "1.5 * cos(clock) + 0.1 * t")
-    with pytest.raises(SceneError, match=r"solve\.start = 'periodic': push is not periodic"):
+    with pytest.raises(SceneError, match=r"solve\.start = 'periodic': push is 1.5 at first and 1.60472 a cycle later"):
         solved(_pendulum(tmp_path, text))

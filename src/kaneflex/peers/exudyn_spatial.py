@@ -357,7 +357,7 @@ class _State(Bodies):
         """Sizes of all loads [N or N m] at the current coordinates of joints."""
         known = [self._coordinate(name) for name in self.system.told_joints]
         coordinates, speeds = (np.array([pair[k] for pair in known]) for k in (0, 1))
-        return self.system.magnitudes(t, coordinates, speeds)
+        return self.system.magnitudes_at(np.array([t]), coordinates[None], speeds[None])[0]
 
     def _coordinate(self, name: str) -> tuple[float, float]:
         """Coordinate of a joint and its rate, with turns counted between calls."""

@@ -17,6 +17,8 @@ _POLE_PARTS, _POLE_LEVELS = 64, 4
 """Parts into which intervals around a possible pole are divided, and how often: by 1e7 in all."""
 _MEETING = 1e-3
 """Share of a spring's greatest length below which its direction is undefined."""
+UNREPEATED = "{} is {:.6g} at first and {:.6g} a cycle later"
+"""Reason why a motion or load is not periodic."""
 _MOST = 20_000
 """Largest number of instants at which laws are checked before the computation."""
 
@@ -93,6 +95,15 @@ def _pole(rigid: RigidMotion, scalar: str) -> float | None:
     if parted.max() > 2.0 * before:
         return float(times[parted.argmax()])
     return float(times[1 + alone.argmax()]) if alone.max() > 0.5 * parted.max() else None
+
+
+def refuse_unrepeated(reason: str | None) -> None:
+    """Raise SceneError with the reason, if any, for which a periodic start is impossible."""
+    if reason is not None:
+        raise SceneError(
+            "solve.start", "periodic", reason,
+            "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic",
+        )  # fmt: skip
 
 
 def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:

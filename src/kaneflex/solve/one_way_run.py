@@ -11,9 +11,9 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.solve.initial import given_state
+from kaneflex.solve.law_checks import UNREPEATED, refuse_unrepeated
 from kaneflex.solve.memory import MAX_STORED
 from kaneflex.solve.run_result import RunResult
-from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.integrate.run import Run
@@ -86,18 +86,8 @@ def not_repeated(model: Model) -> str | None:
     for name in sorted({name for monomial in model.monomials for name in monomial} & column.keys()):
         k, rounding = column[name], _ROUNDING * largest.get(unit_of.get(name), 0.0)
         if changes[k] > _REPEATS * sizes[k] + rounding:
-            return f"{name} is {ends[0, k]:.6g} at first and {ends[1, k]:.6g} a cycle later"
+            return UNREPEATED.format(name, *ends[:, k])
     return None
-
-
-def _check_repeats(model: Model) -> None:
-    """Raise SceneError unless motion and loads are periodic, as a periodic start needs."""
-    reason = not_repeated(model)
-    if reason is not None:
-        raise SceneError(
-            "solve.start", "periodic", reason,
-            "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic",
-        )  # fmt: skip
 
 
 def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, ns: float) -> Trajectory:
@@ -123,7 +113,7 @@ def run_of(model: Model) -> Run:
     options = model.options
     start: object = options.start
     if options.start == "periodic":
-        _check_repeats(model)
+        refuse_unrepeated(not_repeated(model))
     if options.start == "quasistatic":
         from kaneflex.solve.slow_start import slow_start
 

@@ -21,11 +21,10 @@ from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.scene.options import Options
-from kaneflex.solve.law_checks import check_finite, check_springs
+from kaneflex.solve.law_checks import UNREPEATED, check_finite, check_springs, refuse_unrepeated
 from kaneflex.solve.slow_start import slow_state
 from kaneflex.solve.spatial_checks import check_stage, with_open_reactions
 from kaneflex.solve.spatial_initial import given_state
-from kaneflex.support.errors import SceneError
 
 Share = Callable[[float], None]
 _LOOKED_AT = 200
@@ -105,7 +104,7 @@ def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None
         yield from zip(system.mechanism.loads, *(state.sizes for state in states), strict=True)
 
     for name, one, other in chain(zip(system.driven, before, after, strict=True), sizes()):
-        if (abs(other - one) > _REPEATS * max(1.0, abs(one).max())).any():
-            reason = f"{name} is not periodic"
-            cure = "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic"
-            raise SceneError("solve.start", "periodic", reason, cure)
+        change = abs(np.atleast_1d(other - one))
+        if change.max() > _REPEATS * max(1.0, abs(one).max()):
+            k = change.argmax()
+            refuse_unrepeated(UNREPEATED.format(name, np.ravel(one)[k], np.ravel(other)[k]))

@@ -341,10 +341,6 @@ class SpatialSystem:
         self._kernels["courses"](t, self._laws.p.ctypes.data, out.ctypes.data, 0)
         return out.reshape(-1, 3)
 
-    def magnitudes(self, t: float, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-        """Sizes of all loads [N or N m] by the coordinates and speeds of ``told_joints``."""
-        return self.magnitudes_at(np.array([t]), coordinates[None], speeds[None])[0]
-
     def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Sizes of all loads at many instants, (n_times, loads)."""
         x, out = (np.zeros((len(times), n)) for n in (len(self._laws.x), len(self.mechanism.loads)))
