@@ -12,6 +12,7 @@ from test_c import HEADS, SHARED, built
 
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.multibody.compile import addresses, library
+from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import unfolding
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time import collocation
@@ -21,7 +22,7 @@ from kaneflex.solve.coupled_in_c import _begun
 SCENE = "four-bar-motor"
 NUMBERS = {"b": 2, "n": 4, "act": 2, "count": 3}
 """Whole numbers by the names of arguments: a body on another one, a section of a body, a load; else 0 or 1."""
-ROOMS = ("body", "joints", "layout", "dense_lu", "planar_articulated", "kinematics")
+ROOMS = ("body", "joints", "layout", "dense_lu", "articulated", "loop_factors", "planar_tree", "kinematics")
 """Modules whose functions every run compares; numba compiles the others in half a minute."""
 WHOLE_RUNS = ("integrate", "finish")
 """Functions that take as many steps as rounding lets them: runs in C are compared with Python's in test_coupled_c."""
@@ -67,7 +68,10 @@ def in_c(printer, name, kinds, returned):
 
 
 def printed(run):
-    """The printer with all functions, and each one's name -> the compiled function, types, returned type."""
+    """The printer with all functions, and each one's name -> the compiled function, types, returned type.
+
+    Those of vectors and records are compared with all that calls them.
+    """
     printer = Printer(run.engine.kernels)
     for entry in (collocation.project, collocation.integrate, unfolding.unfold):
         printer.function(entry, library.ENTRIES[entry].args)
@@ -78,7 +82,9 @@ def printed(run):
     compiled = {each.py_func: each for each in known if hasattr(each, "py_func")}
     text = printer.text()
     made = {name: (compiled[key[0]], key[1], returned) for key, (name, returned) in printer.functions.items()
-            if key[0] in compiled and f" {name}(" in text}  # fmt: skip
+            if key[0] in compiled and f" {name}(" in text
+            and not any(isinstance(each, types.BaseTuple | Vectors) for each in key[1])
+            and not isinstance(returned, types.BaseNamedTuple)}  # fmt: skip
     return printer, made
 
 

@@ -259,7 +259,6 @@ LONG = {
     "integrate/matrices.py": {"residual", "true_accelerations"},
     "integrate/steppers.py": {"_newmark_matrices", "_stage_matrices", "collocation", "exact_modal", "newmark"},
     "multibody/time/collocation.py": {"_iterate", "integrate"},
-    "multibody/dynamics/planar_articulated.py": {"_condense", "solve"},
     "multibody/dynamics/unfolding.py": {"unfold"},
 }
 """Compiled functions of more than 60 lines or 8 parameters; a comment in their file says why. The list only falls.

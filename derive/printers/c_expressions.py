@@ -279,7 +279,7 @@ class Expressions:
         of = self.object_of(node.func)._defn(cpu_target.typing_context, *kinds)[0].return_type
         if not hasattr(of, "d") and not isinstance(of, types.CPointer):
             return self._record(of, texts)
-        return f"({self.printer.declared(of)}){grouped(texts[-1])}", of
+        return f"(({self.printer.declared(of)}){grouped(texts[-1])})", of
 
     def _count(self, node: ast.Call) -> Expression:
         kind = self.expression(node.args[0])[1]

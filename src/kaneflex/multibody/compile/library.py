@@ -14,9 +14,11 @@ from typing import Any
 from numba import njit
 
 from kaneflex.generated import body, contact, friction, joints
-from kaneflex.multibody.compile import addresses, stand_ins
+from kaneflex.multibody.compile import addresses, stand_ins, values
 from kaneflex.multibody.compile.addresses import called, entered
 from kaneflex.multibody.dynamics import (
+    algebra,
+    articulated,
     change_points,
     dense_lu,
     forces,
@@ -25,7 +27,7 @@ from kaneflex.multibody.dynamics import (
     loop_closure,
     loop_condition,
     loop_factors,
-    planar_articulated,
+    planar_tree,
     powers,
     reduction,
     unfolding,
@@ -52,14 +54,15 @@ from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(
-    addresses.__file__, body.__file__, change_points.__file__, coefficients.__file__, collocation.__file__,
-    complementarity.__file__, contact.__file__, contact_linearisation.__file__, contact_numbers.__file__,
-    contacts.__file__, dense_lu.__file__, discontinuous_loads.__file__, dry_friction.__file__, event_location.__file__,
-    forces.__file__, friction.__file__, friction_powers.__file__, impact.__file__, impulse_response.__file__,
-    inner.__file__, joints.__file__, kinematics.__file__, layout.__file__, load_derivatives.__file__,
-    loop_closure.__file__, loop_condition.__file__, loop_factors.__file__, lugre.__file__, lugre_step.__file__,
-    planar_articulated.__file__, powers.__file__, reduction.__file__, rigid_friction.__file__, stand_ins.__file__,
-    state_record.__file__, step_curve.__file__, stick_slip.__file__, unfolding.__file__,
+    addresses.__file__, algebra.__file__, articulated.__file__, body.__file__, change_points.__file__,
+    coefficients.__file__, collocation.__file__, complementarity.__file__, contact.__file__,
+    contact_linearisation.__file__, contact_numbers.__file__, contacts.__file__, dense_lu.__file__,
+    discontinuous_loads.__file__, dry_friction.__file__, event_location.__file__, forces.__file__, friction.__file__,
+    friction_powers.__file__, impact.__file__, impulse_response.__file__, inner.__file__, joints.__file__,
+    kinematics.__file__, layout.__file__, load_derivatives.__file__, loop_closure.__file__, loop_condition.__file__,
+    loop_factors.__file__, lugre.__file__, lugre_step.__file__, planar_tree.__file__, powers.__file__,
+    reduction.__file__, rigid_friction.__file__, stand_ins.__file__, state_record.__file__, step_curve.__file__,
+    stick_slip.__file__, unfolding.__file__, values.__file__,
 )  # fmt: skip
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
 _plain, _with_contacts, _with_holds = (

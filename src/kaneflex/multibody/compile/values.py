@@ -91,6 +91,12 @@ def numbers_of(typing, v):
 
 
 @intrinsic
+def vectors(typing, numbers):
+    """Numbers from an address on as vectors in the plane."""
+    return Vectors(numbers.dtype, 3)(numbers), lambda context, builder, sig, args: args[0]
+
+
+@intrinsic
 def width(typing, of):
     """D of vectors, as a constant."""
     d = size_of(of)

@@ -16,12 +16,22 @@ from numba.types import CPointer, complex128, float64
 
 from kaneflex.multibody.compile.values import Vectors, after, inside, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import add_product, axpy, dot, force_at, plus, scaled, times, twist_at
-from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, Fixed, Handed, magnitude, together
-
-SHAPES, FREEDOMS, PUSH, MODAL, PARENT, OUTBOARD, COUPLING, SQUARE = range(8)
-"""Columns of ``bodies``: number of shapes n and of freedoms f of the joint; their first coordinates; the parent, or -1;
-first row in ``phi`` of the section of the parent that the body hangs on, or -1 where no shape moves it; first row in
-``E``, place in ``L``."""
+from kaneflex.multibody.model.layout import (
+    COUPLING,
+    DOF,
+    FIRST,
+    IN_ORDER,
+    MODAL,
+    OPTIONS,
+    OUTBOARD,
+    PARENT_BODY,
+    SHAPES,
+    SQUARE,
+    Fixed,
+    Handed,
+    magnitude,
+    together,
+)
 
 
 def factors(dtype, d: int, name: str) -> Handed:
@@ -48,8 +58,8 @@ Section = namedtuple("Section", "n I E L phi place modal")
 def body(a, b):
     """Matrices and axes of a body."""
     inside()
-    d, n, push = width(a.S), a.bodies[b, SHAPES], a.bodies[b, PUSH]
-    return Body(n, a.bodies[b, FREEDOMS], after(a.I, d * b), after(a.E, a.bodies[b, COUPLING]),
+    d, n, push = width(a.S), a.bodies[b, SHAPES], a.bodies[b, FIRST]
+    return Body(n, a.bodies[b, DOF], after(a.I, d * b), after(a.E, a.bodies[b, COUPLING]),
                 after(a.L, a.bodies[b, SQUARE]), after(a.S, push), after(a.U, push), after(a.D, push), push,
                 a.bodies[b, MODAL])  # fmt: skip
 
@@ -58,7 +68,7 @@ def body(a, b):
 def held_by(a, b):
     """The section that a body hangs on, with the matrices of the parent."""
     inside()
-    up, out = a.bodies[b, PARENT], a.bodies[b, OUTBOARD]
+    up, out = a.bodies[b, PARENT_BODY], a.bodies[b, OUTBOARD]
     n = a.bodies[up, SHAPES] if out >= 0 else 0
     return Section(n, after(a.I, width(a.S) * up), after(a.E, a.bodies[up, COUPLING]),
                    after(a.L, a.bodies[up, SQUARE]), after(a.phi, out if out >= 0 else 0), a.place[b],
@@ -128,7 +138,7 @@ def _release(b, free):
 
 
 @njit(**IN_ORDER)
-def _move(I, r):
+def transport(I, r):
     """An inertia by the twist of a point r back: X^T I X."""
     together()
     d, numbers = width(I), numbers_of(I)
@@ -144,14 +154,14 @@ def _move(I, r):
 def _hand_over(I, arm, up, E):
     """Add an articulated inertia to the matrices of the parent at the section ``up``; E is working space."""
     together()
-    _move(I, arm)
+    transport(I, arm)
     for i in range(up.n):
         e = times(I, up.phi[i])
         E[i] = e
         for j in range(i + 1):
             up.L[up.n * i + j] += dot(E[j], up.phi[i])
         up.E[i] = plus(up.E[i], force_at(e, up.place))
-    _move(I, up.place)
+    transport(I, up.place)
     for k in range(width(I)):
         up.I[k] = plus(up.I[k], I[k])
 
@@ -165,7 +175,7 @@ def factorise(a):
         own = body(a, b)
         if not (_condense(own) and _release(own, a.free)):
             return False
-        if a.bodies[b, PARENT] >= 0:
+        if a.bodies[b, PARENT_BODY] >= 0:
             _hand_over(own.I, a.arm[b], held_by(a, b), a.room)
     return True
 
@@ -219,17 +229,17 @@ def solve(a):
     x, y = a.x, a.y
     for b in range(a.counts[0] - 1, -1, -1):
         felt = _inwards(body(a, b), a.free, y, x[b])
-        if a.bodies[b, PARENT] >= 0:
+        if a.bodies[b, PARENT_BODY] >= 0:
             up = held_by(a, b)
             felt = force_at(felt, a.arm[b])
             for j in range(up.n):
                 y[up.modal + j] += dot(felt, up.phi[j])
-            x[a.bodies[b, PARENT]] = plus(x[a.bodies[b, PARENT]], force_at(felt, up.place))
+            x[a.bodies[b, PARENT_BODY]] = plus(x[a.bodies[b, PARENT_BODY]], force_at(felt, up.place))
     for b in range(a.counts[0]):
         twist = scaled(0.0, x[b])
-        if a.bodies[b, PARENT] >= 0:
+        if a.bodies[b, PARENT_BODY] >= 0:
             up = held_by(a, b)
-            twist = twist_at(x[a.bodies[b, PARENT]], up.place)
+            twist = twist_at(x[a.bodies[b, PARENT_BODY]], up.place)
             for j in range(up.n):
                 twist = axpy(y[up.modal + j], up.phi[j], twist)
             twist = twist_at(twist, a.arm[b])

@@ -11,21 +11,22 @@ import math
 
 from numba import njit
 
-from kaneflex.generated import body
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
-from kaneflex.multibody.dynamics.planar_articulated import assemble
+from kaneflex.multibody.compile.values import vectors
+from kaneflex.multibody.dynamics.algebra import dot
+from kaneflex.multibody.dynamics.planar_tree import assemble, away, shape_twists
 from kaneflex.multibody.time.state_record import copy
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, AT, BENDS, BODIES, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, CUT_ROWS,
-    DEMAND, DEPENDENT, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JOINT, KEPT, LAST, LED,
-    LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PASSING, PIVOTS, POINT,
-    PRISMATIC, RATE, REACH, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE,
-    SWITCH, WHAT, WHEN, W_NOW, Y, YIELDING, apart, larger, turned,
+    DEMAND, DEPENDENT, FIRST, FREE, GRADIENT, INBOARD, JOINT, KEPT, LAST, LED, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE,
+    MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PASSING, PHI_NOW, PHI_ROW, PIVOTS, POINT, PRISMATIC, RATE,
+    REACH, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SHAPES, SIDE, SWITCH, WHAT, WHEN, Y,
+    YIELDING, apart, larger, shifted, turned,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.kinematics import accelerate, cut_rows, deform, demand, move, place, prescribe
 
@@ -55,15 +56,14 @@ def gradient(m, row, cut, bends, out):
         while m.sections[n, OWNER] >= 0:
             b = m.sections[n, OWNER]
             inboard, first, kind = m.bodies[b, INBOARD], out + m.bodies[b, FIRST], m.bodies[b, JOINT]
-            at, own = plan[SECTION] + SEC * n, plan[SECTION] + SEC * inboard
-            moved = turn + (w[at] - w[own]) * z - (w[at + 1] - w[own + 1]) * x
-            if bends:
-                size, i = m.bodies[b, SHAPES], out + m.bodies[b, MODAL]
-                p, q = plan[W_NOW] + m.sections[n, JACOBIAN] + 3, plan[W_NOW] + m.sections[inboard, JACOBIAN] + 3
-                for j in range(size):
-                    w[i + j] += w[p + j] * x + w[p + j + 3 + size] * z + w[p + j + 2 * (3 + size)] * turn
-                    w[i + j] -= w[q + j] * x + w[q + j + 3 + size] * z + w[q + j + 2 * (3 + size)] * moved
-            turn, n = moved, m.bodies[b, PARENT]
+            own, share = plan[SECTION] + SEC * inboard, w[m.sections[n, POINT]]
+            arm = away(m, plan[SECTION], n, inboard, share)
+            if bends and n != inboard:
+                phi, i = vectors(shifted(w, plan[PHI_NOW] + 3 * m.sections[n, PHI_ROW])), out + m.bodies[b, MODAL]
+                for j in range(m.bodies[b, SHAPES]):
+                    w[i + j] += dot(phi[j], (x, z, turn))
+            x, z, turn = share * x, share * z, turn + arm[0] * z - arm[1] * x
+            n = m.bodies[b, PARENT]
             up = plan[SECTION] + SEC * n
             if kind == REVOLUTE:
                 w[first] += w[m.bodies[b, NUMBERS]] * turn
@@ -80,16 +80,8 @@ def gradient(m, row, cut, bends, out):
 
 @njit(**OPTIONS)
 def bent(m):
-    """Jacobians W of all sections at the current state."""
-    apart()
-    plan, w = m.plan, m.w
-    for b in range(plan[BODIES]):
-        f = plan[FRAME] + FRAME_SIZE * b
-        for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-            body.jacobian(
-                w, m.sections[n, POINT], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w,
-                plan[W_NOW] + m.sections[n, JACOBIAN],
-            )  # fmt: skip
+    """Twists of all sections by shapes at the current state."""
+    shape_twists(m, m.plan[PHI_NOW])
 
 
 @njit(**OPTIONS)

@@ -9,10 +9,13 @@ from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction, lugre_step
-from kaneflex.multibody.dynamics.planar_articulated import add_force, factorise, solve, twist_of
+from kaneflex.multibody.compile.values import vectors
+from kaneflex.multibody.dynamics.algebra import dot, scaled
+from kaneflex.multibody.dynamics.articulated import factorise, solve
+from kaneflex.multibody.dynamics.planar_tree import add_force, clear, fill, tree, twist_of
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, OPTIONS,
-    PUSH, REACTION, ROW_OF, ROW_SIZE, SCHUR, SPEEDS, STIFF, TOUCHING, VISCOUS, YIELDING, apart,
+    AT, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON,
+    OPTIONS, REACTION, ROW_OF, ROW_SIZE, SCHUR, STIFF, TOUCHING, VISCOUS, YIELDING, apart, shifted,
 )  # fmt: skip
 
 
@@ -21,26 +24,25 @@ def reach(m, h, A):
     """Factors of M + h C + h^2 K of the tree, responses of the coordinates to unit reactions of kept rows and
     contacts, and of these rows at SCHUR; False: zero pivot."""
     apart()
-    if not factorise(m, h, A):
-        return False
     plan, w = m.plan, m.w
+    t = tree(m, A, column(m, 0))
+    fill(m, t, h)
+    if not factorise(t):
+        return False
     count = plan[KEPT] + m.pivots[YIELDING]
     for r in range(count):
-        for k in range(plan[SPEEDS]):
-            A[plan[PUSH] + k] = 0.0
-        for k in range(plan[COORDINATES]):
-            A[column(m, r) + k] = 0.0
+        t = tree(m, A, column(m, r))
+        clear(m, t)
         cut, k = row_at(m, r)
         n = dry_friction.brought(m, r)
         for side in range(2):
-            j = k + 3 * side
-            add_force(m, A, m.acts[cut, AT + side], w[j], w[j + 1], w[j + 2])
+            add_force(m, t, m.acts[cut, AT + side], vectors(shifted(w, k + 3 * side))[0])
             if n:
-                size, j = dry_friction.share(m, n, r), hold_row(m, n) + 3 * side
-                add_force(m, A, m.acts[plan[DRIVES] + n, AT + side], size * w[j], size * w[j + 1], size * w[j + 2])
-        solve(m, A, r if r < plan[KEPT] else r + 1)
+                friction = vectors(shifted(w, hold_row(m, n) + 3 * side))[0]
+                add_force(m, t, m.acts[plan[DRIVES] + n, AT + side], scaled(dry_friction.share(m, n, r), friction))
+        solve(t)
         for q in range(count):
-            A[plan[SCHUR] + count * q + r] = opening(m, A, q)
+            A[plan[SCHUR] + count * q + r] = opening(m, t, q)
     return True
 
 
@@ -94,16 +96,11 @@ def column(m, r):
 
 
 @njit(**OPTIONS)
-def opening(m, A, r):
-    """Rate of a row for the speeds at PUSH."""
-    w = m.w
+def opening(m, t, r):
+    """Rate of a row for the rates of the tree's bodies and coordinates."""
     cut, k = row_at(m, r)
-    total = 0.0 * A[m.plan[PUSH]]
-    for side in range(2):
-        t_0, t_1, t_2 = twist_of(m, A, m.acts[cut, AT + side])
-        j = k + 3 * side
-        total += w[j] * t_0 + w[j + 1] * t_1 + w[j + 2] * t_2
-    return total
+    sides = vectors(shifted(m.w, k))
+    return dot(sides[0], twist_of(m, t, m.acts[cut, AT])) + dot(sides[1], twist_of(m, t, m.acts[cut, ON]))
 
 
 @njit(**OPTIONS)
@@ -113,14 +110,15 @@ def solve_closed(m, A, pivots):
     apart()
     plan = m.plan
     count, n, x = plan[KEPT] + m.pivots[YIELDING], plan[COORDINATES], plan[REACTION]
-    for k in range(plan[SPEEDS]):
-        A[plan[PUSH] + k] = 0.0
-    solve(m, A, plan[KEPT])
+    answer = plan[COLUMNS] + n * plan[KEPT]
+    t = tree(m, A, answer)
+    for b in range(plan[BODIES]):
+        t.x[b] = scaled(0.0, t.x[b])
+    solve(t)
     if count:
         for r in range(count):
-            A[x + r] = dry_friction.wanted(m, A, r) - lugre_step.weight(m, A, r) * opening(m, A, r)
+            A[x + r] = dry_friction.wanted(m, A, r) - lugre_step.weight(m, A, r) * opening(m, t, r)
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
-        answer = plan[COLUMNS] + n * plan[KEPT]
         for r in range(count):
             for i in range(n):
                 A[answer + i] += A[column(m, r) + i] * A[x + r]

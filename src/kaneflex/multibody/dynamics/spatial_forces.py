@@ -24,12 +24,11 @@ from kaneflex.multibody.dynamics.algebra import (
     turned_back,
     twist_at,
 )
-from kaneflex.multibody.dynamics.articulated import COUPLING, MODAL, SQUARE
-from kaneflex.multibody.dynamics.articulated import SHAPES as COUNTED
 from kaneflex.multibody.dynamics.spatial_bushings import FORCE, MOMENT, cushion
 from kaneflex.multibody.dynamics.spatial_kinematics import freedoms, relative
 from kaneflex.multibody.dynamics.spatial_work import BODIES, BUSHINGS, FORCES, NODES, SPEEDS, SPRINGS, TORQUES, TWISTS
-from kaneflex.multibody.model.layout import OPTIONS, apart
+from kaneflex.multibody.model.layout import COUPLING, MODAL, OPTIONS, SQUARE, apart
+from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.spatial_layout import (
     BODY,
     COORDINATE,

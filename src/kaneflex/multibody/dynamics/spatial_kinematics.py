@@ -29,9 +29,8 @@ from kaneflex.multibody.dynamics.algebra import (
     turned_back,
     twist_at,
 )
-from kaneflex.multibody.dynamics.articulated import PARENT as PARENT_BODY
 from kaneflex.multibody.dynamics.spatial_work import AXES, BODIES, CUTS, NODES, SECTION, SECTIONS, SPEEDS, TWISTS
-from kaneflex.multibody.model.layout import OPTIONS, apart
+from kaneflex.multibody.model.layout import OPTIONS, PARENT_BODY, apart
 from kaneflex.multibody.model.spatial_layout import (
     AT,
     AXIS_1,

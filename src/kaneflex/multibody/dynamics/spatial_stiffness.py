@@ -8,7 +8,6 @@ from numba import njit
 
 from kaneflex.multibody.compile.values import after, numbers_of
 from kaneflex.multibody.dynamics.algebra import dot, joined, minus, scaled
-from kaneflex.multibody.dynamics.articulated import SQUARE
 from kaneflex.multibody.dynamics.constrained import ALL, LENT
 from kaneflex.multibody.dynamics.spatial_bushings import POWER
 from kaneflex.multibody.dynamics.spatial_dynamics import INDEPENDENT, PRESCRIBED, reduced, tie
@@ -25,7 +24,7 @@ from kaneflex.multibody.dynamics.spatial_work import (
     TORQUES,
     TWISTS,
 )
-from kaneflex.multibody.model.layout import MAGNITUDES, OPTIONS, apart, kernel
+from kaneflex.multibody.model.layout import MAGNITUDES, OPTIONS, SQUARE, apart, kernel
 from kaneflex.multibody.model.spatial_layout import COUNT, KIND, ROW_OF, SHAPES, SPEED
 from kaneflex.support.inner import once
 

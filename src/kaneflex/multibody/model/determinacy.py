@@ -14,7 +14,6 @@ import numpy as np
 
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.multibody.dynamics.articulated import FREEDOMS, MODAL, PUSH, SHAPES
 from kaneflex.multibody.model import layout as at
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -40,17 +39,16 @@ def jacobian(system: CoupledSystem, q: np.ndarray, free: Sequence[str] = ()) -> 
     """
     system.fold(q, np.zeros_like(q))
     engine, mechanism = system.engine, system.mechanism
-    engine.openings(0.0)  # computes W of the sections
+    engine.openings(0.0)  # computes twists of the sections
     rows = [*system.constraints, *(f"{name}.drive" for name in free)]
     drives = {name: 0.0 for name in mechanism.joints if f"{name}.drive" in rows}
     constraints, poses, names = system.joint_rows(drives)
     W = np.zeros((3 * len(poses), system.size))
     for k, side in enumerate(side for joint in mechanism.joints.values() for side in joint.sides):
-        owner, _, first = engine.tables.sections[engine.layout.sections[side.body, side.name]]
-        if owner >= 0:
+        section = engine.layout.sections[side.body, side.name]
+        if engine.tables.sections[section, at.OWNER] >= 0:
             columns = slice(system.start[side.body], system.modal(side.body).stop)
-            moved = engine.tables.w[engine.count(at.W_NOW) + first :][: 3 * (columns.stop - columns.start)]
-            W[3 * k : 3 * k + 3, columns] = moved.reshape(3, -1)
+            W[3 * k : 3 * k + 3, columns] = engine.twists(section)
     found = constraints.jacobian(poses, list(poses), list(mechanism.joints)) @ W
     return found[[names.index(row) for row in rows]]
 
@@ -211,7 +209,8 @@ def virtual_inertia(
     A = M * np.outer(measure, measure)
     most = A.diagonal().max(initial=0.0)
     for body in bodies[::-1]:
-        shapes, joint = (range(body[first], body[first] + body[n]) for first, n in ((MODAL, SHAPES), (PUSH, FREEDOMS)))
+        joint = range(body[at.FIRST], body[at.FIRST] + body[at.DOF])
+        shapes = range(body[at.MODAL], body[at.MODAL] + body[at.SHAPES])
         for s in filter(free.__getitem__, (*shapes, *joint)):
             if A[s, s] <= _LENT * most and s in dependent:
                 lent[s], A[s, s] = most / measure[s] ** 2, A[s, s] + most

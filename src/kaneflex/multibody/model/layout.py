@@ -33,22 +33,23 @@ OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
-SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 44, 8
+SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE = 9, 11, 9, 6, 44
 """Sizes of entries. A section: x, y, theta and two rates. A frame: x, y, phi, cos, sin, then two rates of x, y, phi. A
 cut's row: residual, two rates, Jacobian by the two twists. A spring: see :mod:`kaneflex.generated.joints`. A
-contact: see :mod:`kaneflex.multibody.unilateral.contacts`. A factorised joint: direction of its motion at its section
-(3), the articulated inertia times it (3), the inverse of the coordinate's inertia, and 1 if it has one."""
+contact: see :mod:`kaneflex.multibody.unilateral.contacts`."""
 
-(
-    BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS, DAMPED,
-) = range(15)  # fmt: skip
-"""Columns of ``bodies``, in the order of the tree: place of its block of numbers; its joint's first coordinate, their
-count, the joint's kind; its first modal coordinate and their count; the parent's section at its joint and its own
-there; the course that prescribes its joint, or -1; its first section and the one after its last; its first row in
-forces over all bodies' speeds, and the place of its square matrix; its joint's numbers: sign, angle, and direction in
-the parent section's axes; place of its shapes' damping matrix."""
-OWNER, POINT, JACOBIAN = range(3)
-"""Columns of ``sections``: the body, or -1; place of its block of numbers; place of its W."""
+SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
+"""First columns of ``bodies``, in the order of the tree: number of shapes n, and of coordinates of the joint; first
+coordinate of the joint, and of the shapes; the parent, or -1; first row in ``phi`` of the section of the parent that
+the body hangs on, or -1 where no shape moves it; first row in ``E``; place in ``L``. See
+:mod:`kaneflex.multibody.dynamics.articulated`."""
+BLOCK, JOINT, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, NUMBERS, DAMPED = range(8, 18)
+"""Further columns in the plane: place of its block of numbers; kind of its joint; the parent's section at its joint and
+its own there; the course that prescribes its joint, or -1; its first section and the one after its last; its first row
+in forces over all bodies' speeds; its joint's numbers: sign, angle, and direction in the parent section's axes; place
+of its shapes' damping matrix."""
+OWNER, POINT, PHI_ROW = range(3)
+"""Columns of ``sections``: the body, or -1; place of its block of numbers; first row of its shapes' twists."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
 LAW = COURSE_AT
 """Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections; a cut's course or -1,
@@ -119,12 +120,13 @@ them."""
     CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING,
     Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
-    GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
+    GRADIENT, LOOP, SIDE, PHI_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
     CONTACT, TOUCH, CROSSING, IMPACTS, COMPLEMENT, TOUCHING,
-    MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, STAGE_H, LAST_A, LAST_R, RESISTING,
-    WAYS, SLOPES, VARIED, SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE,
-    SLOPE_FORCES, PIVOTS, PAIR_PIVOTS, WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PLAN,
-) = range(91)  # fmt: skip
+    INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, RAW, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
+    STAGE_H, LAST_A, LAST_R, RESISTING, WAYS, SLOPES, VARIED, TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X,
+    TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
+    WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PLAN,
+) = range(102)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
 works, kept rows; 1 if shapes are among the dependent coordinates; number of bodies, the first ones, that no
@@ -135,18 +137,20 @@ in their bodies' axes, frames, forces over all speeds, cut rows, courses, drives
 sizes, springs, sums, reactions of the cuts, forces at inboard sections, residuals of coordinates, powers. Gravity,
 stiffness, damping and unit of every coordinate, the errors allowed in it, its rate and its acceleration; additions
 to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows, its dependent square, their
-right-hand side, W of the sections now. Places in ``plan`` itself: that square's pivots, and of every kept row its
-number, its cut, its dependent coordinate. In ``w`` again: contacts, preceded by the holds' numbers, shared numbers
-of contacts, numbers of change points, completed impacts, arrays for rigid contacts at one instant. In ``plan``:
-contacts and holds in the factors (holds by numbers below zero), or touching contacts. In ``w``: mass matrices and W
-at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of
-courses, accelerations of holds, accelerations and reactions of the last step, and residuals of its stages;
+right-hand side, twists of the sections by shapes now. Places in ``plan`` itself: that square's pivots, and of every
+kept row its number, its cut, its dependent coordinate. In ``w`` again: contacts, preceded by the holds' numbers,
+shared numbers of contacts, numbers of change points, completed impacts, arrays for rigid contacts at one instant.
+In ``plan``: contacts and holds in the factors (holds by numbers below zero), or touching contacts. In ``w``, at the
+middle of a step: matrices I, E and L of the bodies at their inboard sections, axes of joints, twists of sections by
+shapes, places and arms (:mod:`kaneflex.multibody.dynamics.planar_tree`), the output of a body's kernel, sections
+and cut rows; stages' accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations
+and reactions of the last step, and residuals of its stages;
 gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of
-loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: squares of all bodies, joints,
-coordinates by unit reactions of the kept rows and in the last row the answer, the reactions' effect on the cuts,
-forces, reactions, required accelerations of holds, responses to a unit of each load and spring with slopes, their
-matrix, their forces. In ``plan``: the pivots of either factors, those loads and springs, the pivots of their
-matrices."""
+loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree, twists
+of its bodies, working space, coordinates by unit reactions of the kept rows and in the last row the answer, the
+reactions' effect on the cuts, reactions, required accelerations of holds, responses to a unit of each load and
+spring with slopes, their matrix, their forces. In ``plan``: 1 for every coordinate that no course prescribes, the
+pivots of either factors, those loads and springs, the pivots of their matrices."""
 
 
 class Tables(NamedTuple):
@@ -303,7 +307,7 @@ def _part(context, builder, handed, value, name):
 
 Z = CPointer(complex128)
 _PARTS = {
-    "plan": Fixed(1), "bodies": Fixed(15), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
+    "plan": Fixed(1), "bodies": Fixed(18), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
     "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
 }  # fmt: skip
 MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (

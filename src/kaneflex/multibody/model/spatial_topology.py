@@ -9,8 +9,8 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
-from kaneflex.multibody.dynamics.articulated import FREEDOMS, MODAL
-from kaneflex.multibody.dynamics.articulated import SHAPES as COUNTED
+from kaneflex.multibody.model.layout import DOF, MODAL
+from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.spatial_layout import (
     AT,
     AXIS,
@@ -390,7 +390,7 @@ def _bodies(maker: _Maker) -> tuple[np.ndarray, np.ndarray]:
             frames.append([n, parent])
         node[ROW_OF] = len(rows) - 1
         shapes = node[COUNT] if node[KIND] == SHAPES else 0
-        rows[-1][FREEDOMS] += SPEEDS[node[KIND]]
+        rows[-1][DOF] += SPEEDS[node[KIND]]
         if shapes:
             rows[-1][COUNTED], rows[-1][MODAL] = shapes, node[SPEED]
             coupling, square = coupling + shapes, square + shapes**2

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.multibody.dynamics.articulated import SHAPES
 from kaneflex.multibody.dynamics.spatial_work import Work
-from kaneflex.multibody.model.layout import Handle
+from kaneflex.multibody.model.layout import SHAPES, Handle
 from kaneflex.multibody.model.spatial_layout import COORDINATE, COUNT, KIND, SLIDE, SPEED, TURN, Layout, Tables
 from kaneflex.multibody.model.spatial_layout import SHAPES as SHAPE_NODE
 from kaneflex.multibody.time.coefficients import RADAU
