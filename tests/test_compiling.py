@@ -22,7 +22,7 @@ from numba import types
 from numba.core import event, ssa
 from numba.core import ir as numba_ir
 from numba.core.caching import FunctionCache
-from numba.core.compiler import run_frontend
+from numba.core.compiler import Flags, run_frontend
 from numba.core.registry import cpu_target
 from numba.core.types.functions import BaseFunction
 
@@ -188,6 +188,32 @@ def test_sizes_of_types_are_asked_once(monkeypatch):
         for _ in range(2):
             assert context.get_abi_sizeof(kind) == size
     assert 1 <= len(asked) <= 2
+
+
+def test_implementations_are_read_where_some_are_new(monkeypatch):
+    context, read = cpu_target.target_context, []
+    own = type(context).load_additional_registries
+    context.refresh()
+    monkeypatch.setattr(type(context), "load_additional_registries", lambda self: read.append(self) or own(self))
+    context.refresh()
+    assert not read
+
+    def twice(x):
+        return x + x
+
+    numba.extending.overload(twice)(lambda x: lambda x: 2 * x)
+    assert numba.njit(lambda x: twice(x))(3) == 6
+    assert read
+
+
+def test_equal_flags_are_found_without_reading_each():
+    one, two = Flags(), Flags()
+    one.nrt, two.nrt = False, True
+    assert one == Flags() != two and hash(one) == hash(Flags())  # given as it is by default
+    one.nrt = True
+    with pytest.MonkeyPatch.context() as unread:
+        unread.setattr(Flags, "values", None)
+        assert one == two and hash(one) == hash(two)
 
 
 def test_variables_of_statements_are_those_that_numba_lists():

@@ -7,7 +7,7 @@ from inspect import unwrap
 from typing import Any
 
 from llvmlite.binding import ffi
-from numba.core import base, codegen, ir, ssa, utils
+from numba.core import base, codegen, ir, ssa, targetconfig, utils
 
 
 def use() -> None:
@@ -17,6 +17,11 @@ def use() -> None:
     library.add_linking_library = _link_parts
     context: Any = base.BaseContext
     context.get_abi_sizeof = _by(lambda self, kind: (self.target_data, str(kind)), context.get_abi_sizeof)
+    context.refresh = _if_registered(context.refresh)
+    flags: Any = targetconfig.TargetConfig
+    flags.__hash__ = lambda self: hash(tuple(sorted(self.options)))  # numba's, without reading each value
+    equal = flags.__eq__
+    flags.__eq__ = lambda self, other: self._values == getattr(other, "_values", None) or equal(self, other)
     generator: Any = codegen.CPUCodegen
     generator._check_llvm_bugs = cache(generator._check_llvm_bugs)
     ordered: Any = utils.order_by_target_specificity
@@ -38,6 +43,22 @@ def _by(key: Any, find: Any) -> Any:
         return found[name]
 
     return asked
+
+
+def _if_registered(refresh: Any) -> Any:
+    """``BaseContext.refresh`` of numba, which reads all lists of implementations, only where one of them has grown."""
+
+    def known(context: Any) -> list[Any]:
+        return [*context._registries, *context.typing_context._registries]
+
+    def refreshed(self: Any) -> None:
+        lists, count = vars(self).get("_read", ((), -1))
+        if count != sum(map(len, lists)) + len(known(self)):
+            refresh(self)
+            lists = [items for registry in known(self) for items in vars(registry).values() if type(items) is list]
+            self._read = lists, sum(map(len, lists)) + len(known(self))
+
+    return refreshed
 
 
 def _variables(variable: type, statement: type) -> Any:
