@@ -86,9 +86,7 @@ def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[fl
         load += Affine.constant(np.eye(3)[:, :2]) @ arms
     if inertia:
         load += Affine.term((f"{body}.epsilon",), [[0.0], [0.0], [-inertia]])
-    matrices = {key: Affine.zero(3, 1 if key == "F" else 3) for key in set(MATRIX_OF_GROUP.values())}
-    matrices |= {"M": Affine.constant(np.diag([mass, mass, inertia])), "F": load}
-    return Part(name, (f"{name}.x", f"{name}.y", f"{name}.turn"), matrices, {})
+    return sparse_part(name, 3, M=Affine.constant(np.diag([mass, mass, inertia])), F=load)
 
 
 def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
@@ -116,9 +114,8 @@ def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> l
     for body in carried:
         for name, load, address, share in scene.pushes(body):
             pushed = share * _along(name, load, body)
-            part = empty_part(name, 3)
-            matrices = {**part.matrices, "F": Affine.constant(np.eye(3)[:, :2]) @ pushed}
-            placed.append((replace(part, matrices=matrices), frame.body_point(body, scene.point(address))))
+            part = sparse_part(name, 3, F=Affine.constant(np.eye(3)[:, :2]) @ pushed)
+            placed.append((part, frame.body_point(body, scene.point(address))))
     return placed
 
 
@@ -142,8 +139,7 @@ def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, P
             else:
                 continue
             relative += sign * (Affine.constant([[0.0, 0.0, 1.0]]) @ motion)
-        part = empty_part(name, 1)
-        placed.append((replace(part, matrices={**part.matrices, "F": Affine.term((name,), [[1.0]])}), relative))
+        placed.append((sparse_part(name, 1, F=Affine.term((name,), [[1.0]])), relative))
     return placed
 
 
@@ -162,10 +158,10 @@ def place_masses(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Pa
     return placed
 
 
-def empty_part(name: str, size: int) -> Part:
-    """Part without any matrix."""
+def sparse_part(name: str, size: int, **own: Affine) -> Part:
+    """Part with its own matrices, the others zero."""
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
-    return Part(name, tuple(f"{name}.{k}" for k in range(size)), matrices, {})
+    return Part(name, tuple(f"{name}.{k}" for k in range(size)), matrices | own, {})
 
 
 def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
@@ -174,9 +170,8 @@ def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
     A force F at the arm a = R (r - r_0) from the body's centre of rotation does second-order work
     -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
     """
-    part = empty_part(f"{name}.arms", 3)
     if how.kind not in ("free", "hinged"):
-        return part
+        return sparse_part(f"{name}.arms", 3)
     total = Affine.zero(1, 1)
     body = scene.bodies[name]
     for force, at in _forces_on(scene, name):
@@ -187,7 +182,7 @@ def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
     arm = np.array([[body.centre[0] - how.at[0], body.centre[1] - how.at[1]]])
     total += Affine.constant(arm) @ to_link_axes(name) @ Affine.constant(np.eye(3)[:2]) @ inertia
     corner = Affine.constant([[0.0], [0.0], [1.0]])
-    return replace(part, matrices={**part.matrices, "K_g": corner @ total @ corner.T})
+    return sparse_part(f"{name}.arms", 3, K_g=corner @ total @ corner.T)
 
 
 def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:

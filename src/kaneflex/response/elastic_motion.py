@@ -122,9 +122,9 @@ class SpatialElasticMotion(ElasticMotion):
     def _spring_force(self, name: str, geometric: bool = False) -> np.ndarray:
         """Generalised force of a spring between two points, (4, n_times): along it, and in global axes if it needs no
         direction, or with the ``geometric`` stiffness."""
-        from kaneflex.multibody.model.spatial_elastic import spring_part
+        from kaneflex.multibody.model.spatial_elastic import part_of
 
-        own, options = spring_part(name, self._map.joined.mechanism.springs[name]).matrices, self.model.options
+        own, options = part_of(name, self._map.joined.mechanism.springs[name]).matrices, self.model.options
         apart, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, self._ordered(self._map.of(name)))
         force = self.rigid.column_of(own["F"]) - self.rigid.apply(own["K_s"], apart)
         if options.damping:

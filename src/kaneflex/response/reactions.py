@@ -250,9 +250,11 @@ def spring_force(model: Model, rigid: RigidMotion, coordinates: Rates, name: str
     if options.damping:
         q_rate = rigid.apply(L, z_rate) + (rigid.apply(L.rate, z) if options.convective else 0.0)
         force -= rigid.apply(matrices["C_s"], q_rate)
-    if torsional or not (spring.length or spring.damping):
+    if torsional:
         return force
-    return rigid.frame(name).to_global(force)
+    if spring.length or spring.damping:
+        force[1:] += rigid.frame(name).to_global(np.array([force[0], np.zeros_like(force[0])]))
+    return force[1:]
 
 
 def _rigid_force(rigid: RigidMotion, name: str, torsional: bool) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.assembly import Placed, empty_part
+from kaneflex.fem.assembly import Placed, sparse_part
 from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Link, Part, craig_bampton
@@ -17,6 +17,7 @@ from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
 from kaneflex.fem.spatial_links import SpatialLink, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_map import SpatialMap, map_of
+from kaneflex.fem.springs import spring_part, torsion_part
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
@@ -201,7 +202,7 @@ def elastic_stage(
     deforming = Deforming(scene, mechanism, links, parts, found)
     placed = [(part, maps[name]) for name, part in moving.items()]
     torques, springs = _at_joints(mechanism, found)
-    between = [(spring_part(name, mechanism.springs[name]), found.of(name)) for name in found.joined.springs]
+    between = [(part_of(name, mechanism.springs[name]), found.of(name)) for name in found.joined.springs]
     springs += [(part, L) for part, L in between if L.pattern().any()]
     frame = Frame(found.coordinates, {name: maps[name] for name in links},
                   {name: maps[name] for name in moving if name not in links})  # fmt: skip
@@ -282,45 +283,19 @@ def _check_pulls(lost: Collection[str], options: Options) -> None:
         )  # fmt: skip
 
 
-def spring_part(name: str, spring: SpatialSpring) -> Part:
-    """Spring between two points as a part whose coordinates are the relative displacements of its ends,
-    ``spatial_map.APART``.
-
-    As in the plane, with e along it: the force on its second point changes by -(k e e^T + T/L (1 - e e^T)) d
-    - c e (e^T d)'. One without free length and damper pulls with k d, whatever the direction.
-    """
-    stiffness, damping, _ = spring.numbers
-    along, across = np.diag([1.0, 0.0, 0.0, 0.0]), np.diag([-1.0, 1.0, 1.0, 1.0])
-    if spring.is_directed:
-        own = {"K_s": Affine.constant(stiffness * along), "C_s": Affine.constant(damping * along)}
-        own["K_g"] = Affine.term((f"{name}.pull",), across)
-        own["F"] = Affine.term((f"{name}.tension",), -along[:, :1])
-    else:
-        own = {"K_s": Affine.constant(stiffness * np.diag([0.0, 1.0, 1.0, 1.0])), "F": Affine.zero(4, 1)}
-        for row, axis in zip(np.eye(4)[1:], AXES, strict=True):
-            own["F"] += Affine.term((f"{name}.force_{axis}",), row[:, None])
-    part = empty_part(name, 4)
-    return replace(part, matrices={**part.matrices, **own})
+def part_of(name: str, spring: SpatialSpring) -> Part:
+    """Spring between two points as a part."""
+    return spring_part(name, *spring.numbers[:2], spring.is_directed, "xyz")
 
 
 def _at_joints(mechanism: SpatialMechanism, found: SpatialMap) -> tuple[list[Placed], list[Placed]]:
     """Torques and torsional springs at joints, on the relative rotation of the second body about the axis."""
-    torques, springs = [], []
-    for name, load in mechanism.loads.items():
-        if load.joint is not None:
-            push = replace(empty_part(name, 1), matrices=_matrices(name, F=Affine.term((name,), [[1.0]])))
-            torques.append((push, found.rotation(load.joint)))
-    for name, spring in mechanism.springs.items():
-        if spring.joint is not None:
-            stiffness, damping, _ = spring.numbers
-            own = {"K_s": Affine.constant([[stiffness]]), "C_s": Affine.constant([[damping]])}
-            pull = _matrices(name, F=Affine.term((f"{name}.torque",), [[-1.0]]), **own)
-            springs.append((replace(empty_part(name, 1), matrices=pull), found.rotation(spring.joint)))
+    torques = [(sparse_part(name, 1, F=Affine.term((name,), [[1.0]])), found.rotation(load.joint))
+               for name, load in mechanism.loads.items() if load.joint is not None]  # fmt: skip
+    springs = [(torsion_part(name, *spring.numbers[:2]), found.rotation(spring.joint))
+               for name, spring in mechanism.springs.items() if spring.joint is not None]  # fmt: skip
     return torques, springs
 
-
-def _matrices(name: str, **own: Affine) -> dict[str, Affine]:
-    return {**empty_part(name, 1).matrices, **own}
 
 
 def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
