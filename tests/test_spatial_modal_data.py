@@ -148,6 +148,19 @@ def data_less_rigid(basis, link, held):
     return left
 
 
+def test_a_free_axis_through_a_point_has_no_angular_momentum_of_shapes(exported):
+    """About it; about the others the shapes of a free rod have some, but do not turn the section held there."""
+    data = read_modal_data(str(exported / "data" / "rod.npz"))
+    name, middle = next((name, r) for name, r in zip(data.points, data.arrays["r"], strict=True) if 0.4 < r[0] < 0.6)
+    found = held_shapes(data, tuple(middle), "z")
+    about = found.moments.r_N - np.einsum("a,bj->abj", middle, found.moments.N)
+    momentum = about - about.transpose(1, 0, 2)
+    scale = float(data.arrays["mass"]) * data.length
+    assert abs(momentum[0, 1]).max() < 1e-12 * scale < 1e-3 * scale < abs(momentum[0, 2]).max()
+    turns = abs(found.rows[data.points.index(name), 3:]).max(axis=1)
+    assert max(turns[:2]) < 1e-12 < 1e-3 < turns[2]
+
+
 def test_free_axes_have_no_momentum_of_shapes(exported):
     data = read_modal_data(str(exported / "data" / "rod.npz"))
     found, mass = held_shapes(data, None).moments, float(data.arrays["mass"])

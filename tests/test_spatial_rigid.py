@@ -70,21 +70,28 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("turned", [False, True])
 def test_what_a_joint_holds_as_a_cut_is_what_it_leaves_free_in_the_tree(tmp_path, kind, turned):
-    """The same joint twice: the second one, a cut, holds nothing more, wherever the first lets the body go."""
+    """The same joint twice: the second one, a cut, holds nothing more, wherever the first lets the body go.
+
+    Both hang on a body whose axes are turned against those of the ground.
+    """
     given, held = KINDS[kind]
-    sides = '["ground.away", "block.corner"]' if not turned else '["block.corner", "ground.away"]'
+    sides = '["base.away", "block.corner"]' if not turned else '["block.corner", "base.away"]'
     joint = f"{{{kind} = {sides}, {given}}}".replace(", }", "}")
     drives = "" if kind == "weld" else "[drives]\nfirst = {free = true}"
     scene = scene_of(tmp_path, f"""
 gravity = [0, 0, -9.81]
-[ground]
-away = [0.3, -0.2, 0.1]
+[bodies.base]
+mass = 1
+inertia = [1, 1, 1]
+rotation = {{axis = [0.5, -1, 2], angle = 0.9}}
+points = {{away = [0.3, -0.2, 0.1]}}
 [bodies.block]
 mass = 1
 inertia = [1, 1, 1]
 rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
 points = {{corner = [0.1, 0.2, 0.3]}}
 [joints]
+held = {{weld = ["ground", "base.start"]}}
 first = {joint}
 second = {joint}
 {drives}

@@ -14,7 +14,7 @@ from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.slow_start import slow_start
+from kaneflex.solve.slow_start import first_rates, slow_start
 from kaneflex.study.plan import file_places
 from kaneflex.support.errors import SceneError
 
@@ -44,6 +44,17 @@ def deflected():
     state = loaded.state()
     assert state["displacements"]["blade.8.v"] == pytest.approx(0.1 / (3 * 70e9 * 67.5e-12), rel=1e-6)
     return {"displacements": state["displacements"]}
+
+
+def test_rates_of_a_slow_start_are_the_derivatives_of_its_equilibria():
+    """Of z = sin(4 t) + e^t and t^3 - 5 t^2 + 3 t: z' = 5 and 3, z'' = 1 and -10 at zero."""
+
+    def balanced(t):
+        return np.column_stack([np.sin(4.0 * t) + np.exp(t), t**3 - 5.0 * t**2 + 3.0 * t])
+
+    v, a = first_rates(balanced, np.diag([2.0, 3.0]), 2.5)
+    assert v == pytest.approx([5.0, 3.0], rel=1e-9)
+    assert a == pytest.approx([1.0, -10.0], rel=1e-7)
 
 
 @pytest.mark.parametrize("preset", ["linear", "stiffened"])
