@@ -113,7 +113,7 @@ class Shapes:
         moved = np.zeros((len(x), 6, self.count))
         moved[:, list(self.link.motions)] = rows
         N, psi = moved[:, :3], moved[:, 3:]
-        if not self.scene.bodies[self.link.name].beam.rotary:
+        if not self.scene.bodies[self.link.name].profile.rotary:
             psi[:, 1:] = 0.0  # then a section does not turn against its axes by bending
         turned, still = psi.transpose(1, 0, 2), np.zeros_like(psi[:, 0])
         first = [np.stack(of, axis=1) for of in ((-turned[2], still, turned[0]), (turned[1], -turned[0], still))]

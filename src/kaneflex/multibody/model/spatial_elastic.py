@@ -285,7 +285,8 @@ def _check_pulls(lost: Collection[str], options: Options) -> None:
 
 def part_of(name: str, spring: SpatialSpring) -> Part:
     """Spring between two points as a part."""
-    return spring_part(name, *spring.numbers[:2], spring.is_directed, "xyz")
+    stiffness, damping, _ = spring.numbers
+    return spring_part(name, stiffness, damping, spring.is_directed, "xyz")
 
 
 def _at_joints(mechanism: SpatialMechanism, found: SpatialMap) -> tuple[list[Placed], list[Placed]]:
