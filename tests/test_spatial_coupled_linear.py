@@ -14,7 +14,7 @@ from kaneflex.multibody.dynamics.spatial_entries import LACKED
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time import linearisation
-from kaneflex.multibody.time.spatial_linear import SpatialEquations, _turned
+from kaneflex.multibody.time.spatial_linear import SpatialEquations, _omega, _turned
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled_linearisation import linear_about
 from kaneflex.solve.modes import modes
@@ -300,17 +300,20 @@ steps = 2
 
 
 def test_the_speeds_of_a_closed_loop_change_with_its_place():
-    """N' of a mechanism some of whose ball's speeds depend on others, against N a little before and after."""
+    """W' = omega' x N + omega x N' of a mechanism some of whose ball's speeds depend on others; N' is the change of N
+    from a little before to a little after."""
     system = kaneflex.load(scene_of(ARM_ON_A_GUIDE)).motion.module.system
     start = start_of(system)
     which = start.choice.independent
     u = start.u.copy()
     u[which] = np.linspace(1.5, -1.0, len(which))
-    base, equations = system.project(0.0, start.q, u, start.choice), SpatialEquations(system, start.choice)
-    found, h = equations.growth(base), 1e-4
+    base, equations, h = system.project(0.0, start.q, u, start.choice), SpatialEquations(system, start.choice), 1e-4
+    found = equations.turning(base, equations.derivatives(base, range(len(which)))[1][len(which) :])
+    N = equations.spinning(system.project(0.0, base.q, base.u, base.choice))[0]
     places = system.advanced(base.q, np.array([h, -h])[:, None] * base.u)
     near = [system.basis(system.project(0.0, q, base.u, base.choice).choice).copy() for q in places]
-    expected = (near[0] - near[1]).T / (2 * h)
+    growth = (near[0] - near[1]).T / (2 * h)
+    expected = (_omega(system, base.du) @ N.T + _omega(system, base.u) @ growth)[which]
     assert 0 < sum(name.startswith("shoulder.") for name in equations.names) < 3
-    assert abs(expected).max() > 0.5
+    assert abs(_omega(system, base.u) @ growth)[which].max() > 0.1
     np.testing.assert_allclose(found, expected, atol=1e-5 * abs(expected).max())

@@ -86,7 +86,8 @@ class Equations(ABC, Generic[At]):
 
     @abstractmethod
     def residuals(self, base: At, x: np.ndarray, times: np.ndarray | None = None) -> np.ndarray:
-        """Residuals (k, n) at deviations x (k, 3 n + inputs), at the time of the instant or at others [s]."""
+        """Residuals, and values that :meth:`turning` needs, (k, n + more), at deviations x (k, 3 n + inputs), at the
+        time of the instant or at others [s]."""
 
     @abstractmethod
     def rates(self, base: At) -> tuple[np.ndarray, np.ndarray]:
@@ -105,8 +106,9 @@ class Equations(ABC, Generic[At]):
         """Stiffness (n, n) by the strain of shapes, and every spring's relative displacements in unit motions of y,
         (n, parts), with their stiffnesses."""
 
-    def turning(self, base: At) -> np.ndarray:
-        """Change of the accelerations y'' by y where axes of y move, (n, n)."""
+    def turning(self, base: At, by_y: np.ndarray) -> np.ndarray:
+        """Change of the accelerations y'' by y where axes of y move, (n, n), from the derivatives by y of what
+        :meth:`residuals` has beyond residuals (more, n)."""
         return np.zeros(2 * (len(self.names),))
 
     def neighbours(
@@ -122,18 +124,23 @@ class Equations(ABC, Generic[At]):
         x[np.arange(len(x)), np.repeat(chosen, 4)] = away.ravel()
         return x, away, WEIGHTS / steps[chosen, None]
 
-    def slopes(
-        self, base: At, columns: Sequence[int] | np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Residual D (n,) at an instant and its derivatives by x (n, 3 n + inputs), or by some of its columns."""
+    def derivatives(self, base: At, columns: Sequence[int] | np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """Values of :meth:`residuals` at an instant (n + more,), and their derivatives by x or some of its columns."""
         x, _, weights = self.neighbours(base, columns)
         found = self.residuals(base, np.vstack([x, np.zeros(x.shape[1])]))
         return found[-1], np.einsum("cj,cjn->nc", weights, found[:-1].reshape(*weights.shape, found.shape[1]))
 
+    def slopes(
+        self, base: At, columns: Sequence[int] | np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Residual D (n,) at an instant and its derivatives by x (n, 3 n + inputs), or by some of its columns."""
+        found, slope = self.derivatives(base, columns)
+        return found[: len(self.names)], slope[: len(self.names)]
+
     def matrices(self, base: At) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Matrices M, C and K about an instant."""
-        M, (K, C) = self.mass(base), np.split(self.slopes(base, range(2 * len(self.names)))[1], 2, axis=1)
-        return M, C, K + M @ self.turning(base)
+        n, M, slope = len(self.names), self.mass(base), self.derivatives(base, range(2 * len(self.names)))[1]
+        return M, slope[:n, n:], slope[:n, :n] + M @ self.turning(base, slope[n:, :n])
 
     def linear(self, base: At) -> Linear[At]:
         """Linear equations about an instant."""
@@ -208,7 +215,7 @@ class Equations(ABC, Generic[At]):
             x[:, columns] = unknown
             x[:, :n][:, free] += later[:, None] * v[free] + 0.5 * later[:, None] ** 2 * a[free]
             x[:, n : 2 * n][:, free] = later[:, None] * a[free]
-            return self.residuals(still, x, later)
+            return self.residuals(still, x, later)[:, :n]
 
         units = self.measure * np.where(self.shapes, 1.0, self.scales(still)[1])
         return residual, self.slopes(still, columns)[1], units

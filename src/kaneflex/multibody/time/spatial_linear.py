@@ -105,9 +105,6 @@ class SpatialEquations(Equations[State]):
         return np.hstack([self.system.advanced(base.q, y @ N), u, du, added])
 
     def residuals(self, base: State, x: np.ndarray, times: np.ndarray | None = None) -> np.ndarray:
-        return self._lacking(base, x, times)[:, : len(self.names)]
-
-    def _lacking(self, base: State, x: np.ndarray, times: np.ndarray | None = None) -> np.ndarray:
         """Residuals, then all speeds, (k, n + speeds); these take no mass matrices."""
         out = np.zeros((len(x), len(self.names) + self.system.speeds))
         times = np.full(len(x), base.t) if times is None else times
@@ -137,20 +134,14 @@ class SpatialEquations(Equations[State]):
         N = self.system.basis(self.choice).copy()
         return N, (_omega(self.system, base.u) @ N.T)[self.choice.independent]
 
-    def turning(self, base: State) -> np.ndarray:
+    def turning(self, base: State, by_y: np.ndarray) -> np.ndarray:
         """W', (n, n)."""
         spin, faster = _omega(self.system, base.u), _omega(self.system, base.du)
         if not spin.any() and not faster.any():
-            return super().turning(base)
+            return super().turning(base, by_y)
         N = self.spinning(self._on(base))[0]
-        return (faster @ N.T + spin @ self.growth(base))[self.choice.independent]
-
-    def growth(self, base: State) -> np.ndarray:
-        """Derivative N' along the motion, (speeds, n): by y alone the speeds change by (N y)' and omega x theta."""
-        n, N = len(self.names), self.spinning(self._on(base))[0]
-        x, _, weights = self.neighbours(base, range(n))
-        speeds = self._lacking(base, x)[:, n:].reshape(n, 4, -1)
-        return np.einsum("ci,cim->mc", weights, speeds) - _omega(self.system, base.u) @ N.T
+        # N' along the motion: by y alone the speeds change by (N y)' and omega x theta
+        return (faster @ N.T + spin @ (by_y - spin @ N.T))[self.choice.independent]
 
     def rests(self, base: State) -> tuple[np.ndarray, Iterator[tuple[np.ndarray, np.ndarray]]]:
         from scipy.linalg import block_diag
