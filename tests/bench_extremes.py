@@ -105,10 +105,10 @@ def table(cases: list[Case], found: dict[tuple[Case, str], Ending]) -> str:
 
 
 def draw(cases: list[Case], found: dict[tuple[Case, str], Ending], path: Path) -> None:
-    """Every case a row, every method a column: the colour is the error, a word how it ended."""
+    """Every case a row, every method a column: the colour is the error, a word the outcome."""
     values = np.full((len(cases), len(METHODS)), np.nan)
     with styled():
-        page = new_figure(10.5, 0.2 * len(cases) + 1.5, "Error of every case, or how it ends")
+        page = new_figure(10.5, 0.2 * len(cases) + 1.5, "Error or outcome of every case")
         axes = page.subplots()
         for (row, case), (column, method) in product(enumerate(cases), enumerate(METHODS)):
             ending = found.get((case, method))

@@ -37,7 +37,7 @@ ELASTIC = ("quasistatic", *STEPPED)
 def _speeds() -> list[Case]:
     slow = [
         Case(
-            "speed", f"{rpm} rpm, gas force against F l / (E A)", "engine",
+            "speed", f"{rpm} rpm: axial deflection compared with F l / (E A)", "engine",
             (f"main.speed={rpm} rpm", "solve.start=periodic", "solve.steps=400"), gas_alone, 1e-3,
             accurate=(*ELASTIC, "coupled") if rpm == "1" else ("quasistatic", "linear", "radau", "generalised-alpha"),
             named={} if rpm == "1" else {"newmark": "no periodic state"}, slow=("coupled",),
@@ -53,7 +53,7 @@ def _speeds() -> list[Case]:
 
     similar = [
         Case(
-            "speed", f"{factor:g} times the rated, E by its square: the same motion", "slider-crank-150",
+            "speed", f"{factor:g} times the speed and E times its square: equal motions", "slider-crank-150",
             scaled(factor), against(scaled(1.0), "mid_transverse"), 1e-6,
             accurate=("quasistatic", "paper", "linear", "radau", "newmark", "generalised-alpha", "coupled"),
             slow=("coupled",) if factor == 1e-6 else (),
@@ -88,21 +88,22 @@ def _blades() -> list[Case]:
         I = BLADE_AREA / slenderness**2
         found.append(
             Case(
-                "slenderness", f"{slenderness:g}: tip against F l^3 / (3 E I)", "rotating-cantilever",
+                "slenderness", f"{slenderness:g}: tip deflection compared with F l^3 / (3 E I)", "rotating-cantilever",
                 slow_blade(ALUMINIUM, I), blade(ALUMINIUM * I, 1e-6 * ALUMINIUM * I), 1e-5, accurate=ELASTIC,
                 slow=ELASTIC if slenderness in (100, 1e4) else (),
             )
         )  # fmt: skip
     found += [
         Case(
-            "Young's modulus", f"{E:g} Pa: tip against F l^3 / (3 E I)", "rotating-cantilever", slow_blade(E, BLADE_I),
+            "Young's modulus", f"{E:g} Pa: tip deflection compared with F l^3 / (3 E I)",
+            "rotating-cantilever", slow_blade(E, BLADE_I),
             blade(E * BLADE_I, 1e-6 * E * BLADE_I), 1e-5, accurate=ELASTIC,
         )
         for E in (1e6, 1e15)
     ]  # fmt: skip
     return found + [
         Case(
-            "elements", f"{count}: tip against F l^3 / (3 E I)", "rotating-cantilever",
+            "elements", f"{count}: tip deflection compared with F l^3 / (3 E I)", "rotating-cantilever",
             (*slow_blade(ALUMINIUM, BLADE_I), f"blade.elements={count}", "damping=none"),
             blade(ALUMINIUM * BLADE_I, 1e-6 * ALUMINIUM * BLADE_I), 1e-3 if count > 500 else 1e-5, accurate=ELASTIC,
             slow=() if count == 1 else STEPPED[:-1] if count == 256 else ELASTIC,
@@ -114,7 +115,7 @@ def _blades() -> list[Case]:
 def _dead_centres() -> list[Case]:
     found = [
         Case(
-            "rod to crank", f"1 + {surplus:g}: the piston's place", "engine",
+            "rod/crank", f"1 + {surplus:g}: piston position", "engine",
             (f"rod.length={CRANK * (1 + surplus)!r}", "loads.gas=none", "solve.start=zero", "solve.steps=7200"),
             reaches_the_piston, 1e-10, accurate=("rigid",), also=("quasistatic", *STEPPED),
         )
@@ -122,7 +123,7 @@ def _dead_centres() -> list[Case]:
     ]  # fmt: skip
     return found + [
         Case(
-            "rod to crank", f"{ratio:g}: out of reach", "engine", (f"rod.length={CRANK * ratio!r}",), ended, 0.0,
+            "rod/crank", f"{ratio:g}: the loop cannot close", "engine", (f"rod.length={CRANK * ratio!r}",), ended, 0.0,
             accurate=(), named=dict.fromkeys(METHODS, "the loop cannot close"), slow=METHODS if ratio < 1 else (),
         )
         for ratio in (1.0, 0.9)
@@ -133,7 +134,7 @@ def _masses() -> list[Case]:
     common = ("loads.gas=none", "damping=none", "solve.start=zero", "solve.duration=20 ms", "solve.steps=1440")
     heavy = [
         Case(
-            "mass ratio", f"{mass} kg of piston on 0.15 kg of rod: it stands still", "engine",
+            "mass ratio", f"{mass} kg piston, 0.15 kg rod: stretch of the rod, piston at rest", "engine",
             (f"piston.mass={mass} kg", *common), piston_at_rest, 1e-3, accurate=("paper", "linear", "coupled"),
             also=("radau", "newmark", "generalised-alpha"), slow=METHODS if mass == "1e8" else ("coupled",),
         )
@@ -141,7 +142,8 @@ def _masses() -> list[Case]:
     ]  # fmt: skip
     weightless = ("piston.mass=1e-12 kg", *common)
     light = Case(
-        "mass ratio", "1e-9 kg of piston on 0.15 kg of rod: as none", "engine", ("piston.mass=1e-9 kg", *common),
+        "mass ratio", "1e-9 kg piston, 0.15 kg rod: compared with a massless piston",
+        "engine", ("piston.mass=1e-9 kg", *common),
         against(weightless, "tip_axial", "mid_transverse"), 1e-5,
         accurate=("quasistatic", "paper", "linear", "radau", "newmark", "generalised-alpha", "coupled"),
         slow=("coupled",),
@@ -157,7 +159,8 @@ def _dampings() -> list[Case]:
     within = {"0": 1e-2, "0.05": 1e-3, "1": 1e-3, "1000": 1e-3}
     return [
         Case(
-            "damping", f"{ratio} of critical: step response by the matrix exponential", "rotating-cantilever",
+            "damping", f"{ratio} of critical: step response compared with the matrix exponential",
+            "rotating-cantilever",
             (*common, f"damping.modal={{ratio={ratio}}}", "solve.terms.damping=true"), step_response, within[ratio],
             accurate=("paper", *STEPPED), slow=METHODS if ratio == "0.05" else (),
         )
@@ -174,7 +177,7 @@ def _steps() -> list[Case]:
         )  # fmt: skip
         found.append(
             Case(
-                "step", f"{step} s: step response by the matrix exponential", "rotating-cantilever", common,
+                "step", f"{step} s: step response compared with the matrix exponential", "rotating-cantilever", common,
                 step_response, 2e-2 if step == "1e-3" else 1e-3,
                 accurate=("paper", *STEPPED) if step in ("1e-9", "1e-3") else ("paper",),
                 also=STEPPED if step in ("1e-1", "1e3") else (),
@@ -192,7 +195,7 @@ def _modes() -> list[Case]:
     dynamic = tuple(method for method in ELASTIC if method != "quasistatic")
     return [
         Case(
-            "modes", f"{count} of each link{quasistatic}: as with every degree of freedom", "engine",
+            "modes", f"{count} of each link{quasistatic}: compared with all degrees of freedom", "engine",
             ("rod.elements=8", f"solve.modes={count}", "solve.reduction=craig-bampton"),
             against(("rod.elements=8",), "tip_axial", "mid_transverse"), within, accurate=methods,
             slow=methods if count == "6" else (),
@@ -207,7 +210,8 @@ def _links() -> list[Case]:
     rounding = {"newmark": "no periodic state: a Floquet multiplier equals one"}
     found = [
         Case(
-            "links", f"a crank {factor:g} times as stiff as the rod: as a rigid one", "engine-elastic-crank",
+            "links", f"a crank {factor:g} times as stiff as the rod: compared with a rigid crank",
+            "engine-elastic-crank",
             (f"crank.beam={{E={STEEL * factor!r}, rho=7850, I=7.66008e-7, elements=2}}",),
             against((), "tip_axial", "mid_transverse", scene="engine"), 1e-6,
             accurate=("quasistatic", "linear", "radau", "generalised-alpha"), named=rounding,
@@ -218,16 +222,16 @@ def _links() -> list[Case]:
     return [
         *found,
         Case(
-            "links", "three rods of equal frequencies: the same motion", "engine-3", ("solve.start=periodic",),
+            "links", "three rods of equal frequencies: equal motions", "engine-3", ("solve.start=periodic",),
             same_rods, 1e-6, accurate=ELASTIC,
         ),
         Case(
-            "links", "a rod of 2e-11 kg: -(F + m a) l / (E A)", "engine",
+            "links", "a rod of 2e-11 kg: compared with -(F + m a) l / (E A)", "engine",
             (*no_mass, "solve.start=periodic", "damping.rayleigh=none", "damping.modal={ratio=0.02}"), without_mass,
             1e-2, accurate=ELASTIC,
         ),
         Case(
-            "links", "a rod of no mass", "engine", ("rod.mass=0",), ended, 0.0, accurate=(),
+            "links", "a rod without mass", "engine", ("rod.mass=0",), ended, 0.0, accurate=(),
             named=dict.fromkeys(("rigid", "quasistatic", "paper", *STEPPED, "coupled"), "a mass must be above zero"),
         ),
     ]  # fmt: skip
@@ -245,7 +249,7 @@ def _forces() -> list[Case]:
     measured = (*ENGINE_FORCES, *ENGINE_ACCELERATIONS)
     found = [
         Case(
-            "forces", f"{count} elements: joints, sections, accelerations as of 4, converged", "engine",
+            "forces", f"{count} elements: forces, accelerations compared with 4 elements, converged", "engine",
             (f"rod.elements={count}",), forces(CONVERGED, *measured), 2e-3, accurate=(*damped[1:], "coupled"),
             also=undamped, slow=(*undamped, "coupled") if count == 4 else METHODS,
         )
@@ -254,18 +258,18 @@ def _forces() -> list[Case]:
     start = "solve.start=quasistatic"
     found.append(
         Case(
-            "forces", "256 elements, from the quasi-static state: joints, sections, accelerations as of 4, converged",
+            "forces", "256 elements, quasi-static start: forces, accelerations compared with 4 elements, converged",
             "engine", ("rod.elements=256", start), forces((start, *CONVERGED), *measured), 5e-3, accurate=damped[1:],
             also=undamped, slow=METHODS,
         )
     )  # fmt: skip
     found += [
         Case(
-            "forces", "256 elements: joints, sections, accelerations as of 4, converged", "engine",
+            "forces", "256 elements: forces, accelerations compared with 4 elements, converged", "engine",
             ("rod.elements=256",), forces(CONVERGED, *measured), 2e-3, accurate=("coupled",), slow=METHODS,
         ),
         Case(
-            "forces", "1 element: joints, sections, torque as of 1, converged", "engine", ("rod.elements=1",),
+            "forces", "1 element: forces, torque compared with 1 element, converged", "engine", ("rod.elements=1",),
             forces(("rod.elements=1", *CONVERGED), *ENGINE_FORCES), 2e-3, accurate=(*damped[1:], "coupled"),
             also=undamped,
         ),
@@ -274,7 +278,7 @@ def _forces() -> list[Case]:
         speed = f"main.speed={rpm} rpm"
         found.append(
             Case(
-                "forces", f"{rpm} rpm: joints, sections, accelerations as the quasi-static ones", "engine", (speed,),
+                "forces", f"{rpm} rpm: forces, accelerations compared with quasi-static ones", "engine", (speed,),
                 forces((speed, "solve.preset=quasistatic"), *measured), 5e-3,
                 accurate=(*damped, "coupled") if rpm == 600 else damped, also=(*undamped, "coupled"),
                 slow=METHODS if rpm == 1 else ("coupled",) if rpm < 600 else ("linear", "newmark", "coupled"),
@@ -282,7 +286,7 @@ def _forces() -> list[Case]:
         )  # fmt: skip
     found.append(
         Case(
-            "forces", "600 rpm, 64 elements: joints, sections, accelerations as the quasi-static ones", "engine",
+            "forces", "600 rpm, 64 elements: forces, accelerations compared with quasi-static ones", "engine",
             ("main.speed=600 rpm", "rod.elements=64"),
             forces(("main.speed=600 rpm", "solve.preset=quasistatic"), *measured), 5e-3,
             accurate=(*damped[1:], "coupled"), also=undamped, slow=METHODS,
@@ -291,7 +295,8 @@ def _forces() -> list[Case]:
     crank = ("crank_pin_force_x", "crank_pin_force_y", "main_bearing_force_x", "main_bearing_force_y")
     found += [
         Case(
-            "forces", f"{count} elements a crank: joints as of 2, converged", "engine-elastic-crank",
+            "forces", f"{count} elements of the crank: joint forces compared with 2 elements, converged",
+            "engine-elastic-crank",
             (f"crank.elements={count}",), forces(CONVERGED, *crank), 5e-3, accurate=(*damped[1:], "coupled"),
             also=undamped, slow=METHODS if count > 8 else ("coupled",),
         )
@@ -301,7 +306,8 @@ def _forces() -> list[Case]:
     for start in ("zero", "quasistatic"):
         found.append(
             Case(
-                "forces", f"start = {start}, a crank 1e6 times as stiff as the rod: joints as of a rigid one",
+                "forces",
+                f"start = {start}, a crank 1e6 times as stiff as the rod: joint forces compared with a rigid crank",
                 "engine-elastic-crank", (stiff, f"solve.start={start}"), as_rigid_crank(start, *crank), 2e-2,
                 accurate=damped[1:] if start == "quasistatic" else ("radau",), also=("generalised-alpha", *undamped),
             )
@@ -334,7 +340,7 @@ def spike_cases(folder: Path) -> list[Case]:
     table = spiked(folder / "spike.csv", rows, 370.25)
     pulses = [
         Case(
-            "spike", f"1.9 deg of a press's force, {steps} steps a turn: peak against F l / (E A)", "engine",
+            "spike", f"force over 1.9 deg, {steps} steps a turn: peak compared with F l / (E A)", "engine",
             (*press(folder), f"solve.steps={steps}"), peak_of_spike(103, 5e4), 1e-3,
             accurate=("quasistatic",) if steps > 180 else (), also=() if steps > 180 else ELASTIC,
         )
@@ -342,7 +348,7 @@ def spike_cases(folder: Path) -> list[Case]:
     ]  # fmt: skip
     return pulses + [
         Case(
-            "spike", f"0.2 deg of gas force, {steps} steps a cycle: peak against F l / (E A)", "engine",
+            "spike", f"gas force over 0.2 deg, {steps} steps a cycle: peak compared with F l / (E A)", "engine",
             (*table, "main.speed=60 rpm", f"solve.steps={steps}", "solve.start=zero"), peak_of_spike(370.25), 1e-3,
             accurate=("quasistatic",) if steps > 1440 else (), also=() if steps > 1440 else ELASTIC,
         )
@@ -357,7 +363,7 @@ def _pulse(folder: Path) -> Case:
     table.write_text("deg,F\n" + "".join(f"{row:.2f},{F:.6g}\n" for row, F in zip(rows, force, strict=True)))
     settings = (f"gas.table={table}", "gas.column=F", "main.speed=60 rpm")
     return Case(
-        "forces", "a press's pulse of 1.9 degrees: joints and sections as the quasi-static ones", "engine", settings,
+        "forces", "a pulse of 1.9 deg: forces compared with quasi-static ones", "engine", settings,
         forces((*settings, "solve.preset=quasistatic"), *ENGINE_FORCES), 1e-2, accurate=("radau", "generalised-alpha"),
         also=("linear", "newmark", "gauss"),
     )  # fmt: skip

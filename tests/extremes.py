@@ -68,8 +68,8 @@ class Case:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a case ended: the outcome's name or "refused"; the error where it finished; messages, and warnings where the
-    error is larger than the case allows."""
+    """Outcome of a case, or "rejected"; its error if it finished; messages, and warnings if the error is larger than
+    the case allows."""
 
     outcome: str
     error: float | None
@@ -84,7 +84,7 @@ def attempt(case: Case, method: str) -> Ending:
         solution = solve(found)
         values = {name: series.values for name, series in solution.series.items()}
     except UserError as error:
-        return Ending("refused", None, str(error), ())
+        return Ending("rejected", None, str(error), ())
     assert all(np.isfinite(series).all() for series in values.values()), f"{case}, {method}: not a number"
     if solution.outcome.name != "COMPLETED":
         return Ending(solution.outcome.name.lower(), None, solution.trajectory.message, ())

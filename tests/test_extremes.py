@@ -201,5 +201,5 @@ def test_the_table_has_every_case(tmp_path):
         for method in case.accurate if case.within else ():
             assert float(cells[method]) <= 1.1 * case.within, (case.name, method)
         for method in case.named:
-            assert cells[method] in ("refused", "unstable", "singular", "no periodic state"), (case.name, method)
+            assert cells[method] in ("rejected", "unstable", "singular", "no periodic state"), (case.name, method)
     assert (PAGE.parent / "pictures" / "extremes.png").is_file()

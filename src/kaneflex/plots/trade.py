@@ -39,14 +39,14 @@ def figure(found: Trade) -> Figure:
     )  # fmt: skip
     uncertainty = 100 * max(found.reference.doubt(sensor) for sensor in found.reference.refinement)
     axes.axhspan(0.0, uncertainty, color="#F0F0F0", zorder=0.1, label="uncertainty of the reference")
-    # Room for the names: below and to the left of the front no model stands.
+    # Room for the name of the chosen model below all points.
     axes.set_ylim(bottom=0.3 * min(_places(found.ranked)[1]))
     axes.margins(x=0.12)
     _name(axes, found)
     axes.set_xlabel("time of a run: set-up, solving, sensors [ms]")
     beyond = ", at the top more" if any(entry.error > _MOST for entry in found.ranked) else ""
     axes.set_ylabel(f"largest error of a sensor [% of its peak{beyond}]")
-    page.legend(loc="outside lower center", ncols=len(families) + 2)
+    page.legend(loc="outside lower center", ncols=4)
     return page
 
 
@@ -61,13 +61,13 @@ def _places(entries: Sequence[Ranked]) -> tuple[list[float], list[float]]:
 
 
 def _name(axes: Axes, found: Trade) -> None:
-    """Presets to the right of their points; the chosen model in a box, to the left and below."""
+    """Presets to the right of their points; the chosen model below all points, on the left."""
     for entry in found.ranked:
         at = tuple(place[0] for place in _places([entry]))
         if entry is found.chosen:
             axes.plot(*at, "o", color="black", markersize=12, fillstyle="none", markeredgewidth=1.6)
             axes.annotate(
-                f"chosen: {entry.name}", at, xytext=(-12, -28), textcoords="offset points", ha="right", fontsize=8.5,
+                f"chosen: {entry.name}", at, xytext=(0.02, 0.02), textcoords="axes fraction", fontsize=8.5,
                 fontweight="bold", arrowprops={"arrowstyle": "-", "linewidth": 0.8},
             )  # fmt: skip
         elif entry.name in PRESETS:
