@@ -62,7 +62,8 @@ def undetermined(system: CoupledSystem, q: np.ndarray) -> tuple[str, ...]:
 
 
 def self_equilibrated(rows: np.ndarray) -> np.ndarray:
-    """Orthonormal combinations of rows (m, n) that act on nothing, (m, combinations)."""
+    """Orthonormal combinations of rows (m, n) that act on nothing, (m, combinations); of the transposed Jacobian, its
+    free motions."""
     sums, sizes, _ = np.linalg.svd(rows)
     return sums[:, int((sizes > _RANK * sizes.max(initial=0.0)).sum()) :]
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.springs import points_meet
+from kaneflex.multibody.model.determinacy import self_equilibrated
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
 from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
@@ -108,8 +109,6 @@ def _check_springs(system: SpatialSystem) -> None:
 
 def _check_named(system: SpatialSystem, choice: Choice) -> None:
     """Check that every freedom is driven or free."""
-    from scipy.linalg import null_space
-
     named = np.array(named_speeds(system), int)
     free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
     if free and not len(choice.independent):
@@ -120,7 +119,7 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
     held = np.concatenate([choice.prescribed, named])
     selected = np.zeros((len(held), system.speeds))
     selected[np.arange(len(held)), held] = 1.0
-    left = null_space(np.vstack([system.work.J[choice.rows] * system.measure, selected]), rcond=_RANK)
+    left = self_equilibrated(np.vstack([system.work.J[choice.rows] * system.measure, selected]).T)
     if left.shape[1]:
         moving = [system.layout.speeds[k] for k in np.flatnonzero(abs(left).max(axis=1) > 1e-6)]
         joints = list(dict.fromkeys(name.rpartition(".")[0] for name in moving))
