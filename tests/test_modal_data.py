@@ -13,7 +13,6 @@ from runs import solved
 import kaneflex
 from kaneflex.cli import main
 from kaneflex.multibody.model.inertia_integrals import link_data
-from kaneflex.response.modal_data import modal_data
 from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, read_modal_data
 from kaneflex.solve.coupled_linearisation import modes_at_rest
@@ -51,9 +50,8 @@ def test_the_arrays_are_those_of_the_link(model, exported):
 
 
 def test_what_is_read_is_what_was_written(model, tmp_path):
-    link = model.coupled.links["rod"]
     data = link_data(model.coupled.shapes["rod"])
-    np.savez(tmp_path / "rod.npz", **modal_data(model.scene, link, model.coupled))
+    np.savez(tmp_path / "rod.npz", **data.file)
     read = read_modal_data(str(tmp_path / "rod.npz"))
     assert (read.length, read.points) == (data.length, data.points) and set(read.arrays) == set(data.arrays)
     assert all((read.arrays[name] == array).all() for name, array in data.arrays.items())

@@ -181,6 +181,15 @@ duration = "1 ms"
 """
 
 
+def test_the_largest_displacement_of_a_shape_is_one():
+    """Of twist the rotation is; positive, so that the sign of a shape does not depend on the solver of the modes."""
+    scene = scene_of(SHAFT)
+    found = built_shapes(scene, link_of_scene(scene, "shaft", 3), 2, (0.0, 0.0, 0.0))
+    moved = found.basis.reshape(-1, 6, found.count)[:, :4]
+    assert moved.max(axis=(0, 1)) == pytest.approx(np.ones(found.count), abs=1e-12)
+    assert abs(moved).max() == pytest.approx(1.0, abs=1e-12)
+
+
 def test_fibres_of_a_thick_section_go_where_its_rotation_takes_them():
     """Integral of y G and z G dm: the second derivatives of the rotation R(theta), by differences, over y^2 and z^2."""
     scene = scene_of(SHAFT)

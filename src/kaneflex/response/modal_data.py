@@ -6,30 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from kaneflex.fem.links import Link
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.module_loading import find_spatial_module
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import build_coupled_system
-from kaneflex.multibody.model.system import CoupledSystem, build_system
+from kaneflex.multibody.model.system import build_system
 from kaneflex.response.stress_recovery import recovering
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.options import modes_of, resolve_options
 from kaneflex.support.atomic_output import refuse_existing
-
-
-def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.ndarray]:
-    """Arrays of one link in SI, without the scene's lumped masses.
-
-    Returns
-    -------
-    dict
-        "format", "length" [m], "points" (names), every name of ARRAYS, and of POINT_ARRAYS with the points first.
-    """
-    return link_data(system.shapes[link.name]).file
 
 
 def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, ModalData]:

@@ -39,6 +39,8 @@ _LEFT_OUT = (
     "constraints are redundant: some of the forces on rigid {bodies} are statically indeterminate, and their effect on "
     "the stiffness of small rotations is neglected"
 )
+_ON_RIGID = {f"{kind}_{axis}": 3 * k + i for k, kind in enumerate(("push", "turn")) for i, axis in enumerate(AXES)}
+"""Loads on a rigid body -> their rows."""
 _IRREGULAR = 0.381966
 """Place of irregular instants between two even ones, unlikely to be special positions."""
 
@@ -183,7 +185,7 @@ def elastic_stage(
     bases: dict[str, np.ndarray] = {}
     for name, body in mechanism.bodies.items():
         if name not in links:
-            parts[name] = _with_pushes(rigid_part(name, body))
+            parts[name] = _with_pushes(rigid_part(name, body), _ON_RIGID)
             continue
         part = with_loads(links[name].part, pushed_nodes(mechanism, links[name]))
         parts[name] = part
@@ -231,20 +233,17 @@ def pushed_nodes(mechanism: SpatialMechanism, link: Link) -> list[int]:
 
 def with_loads(part: Part, nodes: list[int]) -> Part:
     """Part of a link with the loads on its nodes in F."""
-    total = part.matrices["F"]
-    for node in nodes:
-        for k, axis in enumerate(AXES):
-            push = np.zeros((part.size, 1))
-            push[part.place[node][k]] = 1.0
-            total = total + Affine.term((f"{part.name}.link.push_{node}_{axis}",), push)
-    return replace(part, matrices={**part.matrices, "F": total})
+    return _with_pushes(part, {f"push_{node}_{axis}": part.place[node][k] for node in nodes
+                               for k, axis in enumerate(AXES)})  # fmt: skip
 
 
-def _with_pushes(part: Part) -> Part:
-    """Part of a rigid body with its forces and torques in F."""
+def _with_pushes(part: Part, rows: Mapping[str, int]) -> Part:
+    """Part with forces and torques ``PART.link.NAME`` on its rows in F."""
     total = part.matrices["F"]
-    for k, name in enumerate((*(f"push_{axis}" for axis in AXES), *(f"turn_{axis}" for axis in AXES))):
-        total = total + Affine.term((f"{part.name}.link.{name}",), np.eye(6)[:, k : k + 1])
+    for name, row in rows.items():
+        push = np.zeros((part.size, 1))
+        push[row] = 1.0
+        total = total + Affine.term((f"{part.name}.link.{name}",), push)
     return replace(part, matrices={**part.matrices, "F": total})
 
 
