@@ -26,7 +26,7 @@ def figure(found: xarray.Dataset) -> Figure:
     """
     names = [str(name) for name, values in found.data_vars.items() if values.dims == ("point", "statistic")]
     ends = {name: [found[name].sel(statistic=end).values for end in ("max", "min")] for name in names}
-    return _over(found, ends, "greatest and least values", ("o-", "o--"), 3.0, "; least values dashed")
+    return _over(found, ends, "largest and smallest values", ("o-", "o--"), 3.0, "; smallest values dashed")
 
 
 def bifurcation(found: xarray.Dataset) -> Figure:
