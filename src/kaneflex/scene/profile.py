@@ -78,7 +78,7 @@ def element_parameters(
 
 
 def _stops(nodes: np.ndarray, borders: tuple[float, ...]) -> np.ndarray:
-    return np.unique([*nodes, *(x for x in borders if nodes[0] < x < nodes[-1])])
+    return np.array(sorted({*nodes.tolist(), *(x for x in borders if nodes[0] < x < nodes[-1])}))
 
 
 def _gauss(stops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
