@@ -122,10 +122,13 @@ class Cycles(ABC, Generic[Start, Cycle]):
     def repeats(self, cycle: Cycle) -> bool:
         """True if a cycle repeats: deformations relative to their largest, free joints to their range and that of
         their speeds, within the error of the steps."""
-        (way, fastest), (change, faster) = (abs(x).reshape(2, -1) for x in (self._ranges(cycle), self.missed(cycle)))
-        allowed = np.maximum(self.left * way, self.error)
-        allowed[self.shapes] = self.left * self.deformation(cycle)
-        return bool((change <= allowed).all() and (self.shapes | (faster * way <= allowed * fastest)).all())
+        change, faster = abs(self.missed(cycle)).reshape(2, -1)
+        joints, deforms = ~self.shapes, (change[self.shapes] <= self.left * self.deformation(cycle)).all()
+        if not (deforms and joints.any()):
+            return bool(deforms)
+        way, fastest = self._ranges(cycle).reshape(2, -1)[:, joints]
+        allowed = np.maximum(self.left * way, self.error[joints])
+        return bool((change[joints] <= allowed).all() and (faster[joints] * way <= allowed * fastest).all())
 
     def _ranges(self, cycle: Cycle) -> np.ndarray:
         """Range of every component of x in a cycle, (2 k,)."""
