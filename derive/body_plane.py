@@ -27,10 +27,7 @@ C, S, MASS = sm.symbols("c s mass")
 _STILL = dict.fromkeys((*OMEGA[:2], ACCEL[2], *EPSILON[:2], VELOCITY[2]), 0)
 _PLACE = {"x": "xi", "y": "eta", "turn": "turn"}
 """Place of a point along and across the body, and rotation of its section."""
-_COLUMN = ("out[k + 3 + j]", "out[k + n + 3 + j]", "out[k + 2 * n + 3 + j]")
-_ROW = _COLUMN[0]
-_OWN_ROW = ("out[k + n * (3 + j)]", "out[k + n * (3 + j) + 1]", "out[k + n * (3 + j) + 2]")
-"""The j-th shape in the rows of force and moment, and in their columns."""
+_ROW = "out[k + 3 + j]"
 
 
 @cache
@@ -56,7 +53,7 @@ def body_text() -> str:
 
 def kernels_text() -> str:
     """Text of all kernels, which has not been proved."""
-    return "\n\n".join([_deform(), _push(), _jacobian(), _inverse(), _inertia(), _energy()])
+    return "\n\n".join([_deform(), _push(), _twists(), _inverse(), _inertia(), _energy()])
 
 
 def _table(name: str, first: Iterable[sm.Expr], kinds: Kinds, of: str, comment: str) -> str:
@@ -96,12 +93,6 @@ def _moving(shape: Shape) -> dict[str, sm.Expr]:
     }
 
 
-def _turned(of: Mapping[str, sm.Expr], x: str, y: str, turn: str) -> list[sm.Expr]:
-    """A vector in global axes, and what turns."""
-    along, across, about = (of.get(name, sm.S.Zero) for name in (x, y, turn))
-    return [C * along - S * across, S * along + C * across, about]
-
-
 def _deform() -> str:
     zeros = ["turn", *(f"{place}{order}" for order in (1, 2) for place in _PLACE.values())]
     body = loops(lambda shape: grow(_moved(shape) | _moving(shape)), kinds=POINT)
@@ -118,13 +109,18 @@ def _push() -> str:
     return _PUSH.format(begun=_BEGUN_POINT, loops=_lines(loops(of_shape, kinds=POINT)))
 
 
-def _jacobian() -> str:
+def _twists() -> str:
     def of_shape(shape: Shape) -> list[str]:
-        columns = _turned({name: shape.grown(name) for name in _PLACE}, *_PLACE)
-        stores = [f"{at} = {code(value)}" for at, value in zip(_COLUMN, columns, strict=True)]
-        return [*stores, *grow(_place(shape))]
+        return _stored("k", {name: shape.grown(name) for name in _PLACE}, _PLACE)
 
-    return _JACOBIAN.format(begun=_BEGUN_POINT, loops=_lines(loops(of_shape, kinds=POINT)))
+    return _TWISTS.format(counts=_COUNTS, loops=_lines(loops(of_shape, kinds=POINT)))
+
+
+def _stored(first: str, of: Mapping[str, sm.Expr], names: Iterable[str]) -> list[str]:
+    """Statements that store a vector of the j-th shape, of these components, in global axes."""
+    along, across, turn = (of.get(name, sm.S.Zero) for name in names)
+    values = C * along - S * across, S * along + C * across, turn
+    return [f"out[{first} + 3 * j{f' + {k}' if k else ''}] = {code(value)}" for k, value in enumerate(values)]
 
 
 def _inverse() -> str:
@@ -147,14 +143,12 @@ def _inverse() -> str:
 def _inertia() -> str:
     def of_shape(shape: Shape) -> list[str]:
         lines, of = grown(shape)
-        values = _turned(of, "P_x", "P_y", "H_z")
-        lines += [f"{at} = {row} = {code(x)}" for at, row, x in zip(_COLUMN, _OWN_ROW, values, strict=True)]
-        return [*lines, *grow(first_and_second(shape, of))]
+        return [*lines, *_stored("coupling", of, ("P_x", "P_y", "H_z")), *grow(first_and_second(shape, of))]
 
     def of_pair(a: str, b: str) -> list[str]:
         mass = numbers(a, b, PLANE).of["M"]
         mass = mass.xreplace({symbol: sm.Symbol(f"{symbol}_l") for symbol in mass.free_symbols})
-        return [f"out[k + n * (3 + j) + 3 + l] = {code(mass)}"]
+        return [f"out[modal + to_v * j + l] = {code(mass)}"]
 
     return _INERTIA.format(begun=_BEGUN, loops=_lines(loops(of_shape, of_pair, PLANE)))
 
@@ -186,9 +180,10 @@ P_x_vq is that of P_x q over shapes of kind v.
 _BEGUN = """mass, S_x, S_y, I_zz = p[o], p[o + 1], p[o + 2], p[o + 3]
     to_u, to_v = int(p[o + 4]), int(p[o + 5])
     o += 6"""
-_BEGUN_POINT = """share, xi, eta = p[o], p[o + 1], p[o + 2]
-    to_u, to_v = int(p[o + 3]), int(p[o + 4])
+_COUNTS = """to_u, to_v = int(p[o + 3]), int(p[o + 4])
     o += 5"""
+_BEGUN_POINT = f"""share, xi, eta = p[o], p[o + 1], p[o + 2]
+    {_COUNTS}"""
 _DEFORM = '''@njit(**WITHIN)
 def deform(p, o, q, v, a, i, out, k):
     """Store a point in the body's axes: its place, the rotation of its section, their rates and accelerations."""
@@ -209,15 +204,11 @@ def push(p, o, q, i, c, s, x, y, turn, out, k):
     out[k + 1] += share * y
     out[k + 2] += across * xi - along * eta + turn
 '''
-_JACOBIAN = '''@njit(**WITHIN)
-def jacobian(p, o, q, i, c, s, out, k):
-    """Store W (3, 3 + shapes) row by row: the twist of the section at a point per speed of frame and shapes."""
-    {begun}
-    n = 3 + to_v
+_TWISTS = '''@njit(**WITHIN)
+def twists(p, o, q, i, c, s, out, k):
+    """Store the twists of the section at a point for a unit of each shape, (shapes, 3), with the frame fixed."""
+    {counts}
     {loops}
-    out[k], out[k + 1], out[k + 2] = share, 0.0, -s * xi - c * eta
-    out[k + n], out[k + n + 1], out[k + n + 2] = 0.0, share, c * xi - s * eta
-    out[k + 2 * n], out[k + 2 * n + 1], out[k + 2 * n + 2] = 0.0, 0.0, 1.0
 '''
 _INVERSE = '''@njit(**WITHIN)
 def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
@@ -234,16 +225,16 @@ def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
     out[k + 2] += {moment}
 '''
 _INERTIA = '''@njit(**WITHIN)
-def inertia(p, o, q, i, c, s, out, k):
-    """Store the mass matrix (3 + shapes, 3 + shapes), row by row."""
+def inertia(p, o, q, i, c, s, out, k, coupling, modal):
+    """Store the inertia (3, 3) for the twist of the frame, what couples it to the shapes, (shapes, 3), and the mass
+    matrix of these, all row by row."""
     {begun}
-    n = 3 + to_v
     {loops}
-    out[k] = out[k + n + 1] = mass
-    out[k + 1] = out[k + n] = 0.0
-    out[k + 2] = out[k + 2 * n] = -s * S_x - c * S_y
-    out[k + n + 2] = out[k + 2 * n + 1] = c * S_x - s * S_y
-    out[k + 2 * n + 2] = I_zz
+    out[k] = out[k + 4] = mass
+    out[k + 1] = out[k + 3] = 0.0
+    out[k + 2] = out[k + 6] = -s * S_x - c * S_y
+    out[k + 5] = out[k + 7] = c * S_x - s * S_y
+    out[k + 8] = I_zz
 '''
 _ENERGY = '''@njit(**WITHIN)
 def energy(p, o, q, v, i, c, s, x, y, omega_z, out):

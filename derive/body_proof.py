@@ -83,9 +83,10 @@ def _of_body(kernels: SimpleNamespace, axial: int, transverse: int):
     x, y, v_x, v_y = sm.symbols("x y v_x v_y")
 
     M = own.jacobian([ALONG, ACROSS, EPSILON, *a])
-    out = [sm.S.Zero] * n**2
-    kernels.inertia(p, 0, q, 0, C, S, out, 0)
-    yield "inertia", out, list(turn * M * turn.T)
+    out = [sm.S.Zero] * (9 + 3 * shapes + shapes**2)
+    kernels.inertia(p, 0, q, 0, C, S, out, 0, 9, 9 + 3 * shapes)
+    whole = turn * M * turn.T
+    yield "inertia", out, [*whole[:3, :3], *whole[3:, :3], *whole[3:, 3:]]
 
     out = [sm.S.Zero] * n
     kernels.inverse(p, 0, q, v, a, 0, C, S, OMEGA, x, y, EPSILON, out, 0)
@@ -118,9 +119,9 @@ def _of_point(kernels: SimpleNamespace, axial: int, transverse: int):
     c, s = sm.cos(PHI), sm.sin(PHI)
     twist = sm.Matrix([share * x + c * xi - s * eta, share * y + s * xi + c * eta, PHI + turn])
     W = twist.jacobian([x, y, PHI, *q])
-    out = [sm.S.Zero] * len(W)
-    kernels.jacobian(p, 0, q, 0, C, S, out, 0)
-    yield "jacobian", out, list(W)
+    out = [sm.S.Zero] * 3 * len(modal)
+    kernels.twists(p, 0, q, 0, C, S, out, 0)
+    yield "twists", out, list(W[:, 3:].T)
 
     force = sm.Matrix(sm.symbols("f_x f_y torque"))
     out = [sm.S.Zero] * W.cols

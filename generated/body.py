@@ -106,34 +106,26 @@ def push(p, o, q, i, c, s, x, y, turn, out, k):
 
 
 @njit(**WITHIN)
-def jacobian(p, o, q, i, c, s, out, k):
-    """Store W (3, 3 + shapes) row by row: the twist of the section at a point per speed of frame and shapes."""
-    share, xi, eta = p[o], p[o + 1], p[o + 2]
+def twists(p, o, q, i, c, s, out, k):
+    """Store the twists of the section at a point for a unit of each shape, (shapes, 3), with the frame fixed."""
     to_u, to_v = int(p[o + 3]), int(p[o + 4])
     o += 5
-    n = 3 + to_v
     for j in range(to_u):
-        q_j, x_0 = q[i + j], p[o]
+        x_0 = p[o]
         o += 1
-        out[k + 3 + j] = c * x_0
-        out[k + n + 3 + j] = s * x_0
-        out[k + 2 * n + 3 + j] = 0.0
-        xi += q_j * x_0
+        out[k + 3 * j] = c * x_0
+        out[k + 3 * j + 1] = s * x_0
+        out[k + 3 * j + 2] = 0.0
     for j in range(to_u, to_v):
-        q_j, y_0, turn_0 = q[i + j], p[o], p[o + 1]
+        y_0, turn_0 = p[o], p[o + 1]
         o += 2
         x_vq = 0.0
         for l in range(to_u, to_v):
             x_vq += p[o] * q[i + l]
             o += 1
-        out[k + 3 + j] = c * x_vq - s * y_0
-        out[k + n + 3 + j] = c * y_0 + s * x_vq
-        out[k + 2 * n + 3 + j] = turn_0
-        xi += 0.5 * q_j * x_vq
-        eta += q_j * y_0
-    out[k], out[k + 1], out[k + 2] = share, 0.0, -s * xi - c * eta
-    out[k + n], out[k + n + 1], out[k + n + 2] = 0.0, share, c * xi - s * eta
-    out[k + 2 * n], out[k + 2 * n + 1], out[k + 2 * n + 2] = 0.0, 0.0, 1.0
+        out[k + 3 * j] = c * x_vq - s * y_0
+        out[k + 3 * j + 1] = c * y_0 + s * x_vq
+        out[k + 3 * j + 2] = turn_0
 
 
 @njit(**WITHIN)
@@ -212,12 +204,12 @@ def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
 
 
 @njit(**WITHIN)
-def inertia(p, o, q, i, c, s, out, k):
-    """Store the mass matrix (3 + shapes, 3 + shapes), row by row."""
+def inertia(p, o, q, i, c, s, out, k, coupling, modal):
+    """Store the inertia (3, 3) for the twist of the frame, what couples it to the shapes, (shapes, 3), and the mass
+    matrix of these, all row by row."""
     mass, S_x, S_y, I_zz = p[o], p[o + 1], p[o + 2], p[o + 3]
     to_u, to_v = int(p[o + 4]), int(p[o + 5])
     o += 6
-    n = 3 + to_v
     for j in range(to_u):
         q_j, P_x_0, J_zz_0 = q[i + j], p[o], p[o + 1]
         o += 3
@@ -225,16 +217,16 @@ def inertia(p, o, q, i, c, s, out, k):
         for l in range(to_u):
             J_zz_l = p[o]
             J_zz_uq += J_zz_l * q[i + l]
-            out[k + n * (3 + j) + 3 + l] = J_zz_l
+            out[modal + to_v * j + l] = J_zz_l
             o += 2
         for l in range(to_u, to_v):
             H_z_vq += p[o] * q[i + l]
-            out[k + n * (3 + j) + 3 + l] = 0.0
+            out[modal + to_v * j + l] = 0.0
             o += 2
         J_zz = J_zz_0 + J_zz_uq
-        out[k + 3 + j] = out[k + n * (3 + j)] = P_x_0 * c
-        out[k + n + 3 + j] = out[k + n * (3 + j) + 1] = P_x_0 * s
-        out[k + 2 * n + 3 + j] = out[k + n * (3 + j) + 2] = H_z_vq
+        out[coupling + 3 * j] = P_x_0 * c
+        out[coupling + 3 * j + 1] = P_x_0 * s
+        out[coupling + 3 * j + 2] = H_z_vq
         S_x += P_x_0 * q_j
         I_zz += q_j * (J_zz + J_zz_0)
     for j in range(to_u, to_v):
@@ -243,26 +235,26 @@ def inertia(p, o, q, i, c, s, out, k):
         H_z_uq = P_x_vq = J_zz_vq = 0.0
         for l in range(to_u):
             H_z_uq += p[o] * q[i + l]
-            out[k + n * (3 + j) + 3 + l] = 0.0
+            out[modal + to_v * j + l] = 0.0
             o += 2
         for l in range(to_u, to_v):
             P_x_vq += p[o] * q[i + l]
             J_zz_vq += p[o + 1] * q[i + l]
             M_l = p[o + 2]
-            out[k + n * (3 + j) + 3 + l] = M_l
+            out[modal + to_v * j + l] = M_l
             o += 4
         H_z = H_z_0 + H_z_uq
-        out[k + 3 + j] = out[k + n * (3 + j)] = P_x_vq * c - P_y_0 * s
-        out[k + n + 3 + j] = out[k + n * (3 + j) + 1] = P_x_vq * s + P_y_0 * c
-        out[k + 2 * n + 3 + j] = out[k + n * (3 + j) + 2] = H_z
+        out[coupling + 3 * j] = P_x_vq * c - P_y_0 * s
+        out[coupling + 3 * j + 1] = P_x_vq * s + P_y_0 * c
+        out[coupling + 3 * j + 2] = H_z
         S_x += 0.5 * P_x_vq * q_j
         S_y += P_y_0 * q_j
         I_zz += J_zz_vq * q_j
-    out[k] = out[k + n + 1] = mass
-    out[k + 1] = out[k + n] = 0.0
-    out[k + 2] = out[k + 2 * n] = -s * S_x - c * S_y
-    out[k + n + 2] = out[k + 2 * n + 1] = c * S_x - s * S_y
-    out[k + 2 * n + 2] = I_zz
+    out[k] = out[k + 4] = mass
+    out[k + 1] = out[k + 3] = 0.0
+    out[k + 2] = out[k + 6] = -s * S_x - c * S_y
+    out[k + 5] = out[k + 7] = c * S_x - s * S_y
+    out[k + 8] = I_zz
 
 
 @njit(**WITHIN)

@@ -27,7 +27,7 @@ HOME, AT, ROW = 4, 7, 2
 
 def test_every_kernel_is_compared():
     names = {name for name, *_ in comparisons(PRINTED, 1, 1)}
-    assert names - {"centre"} == {"deform", "push", "jacobian", "inverse", "inertia", "energy"}
+    assert names - {"centre"} == {"deform", "push", "twists", "inverse", "inertia", "energy"}
 
 
 @pytest.mark.exhaustive(share=2)
@@ -115,9 +115,16 @@ def inverse(p, q, v, a):
 
 
 def mass_matrix(p, q):
-    out = np.full(ROW + SIZE**2, np.nan)
-    body.inertia(p, AT, modal(q), HOME, np.cos(q[2]), np.sin(q[2]), out, ROW)
-    return out[ROW:].reshape(SIZE, SIZE)
+    return assembled(p, AT, modal(q), HOME, np.cos(q[2]), np.sin(q[2]), SHAPES)
+
+
+def assembled(p, at, q, home, c, s, shapes):
+    """Mass matrix by the speeds of frame and shapes from the kernel's parts."""
+    out, coupling = np.full(ROW + (3 + shapes) ** 2, np.nan), ROW + 9
+    body.inertia(p, at, q, home, c, s, out, ROW, coupling, coupling + 3 * shapes)
+    E = out[coupling : coupling + 3 * shapes].reshape(shapes, 3)
+    L = out[coupling + 3 * shapes : coupling + 3 * shapes + shapes**2].reshape(shapes, shapes)
+    return np.block([[out[ROW:coupling].reshape(3, 3), E.T], [E, L]])
 
 
 def energies(p, q, v):
@@ -191,14 +198,13 @@ def test_power_is_the_rate_of_energy():
 
 
 def test_a_point_moves_as_its_section():
-    """deform, jacobian and push against the section's place: its derivatives by complex steps, W^T F."""
+    """deform, twists and push against the section's place: its derivatives by complex steps, W^T F."""
     slices, (q, v, a) = Slices(), state()
     p, n = slices.points(11), 11
     c, s = np.cos(q[2]), np.sin(q[2])
-    W = np.full(ROW + 3 * SIZE, np.nan)
-    body.jacobian(p, AT, modal(q), HOME, c, s, W, ROW)
-    W = W[ROW:].reshape(3, SIZE)
-    assert_equal(W, slices.jacobians(q)[n])
+    twists, W = np.full(ROW + 3 * SHAPES, np.nan), slices.jacobians(q)[n]
+    body.twists(p, AT, modal(q), HOME, c, s, twists, ROW)
+    assert_equal(twists[ROW:].reshape(SHAPES, 3), W[:, 3:].T)
 
     force, out = np.array([0.3, -1.2, 0.7]), np.zeros(ROW + SIZE)
     body.push(p, AT, modal(q), HOME, c, s, *force, out, ROW)
@@ -224,9 +230,9 @@ def test_a_rigid_body_beside_its_axis_is_newtons_and_eulers():
     out = np.zeros(3)
     body.inverse(p, 0, none, none, none, 0, c, s, omega, *a_O, epsilon, out, 0)
     assert_equal(out, np.array([*force, J * epsilon + arm[0] * force[1] - arm[1] * force[0]]))
-    W = np.zeros(9)
-    body.jacobian(point_block({"X": centre[0], "Y": centre[1]}, 0, 0), 0, none, 0, c, s, W, 0)
-    assert_equal(W.reshape(3, 3), np.array([[1, 0, -arm[1]], [0, 1, arm[0]], [0, 0, 1]]))
+    out = np.zeros(3)
+    body.push(point_block({"X": centre[0], "Y": centre[1]}, 0, 0), 0, none, 0, c, s, *force, 0.3, out, 0)
+    assert_equal(out, np.array([*force, 0.3 + arm[0] * force[1] - arm[1] * force[0]]))
 
 
 # ---- one shape by hand --------------------------------------------------------------------------------------------
@@ -290,9 +296,8 @@ def test_a_body_with_one_shape_by_hand(counts, form):
         p, (along, across, omega, epsilon), out = body_block(arrays, *counts), motion, np.zeros(4)
         x, y = turn[:2, :2] @ [along, across]
         body.inverse(p, 0, *np.array([[a], [a1], [a2]]), 0, c, s, omega, x, y, epsilon, out, 0)
-        matrix = np.full(16, np.nan)
-        body.inertia(p, 0, np.array([a]), 0, c, s, matrix, 0)
-        for value, expected in ((out, turn @ forces), (matrix.reshape(4, 4), turn @ mass @ turn.T)):
+        matrix = assembled(p, 0, np.array([a]), 0, c, s, 1)
+        for value, expected in ((out, turn @ forces), (matrix, turn @ mass @ turn.T)):
             np.testing.assert_allclose(value, expected, rtol=1e-12, atol=1e-13)
             for entry in zip(*np.nonzero(abs(expected) > 1e-6), strict=True):
                 wrong = value.copy()
@@ -362,10 +367,9 @@ from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import point_block
 ones = {"X": 0.0, "s": 1.0, "w": 1.0, "psi": 1.0, "H": 1.0}
 for counts in ((1, 2), (2, 1)):
-    W = np.zeros(18)
-    body.jacobian(point_block(ones, *counts), 0, np.ones(3), 0, 1.0, 0.0, W, 0)
-    stats = body.jacobian.stats
-    print(sum(stats.cache_misses.values()), *W[3:6])
+    out = np.zeros(9)
+    body.twists(point_block(ones, *counts), 0, np.ones(3), 0, 1.0, 0.0, out, 0)
+    print(sum(body.twists.stats.cache_misses.values()), *out)
 """
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     said = [
@@ -375,4 +379,6 @@ for counts in ((1, 2), (2, 1)):
     first, second = ([line.split(maxsplit=1) for line in text.splitlines()] for text in said)
     assert [compiled for compiled, _ in first] == ["1", "1"]
     assert [compiled for compiled, _ in second] == ["0", "0"]
-    assert [W for _, W in first] == [W for _, W in second] == ["1.0 -2.0 -2.0", "1.0 1.0 -1.0"]
+    bent, straight = "-2.0 1.0 1.0", "1.0 0.0 0.0"
+    expected = [f"{straight} {bent} {bent}", f"{straight} {straight} -1.0 1.0 1.0"]
+    assert [out for _, out in first] == [out for _, out in second] == expected

@@ -96,12 +96,15 @@ def test_a_bar_of_several_shapes(axial, transverse):
         q, v, a = MOTIONS.uniform(-1, 1, (3, count))
         motion = MOTIONS.uniform(-1, 1, 4)
         arrays, forces, mass = bar_by_hand(axial, transverse, q, v, a, elastic, motion)
-        p, out, matrix = body_block(arrays, axial, transverse), np.zeros(3 + count), np.full((3 + count) ** 2, np.nan)
+        p, out = body_block(arrays, axial, transverse), np.zeros(3 + count)
         x, y = turn[:2, :2] @ motion[:2]
         body.inverse(p, 0, q, v, a, 0, c, s, motion[2], x, y, motion[3], out, 0)
-        body.inertia(p, 0, q, 0, c, s, matrix, 0)
+        parts = np.full(9 + 3 * count + count**2, np.nan)
+        body.inertia(p, 0, q, 0, c, s, parts, 0, 9, 9 + 3 * count)
+        I, E, L = np.split(parts, [9, 9 + 3 * count])
+        matrix = np.block([[I.reshape(3, 3), E.reshape(count, 3).T], [E.reshape(count, 3), L.reshape(count, count)]])
         assert_equal(out, turn @ forces)
-        assert_equal(matrix.reshape(mass.shape), turn @ mass @ turn.T)
+        assert_equal(matrix, turn @ mass @ turn.T)
 
 
 # ---- space --------------------------------------------------------------------------------------------------------

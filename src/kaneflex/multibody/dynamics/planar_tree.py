@@ -17,7 +17,7 @@ from kaneflex.multibody.dynamics.articulated import transport
 from kaneflex.multibody.model.layout import (
     ARMS, AXES, BLOCK, BODIES, COORDINATES, COUPLING, COUPLINGS, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREED,
     IN_ORDER, INBOARD, INERTIAS, JOINT, LAST, MASSES, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT, PHI, PHI_ROW,
-    PLACES, POINT, PRISMATIC, RAW, REVOLUTE, SEC, SECTION, SECTIONS, SHAPES, SQUARE, STIFFNESS, TREE_D, TREE_E, TREE_I,
+    PLACES, POINT, PRISMATIC, REVOLUTE, SEC, SECTION, SECTIONS, SHAPES, SQUARE, STIFFNESS, TREE_D, TREE_E, TREE_I,
     TREE_L, TREE_ROOM, TREE_U, TREE_X, Y, apart, shifted, turned,
 )  # fmt: skip
 
@@ -39,14 +39,12 @@ def tree(m, A, y):
 
 
 @njit(**OPTIONS)
-def _by_frame(m, b, n, out):
-    """Twists of a section for a unit of each shape of its body, with the frame fixed; ``out`` has room for them."""
-    w, f, size = m.w, m.plan[FRAME] + FRAME_SIZE * b, 3 + m.bodies[b, SHAPES]
-    at = m.plan[Y] + m.bodies[b, MODAL]
-    body.jacobian(w, m.sections[n, POINT], w, at, w[f + 3], w[f + 4], w, m.plan[RAW])
-    raw = shifted(w, m.plan[RAW] + 3)
-    for j in range(size - 3):
-        out[j] = raw[j], raw[size + j], raw[2 * size + j]
+def _by_frame(m, b, n, place):
+    """Twists of a section for a unit of each shape of its body, with the frame fixed, stored from ``place`` on."""
+    f = m.plan[FRAME] + FRAME_SIZE * b
+    body.twists(
+        m.w, m.sections[n, POINT], m.w, m.plan[Y] + m.bodies[b, MODAL], m.w[f + 3], m.w[f + 4], m.w, place
+    )  # fmt: skip
 
 
 @njit(**OPTIONS)
@@ -62,11 +60,11 @@ def shape_twists(m, place):
         if count == 0:
             continue
         held = vectors(shifted(w, place + 3 * m.sections[inboard, PHI_ROW]))
-        _by_frame(m, b, inboard, held)
+        _by_frame(m, b, inboard, place + 3 * m.sections[inboard, PHI_ROW])
         for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
             if n != inboard:
                 of, share = vectors(shifted(w, place + 3 * m.sections[n, PHI_ROW])), w[m.sections[n, POINT]]
-                _by_frame(m, b, n, of)
+                _by_frame(m, b, n, place + 3 * m.sections[n, PHI_ROW])
                 arm = away(m, plan[SECTION], n, inboard, share)
                 for j in range(count):
                     x, z, turn = held[j]
@@ -89,7 +87,10 @@ def assemble(m):
     shape_twists(m, plan[PHI])
     for b in range(plan[BODIES]):
         f, own, up = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, INBOARD], m.bodies[b, PARENT]
-        body.inertia(w, m.bodies[b, BLOCK], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w, plan[RAW])
+        body.inertia(
+            w, m.bodies[b, BLOCK], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w, plan[INERTIAS] + 9 * b,
+            plan[COUPLINGS] + 3 * m.bodies[b, COUPLING], plan[MASSES] + m.bodies[b, SQUARE],
+        )  # fmt: skip
         _shift_inertia(m, b)
         on = m.sections[up, OWNER]
         base = m.bodies[on, INBOARD] if on >= 0 else up
@@ -109,24 +110,22 @@ def assemble(m):
 
 @njit(**IN_ORDER)
 def _shift_inertia(m, b):
-    """Matrices I, E and L of a body at its inboard section from those at its frame, which its kernel stored."""
+    """Move matrices I, E and L of a body from its frame to its inboard section."""
     apart()
     plan, w, count = m.plan, m.w, m.bodies[b, SHAPES]
-    f, own, size, raw = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, INBOARD], 3 + count, shifted(w, plan[RAW])
+    f, own = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, INBOARD]
     at = plan[SECTION] + SEC * own
     arm = w[f] - w[at], w[f + 1] - w[at + 1], 0.0
     I, L = vectors(shifted(w, plan[INERTIAS] + 9 * b)), shifted(w, plan[MASSES] + m.bodies[b, SQUARE])
     E = vectors(shifted(w, plan[COUPLINGS] + 3 * m.bodies[b, COUPLING]))
     phi = vectors(shifted(w, plan[PHI] + 3 * m.sections[own, PHI_ROW]))
-    for k in range(3):
-        I[k] = raw[size * k], raw[size * k + 1], raw[size * k + 2]
     transport(I, arm)
     for j in range(count):
-        E[j] = force_at((raw[3 + j], raw[size + 3 + j], raw[2 * size + 3 + j]), arm)
+        E[j] = force_at(E[j], arm)
     for j in range(count):
-        row, moved = size * (3 + j) + 3, axpy(-1.0, times(I, phi[j]), E[j])
+        moved = axpy(-1.0, times(I, phi[j]), E[j])
         for l in range(j + 1):
-            L[count * j + l] = raw[row + l] - dot(phi[j], E[l]) - dot(moved, phi[l])
+            L[count * j + l] -= dot(phi[j], E[l]) + dot(moved, phi[l])
     for j in range(count):
         E[j] = axpy(-1.0, times(I, phi[j]), E[j])
 

@@ -122,11 +122,11 @@ them."""
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
     GRADIENT, LOOP, SIDE, PHI_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
     CONTACT, TOUCH, CROSSING, IMPACTS, COMPLEMENT, TOUCHING,
-    INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, RAW, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
+    INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
     STAGE_H, LAST_A, LAST_R, RESISTING, WAYS, SLOPES, VARIED, TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X,
     TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
     WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PLAN,
-) = range(102)  # fmt: skip
+) = range(101)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
 works, kept rows; 1 if shapes are among the dependent coordinates; number of bodies, the first ones, that no
@@ -142,9 +142,9 @@ kept row its number, its cut, its dependent coordinate. In ``w`` again: contacts
 shared numbers of contacts, numbers of change points, completed impacts, arrays for rigid contacts at one instant.
 In ``plan``: contacts and holds in the factors (holds by numbers below zero), or touching contacts. In ``w``, at the
 middle of a step: matrices I, E and L of the bodies at their inboard sections, axes of joints, twists of sections by
-shapes, places and arms (:mod:`kaneflex.multibody.dynamics.planar_tree`), the output of a body's kernel, sections
-and cut rows; stages' accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations
-and reactions of the last step, and residuals of its stages;
+shapes, places and arms (:mod:`kaneflex.multibody.dynamics.planar_tree`), sections and cut rows; stages'
+accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations and reactions of the last
+step, and residuals of its stages;
 gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of
 loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree, twists
 of its bodies, working space, coordinates by unit reactions of the kept rows and in the last row the answer, the

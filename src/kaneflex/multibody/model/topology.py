@@ -108,7 +108,7 @@ def build_tables(
 
 def _lengths(plan: np.ndarray, mechanism: NumericMechanism, of: _Bodies, switches: int) -> dict[int, int]:
     """Numbers of the motion at each place of ``plan``, whose counts are known."""
-    sections, size = len(of.sections), 3 + int(of.bodies[:, at.SHAPES].max())
+    sections = len(of.sections)
     bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
     touching, loads = len(mechanism.contacts) + switches, len(mechanism.loads)
     pulls = loads + len(mechanism.springs)
@@ -126,7 +126,7 @@ def _lengths(plan: np.ndarray, mechanism: NumericMechanism, of: _Bodies, switche
         at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions, at.PHI_NOW: 3 * of.twists,
         at.INERTIAS: 9 * bodies, at.COUPLINGS: 3 * of.coupling, at.MASSES: of.square, at.AXES: 3 * n,
-        at.PHI: 3 * of.twists, at.PLACES: 3 * bodies, at.ARMS: 3 * bodies, at.RAW: size**2,
+        at.PHI: 3 * of.twists, at.PLACES: 3 * bodies, at.ARMS: 3 * bodies,
         at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
