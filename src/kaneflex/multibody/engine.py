@@ -283,19 +283,6 @@ class Engine:
         """View of the sections, (sections, 9)."""
         return self.numbers(at.SECTION, at.SEC * len(self.tables.sections)).reshape(-1, at.SEC)
 
-    def twists(self, k: int) -> np.ndarray:
-        """Twist (3, 3 + shapes) of a joint's section per speed of its body's frame and shapes, after `openings`."""
-        b, _, row = self.tables.sections[k]
-        own, shapes = self.tables.bodies[b, [at.INBOARD, at.SHAPES]]
-        frame = self.tables.w[self.count(at.FRAME) + at.FRAME_SIZE * b :][:2]
-        by_own, by_shapes = (
-            self.tables.w[self.count(at.PHI_NOW) + 3 * first :][: 3 * shapes].reshape(-1, 3).T
-            for first in (self.tables.sections[own, at.PHI_ROW], row)
-        )
-        if k != own:
-            by_shapes = by_shapes + _from(self.sections[k, :2] - self.sections[own, :2]) @ by_own
-        return np.hstack([_from(self.sections[k, :2] - frame), by_shapes])
-
     def demand(self, rows: np.ndarray) -> np.ndarray:
         """Residuals, see :func:`kaneflex.multibody.dynamics.reduction.reduced_demand`. Raises ArithmeticError if loops
         don't close."""
@@ -407,11 +394,6 @@ class Engine:
         return Handle(
             t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, np.array(pointers), self.p, self.real, self.pair
         )
-
-
-def _from(arm: np.ndarray) -> np.ndarray:
-    """Twist of a point by that of another one, ``arm`` away."""
-    return np.array([[1.0, 0.0, -arm[1]], [0.0, 1.0, arm[0]], [0.0, 0.0, 1.0]])
 
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:

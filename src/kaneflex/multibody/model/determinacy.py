@@ -21,6 +21,7 @@ from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.engine import Engine
     from kaneflex.multibody.model.system import CoupledSystem
 
 _RANK, _NOTHING = 1e-9, 1e-7
@@ -48,9 +49,29 @@ def jacobian(system: CoupledSystem, q: np.ndarray, free: Sequence[str] = ()) -> 
         section = engine.layout.sections[side.body, side.name]
         if engine.tables.sections[section, at.OWNER] >= 0:
             columns = slice(system.start[side.body], system.modal(side.body).stop)
-            W[3 * k : 3 * k + 3, columns] = engine.twists(section)
+            W[3 * k : 3 * k + 3, columns] = _twist(engine, section)
     found = constraints.jacobian(poses, list(poses), list(mechanism.joints)) @ W
     return found[[names.index(row) for row in rows]]
+
+
+def _twist(engine: Engine, k: int) -> np.ndarray:
+    """Twist (3, 3 + shapes) of a joint's section per speed of its body's frame and shapes, after `engine.openings`."""
+    tables = engine.tables
+    b, _, row = tables.sections[k]
+    own, shapes = tables.bodies[b, [at.INBOARD, at.SHAPES]]
+    frame = tables.w[engine.count(at.FRAME) + at.FRAME_SIZE * b :][:2]
+    by_own, by_shapes = (
+        tables.w[engine.count(at.PHI_NOW) + 3 * first :][: 3 * shapes].reshape(-1, 3).T
+        for first in (tables.sections[own, at.PHI_ROW], row)
+    )
+    if k != own:  # stored for a body held at its inboard section
+        by_shapes = by_shapes + _moved(engine.sections[k, :2] - engine.sections[own, :2]) @ by_own
+    return np.hstack([_moved(engine.sections[k, :2] - frame), by_shapes])
+
+
+def _moved(arm: np.ndarray) -> np.ndarray:
+    """Twist of a point by that of another one, ``arm`` away."""
+    return np.array([[1.0, 0.0, -arm[1]], [0.0, 1.0, arm[0]], [0.0, 0.0, 1.0]])
 
 
 def undetermined(system: CoupledSystem, q: np.ndarray) -> tuple[str, ...]:
@@ -172,8 +193,7 @@ def _inertia(moments: np.ndarray, phi: float) -> np.ndarray:
 
 def _seen(inertia: np.ndarray, away: np.ndarray) -> np.ndarray:
     """Inertia by the twist of another point, from which the first one is ``away``."""
-    moved = np.array([[1.0, 0.0, -away[1]], [0.0, 1.0, away[0]], [0.0, 0.0, 1.0]])
-    return moved.T @ inertia @ moved
+    return np.asarray(_moved(away).T @ inertia @ _moved(away))
 
 
 def _axis(joint: Joint, child: int, placement: Placement, here: np.ndarray) -> np.ndarray:
