@@ -119,7 +119,7 @@ class Reader:
             return self._joint_coordinate(address.body)
         if sensor.component == "angle":
             return self._angle(address)
-        return self._component(sensor, self._place(address), np.zeros(self.steps))
+        return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
 
     def _joint_coordinate(self, name: str) -> np.ndarray:
         """Angle of a joint's second body relative to its first [rad], or its slide along a guide [m]."""

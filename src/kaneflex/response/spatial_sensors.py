@@ -18,6 +18,9 @@ from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, SPRING_KINDS, Sensor
 
+_RATES = ("position", "velocity", "acceleration")
+"""Kinds of sensors of motion, by their order of differentiation."""
+
 
 def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z: np.ndarray) -> np.ndarray:
     """Strain u' - y v'' - z w'' of a fibre along a link, from the force N and moments E I_z v'' = M_z, -E I_y w'' =
@@ -34,6 +37,11 @@ class SpatialReader(Reader):
     Displacements are u, v, w and three rotations in the body's axes; rotations, angular velocities and accelerations
     are vectors with components ``angle_x`` etc.
     """
+
+    def read(self, sensor: Sensor) -> np.ndarray:
+        if self.steps and sensor.kind in _RATES and address_of(sensor).body in self.scene.joints:
+            return self._joint(sensor)[_RATES.index(sensor.kind)]
+        return super().read(sensor)
 
     def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
         return frame.to_global(moved[3:])
@@ -89,12 +97,6 @@ class SpatialReader(Reader):
 
     _torsional_moment = _shear_force = _bending_moment = _strain = _axial_force
 
-    def _position(self, sensor: Sensor) -> np.ndarray:
-        address = address_of(sensor)
-        if address.body in self.scene.joints:
-            return self._joint(sensor)[0]
-        return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
-
     def _joint(self, sensor: Sensor) -> Rates:
         """Angle of a joint, continuous over turns [rad], or its slide [m], with its rates."""
         name = address_of(sensor).body
@@ -109,14 +111,6 @@ class SpatialReader(Reader):
         freedom = "angle" if sensor.component == "angle" else "position"
         change = cast(SpatialElasticMotion, self.motion).change_of(name, freedom)
         return rigid[0] + change[0], rigid[1] + change[1], rigid[2] + change[2]
-
-    def _velocity(self, sensor: Sensor) -> np.ndarray:
-        of_joint = address_of(sensor).body in self.scene.joints
-        return self._joint(sensor)[1] if of_joint else super()._velocity(sensor)
-
-    def _acceleration(self, sensor: Sensor) -> np.ndarray:
-        of_joint = address_of(sensor).body in self.scene.joints
-        return self._joint(sensor)[2] if of_joint else super()._acceleration(sensor)
 
     def _exerted(self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool) -> np.ndarray:
         """Force of a joint on its second body, or its moment about the joint's second point; global."""
