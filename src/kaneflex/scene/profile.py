@@ -66,9 +66,10 @@ def element_parameters(
     first = len(_GAUSS[0]) * np.searchsorted(stops, nodes[:-1])
     element = np.repeat(np.arange(len(length)), np.diff(np.append(first, len(x))))
     share = (x - nodes[element]) / length[element] - 0.5
-    means = np.add.reduceat(weights[:, None] * values, first) / length[:, None]
-    apart = values[:, :7] - values[first[element], :7]  # so that a constant grows by exactly zero
-    rises = 12 * np.add.reduceat((weights * share)[:, None] * apart, first) / length[:, None]
+    begin = values[first[element]]  # a constant has itself as its mean, and grows by exactly zero; inf may be one
+    apart = np.subtract(values, begin, out=np.zeros_like(values), where=values != begin)
+    means = values[first] + np.add.reduceat(weights[:, None] * apart, first) / length[:, None]
+    rises = 12 * np.add.reduceat((weights * share)[:, None] * apart[:, :7], first) / length[:, None]
     mass, moment = length * means[:, 0], np.add.reduceat(weights * x * values[:, 0], first)
     mean = Properties(*means.T)
     found = mean._asdict() | {f"{name}_rise": rise for name, rise in zip(mean._fields, rises.T, strict=False)}
