@@ -25,11 +25,13 @@ SHORT = {
     "double-pendulum": ("solve.duration=1 s", "solve.steps=100"),
     "elastic-double-pendulum": ("solve.duration=0.2 s", "solve.steps=50"),
     "elastic-pendulum": ("solve.duration=0.2 s", "solve.steps=50"),
+    "engine-3": ("solve.steps=144",),
     "engine-rig": ("solve.duration=0.05 s", "solve.steps=100"),
     "engine-torque": ("solve.duration=0.05 s", "solve.steps=500"),
     "four-bar-motor": ("solve.duration=0.1 s", "solve.steps=50"),
     "spin-up": ("solve.duration=2 s", "solve.steps=200"),
     "spin-up-torque": ("solve.duration=2 s", "solve.steps=200"),
+    "two-link-arm": ("solve.steps=360",),
 }
 """Settings of scenes that run for long, by which both runs are shorter."""
 ROUNDING = 1e-7
