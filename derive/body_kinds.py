@@ -8,6 +8,12 @@ motion (:mod:`kaneflex.derive.body_space`) need, summed over the mass,
     of a pair:   P = G_jk, H = r x G_jk + N_k x N_j and J = (N_j.N_k + r.G_jk) 1 - sym(N_j N_k^T + r G_jk^T), by which
                  those of shape j grow with q_k; X = N_k x N_j (Coriolis); M = N_j.N_k; C, damping
 
+The axes of a pinned beam follow its mean rotation about the pin, its section there about the others. Bending can undo a
+rotation about these but for a short piece, which hardly has any mass. To the second order alone the mass matrix is then
+not positive definite from a bending of 1 % of the length on. So the products of bending with the shortening are kept
+that contain this rotation, of a shape Q, the sum of its displacement times the distance xi from the pin, and of a pair
+scale_jk, the best fit of G_x by scale_jk xi (:mod:`kaneflex.derive.body_shortening`). Of other bodies both are zero.
+
 Shapes of a straight beam whose sections have principal axes y and z through their centres are of four kinds: stretch
 u, bending v in the x-y plane and w in the x-z plane, twist t. The sums that vanish for a kind follow from its fields.
 Any other shape is of kind g.
@@ -26,6 +32,8 @@ KINDS = ("u", "v", "w", "t", "g")
 """Kinds of shapes in their order in a body; g: any."""
 CUBIC = ("v", "w", "t")
 """One shape of each of these: in a beam's strain energy of third order stand theta_x' theta_y theta_z' and its like."""
+SHORTENING = ("v", "w", "t")
+"""Kinds of shapes that shorten a beam."""
 XYZ = "xyz"
 MOMENTS = ("xx", "yy", "zz", "yz", "zx", "xy")
 """Components of a symmetric matrix."""
@@ -150,6 +158,8 @@ def of_shape(kind: str, j: int = 0) -> Values:
     """Sums of the j-th shape, in products of its fields."""
     r, N = sm.Matrix(R), first_order(kind, j)
     values = _named("P", N) | _named("H", r.cross(N)) | _named("J", _symmetric(r * N.T))
+    if kind in "vw":
+        values["Q"] = sm.Symbol("xi") * N["uvw".index(kind)]
     return {name: summed(kind, value) for name, value in values.items()} | {"K": sm.Symbol(f"K_{j}")}
 
 
@@ -161,8 +171,9 @@ def of_pair(a: str, b: str, j: int = 0, k: int = 1) -> Values:
     X = N_k.cross(N_j)
     values = _named("P", G) | _named("H", r.cross(G) + X) | _named("X", X)
     values |= _named("J", _symmetric(N_j * N_k.T + r * G.T)) | {"M": N_j.dot(N_k)}
-    damping = {"C": sm.Symbol(f"C_{min(j, k)}{max(j, k)}")} if a == b else {}
-    return {name: summed((a, b), value) for name, value in values.items()} | damping
+    given = [*(["scale"] if a in SHORTENING else []), "C"] if a == b else []
+    of_pair = {name: sm.Symbol(f"{name}_{min(j, k)}{max(j, k)}") for name in given}
+    return {name: summed((a, b), value) for name, value in values.items()} | of_pair
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ import sympy as sm
 from kaneflex.derive import module_text
 from kaneflex.derive.body_kinds import CUBIC, KINDS, MOMENTS, XYZ, numbers, section_motion, tables
 from kaneflex.derive.body_loops import INDENT, Shape, bounds, code, grow, loops, named, zeroed
+from kaneflex.derive.body_shortening import increments, kept, of_demand, of_energy, of_inertia
 from kaneflex.derive.body_space_proof import prove
 from kaneflex.derive.names import Names
 from kaneflex.derive.printers import numba_printer as emit
@@ -134,10 +135,11 @@ def _demand() -> str:
 
     def of_shape(shape: Shape) -> list[str]:
         lines, total = demanded(shape, "h[r + j]")
+        total |= increments(shape, rates=True, accelerations=True)
         sums.update(dict.fromkeys(name for name, value in total.items() if value != 0))
-        return [*lines, *grow(total)]
+        return [*lines, *kept(shape), *grow(total)]
 
-    body, whole = loops(of_shape), list[str]()
+    body, whole = loops(of_shape) + of_demand(), list[str]()
 
     def assigned(letter: str, values: sm.Matrix) -> sm.Matrix:
         whole.extend(f"{name} = {code(value)}" for name, value in zip(_components(letter), values, strict=True))
@@ -167,7 +169,8 @@ def _inertia() -> str:
         lines, of = grown(shape)
         stores = [f"out[coupling{f' + {k} * count' if k else ''} + j] = {code(of.get(name, sm.S.Zero))}"
                   for k, name in enumerate((*P, *H))]  # fmt: skip
-        return [*lines, *stores, *grow(first_and_second(shape, of))]
+        total = first_and_second(shape, of) | increments(shape, rates=False, accelerations=False)
+        return [*lines, *stores, *kept(shape), *grow(total)]
 
     def of_pair(a: str, b: str) -> list[str]:
         mass = numbers(a, b).of.get("M", sm.S.Zero)
@@ -179,8 +182,8 @@ def _inertia() -> str:
     whole = sm.BlockMatrix([[sm.zeros(3, 3), -arm], [arm, _matrix("I")]]).as_explicit()
     adds = grow({f"out[{emit.offset('n', k)}]": value for k, value in enumerate(whole)})
     return _INERTIA.format(
-        zeros=_lines(zeroed([*_components("S"), *_components("I", MOMENTS)])), ends=_ENDS,
-        loops=_lines(loops(of_shape, of_pair)), whole=_lines(adds),
+        zeros=_lines(zeroed([*_components("S"), *_components("I", MOMENTS), "T_y", "T_z", "scale"])), ends=_ENDS,
+        loops=_lines(loops(of_shape, of_pair) + of_inertia()), whole=_lines(adds),
     )  # fmt: skip
 
 
@@ -204,15 +207,16 @@ def rigid_energy() -> sm.Expr:
 def _energy() -> str:
     def of_shape(shape: Shape) -> list[str]:
         lines, total = energies(shape)
-        return [*lines, *grow(total)]
+        return [*lines, *grow(total | increments(shape, rates=True, accelerations=False))]
 
     whole = [f"kinetic += {code(rigid_energy())}"]
     stores = {"kinetic": 0, "strain": 1, "lost": 2, "S_x": 3, "S_y": 4, "S_z": 5}
     whole += [f"out[{emit.offset('n', k)}] += {name}" for name, k in stores.items()]
-    zeros = ["kinetic", "strain", "lost", *_components("S"), *_components("I", MOMENTS)]
+    zeros = ["kinetic", "strain", "lost", *_components("S"), *_components("I", MOMENTS), "scale", "scale_1"]
+    zeros += ["T_y", "T_z", "W_y", "W_z"]
     return _ENERGY.format(
-        reads=_reads("k", (*VELOCITY, *OMEGA)), zeros=_lines(zeroed(zeros)), ends=_ENDS, loops=_lines(loops(of_shape)),
-        cubic=_lines(_cubic("")), whole=_lines(whole),
+        reads=_reads("k", (*VELOCITY, *OMEGA)), zeros=_lines(zeroed(zeros)), ends=_ENDS,
+        loops=_lines(loops(of_shape) + of_energy()), cubic=_lines(_cubic("")), whole=_lines(whole),
     )  # fmt: skip
 
 
@@ -270,7 +274,8 @@ _ENDS = _lines([
 _ABOUT = """
 A particle at r of the body is at p = r + N_j q_j + G_jk q_j q_k / 2 in its axes. Sums over the mass, of a shape: P of N
 and H of r x N, momentum per rate; J of (r.N) 1 - sym(r N^T), half of what the moment of inertia grows by; stiffness K.
-Of a pair: P, H and J, by which those of shape j grow with q_k; X of N_k x N_j; M of N_j.N_k; damping C. Shapes of a
+Of a pair: P, H and J, by which those of shape j grow with q_k; X of N_k x N_j; M of N_j.N_k; damping C. Of a pinned
+beam, xi being the distance from its pin: Q of xi times the displacement, and scale xi, the best fit of G_x. Shapes of a
 straight beam are of the kinds u, v, w (displaced along x, y, z) and t (twist), others of kind g.
 
 Numbers of a body from p[o]: how many shapes of each kind but g it has; of every shape in turn SINGLE, then of all pairs
@@ -280,11 +285,11 @@ v. A section turns by angles that are linear in q. Equations are Kane's, by SymP
 body (kaneflex.generated.spatial).
 """
 _DEMAND = '''@njit(**IN_ORDER)
-def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
+def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
     """Add the force and the moment that a body's shapes ask for beyond those of the rigid body, and every shape's own.
 
     w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes. Coordinates begin at q[i], their
-    rates at u[s], accelerations at du[s]; the rows of the shapes at h[r].
+    rates at u[s], accelerations at du[s]; the rows of the shapes at h[r]. Room at room[z]: two numbers for each shape.
     """
     {reads}
     {factors}
@@ -295,9 +300,10 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
     {whole}
 '''
 _INERTIA = '''@njit(**IN_ORDER)
-def shaped_inertia(p, o, count, q, i, out, n):
+def shaped_inertia(p, o, count, q, i, out, n, room, z):
     """Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
-    them to it, (6, count), and their own, (count, count), all row by row."""
+    them to it, (6, count), and their own, (count, count), all row by row. Room at room[z]: two numbers for each shape.
+    """
     coupling, modal = n + 36, n + 36 + 6 * count
     {ends}
     for j in range(count * count):

@@ -4,7 +4,8 @@ Format 3, SymPy 1.14; made by: make derive
 
 A particle at r of the body is at p = r + N_j q_j + G_jk q_j q_k / 2 in its axes. Sums over the mass, of a shape: P of N
 and H of r x N, momentum per rate; J of (r.N) 1 - sym(r N^T), half of what the moment of inertia grows by; stiffness K.
-Of a pair: P, H and J, by which those of shape j grow with q_k; X of N_k x N_j; M of N_j.N_k; damping C. Shapes of a
+Of a pair: P, H and J, by which those of shape j grow with q_k; X of N_k x N_j; M of N_j.N_k; damping C. Of a pinned
+beam, xi being the distance from its pin: Q of xi times the displacement, and scale xi, the best fit of G_x. Shapes of a
 straight beam are of the kinds u, v, w (displaced along x, y, z) and t (twist), others of kind g.
 
 Numbers of a body from p[o]: how many shapes of each kind but g it has; of every shape in turn SINGLE, then of all pairs
@@ -30,8 +31,8 @@ MOMENTS = ('xx', 'yy', 'zz', 'yz', 'zx', 'xy')  # components of a symmetric matr
 # numbers of a shape by its kind
 SINGLE = {
     'u': ('P_x', 'J_yy', 'K'),
-    'v': ('P_y', 'H_z', 'J_xy', 'K'),
-    'w': ('P_z', 'H_y', 'J_zx', 'K'),
+    'v': ('P_y', 'H_z', 'J_xy', 'Q', 'K'),
+    'w': ('P_z', 'H_y', 'J_zx', 'Q', 'K'),
     't': ('H_x', 'J_yz', 'K'),
     'g': ('P_x', 'P_y', 'P_z', 'H_x', 'H_y', 'H_z', 'J_xx', 'J_yy', 'J_zz', 'J_yz', 'J_zx', 'J_xy', 'K'),
 }
@@ -42,16 +43,16 @@ PAIR = {
     'uv': ('H_z',),
     'uw': ('H_y',),
     'vu': ('H_z',),
-    'vv': ('P_x', 'J_xx', 'J_yy', 'M', 'C'),
+    'vv': ('P_x', 'J_xx', 'J_yy', 'M', 'scale', 'C'),
     'vw': ('H_x', 'X_x', 'J_yz'),
     'vt': ('H_y', 'X_y'),
     'wu': ('H_y',),
     'wv': ('H_x', 'X_x', 'J_yz'),
-    'ww': ('P_x', 'J_xx', 'J_yy', 'M', 'C'),
+    'ww': ('P_x', 'J_xx', 'J_yy', 'M', 'scale', 'C'),
     'wt': ('H_z', 'X_z'),
     'tv': ('H_y', 'X_y'),
     'tw': ('H_z', 'X_z'),
-    'tt': ('P_x', 'J_yy', 'J_zz', 'M', 'C'),
+    'tt': ('P_x', 'J_yy', 'J_zz', 'M', 'scale', 'C'),
     'gg': ('P_x', 'P_y', 'P_z', 'H_x', 'H_y', 'H_z', 'X_x', 'X_y', 'X_z', 'J_xx', 'J_yy', 'J_zz', 'J_yz', 'J_zx', 'J_xy', 'M', 'C'),
 }
 
@@ -59,11 +60,11 @@ IN_ORDER = OPTIONS | {"fastmath": OPTIONS["fastmath"] - {"reassoc"}}  # reordere
 
 
 @njit(**IN_ORDER)
-def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
+def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
     """Add the force and the moment that a body's shapes ask for beyond those of the rigid body, and every shape's own.
 
     w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes. Coordinates begin at q[i], their
-    rates at u[s], accelerations at du[s]; the rows of the shapes at h[r].
+    rates at u[s], accelerations at du[s]; the rows of the shapes at h[r]. Room at room[z]: two numbers for each shape.
     """
     omega_x, omega_y, omega_z = w[k], w[k + 1], w[k + 2]
     a_x, a_y, a_z = w[k + 3], w[k + 4], w[k + 5]
@@ -83,7 +84,8 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
     S_x = I_yy = I_zz = I_zx = I_xy = V_x = h_y = h_z = 0.0
     D_yy = D_zz = D_zx = D_xy = f_x = m_y = m_z = S_y = 0.0
     I_xx = I_yz = V_y = h_x = D_xx = D_yz = f_y = m_x = 0.0
-    S_z = V_z = f_z = 0.0
+    T_y = W_y = g_y = scale = scale_1 = scale_2 = S_z = V_z = 0.0
+    f_z = T_z = W_z = g_z = 0.0
     for j in range(to_u):
         q_j, v_j, b_j, P_x_0, J_yy_0, K_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
         o += 3
@@ -128,10 +130,11 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
         m_z += H_z_vq * b_j + H_z_vv * v_j
     for j in range(to_u, to_v):
         q_j, v_j, b_j, P_y_0, H_z_0, J_xy_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
-        K_0 = p[o + 3]
-        o += 4
+        Q_0, K_0 = p[o + 3], p[o + 4]
+        o += 5
         H_z_uq = H_z_uv = P_x_vq = J_xx_vq = J_yy_vq = P_x_vv = M_vb = C_vv = 0.0
-        H_x_wq = J_yz_wq = H_x_wv = X_x_wv = H_y_tq = H_y_tv = X_y_tv = 0.0
+        scale_vq = scale_vv = H_x_wq = J_yz_wq = H_x_wv = X_x_wv = H_y_tq = H_y_tv = 0.0
+        X_y_tv = 0.0
         for l in range(to_u):
             H_z_l = p[o]
             H_z_uq += H_z_l * q[i + l]
@@ -144,8 +147,11 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
             J_xx_vq += p[o + 1] * q[i + l]
             J_yy_vq += p[o + 2] * q[i + l]
             M_vb += p[o + 3] * du[s + l]
-            C_vv += p[o + 4] * u[s + l]
-            o += 5
+            scale_l = p[o + 4]
+            scale_vq += scale_l * q[i + l]
+            scale_vv += scale_l * u[s + l]
+            C_vv += p[o + 5] * u[s + l]
+            o += 6
         for l in range(to_v, to_w):
             H_x_l = p[o]
             H_x_wq += H_x_l * q[i + l]
@@ -168,6 +174,8 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
             + J_xx_vq * s_xx + J_xy * s_xy + J_yy_vq * s_yy + J_yz_wq * s_yz + J_zx * s_zx + J_zz * s_zz + K_0 * q_j
             + M_vb + P_x_vq * a_x + P_y_0 * a_y + 2.0 * X_x_wv * omega_x + 2.0 * X_y_tv * omega_y
         )
+        room[z + 2 * j] = Q_0
+        room[z + 2 * j + 1] = scale_vq
         S_x += 0.5 * P_x_vq * q_j
         S_y += P_y_0 * q_j
         I_xx += J_xx_vq * q_j
@@ -192,12 +200,19 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
         m_x += H_x_wq * b_j + H_x_wv * v_j
         m_y += H_y_tq * b_j + H_y_tv * v_j
         m_z += H_z * b_j + H_z_uv * v_j
+        T_y += Q_0 * q_j
+        W_y += Q_0 * v_j
+        g_y += Q_0 * b_j
+        scale += 0.5 * q_j * scale_vq
+        scale_1 += scale_vq * v_j
+        scale_2 += b_j * scale_vq + scale_vv * v_j
     for j in range(to_v, to_w):
         q_j, v_j, b_j, P_z_0, H_y_0, J_zx_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
-        K_0 = p[o + 3]
-        o += 4
+        Q_0, K_0 = p[o + 3], p[o + 4]
+        o += 5
         H_y_uq = H_y_uv = H_x_vq = J_yz_vq = H_x_vv = X_x_vv = P_x_wq = J_xx_wq = 0.0
-        J_yy_wq = P_x_wv = M_wb = C_wv = H_z_tq = H_z_tv = X_z_tv = 0.0
+        J_yy_wq = P_x_wv = M_wb = C_wv = scale_wq = scale_wv = H_z_tq = H_z_tv = 0.0
+        X_z_tv = 0.0
         for l in range(to_u):
             H_y_l = p[o]
             H_y_uq += H_y_l * q[i + l]
@@ -217,8 +232,11 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
             J_xx_wq += p[o + 1] * q[i + l]
             J_yy_wq += p[o + 2] * q[i + l]
             M_wb += p[o + 3] * du[s + l]
-            C_wv += p[o + 4] * u[s + l]
-            o += 5
+            scale_l = p[o + 4]
+            scale_wq += scale_l * q[i + l]
+            scale_wv += scale_l * u[s + l]
+            C_wv += p[o + 5] * u[s + l]
+            o += 6
         for l in range(to_w, to_t):
             H_z_l = p[o]
             H_z_tq += H_z_l * q[i + l]
@@ -234,6 +252,8 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
             + J_xx_wq * s_xx + J_xy * s_xy + J_yy_wq * s_yy + J_yz_vq * s_yz + J_zx * s_zx + J_zz * s_zz + K_0 * q_j
             + M_wb + P_x_wq * a_x + P_z_0 * a_z + 2.0 * X_x_vv * omega_x + 2.0 * X_z_tv * omega_z
         )
+        room[z + 2 * j] = Q_0
+        room[z + 2 * j + 1] = scale_wq
         S_x += 0.5 * P_x_wq * q_j
         S_z += P_z_0 * q_j
         I_xx += J_xx_wq * q_j
@@ -258,11 +278,17 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
         m_x += H_x_vq * b_j + H_x_vv * v_j
         m_y += H_y * b_j + H_y_uv * v_j
         m_z += H_z_tq * b_j + H_z_tv * v_j
+        T_z += Q_0 * q_j
+        W_z += Q_0 * v_j
+        g_z += Q_0 * b_j
+        scale += 0.5 * q_j * scale_wq
+        scale_1 += scale_wq * v_j
+        scale_2 += b_j * scale_wq + scale_wv * v_j
     for j in range(to_w, to_t):
         q_j, v_j, b_j, H_x_0, J_yz_0, K_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
         o += 3
         H_y_vq = X_y_vq = H_y_vv = X_y_vv = H_z_wq = X_z_wq = H_z_wv = X_z_wv = 0.0
-        P_x_tq = J_yy_tq = J_zz_tq = P_x_tv = M_tb = C_tv = 0.0
+        P_x_tq = J_yy_tq = J_zz_tq = P_x_tv = M_tb = C_tv = scale_tq = scale_tv = 0.0
         for l in range(to_u, to_v):
             H_y_l = p[o]
             H_y_vq += H_y_l * q[i + l]
@@ -286,8 +312,11 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
             J_yy_tq += p[o + 1] * q[i + l]
             J_zz_tq += p[o + 2] * q[i + l]
             M_tb += p[o + 3] * du[s + l]
-            C_tv += p[o + 4] * u[s + l]
-            o += 5
+            scale_l = p[o + 4]
+            scale_tq += scale_l * q[i + l]
+            scale_tv += scale_l * u[s + l]
+            C_tv += p[o + 5] * u[s + l]
+            o += 6
         J_zx = -0.5 * H_y_vq + X_y_vq
         J_xy = 0.5 * H_z_wq - X_z_wq
         h[r + j] += (
@@ -295,6 +324,7 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
             + J_yz_0 * s_yz + J_zx * s_zx + J_zz_tq * s_zz + K_0 * q_j + M_tb + P_x_tq * a_x
             + 2.0 * X_y_vv * omega_y + 2.0 * X_z_wv * omega_z
         )
+        room[z + 2 * j + 1] = scale_tq
         S_x += 0.5 * P_x_tq * q_j
         I_yy += J_yy_tq * q_j
         I_zz += J_zz_tq * q_j
@@ -314,6 +344,9 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
         m_x += H_x_0 * b_j
         m_y += H_y_vq * b_j + H_y_vv * v_j
         m_z += H_z_wq * b_j + H_z_wv * v_j
+        scale += 0.5 * q_j * scale_tq
+        scale_1 += scale_tq * v_j
+        scale_2 += b_j * scale_tq + scale_tv * v_j
     for j in range(to_t, to_g):
         q_j, v_j, b_j, P_x_0, P_y_0, P_z_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
         H_x_0, H_y_0, H_z_0, J_xx_0, J_yy_0, J_zz_0 = p[o + 3], p[o + 4], p[o + 5], p[o + 6], p[o + 7], p[o + 8]
@@ -397,6 +430,23 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
         m_x += H_x * b_j + H_x_gv * v_j
         m_y += H_y * b_j + H_y_gv * v_j
         m_z += H_z * b_j + H_z_gv * v_j
+    R = -T_y * (epsilon_z + 0.5 * s_xy) + T_z * (epsilon_y - 0.5 * s_zx) - 2.0 * W_y * omega_z + 2.0 * W_z * omega_y
+    of_v = 2.0 * omega_z * scale_1 + scale * (epsilon_z - 0.5 * s_xy)
+    of_w = -2.0 * omega_y * scale_1 - scale * (epsilon_y + 0.5 * s_zx)
+    for j in range(to_u, to_v):
+        h[r + j] += room[z + 2 * j] * of_v
+    for j in range(to_v, to_w):
+        h[r + j] += room[z + 2 * j] * of_w
+    for j in range(to_u, to_t):
+        h[r + j] += room[z + 2 * j + 1] * R
+    D_xy -= 0.5 * T_y * scale_1 + 0.5 * W_y * scale
+    D_zx -= 0.5 * T_z * scale_1 + 0.5 * W_z * scale
+    h_y += T_z * scale_1 - W_z * scale
+    h_z -= T_y * scale_1 - W_y * scale
+    m_y += T_z * scale_2 - g_z * scale
+    m_z -= T_y * scale_2 - g_y * scale
+    I_xy -= T_y * scale
+    I_zx -= T_z * scale
     for j in range(to_u, to_v):
         for k in range(to_v, to_w):
             for l in range(to_w, to_t):
@@ -435,9 +485,10 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
 
 
 @njit(**IN_ORDER)
-def shaped_inertia(p, o, count, q, i, out, n):
+def shaped_inertia(p, o, count, q, i, out, n, room, z):
     """Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
-    them to it, (6, count), and their own, (count, count), all row by row."""
+    them to it, (6, count), and their own, (count, count), all row by row. Room at room[z]: two numbers for each shape.
+    """
     coupling, modal = n + 36, n + 36 + 6 * count
     to_u = int(p[o])
     to_v = to_u + int(p[o + 1])
@@ -448,7 +499,7 @@ def shaped_inertia(p, o, count, q, i, out, n):
     for j in range(count * count):
         out[modal + j] = 0.0
     S_x = S_y = S_z = I_xx = I_yy = I_zz = I_yz = I_zx = 0.0
-    I_xy = 0.0
+    I_xy = T_y = T_z = scale = 0.0
     for j in range(to_u):
         q_j, P_x_0, J_yy_0 = q[i + j], p[o], p[o + 1]
         o += 3
@@ -479,9 +530,9 @@ def shaped_inertia(p, o, count, q, i, out, n):
         I_zx += J_zx * q_j
         I_xy += J_xy * q_j
     for j in range(to_u, to_v):
-        q_j, P_y_0, H_z_0, J_xy_0 = q[i + j], p[o], p[o + 1], p[o + 2]
-        o += 4
-        H_z_uq = P_x_vq = J_xx_vq = J_yy_vq = H_x_wq = J_yz_wq = H_y_tq = 0.0
+        q_j, P_y_0, H_z_0, J_xy_0, Q_0 = q[i + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        o += 5
+        H_z_uq = P_x_vq = J_xx_vq = J_yy_vq = scale_vq = H_x_wq = J_yz_wq = H_y_tq = 0.0
         for l in range(to_u):
             H_z_uq += p[o] * q[i + l]
             o += 1
@@ -490,8 +541,9 @@ def shaped_inertia(p, o, count, q, i, out, n):
             J_xx_vq += p[o + 1] * q[i + l]
             J_yy_vq += p[o + 2] * q[i + l]
             M_l = p[o + 3]
+            scale_vq += p[o + 4] * q[i + l]
             out[modal + count * j + l] = M_l
-            o += 5
+            o += 6
         for l in range(to_v, to_w):
             H_x_wq += p[o] * q[i + l]
             J_yz_wq += p[o + 2] * q[i + l]
@@ -509,6 +561,8 @@ def shaped_inertia(p, o, count, q, i, out, n):
         out[coupling + 3 * count + j] = H_x_wq
         out[coupling + 4 * count + j] = H_y_tq
         out[coupling + 5 * count + j] = H_z
+        room[z + 2 * j] = Q_0
+        room[z + 2 * j + 1] = scale_vq
         S_x += 0.5 * P_x_vq * q_j
         S_y += P_y_0 * q_j
         I_xx += J_xx_vq * q_j
@@ -517,10 +571,12 @@ def shaped_inertia(p, o, count, q, i, out, n):
         I_yz += J_yz_wq * q_j
         I_zx += J_zx * q_j
         I_xy += q_j * (J_xy + J_xy_0)
+        T_y += Q_0 * q_j
+        scale += 0.5 * q_j * scale_vq
     for j in range(to_v, to_w):
-        q_j, P_z_0, H_y_0, J_zx_0 = q[i + j], p[o], p[o + 1], p[o + 2]
-        o += 4
-        H_y_uq = H_x_vq = J_yz_vq = P_x_wq = J_xx_wq = J_yy_wq = H_z_tq = 0.0
+        q_j, P_z_0, H_y_0, J_zx_0, Q_0 = q[i + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        o += 5
+        H_y_uq = H_x_vq = J_yz_vq = P_x_wq = J_xx_wq = J_yy_wq = scale_wq = H_z_tq = 0.0
         for l in range(to_u):
             H_y_uq += p[o] * q[i + l]
             o += 1
@@ -533,8 +589,9 @@ def shaped_inertia(p, o, count, q, i, out, n):
             J_xx_wq += p[o + 1] * q[i + l]
             J_yy_wq += p[o + 2] * q[i + l]
             M_l = p[o + 3]
+            scale_wq += p[o + 4] * q[i + l]
             out[modal + count * j + l] = M_l
-            o += 5
+            o += 6
         for l in range(to_w, to_t):
             H_z_tq += p[o] * q[i + l]
             o += 2
@@ -548,6 +605,8 @@ def shaped_inertia(p, o, count, q, i, out, n):
         out[coupling + 3 * count + j] = H_x_vq
         out[coupling + 4 * count + j] = H_y
         out[coupling + 5 * count + j] = H_z_tq
+        room[z + 2 * j] = Q_0
+        room[z + 2 * j + 1] = scale_wq
         S_x += 0.5 * P_x_wq * q_j
         S_z += P_z_0 * q_j
         I_xx += J_xx_wq * q_j
@@ -556,10 +615,12 @@ def shaped_inertia(p, o, count, q, i, out, n):
         I_yz += J_yz_vq * q_j
         I_zx += q_j * (J_zx + J_zx_0)
         I_xy += J_xy * q_j
+        T_z += Q_0 * q_j
+        scale += 0.5 * q_j * scale_wq
     for j in range(to_w, to_t):
         q_j, H_x_0, J_yz_0 = q[i + j], p[o], p[o + 1]
         o += 3
-        H_y_vq = X_y_vq = H_z_wq = X_z_wq = P_x_tq = J_yy_tq = J_zz_tq = 0.0
+        H_y_vq = X_y_vq = H_z_wq = X_z_wq = P_x_tq = J_yy_tq = J_zz_tq = scale_tq = 0.0
         for l in range(to_u, to_v):
             H_y_vq += p[o] * q[i + l]
             X_y_vq += p[o + 1] * q[i + l]
@@ -573,8 +634,9 @@ def shaped_inertia(p, o, count, q, i, out, n):
             J_yy_tq += p[o + 1] * q[i + l]
             J_zz_tq += p[o + 2] * q[i + l]
             M_l = p[o + 3]
+            scale_tq += p[o + 4] * q[i + l]
             out[modal + count * j + l] = M_l
-            o += 5
+            o += 6
         J_zx = -0.5 * H_y_vq + X_y_vq
         J_xy = 0.5 * H_z_wq - X_z_wq
         out[coupling + j] = P_x_tq
@@ -583,12 +645,14 @@ def shaped_inertia(p, o, count, q, i, out, n):
         out[coupling + 3 * count + j] = H_x_0
         out[coupling + 4 * count + j] = H_y_vq
         out[coupling + 5 * count + j] = H_z_wq
+        room[z + 2 * j + 1] = scale_tq
         S_x += 0.5 * P_x_tq * q_j
         I_yy += J_yy_tq * q_j
         I_zz += J_zz_tq * q_j
         I_yz += 2.0 * J_yz_0 * q_j
         I_zx += J_zx * q_j
         I_xy += J_xy * q_j
+        scale += 0.5 * q_j * scale_tq
     for j in range(to_t, to_g):
         q_j, P_x_0, P_y_0, P_z_0, H_x_0, H_y_0 = q[i + j], p[o], p[o + 1], p[o + 2], p[o + 3], p[o + 4]
         H_z_0, J_xx_0, J_yy_0, J_zz_0, J_yz_0, J_zx_0 = p[o + 5], p[o + 6], p[o + 7], p[o + 8], p[o + 9], p[o + 10]
@@ -639,6 +703,15 @@ def shaped_inertia(p, o, count, q, i, out, n):
         I_yz += q_j * (J_yz + J_yz_0)
         I_zx += q_j * (J_zx + J_zx_0)
         I_xy += q_j * (J_xy + J_xy_0)
+    for j in range(to_u, to_v):
+        out[coupling + 5 * count + j] += scale * room[z + 2 * j]
+    for j in range(to_v, to_w):
+        out[coupling + 4 * count + j] -= scale * room[z + 2 * j]
+    for j in range(to_u, to_t):
+        out[coupling + 4 * count + j] += room[z + 2 * j + 1] * T_z
+        out[coupling + 5 * count + j] -= room[z + 2 * j + 1] * T_y
+    I_xy -= T_y * scale
+    I_zx -= T_z * scale
     out[n + 4] += S_z
     out[n + 5] -= S_y
     out[n + 9] -= S_z
@@ -675,7 +748,8 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
     to_g = count
     o += 4
     kinetic = strain = lost = S_x = S_y = S_z = I_xx = I_yy = 0.0
-    I_zz = I_yz = I_zx = I_xy = 0.0
+    I_zz = I_yz = I_zx = I_xy = scale = scale_1 = T_y = T_z = 0.0
+    W_y = W_z = 0.0
     for j in range(to_u):
         q_j, v_j, P_x_0, J_yy_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2]
         o += 3
@@ -704,10 +778,11 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         I_zx += J_zx * q_j
         I_xy += J_xy * q_j
     for j in range(to_u, to_v):
-        q_j, v_j, P_y_0, H_z_0, J_xy_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
-        o += 4
-        H_z_uq = P_x_vq = J_xx_vq = J_yy_vq = M_vv = C_vv = H_x_wq = J_yz_wq = 0.0
-        H_y_tq = 0.0
+        q_j, v_j, P_y_0, H_z_0, J_xy_0, Q_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        K_0 = p[o + 4]
+        o += 5
+        H_z_uq = P_x_vq = J_xx_vq = J_yy_vq = M_vv = C_vv = scale_vq = H_x_wq = 0.0
+        J_yz_wq = H_y_tq = 0.0
         for l in range(to_u):
             H_z_uq += p[o] * q[i + l]
             o += 1
@@ -716,8 +791,9 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
             J_xx_vq += p[o + 1] * q[i + l]
             J_yy_vq += p[o + 2] * q[i + l]
             M_vv += p[o + 3] * u[s + l]
-            C_vv += p[o + 4] * u[s + l]
-            o += 5
+            scale_vq += p[o + 4] * q[i + l]
+            C_vv += p[o + 5] * u[s + l]
+            o += 6
         for l in range(to_v, to_w):
             H_x_wq += p[o] * q[i + l]
             J_yz_wq += p[o + 2] * q[i + l]
@@ -742,11 +818,16 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         I_yz += J_yz_wq * q_j
         I_zx += J_zx * q_j
         I_xy += q_j * (J_xy + J_xy_0)
+        T_y += Q_0 * q_j
+        W_y += Q_0 * v_j
+        scale += 0.5 * q_j * scale_vq
+        scale_1 += scale_vq * v_j
     for j in range(to_v, to_w):
-        q_j, v_j, P_z_0, H_y_0, J_zx_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
-        o += 4
+        q_j, v_j, P_z_0, H_y_0, J_zx_0, Q_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        K_0 = p[o + 4]
+        o += 5
         H_y_uq = H_x_vq = J_yz_vq = P_x_wq = J_xx_wq = J_yy_wq = M_wv = C_wv = 0.0
-        H_z_tq = 0.0
+        scale_wq = H_z_tq = 0.0
         for l in range(to_u):
             H_y_uq += p[o] * q[i + l]
             o += 1
@@ -759,8 +840,9 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
             J_xx_wq += p[o + 1] * q[i + l]
             J_yy_wq += p[o + 2] * q[i + l]
             M_wv += p[o + 3] * u[s + l]
-            C_wv += p[o + 4] * u[s + l]
-            o += 5
+            scale_wq += p[o + 4] * q[i + l]
+            C_wv += p[o + 5] * u[s + l]
+            o += 6
         for l in range(to_w, to_t):
             H_z_tq += p[o] * q[i + l]
             o += 2
@@ -781,11 +863,15 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         I_yz += J_yz_vq * q_j
         I_zx += q_j * (J_zx + J_zx_0)
         I_xy += J_xy * q_j
+        T_z += Q_0 * q_j
+        W_z += Q_0 * v_j
+        scale += 0.5 * q_j * scale_wq
+        scale_1 += scale_wq * v_j
     for j in range(to_w, to_t):
         q_j, v_j, H_x_0, J_yz_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2]
         o += 3
         H_y_vq = X_y_vq = H_z_wq = X_z_wq = P_x_tq = J_yy_tq = J_zz_tq = M_tv = 0.0
-        C_tv = 0.0
+        C_tv = scale_tq = 0.0
         for l in range(to_u, to_v):
             H_y_vq += p[o] * q[i + l]
             X_y_vq += p[o + 1] * q[i + l]
@@ -799,8 +885,9 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
             J_yy_tq += p[o + 1] * q[i + l]
             J_zz_tq += p[o + 2] * q[i + l]
             M_tv += p[o + 3] * u[s + l]
-            C_tv += p[o + 4] * u[s + l]
-            o += 5
+            scale_tq += p[o + 4] * q[i + l]
+            C_tv += p[o + 5] * u[s + l]
+            o += 6
         J_zx = -0.5 * H_y_vq + X_y_vq
         J_xy = 0.5 * H_z_wq - X_z_wq
         kinetic += v_j * (H_x_0 * omega_x + H_y_vq * omega_y + H_z_wq * omega_z + 0.5 * M_tv + P_x_tq * v_x)
@@ -812,6 +899,8 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         I_yz += 2.0 * J_yz_0 * q_j
         I_zx += J_zx * q_j
         I_xy += J_xy * q_j
+        scale += 0.5 * q_j * scale_tq
+        scale_1 += scale_tq * v_j
     for j in range(to_t, to_g):
         q_j, v_j, P_x_0, P_y_0, P_z_0, H_x_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
         H_y_0, H_z_0, J_xx_0, J_yy_0, J_zz_0, J_yz_0 = p[o + 4], p[o + 5], p[o + 6], p[o + 7], p[o + 8], p[o + 9]
@@ -861,6 +950,9 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         I_yz += q_j * (J_yz + J_yz_0)
         I_zx += q_j * (J_zx + J_zx_0)
         I_xy += q_j * (J_xy + J_xy_0)
+    kinetic += omega_y * (T_z * scale_1 - W_z * scale) - omega_z * (T_y * scale_1 - W_y * scale)
+    I_xy -= T_y * scale
+    I_zx -= T_z * scale
     for j in range(to_u, to_v):
         for k in range(to_v, to_w):
             for l in range(to_w, to_t):

@@ -26,7 +26,7 @@ DIFFERENT = {
     ("engine-elastic-crank", "coupled"): TRUNCATED,
     ("engine-block", "quasistatic"): RATES, ("elastic-double-pendulum", "quasistatic"): RATES,
     ("engine-block", "linear"): PERIODIC, ("engine-block", "stiffened"): PERIODIC,
-    ("four-bar", "coupled"): "rejected in space at t = 0.0147 s: twist of a bent link lacks inertia of higher order",
+    ("four-bar", "coupled"): "no periodic state in space: its independent speeds are nearly dependent at t = 0.042 s",
     ("slider-crank-150", "coupled"): "the rod's axial vibration after the start, which neither run resolves",
     ("slider-crank-150-coupled", "coupled"): "the same scene",
     ("two-link-arm", "stiffened"): DAMPING, ("two-link-arm", "coupled"): DAMPING,

@@ -185,12 +185,12 @@ def test_a_cube_of_several_shapes(count):
     for _ in range(3):
         q, v, b = MOTIONS.uniform(-1, 1, (3, count))
         w = MOTIONS.uniform(-1, 1, 9)
-        found, size = np.zeros(6 + count), 36 + 6 * count
+        found, size, room = np.zeros(6 + count), 36 + 6 * count, np.zeros(2 * count)
         spatial.demand(p, 0, w, 0, found, 0)
-        spatial_shapes.shaped_demand(p, 10, count, w, 0, q, 0, v, 0, b, found, 0, found, 6)
+        spatial_shapes.shaped_demand(p, 10, count, w, 0, q, 0, v, 0, b, found, 0, found, 6, room, 0)
         matrix = np.zeros(size + count**2)
         spatial.inertia(p, 0, matrix, 0)
-        spatial_shapes.shaped_inertia(p, 10, count, q, 0, matrix, 0)
+        spatial_shapes.shaped_inertia(p, 10, count, q, 0, matrix, 0, room, 0)
         couples = matrix[36:size].reshape(6, count)
         whole = np.block([[matrix[:36].reshape(6, 6), couples], [couples.T, matrix[size:].reshape(count, count)]])
         forces, mass = cube_by_hand(dm, N, G, q, v, b, w.reshape(3, 3))

@@ -65,7 +65,7 @@ def demand(m):
         laws.demand(m.p, own, x, 0, x, 9)
         if m.nodes[n, KIND] == SHAPES:
             q, u, shapes = m.nodes[n, COORDINATE], m.nodes[n, SPEED], m.nodes[n, COUNT]
-            shape_laws.shaped_demand(m.p, own + _OWN, shapes, x, 0, m.q, q, m.u, u, m.du, x, 9, m.h, u)
+            shape_laws.shaped_demand(m.p, own + _OWN, shapes, x, 0, m.q, q, m.u, u, m.du, x, 9, m.h, u, x, 15)
         m.F[n] = joined(turned(m.R, 3 * n, m.x3[3]), turned(m.R, 3 * n, m.x3[4]))
     _act(m)
     for n in range(m.counts[NODES]):
@@ -98,7 +98,8 @@ def _own_inertia(m, n):
     laws.inertia(m.p, m.nodes[n, BODY], m.x, 0)
     if m.nodes[n, KIND] == SHAPES:
         shapes, q = m.nodes[n, COUNT], m.nodes[n, COORDINATE]
-        shape_laws.shaped_inertia(m.p, m.nodes[n, BODY] + _OWN, shapes, m.q, q, m.x, 0)
+        room = 36 + (6 + shapes) * shapes
+        shape_laws.shaped_inertia(m.p, m.nodes[n, BODY] + _OWN, shapes, m.q, q, m.x, 0, m.x, room)
 
 
 @njit(**OPTIONS)

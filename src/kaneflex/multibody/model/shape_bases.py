@@ -225,7 +225,7 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
         own = _of_kind(link, rows, static, wanted + (len(loose) if not static else 0))
         found.append(own[:, still:])
     counts = tuple(own.shape[1] for own in found)
-    return Shapes(scene, link, np.hstack(found), counts, x, most)
+    return Shapes(scene, link, np.hstack(found), counts, x, most, bool(freed))
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:

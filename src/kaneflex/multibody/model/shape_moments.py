@@ -28,6 +28,9 @@ class ShapeMoments:
         Of G dm [kg/m].
     r_G : ndarray (3, 3, count, count)
         Of r G dm [kg].
+    line : tuple or None
+        Of a straight beam along x that is pinned: place of the pin [m], and integral of its squared distance [kg m^2];
+        None of other bodies.
     """
 
     N: np.ndarray
@@ -35,6 +38,7 @@ class ShapeMoments:
     N_N: np.ndarray
     G: np.ndarray
     r_G: np.ndarray
+    line: tuple[float, float] | None = None
 
     def numbers(
         self, counts: Sequence[int], stiffness: np.ndarray, damping: np.ndarray, cubic: np.ndarray
@@ -48,7 +52,8 @@ class ShapeMoments:
         count = self.N.shape[1]
         ends = np.cumsum([0, *counts, count - sum(counts)])
         of_kind = {kind: np.arange(*ends[k : k + 2]) for k, kind in enumerate(KINDS)}
-        single, pair = self._sums | {"K": np.diag(stiffness)}, self._growth | {"C": damping}
+        Q, scale = self._shortening
+        single, pair = self._sums | {"Q": Q, "K": np.diag(stiffness)}, self._growth | {"scale": scale, "C": damping}
         found = [np.array(counts, float)]
         for kind, shapes in of_kind.items():
             for j in shapes:
@@ -65,6 +70,15 @@ class ShapeMoments:
     def _sums(self) -> dict[str, np.ndarray]:
         """Sums of every shape by their names, (count,)."""
         return _named("P", self.N) | _named("H", _cross(self.r_N)) | _named("J", _inertia(self.r_N))
+
+    @property
+    def _shortening(self) -> tuple[np.ndarray, np.ndarray]:
+        """Integrals of a pinned beam's shapes times the distance xi from the pin, (count,), and factors of xi that
+        fit G_x best, (count, count)."""
+        if self.line is None:
+            return np.zeros(self.N.shape[1]), np.zeros(self.G.shape[1:])
+        at, square = self.line
+        return (self.r_N[0] - at * self.N).sum(axis=0), (self.r_G[0, 0] - at * self.G[0]) / square
 
     @property
     def _growth(self) -> dict[str, np.ndarray]:

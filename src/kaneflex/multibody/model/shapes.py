@@ -43,6 +43,8 @@ class Shapes:
         the mean over its mass.
     most : int
         Modes of bending that the elements of a link in space have in either plane, beside the static shapes.
+    pinned : bool
+        True if the axes of a link in space follow the section at ``held`` about some axes, the mean about others.
     """
 
     scene: Scene
@@ -51,6 +53,7 @@ class Shapes:
     counts: tuple[int, ...]
     held: float | None
     most: int = 0
+    pinned: bool = False
 
     @property
     def count(self) -> int:
@@ -130,7 +133,8 @@ class Shapes:
             N_N += np.einsum("g,gaj,gbl->abjl", w, of, of)
             r_N[k], r_G[k] = np.einsum("g,gaj->aj", w, of), np.einsum("g,gajl->ajl", w, of_pairs)
         G = _along(np.einsum("g,gjl->jl", dm, apart))
-        return ShapeMoments(np.einsum("g,gaj->aj", dm, N), r_N, N_N, G, r_G)
+        line = (self.held, float(dm @ (x - self.held) ** 2)) if self.pinned and self.held is not None else None
+        return ShapeMoments(np.einsum("g,gaj->aj", dm, N), r_N, N_N, G, r_G, line)
 
     @cached_property
     def stiffness(self) -> np.ndarray:
