@@ -26,7 +26,8 @@ The pipeline, one file a stage:
     space       Kane's equations of a free body in space, and what joints and springs do there: spatial_text()
     body_equations  a body in the plane: its equations in space, restricted
     body_kinds  kinds of shapes and the sums over the mass that each requires; body_loops prints loops over them
-    body_space  bodies in space that deform, printed by kinds of shapes: spatial_shapes_text(); body_shortening: of pinned beams
+    body_space  bodies in space that deform, printed by kinds of shapes: spatial_shapes_text()
+    body_shortening  inertia that foreshortening adds to twist, for beams in space
     body_plane  the same kernels in the plane, and those of a point: body_text()
     spatial_module    drives and loads of a scene in space: generate_spatial(scene) -> text
     coupled_module  a structure's part in the coupled equations: generate_coupled(scene, counts, structure) -> text
