@@ -183,7 +183,7 @@ def test_the_journal_is_drawn_in_its_circle(loose, drawn):
 
 def test_a_block_is_drawn_between_its_faces(rig, drawn):
     axes = panels(drawn["clearance_bore"])
-    path = axes["Place across the guide over the tilt"]
+    path = axes["Position across the guide over the tilt"]
     rhombus = path.patches[0].get_xy()
     assert np.abs(rhombus).max(axis=0) == pytest.approx([1e3 * 5e-5 / 0.03, 0.05])
     tilt, place = lines(path)["path of the block"].get_data()
