@@ -146,15 +146,15 @@ def _shaped(m, n, row, q):
 
 
 @njit(**OPTIONS)
-def _bent(m, n, q, v):
-    """Vector G q v of a station."""
+def _bent(m, n, u):
+    """Vector G u u of a station."""
     apart()
     count, x = m.nodes[n, COUNT], (0.0, 0.0, 0.0)
     o, square = m.nodes[n, AT] + 6 * count, count * count
     for i in range(count):
-        for j in range(count):
-            at = o + count * i + j
-            x = axpy(q[i] * v[j], (m.p[at], m.p[at + square], m.p[at + 2 * square]), x)
+        for j in range(i + 1):  # G is symmetric
+            at, share = o + count * i + j, (1.0 if i == j else 2.0) * u[i] * u[j]
+            x = axpy(share, (m.p[at], m.p[at + square], m.p[at + 2 * square]), x)
     return x
 
 
@@ -176,32 +176,39 @@ def _of_x(m, k, a):
 
 @njit(**OPTIONS)
 def _deform(m, n):
-    """Rotate a station by theta = psi q, and return its displacement N q + 1/2 G q q."""
+    """Rotate a station by theta = psi q, and return its displacement N q + 1/2 G q q.
+
+    Its velocity for a unit of every shape, as G is symmetric N_j + G_jk q_k, is stored in the body's axes.
+    """
     apart()
-    q, base = after(m.q, m.nodes[n, COORDINATE]), 3 * m.nodes[n, PARENT]
+    count, o, q, base = m.nodes[n, COUNT], m.nodes[n, AT], after(m.q, m.nodes[n, COORDINATE]), 3 * m.nodes[n, PARENT]
     _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
     for i in range(3):
         a, b, c = m.R[base + i]
         m.R[3 * n + i] = (a * m.x[6] + b * m.x[9] + c * m.x[12], a * m.x[7] + b * m.x[10] + c * m.x[13],
                           a * m.x[8] + b * m.x[11] + c * m.x[14])  # fmt: skip
-    return turned(m.R, base, axpy(0.5, _bent(m, n, q, q), _shaped(m, n, 0, q)))
+    square, phi, nothing = count * count, after(m.phi, m.nodes[n, ROW_OF]), (0.0, 0.0, 0.0)
+    moved = nothing
+    for j in range(count):
+        N = v = m.p[o + j], m.p[o + count + j], m.p[o + 2 * count + j]
+        for s in range(count):
+            at = o + count * (6 + j) + s
+            v = axpy(q[s], (m.p[at], m.p[at + square], m.p[at + 2 * square]), v)
+        phi[j] = joined(v, nothing)
+        moved = axpy(0.5 * q[j], plus(N, v), moved)
+    return turned(m.R, base, moved)
 
 
 @njit(**OPTIONS)
 def _station_twists(m, n):
-    """Twist of a station for a unit of every shape of its body: as G is symmetric N_j + G_jk q_k, and T psi_j."""
+    """Global twist of a station for a unit of every shape of its body, after :func:`_deform`; of rotations T psi_j."""
     apart()
-    count, o, base = m.nodes[n, COUNT], m.nodes[n, AT], 3 * m.nodes[n, PARENT]
-    q, square, phi = after(m.q, m.nodes[n, COORDINATE]), count * count, after(m.phi, m.nodes[n, ROW_OF])
-    _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
+    count, o, base, phi = m.nodes[n, COUNT], m.nodes[n, AT], 3 * m.nodes[n, PARENT], after(m.phi, m.nodes[n, ROW_OF])
+    _section(m, _shaped(m, n, 3, after(m.q, m.nodes[n, COORDINATE])), (0.0, 0.0, 0.0))
     for j in range(count):
-        v = m.p[o + j], m.p[o + count + j], m.p[o + 2 * count + j]
-        for s in range(count):
-            at = o + count * (6 + j) + s
-            v = axpy(q[s], (m.p[at], m.p[at + square], m.p[at + 2 * square]), v)
         at = o + 3 * count + j
         omega = _of_x(m, 15, (m.p[at], m.p[at + count], m.p[at + 2 * count]))
-        phi[j] = joined(turned(m.R, base, v), turned(m.R, base, omega))
+        phi[j] = joined(turned(m.R, base, first(phi[j])), turned(m.R, base, omega))
 
 
 @njit(**OPTIONS)
@@ -364,15 +371,11 @@ def accelerate(m):
 def _station_accelerations(m, n):
     """Velocity, acceleration, angular velocity and acceleration of a station relative to its body's axes, global."""
     apart()
-    i, s, base = m.nodes[n, COORDINATE], m.nodes[n, SPEED], 3 * m.nodes[n, PARENT]
-    q, u, du = after(m.q, i), after(m.u, s), after(m.du, s)
-    rate, faster = _shaped(m, n, 3, u), _shaped(m, n, 3, du)
-    _section(m, _shaped(m, n, 3, q), rate)
-    moved = plus(_shaped(m, n, 0, u), _bent(m, n, q, u))
-    moving = plus(_shaped(m, n, 0, du), plus(_bent(m, n, q, du), _bent(m, n, u, u)))
-    turning = plus(_of_x(m, 15, faster), (m.x[24], m.x[25], m.x[26]))
-    return (turned(m.R, base, moved), turned(m.R, base, moving),
-            turned(m.R, base, _of_x(m, 15, rate)), turned(m.R, base, turning))  # fmt: skip
+    u, base = after(m.u, m.nodes[n, SPEED]), 3 * m.nodes[n, PARENT]
+    twist, faster = relative(m, n, m.u), relative(m, n, m.du)
+    _section(m, _shaped(m, n, 3, after(m.q, m.nodes[n, COORDINATE])), _shaped(m, n, 3, u))
+    growing = turned(m.R, base, _bent(m, n, u)), turned(m.R, base, (m.x[24], m.x[25], m.x[26]))
+    return first(twist), plus(first(faster), growing[0]), last(twist), plus(last(faster), growing[1])
 
 
 @njit(**OPTIONS)
