@@ -245,7 +245,7 @@ BAD = {
     "half a table": (
         'period = "720 deg"', 'period = "1440 deg"',
         "loads.gas.table = '{folder}/gas.csv': the table covers 0.5 of its period. "
-        "Cover the period once, with or without its first row again at the end."),
+        "Cover the period once, with or without its first row repeated at the end."),
     "period in seconds": (
         'period = "720 deg"', 'period = "1 s"',
         "loads.gas.period = '1 s': 's' is not a unit of angle. "
@@ -663,7 +663,7 @@ def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
      "joints.wrist = 'rod.ear': the point lies off the axis of rod. "
      "Move the point onto the axis, between start and end, or join a rigid body there."),
     ("engine", ["bodies.piston={length=0.05, beam={material='steel', I='7008 mm^4'}}"],
-     "joints.bore = 'piston': an elastic body on a guide is not available yet. "
+     "joints.bore = 'piston': an elastic body on a guide is not supported. "
      "Join it to a guided rigid body by a revolute joint or a weld, or use preset rigid."),
     ("engine-elastic-crank", ["springs={coil={torsional_at='main', stiffness=1}}", "solve.preset=paper"],
      "springs.coil = 'main': in preset paper elastic bodies rotate freely at a drive. "

@@ -196,7 +196,7 @@ def test_a_block_is_drawn_between_its_faces(rig, drawn):
 def test_records_shade_the_zones_of_impacts(rig, drawn):
     axes = panels(drawn["records"])
     assert set(axes) == {
-        READ, "Accelerations", "Position", "Place in a clearance", "Axial force, tension positive",
+        READ, "Accelerations", "Position", "Position in a clearance", "Axial force, tension positive",
         "Contact forces",
     }  # fmt: skip
     for panel in axes.values():

@@ -93,7 +93,7 @@ def test_panels_have_titles_units_and_legends(explorer):
     assert len(panels) == 3
     for axes in panels:
         assert axes.get_title(loc="left") and axes.get_ylabel().endswith("]")
-        assert "pale: the scene as it is" in [text.get_text() for text in axes.get_legend().get_texts()]
+        assert "pale: the unchanged scene" in [text.get_text() for text in axes.get_legend().get_texts()]
     assert panels[-1].get_xlabel() == "crank angle [deg]"
     assert [slider.label.get_text() for slider in explorer.sliders] == ["main.speed", "rod.length"]
 

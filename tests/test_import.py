@@ -255,7 +255,7 @@ def test_files_in_other_axes_tell_the_same_stresses(recovered):
         ({"rod-stress.mtx": "rod-nodes.txt"}, "rod-nodes.txt is not a Matrix Market file"),
         ({"waist=0.066": "waist=66"}, "section waist at 66 is not between the start and the end, at 0.137"),
         ({"waist=0.066": "waist=half"}, "section waist = 'half' is not a distance from the start"),
-        ({"waist=0.066": "end=0.066"}, "a point by nodes is also called end"),
+        ({"waist=0.066": "end=0.066"}, "a point given by nodes has the name end"),
         ({"waist=0.066": "mid=0.066"}, "section mid at 0.066 is not half-way"),
         ({"waist=0.066": "2x=0.066"}, "'2x' is not a name"),
         ({"waist=0.066": "waist"}, "--section 'waist' is not of the form NAME=VALUE"),

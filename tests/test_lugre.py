@@ -183,7 +183,7 @@ def test_damping_that_outweighs_what_presses_is_named_where_a_loop_has_no_force_
     ('bristle_stiffness = "1e5 N/m"', "bristle_stiffness = 0", "bristle_stiffness.*not above zero"),
     ('bristle_stiffness = "1e5 N/m"', 'bristle_stiffness = "3 N m/rad"', "bristle_stiffness"),
     ('preload = "1 N"\nmu_static = 0.05', "", "lugre without mu or preload"),
-    ('stribeck_speed = "0.001 m/s"', "", "mu_static = 0.05 and mu = 0"),
+    ('stribeck_speed = "0.001 m/s"', "", "needs stribeck_speed if mu_static = 0.05 is above mu = 0"),
     ('law = "lugre"', 'law = "stribeck"', "law stribeck does not use it"),
 ])  # fmt: skip
 def test_what_bristles_lack_is_named(written, instead, says):

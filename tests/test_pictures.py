@@ -202,7 +202,7 @@ def test_the_energy_that_is_drawn_is_the_motors_work():
     found = curves(balance)
     factor = {"J": 1.0, "mJ": 1e3}[balance.get_ylabel()[8:-1]]
     assert found["supplied"][1] == pytest.approx(factor * work, abs=1e-4 * factor * work.max())
-    there = found["stored, growth"][1] + found["dissipated"][1]
+    there = found["stored, increase"][1] + found["dissipated"][1]
     assert there == pytest.approx(found["supplied"][1], rel=1e-6, abs=1e-9)
     assert {*curves(stored)} == {"kinetic", "strain, springs"}
     assert not energy.figures(run("four-bar", "solve.steps=144"))

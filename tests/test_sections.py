@@ -283,11 +283,11 @@ BAD = {
     ),
     "segment beyond the end": (
         "segments = {a = {to = 1.5, A = 1, I = 1}, b = {A = 1, I = 1}}",
-        "bodies.arm.beam.segments.a.to = 1.5: the segment reaches the body's end. Leave out to and later segments.",
+        "bodies.arm.beam.segments.a.to = 1.5: the segment reaches the body's end. Leave out `to` and later segments.",
     ),
     "last segment with an end": (
         "segments = {a = {to = 0.5, A = 1, I = 1}}",
-        "bodies.arm.beam.segments.a.to = 0.5: the last segment ends at the body's end. Leave to out.",
+        "bodies.arm.beam.segments.a.to = 0.5: the last segment ends at the body's end. Leave out `to`.",
     ),
 }
 

@@ -128,7 +128,7 @@ def test_a_hostile_name_is_text(name: str) -> None:
         ("mathieu", (), "solve.reduction = 'modal'"),
         ("engine", ("solve.integrator=newmark",), "solve.integrator = 'newmark'"),
         ("engine", ("solve.terms.spin=false",), "solve.terms = 'spin'"),
-        ("engine", ("rod.elements=3",), "sensors.mid_axial = 'rod.mid': the file supports links at their nodes only"),
+        ("engine", ("rod.elements=3",), "sensors.mid_axial = 'rod.mid': --standalone reads links at their nodes only"),
         ("engine", ("loads.gas.interpolation=pchip",), "loads.gas.interpolation = 'pchip'"),
         ("v-engine", (), "the limit is 400"),
     ],

@@ -299,7 +299,7 @@ def test_rates_that_are_not_given_are_those_of_the_rigid_mechanism():
     ("velocities", "message"),
     [
         ({"crank.phi": 5.0, "rocker.phi": "-7 rad/s"}, r"rocker\.phi = '-7 rad/s': with crank\.phi = 5 rad/s the "
-         r"joints make it 1\.04712 rad/s\. Give consistent rates of as many bodies as the mechanism has freedoms"),
+         r"joints make it 1\.04712 rad/s\. Give consistent rates of as many bodies as the mechanism has degrees"),
         ({"coupler.phi": 100.0, "crank.phi": 5.0},
          r"crank\.phi = 5\.0: with coupler\.phi = 100 rad/s the joints make it -513"),
         ({"crank.x": 1.0}, r"crank\.x = 1\.0: joints and drives make it 0 m/s"),

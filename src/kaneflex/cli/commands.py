@@ -120,7 +120,7 @@ def main() -> None:
 
     SCENE is the name of a shipped scene (see `kaneflex list`) or the path of a TOML file. Quantities take units:
     "137 mm", "6000 rpm", 90deg. Lists take commas: --sensors torque,strain. Ranges take a colon:
-    main.speed=2000:6000rpm. --set PATH=VALUE changes an entry of the scene. Exit codes: 0 done, 2 input to correct,
+    main.speed=2000:6000rpm. --set PATH=VALUE changes an entry of the scene. Exit codes: 0 done, 2 wrong input,
     3 the run stopped early, 130 interrupted.
 
     \b

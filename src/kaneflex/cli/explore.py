@@ -21,7 +21,7 @@ from kaneflex.support.terminal import echo
     help="A slider for this entry of the scene, like main.speed=2000:6000rpm or rod.elements=1:8; "
     "limits without a decimal point or a unit give whole numbers. Can be repeated.",
 )  # fmt: skip
-@names_option("--sensors", help="Sensors to show. [default: one of each of the first four kinds]")
+@names_option("--sensors", help="Sensors to show. [default: the first four groups of similar sensors]")
 @output_option("FILE.png", "Write a picture (.png, .svg or .pdf) instead of opening a window.")
 @force_option
 @gathered(asked=SceneArguments)

@@ -122,7 +122,7 @@ def _sections(link: Foreign, given: Mapping[str, float], length: float) -> dict[
     """Further points on the mean line, by their distance from the start [m], with `mid`. Raises Fault."""
     for name, x in given.items():
         if name in link.points:
-            raise Fault(f"a point by nodes is also called {name}", "Give the section another name")
+            raise Fault(f"a point given by nodes has the name {name}, too", "Give the section another name")
         if name == "mid" and abs(length * x - link.length / 2) > OPPOSITE * link.length:
             raise Fault(f"section mid at {x:g} is not half-way", "Give it another name")
         if not 0.0 < length * x < link.length:

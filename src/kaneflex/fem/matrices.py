@@ -42,7 +42,7 @@ triangles."""
 Labels = tuple[np.ndarray, np.ndarray]
 """Number of the node and direction, from 1, of each row."""
 
-_FREE = "Give two or three translations for each node, or six motions, and no constrained ones left out"
+_FREE = "Give two or three translations, or six degrees of freedom, of every node, including constrained ones"
 
 
 def read_matrix(path: str, numbers: np.ndarray, first: str, turning: bool = False) -> csc_array:
@@ -234,7 +234,7 @@ def _output4(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Lab
     if found.shape != (_DIRECTIONS * len(numbers),) * 2:
         raise Fault(
             f"{path} has the shape {found.shape}, with {len(numbers)} nodes",
-            "Give the matrix of all grid points (KGG, MGG), six motions each",
+            "Give the matrix of all grid points (KGG, MGG), six degrees of freedom each",
         )
     return found, _one_after_the_other(np.sort(numbers), _DIRECTIONS)
 

@@ -80,7 +80,7 @@ def read_modes(path: str) -> Modes:
     if not all(np.isfinite(part).all() for part in parts if part is not None):
         raise Fault(f"{path} contains numbers that are not finite", "Export it again")
     if len(np.unique(found.numbers)) < len(found.numbers):
-        raise Fault(f"{path} has two nodes of one number", "Export it again")
+        raise Fault(f"{path} has two nodes with the same number", "Export it again")
     return found
 
 

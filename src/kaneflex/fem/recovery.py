@@ -115,7 +115,7 @@ def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, floa
     count = 6 if link.axes == 3 else 3
     if found.shape != (shape := (count * len(places), len(link.nodes) * link.motions)):
         reason = f"{path} has the shape {found.shape}, with {len(places)} names in {names} not {shape}"
-        raise Fault(reason, f"Give {', '.join(STRESSES[count])} of every place, by all motions of the nodes")
+        raise Fault(reason, f"Give rows {', '.join(STRESSES[count])} for every place, and the columns of the stiffness")
     if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
         raise Fault(f"{path} contains numbers that are not finite", "Export it again")
     length, mass = units

@@ -111,8 +111,8 @@ def changed_speed(entry: str, given: float, found: float) -> SceneError:
     """Error for a given initial speed that the loops change."""
     return SceneError(
         entry, given,
-        f"with the other speeds the loops make it {found:.9g}: one of them locks it, or is in a singular position",
-        "Start near this position, or give initial speeds to as many joints as the mechanism has freedoms",
+        f"the loops and other speeds make it {found:.9g}: a loop locks this joint, or is in a singular position",
+        "Start near this position, or give as many initial speeds as the mechanism has degrees of freedom",
     )  # fmt: skip
 
 

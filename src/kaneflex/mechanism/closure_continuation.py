@@ -64,7 +64,7 @@ def check_free(scene: Scene) -> None:
     if free and len(scene.drives) > 1 and not scene.is_frame and (group := larger_group(mechanism_of(scene))):
         raise SceneError(
             f"drives.{free[0]}", "free",
-            f"the loop of {', '.join(group)}, of more than two bodies, needs a mechanism with this drive alone",
+            f"a free drive must be the only drive, as {', '.join(group)} close a loop of more than two bodies",
             "Use preset coupled, prescribe all drives, or leave the others out",
         )  # fmt: skip
 

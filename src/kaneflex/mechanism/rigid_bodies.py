@@ -92,7 +92,7 @@ def carried_bodies(scene: Scene) -> dict[str, Carried]:
         if len(holders[name]) > 1:
             joints = " and ".join(joint for joint, _, _ in holders[name])
             raise SceneError(
-                f"bodies.{name}", "rigid", f"{joints} connect it to rigid bodies that the links move apart",
+                f"bodies.{name}", "rigid", f"{joints} connect it to rigid bodies that move apart as links deform",
                 "Use preset coupled or rigid, give one of these bodies a beam, or leave one of the joints out",
             )  # fmt: skip
         carried[name] = _carry(scene, holders[name][0], prescribed) if holders[name] else Carried("free", (0.0, 0.0))
@@ -167,6 +167,6 @@ def check_on_axes(scene: Scene) -> None:
         for address in joint.addresses:
             if joint.kind == "prismatic" and address.body in scene.bodies and scene.bodies[address.body].elastic:
                 raise SceneError(
-                    f"joints.{name}", address.body, "an elastic body on a guide is not available yet",
+                    f"joints.{name}", address.body, "an elastic body on a guide is not supported",
                     "Join it to a guided rigid body by a revolute joint or a weld, or use preset rigid",
                 )  # fmt: skip

@@ -193,7 +193,7 @@ def explore(
     vary : sequence of str
         Entries of the scene with their ends: "main.speed=2000:6000rpm", "rod.elements=1:8".
     sensors : sequence of str, optional
-        Sensors to show; by default those of the first four kinds.
+        Sensors to show; by default the first four groups of similar sensors.
     window : bool
         False opens no window and returns its first picture as a Figure.
 

@@ -22,8 +22,8 @@ def figures(solution: Solution) -> dict[str, Figure]:
     page, panels = pages(2, f"Energy, drift {energy.drift:.1e} of the energy that is exchanged{shown.note}", 8.4, 1.9)
     stored = {"kinetic": energy.kinetic, "strain, springs": energy.strain, "weight": energy.weight}
     grown = energy.stored - energy.stored[0]
-    balance = {"stored, growth": grown, "dissipated": energy.dissipated, "supplied": energy.supplied}
-    titles = ("Stored energy", "Since the start: growth of the stored energy + dissipated = supplied energy")
+    balance = {"stored, increase": grown, "dissipated": energy.dissipated, "supplied": energy.supplied}
+    titles = ("Stored energy", "Since the start: increase of the stored energy + dissipated = supplied energy")
     for axes, title, curves in zip(panels, titles, (stored, balance), strict=True):
         curves = {name: values[shown.instants] for name, values in curves.items() if values.any()}
         factor, unit = readable("J", *curves.values())

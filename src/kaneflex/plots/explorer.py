@@ -134,7 +134,7 @@ class Explorer:
                     values = shown.solution.series[name].values[shown.instants]
                     (pale,) = panel.axes.plot(shown.x, values, color=line.get_color(), alpha=0.3, linewidth=0.9)
                     panel.pale[name] = pale, values
-                panel.axes.plot([], [], color=GREY, linewidth=0.9, label="pale: the scene as it is")
+                panel.axes.plot([], [], color=GREY, linewidth=0.9, label="pale: the unchanged scene")
                 legend_beside(panel.axes)
                 panel.draw(shown.x, {})
             shown.label_x(self._panels[-1].axes)

@@ -157,7 +157,7 @@ def _others(solution: Solution) -> list[tuple[str, str, str, list[str], bool]]:
 
     return [
         ("Position", "position", "m", named("position", "m"), False),
-        ("Place in a clearance", "place", "m", named("position", "m", loose=True), False),
+        ("Position in a clearance", "position", "m", named("position", "m", loose=True), False),
         ("Axial force, tension positive", "force", "N", named("axial_force", "N"), True),
         ("Force on the guide", "force", "N", named("joint_force", "N", guided=True), True),
         ("Contact forces", "force", "N", named("contact_force", "N"), False),

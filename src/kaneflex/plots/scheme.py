@@ -107,7 +107,7 @@ def refuse_places(at: Mapping[str, float]) -> None:
     """Raise SceneError where a mechanism in space is to be drawn at another place than its start."""
     for name, place in at.items():
         cure = "Leave it out, or set where the drive starts"
-        raise SceneError("at", f"{name} = {place:.6g}", "a mechanism in space is drawn as it starts", cure)
+        raise SceneError("at", f"{name} = {place:.6g}", "a mechanism in space is drawn at its start", cure)
 
 
 def _draw_flat_views(figure: Figure, scene: Scene, motion: RigidMotion, height: float) -> None:

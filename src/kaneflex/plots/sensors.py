@@ -59,7 +59,7 @@ def grouped(scene: Scene, names: Iterable[str], reach: Mapping[str, float] | Non
         sensor = scene.sensors[name]
         title = _title(sensor)
         if in_clearance(scene, sensor):
-            title = "Angle in a clearance" if sensor.component == "angle" else "Place in a clearance"
+            title = "Angle in a clearance" if sensor.component == "angle" else "Position in a clearance"
         groups.setdefault(title, []).append(name)
     most, panels = len(PALETTE), dict[str, list[str]]()
     for title, all_names in groups.items():

@@ -38,7 +38,7 @@ class Instant(PlainTable):
 
     time_s: float = Field(description="time, s")
     drive_deg: float | None = Field(
-        description="angle of the drive within its cycle, degrees; null if several instants have it"
+        description="angle of the drive within its cycle, degrees; null if it does not identify one instant"
     )
 
 
@@ -96,7 +96,7 @@ class Operations(PlainTable):
 class EnergyBalance(PlainTable):
     """Energies exchanged during the run, J; unless the preset is coupled, those of the rigid mechanism."""
 
-    stored: float = Field(description="growth of kinetic, strain and potential energy")
+    stored: float = Field(description="increase of kinetic, strain and potential energy")
     dissipated: float = Field(description="by damping, in contacts and by friction")
     supplied: float = Field(description="by loads and prescribed drives")
     gap: float = Field(description="largest absolute value of stored + dissipated - supplied")
@@ -114,7 +114,7 @@ class Summary(PlainTable):
     preset: str = Field(description="preset")
     options: dict[str, Any] = Field(description="all options in SI: kaneflex.scene.options.Options")
     elements: dict[str, int] = Field(description="number of elements of each elastic link")
-    outcome: str = Field(description="completed, unstable, singular, no_periodic_state or cascade")
+    outcome: str = Field(description="completed, unstable, singular, no_periodic_state, cascade or paradox")
     message: str = Field(description="the outcome in words, with time and reason")
     solver: str = Field(description="solver of the equations, the reason for its choice, and its residual")
     errors: str = Field(description="reason why there are no error estimates")

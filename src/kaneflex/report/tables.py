@@ -255,15 +255,15 @@ def _rounded(components: np.ndarray) -> str:
 def imported_shapes(data: ModalData) -> tuple[str, dict[str, float]]:
     """Mass, centre and inertia of an imported link, and the frequency [Hz] of each of its shapes alone."""
     a, (mass, centre, inertia) = data.arrays, data.rigid
-    told = f"{1e3 * data.length:.6g} mm from start to end, {mass:.6g} kg, its centre "
+    told = f"{1e3 * data.length:.6g} mm from start to end, {mass:.6g} kg, centre of mass "
     if isinstance(inertia, tuple):
         moved, counts = np.einsum("aajj->j", a["mass_N_N"]), [("shape", len(a["stiffness"]))]
         at, about = (_rounded(of) for of in (1e3 * np.array(centre), np.array(inertia)))
-        told += f"at ({at}) mm, about it ({about}) kg m^2"
+        told += f"at ({at}) mm, moments of inertia about it ({about}) kg m^2"
     else:
         moved = np.concatenate([np.diag(a["mass_s_s"]), np.diag(a["mass_w_w"] + a["inertia_psi_psi"])])
         counts = [("axial", len(a["mass_s"])), ("transverse", len(a["mass_w"]))]
-        told += f"{1e3 * centre[0]:.6g} mm from the start, {inertia:.6g} kg m^2 about it"
+        told += f"{1e3 * centre[0]:.6g} mm from the start, moment of inertia about it {inertia:.6g} kg m^2"
     names = [f"{kind} {k + 1}" for kind, count in counts for k in range(count)]
     frequencies = np.sqrt(a["stiffness"] / moved) / (2 * math.pi)
     return told, dict(zip(names, frequencies.tolist(), strict=True))

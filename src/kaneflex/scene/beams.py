@@ -150,7 +150,7 @@ class Beam(Sectioned):
                 raise Fault(reason, "Give the distance from the body's start", below=f"segments.{name}.to")
             reached = to
         if self.segments[last].to is not None:
-            raise Fault("the last segment ends at the body's end", "Leave to out", below=f"segments.{last}.to")
+            raise Fault("the last segment ends at the body's end", "Leave out `to`", below=f"segments.{last}.to")
         return self
 
     @model_validator(mode="after")

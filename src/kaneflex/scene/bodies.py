@@ -162,7 +162,7 @@ class Body(SceneTable):
         for name, segment in self.beam.segments.items():
             if segment.to is not None and segment.to >= self.length:
                 reason = "the segment reaches the body's end"
-                raise Fault(reason, "Leave out to and later segments", below=f"beam.segments.{name}.to")
+                raise Fault(reason, "Leave out `to` and later segments", below=f"beam.segments.{name}.to")
         if self.beam.has_area:
             expected = self.beam.profile(self.length, self.mass).inertia(self.length).mass
             if abs(self.mass - expected) > _SAME_MASS * expected:

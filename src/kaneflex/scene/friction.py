@@ -87,8 +87,8 @@ class Friction(SceneTable):
             reason = "law lugre without mu or preload has no friction force"
             raise Fault(reason, "Give mu or preload, or use law viscous")
         if (self.mu_static or self.mu) > self.mu and self.stribeck_speed is None:
-            reason = f"law lugre needs it between mu_static = {self.mu_static:g} and mu = {self.mu:g}"
-            raise Fault(reason, "Give it, or leave mu_static out", below="mu_static")
+            reason = f"law lugre needs stribeck_speed if mu_static = {self.mu_static:g} is above mu = {self.mu:g}"
+            raise Fault(reason, "Give stribeck_speed, or leave mu_static out", below="mu_static")
 
     def check_at(self, kind: str) -> None:
         """Raise Fault for a key that does not apply to a "contact", or a "revolute" or "prismatic" joint."""

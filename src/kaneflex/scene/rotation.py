@@ -30,11 +30,11 @@ class Rotation(SceneTable):
         if (self.x is None) == (self.axis is None):
             raise Fault("exactly one of x and axis is required", "Give the direction of x, or an axis with its angle")
         if self.axis is None and "angle" in self.model_fields_set:
-            raise Fault("belongs to an axis", "Leave it out, or give the axis", below="angle")
+            raise Fault("needs an axis", "Leave it out, or give the axis", below="angle")
         if self.axis is not None and "angle" not in self.model_fields_set:
             raise Fault("the axis has no angle", "Give it, like angle = '90 deg'", below="angle")
         if self.axis is not None and self.y is not None:
-            raise Fault("belongs to x", "Leave it out, or give x", below="y")
+            raise Fault("needs x", "Leave it out, or give x", below="y")
         if self.x is not None and self.y is not None and len(self.x) == len(self.y) == 3:
             if np.linalg.norm(np.cross(self.x, self.y)) < _ALONG:
                 raise Fault("it is along x", "Give another direction, or leave it out", below="y")

@@ -61,7 +61,7 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
         if body.rotation is not None:
             yield Problem(f"bodies.{name}.rotation", None, "joints give the angles of planar bodies", cure)
         if body.free is not None and body.free.angular_velocity is not None:
-            yield Problem(f"bodies.{name}.free.angular_velocity", None, "a planar body has one", "Give angular_speed")
+            yield Problem(f"bodies.{name}.free.angular_velocity", None, "it turns about one axis", "Give angular_speed")
         for part, sectioned in {} if body.beam is None else body.beam.sections.items():
             if sectioned.J is not None:
                 right = "Give I, or give vectors three components"
@@ -73,11 +73,11 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
         if joint.kind in SEVERAL_FREEDOMS:
             yield Problem(f"joints.{name}.{joint.kind}", None, "a planar scene has no such joint", cure)
     for table, field, reason, right in (
-        ("joints", "axis", "planar joints turn across the plane", cure),
-        ("joints", "axes", "planar joints turn across the plane", cure),
+        ("joints", "axis", "planar joints turn about the plane's normal", cure),
+        ("joints", "axes", "planar joints turn about the plane's normal", cure),
         ("springs", "bushing", "only scenes in space have bushings", IN_THE_PLANE),
-        ("drives", "angular_velocity", "a planar joint has one", "Give initial_speed"),
-        ("drives", "initial_speeds", "a planar joint has one", "Give initial_speed"),
+        ("drives", "angular_velocity", "a planar joint has one speed", "Give initial_speed"),
+        ("drives", "initial_speeds", "a planar joint has one speed", "Give initial_speed"),
         ("sensors", "torsional_moment", "planar beams don't twist", "Leave it out"),
     ):  # fmt: skip
         for name, entry in getattr(scene, table).items():
@@ -85,7 +85,7 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
                 yield Problem(f"{table}.{name}.{field}", None, reason, right)
     for name, sensor in scene.sensors.items():
         if sensor.kind in ("shear_force", "bending_moment") and "component" in sensor.model_fields_set:
-            yield Problem(f"sensors.{name}.component", sensor.component, "a planar section has one", "Leave it out")
+            yield Problem(f"sensors.{name}.component", sensor.component, "planar beams need none", "Leave it out")
         if isinstance(sensor.fibre, tuple):
             right = "Give its height above the axis"
             yield Problem(f"sensors.{name}.fibre", sensor.fibre, "a planar beam bends in one plane", right)

@@ -60,7 +60,7 @@ class Table:
             return Table(x, y, self.x_dimension, self.dimension, closed=True)
         if abs(span - period) > _SPAN * period:
             reason = f"the table covers {span / period:.6g} of its period"
-            raise Fault(reason, "Cover the period once, with or without its first row again at the end")
+            raise Fault(reason, "Cover the period once, with or without its first row repeated at the end")
         largest = np.abs(self.y).max()
         gap = abs(self.y[-1] - self.y[0])
         if gap > closing * largest:

@@ -102,7 +102,7 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
     """
     scene, progress = scene_from(scene), progress or silent
     if version not in ("2", "3"):
-        raise SceneError("version", version, "no version of FMI that is written", "Choose '2' or '3'")
+        raise SceneError("version", version, "FMI of this version can't be written", "Choose '2' or '3'")
     options = resolve_options(scene)
     if options.dynamics == "coupled" or options.integrator == "none":
         reason = "it has nothing to integrate, and an FMU needs that"

@@ -39,7 +39,7 @@ FORCES = ("joint_force", *DRIVE_KINDS)
 def linearise(model: SceneLike, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:
     """State space of the elastic equations at one instant.
 
-    Under preset ``coupled``, of all bodies about the steady deformation: states are the shapes of the links and the
+    Under preset ``coupled`` it describes all bodies about the steady deformation: states are the link shapes and the
     coordinates of the free joints, JOINT.angle or JOINT.position; output matrices are central differences.
 
     Parameters

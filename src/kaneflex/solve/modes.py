@@ -83,7 +83,7 @@ def modes(scene: SceneLike, count: int | None = None, progress: Callable[[str], 
     Raises
     ------
     SceneError
-        If the scene can't be loaded, no body is elastic, or it has fewer modes.
+        If the scene can't be loaded, no body is elastic, or the mechanism has fewer than ``count`` modes.
     """
     model = uncoupled(load(scene, progress))
     if model.options.dynamics != "coupled":

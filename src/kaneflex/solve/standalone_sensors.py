@@ -271,8 +271,8 @@ class Expressions:
             raise SceneError(f"sensors.{name}", str(target), "the file does not support this sensor", _RUN)
         of_link = isinstance(target, Address) and target.body in self.texts.links
         if of_link and (self.texts.node(address_of(sensor)) is None or self.texts.at(address_of(sensor))[1]):
-            raise SceneError(f"sensors.{name}", str(target), "the file supports links at their nodes only",
-                             "Give the link elements that end there, or use `kaneflex run`")  # fmt: skip
+            raise SceneError(f"sensors.{name}", str(target), "--standalone reads links at their nodes only",
+                             "Choose the elements so that a node lies there, or use `kaneflex run`")  # fmt: skip
         return read(sensor)
 
     def _component(self, sensor: Sensor, body: str, vector: str) -> str:

@@ -107,9 +107,9 @@ def undetermined_frictions(solution: RunResult) -> list[str]:
         turns = scene.turns_at(name)
         found.append(
             f"friction at {name} is statically indeterminate at {still.sum()} of {len(still)} instants, first at t = "
-            f"{solution.times[still.argmax()]:.6g} s, where its drive holds it still: any value up to "
-            f"{limit:.4g} {'N m' if turns else 'N'} either way is possible, and "
-            f"{'drive_torque' if turns else 'drive_force'} differs by as much; one of these is shown"
+            f"{solution.times[still.argmax()]:.6g} s, where its drive holds it still: any value between "
+            f"-{limit:.4g} and {limit:.4g} {'N m' if turns else 'N'} is possible, and results contain one of them; "
+            f"{'drive_torque' if turns else 'drive_force'} is uncertain by as much"
         )
     return found
 

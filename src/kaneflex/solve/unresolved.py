@@ -76,6 +76,6 @@ def left_by_gauss(solution: RunResult) -> list[str]:
     if fastest * step < FASTEST_DECAY:
         return []
     return [
-        f"solve.integrator = 'gauss' leaves overdamped modes oscillating within the tolerance: the fastest decay "
-        f"takes {1.0 / fastest:.2g} s, a step {step:.2g} s; use solve.integrator = 'radau'"
+        f"steps of {step:.2g} s do not resolve the fastest decay, which takes {1.0 / fastest:.2g} s: with "
+        "solve.integrator = 'gauss' overdamped modes oscillate within the tolerance; use 'radau'"
     ]

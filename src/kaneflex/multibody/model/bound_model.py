@@ -219,7 +219,7 @@ class Model:
         return self._at("K_s", t)
 
     def K_d(self, t: float) -> np.ndarray:
-        """Spin and Euler stiffness at time t [s], with the terms of turning joint axes if in use, shape (n, n)."""
+        """Spin and Euler stiffness at time t [s], with the terms of rotating joint axes if included, shape (n, n)."""
         return self._at("K_d", t)
 
     def K_c(self, t: float) -> np.ndarray:
@@ -255,7 +255,7 @@ class Model:
         if self.coupled is not None:
             raise SceneError(
                 "solve.preset", "coupled", "its M, K and F depend on the coordinates, not on time alone",
-                "Use model.coupled.engine, which moves the bodies, or another preset",
+                "Use model.coupled.states(times, q, v), or another preset",
             )  # fmt: skip
         if self.motion.is_start:
             raise not_integrated(self.options.duration)

@@ -25,7 +25,7 @@ _MISSED = 1e-3
 """Largest change of a given rate by joints, as a share of the largest rate, measured in the mechanism's size or rad."""
 _NOTHING = 1e-12
 """Rate [sizes of the mechanism or rad a second] that is written as zero."""
-_CURE = "Give consistent rates of as many bodies as the mechanism has freedoms, or leave one out"
+_CURE = "Give consistent rates of as many bodies as the mechanism has degrees of freedom, or leave one out"
 _SHAPES = "Give rates of shapes consistent with the joints, for example those of solution.state()"
 
 

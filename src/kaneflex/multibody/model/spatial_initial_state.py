@@ -78,7 +78,7 @@ def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
         joint = next(name for name, rows in held.items() if rows.start <= off.argmax() < rows.stop)
         raise SceneError(
             f"joints.{joint}", None, "the loop that it closes can't close where the drives start: "
-            f"{off.max():.1e} of the mechanism's size, or rad, remain",
+            f"a gap of {off.max():.1e} of the mechanism's size, or of 1 rad, remains",
             "Check lengths and axes, and give the bodies rotations near the initial position",
         )  # fmt: skip
 
@@ -113,7 +113,7 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
     free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
     if free and not len(choice.independent):
         raise SceneError(
-            f"drives.{free[0]}", "free", "joints and drives leave the mechanism no freedom",
+            f"drives.{free[0]}", "free", "joints and drives leave the mechanism no degree of freedom",
             "Leave a joint or a drive out, or check their axes",
         )  # fmt: skip
     held = np.concatenate([choice.prescribed, named])
@@ -123,9 +123,9 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
     if left.shape[1]:
         moving = [system.layout.speeds[k] for k in np.flatnonzero(abs(left).max(axis=1) > 1e-6)]
         joints = list(dict.fromkeys(name.rpartition(".")[0] for name in moving))
-        count = f"{left.shape[1]} freedom{'s' * (left.shape[1] > 1)}"
+        count = "1 degree of freedom has" if left.shape[1] == 1 else f"{left.shape[1]} degrees of freedom have"
         raise SceneError(
-            "drives", None, f"{count} of the mechanism without a drive: of {', '.join(joints)}",
+            "drives", None, f"{count} no drive, at {', '.join(joints)}",
             f"Drive a joint, or let it move freely, like drives.{joints[0]} = {{free = true}}",
         )  # fmt: skip
 

@@ -169,8 +169,8 @@ class Run:
             tried = int(self.counts[0] + self.counts[1])
             since = tried if self.filled > before else since
             if tried - since > _PATIENCE:
-                said = f"more than {_PATIENCE:,} steps after t = {self.times[self.filled]:.6g} s do not reach the next"
-                return Outcome.UNSTABLE, f"{said} stored instant: the motion is too fast"
+                said = f"{_PATIENCE:,} steps after t = {self.times[self.filled]:.6g} s do not reach the next stored"
+                return Outcome.UNSTABLE, f"{said} instant: the motion is too fast"
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
@@ -205,9 +205,9 @@ class Run:
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
                 return Outcome.UNSTABLE, (
-                    f"the step size tends to zero after {{at}}: at {name} bristle_damping times the speed is "
-                    f"{damped:.3g}, sliding friction {dry:.3g}: the bristle force has no solution. Give a smaller "
-                    "bristle_damping"
+                    f"the step size tends to zero after {{at}}: at {name} bristle_damping times the speed, "
+                    f"{damped:.3g}, exceeds the sliding friction, {dry:.3g}, and the bristle force has no solution. "
+                    "Give a smaller bristle_damping"
                 )  # fmt: skip
         return None
 

@@ -198,7 +198,7 @@ def _of_buckling(found: Stability) -> str:
     times, scene = found.buckling.times, found.model.scene
     drive = next(iter(scene.drives))
     coordinate = found.frozen.coordinates[int(found.buckling.factors.argmin())]
-    at = f"at {drive} = {scene.written_coordinate(drive, float(coordinate))} (of {len(times)} instants)"
+    at = f"at {drive} = {scene.written_coordinate(drive, float(coordinate))} (worst of {len(times)} instants)"
     if margin < 1.0:
         return f"beyond the buckling load: the load factor is {margin:.4g} {at}"
     return f"the load factor for buckling is {margin:.4g} {at}"
