@@ -108,7 +108,8 @@ class Passing:
             return []
         said = f"{self._loops} pass singular positions, the first at t = {self._passed[0]:.6g} s: rounding "
         if self._method == "LSODA":
-            return [f"{said}can make steps of method = LSODA wrong there; use DOP853, which steps over them"]
+            cure = "solve.forward.method = LSODA wrong there; use DOP853, which steps over them"
+            return [f"{said}can make steps of {cure}"]
         return [f"{said}limits the accuracy to that of solve.forward.tolerance = {EXACT:g}, not {self._asked:g}"]
 
 
