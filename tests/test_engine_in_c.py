@@ -174,4 +174,5 @@ def test_every_function_is_that_of_numba(compiler, exhaustive, tmp_path):
             changed += any((one != old).any() for one, old in zip(expected, before, strict=True))
             off[name] = max(off.get(name, 0.0), worst(expected, found, before))
     assert {name: error for name, error in off.items() if not error <= 1e-13} == {}
-    assert changed > 2.25 * len(made)  # some do nothing here, like courses of no drive
+    # some do nothing here, like courses of no drive; more of all functions, as those of vectors are left out
+    assert changed > (2.25 if exhaustive else 2.4) * len(made)
