@@ -95,12 +95,12 @@ def test_runs_of_many_turns_are_looked_at_over_one():
 def test_angles_near_a_dead_centre_are_noted():
     (wrist,) = found("engine", "rod.length=40.3 mm")
     mu = math.acos(40 / 40.3)
-    assert wrist.note.startswith(f"at {wrist.stand} wrist is {math.degrees(mu):.2g} deg from a dead centre")
+    assert wrist.note.startswith(f"at {wrist.stand} the transmission angle at wrist is {math.degrees(mu):.2g} deg")
     assert wrist.stand in ("main = 90 deg", "main = 270 deg")
-    assert f"up to {1 / math.sin(mu):.3g} times the transmitted force" in wrist.note
+    assert f"reach {1 / math.sin(mu):.3g} times the transmitted force" in wrist.note
     (second,) = found("four-bar", "crank.length=30 mm", "ground.right=['100 mm', 0]",
                       "coupler.length=80 mm", "follower.length=50.3 mm")  # fmt: skip
-    assert second.stand == "main = 180 deg" and "from a dead centre" in second.note
+    assert second.stand == "main = 180 deg" and "at a dead centre" in second.note
     (second,) = found("four-bar", "crank.length=30 mm", "ground.right=['100 mm', 0]",
                       "coupler.length=80 mm", "follower.length=51 mm")  # fmt: skip
     assert not second.note  # 14.5 degrees

@@ -60,9 +60,9 @@ class Closing:
         least, at = float(self.values.min()), f"at {self.stand} " if self.stand else ""
         if self.is_angle and least < _NEAR:
             return (
-                f"{at}{self.name} is {math.degrees(least):.2g} deg from a dead centre: joint forces are up to "
-                f"{1.0 / max(math.sin(least), 1e-9):.3g} times the transmitted force, and clearance decides "
-                "which way the mechanism goes on; keep 40 deg or more"
+                f"{at}the transmission angle at {self.name} is {math.degrees(least):.2g} deg (0 at a dead centre): "
+                f"joint forces reach {1.0 / max(math.sin(least), 1e-9):.3g} times the transmitted force, and with "
+                "clearance the loop may change its branch; 40 deg or more are usual"
             )
         if not self.is_angle and least < _WEAK * self.values.max():
             return (

@@ -74,7 +74,7 @@ def _joints(scene: Scene) -> Iterator[Problem]:
         elif joint.kind == "prismatic" and elastic:
             yield _problem(f"joints.{name}", "prismatic", "a guide on an elastic link")
         elif joint.rotation == "shared":
-            yield _problem(f"joints.{name}.rotation", "shared", "a welded pin")
+            yield _problem(f"joints.{name}.rotation", "shared", "an elastic rotation shared at a pin")
 
 
 def _drives(scene: Scene) -> Iterator[Problem]:

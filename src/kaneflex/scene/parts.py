@@ -56,7 +56,7 @@ from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to
 PRESETS = {
     "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
     "quasistatic": "static deformation at each instant, (K_s + K_d + K_g) z = F; no damping",
-    "paper": "the paper's model: one element per link, welded pin, frozen decoupled modes, from rest, 0.04 s",
+    "paper": "the paper's model: one element per link, elastic rotations shared at pins, frozen decoupled modes",
     "linear": "vibration about the rigid motion, without geometric stiffness",
     "stiffened": "linear with geometric stiffness and shortening by bending",
     "coupled": "nonlinear: motion and deformation act on each other; error-controlled steps",
@@ -78,7 +78,7 @@ class Joint(SceneTable):
 
     `branch`, at the joint that closes a loop of two bodies, chooses between its two closures; a larger loop may have
     more. Alternatively `near` gives approximate angles of its bodies at the start. `rotation` is that of elastic bodies
-    at a revolute joint: released (each its own) or shared (the paper's welded pin). `relative_angle` (rad) is the angle
+    at a revolute joint: released (each its own) or shared (the paper's model). `relative_angle` (rad) is the angle
     of the second body relative to the first in a weld. A `clearance` of a pin or a guide replaces the joint by
     contacts. A clearance in an angle is backlash: the joint remains ideal. `friction` opposes the motion.
     """
