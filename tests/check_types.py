@@ -18,7 +18,7 @@ BASELINE = {
     "mechanism": 24,
     "multibody": 44,
     "peers": 23,
-    "plots": 38,
+    "plots": 35,
     "report": 6,
     "response": 41,
     "scene": 66,

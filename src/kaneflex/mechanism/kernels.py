@@ -28,9 +28,22 @@ from kaneflex.support.inner import PART
 
 compiled = njit(cache=True, error_model="numpy")
 part = njit(error_model="numpy", **PART)
-SUMS = ("M", "C", "K", "K_s", "K_d", "K_c", "K_g", "F", "positions", "inverse_dynamics")
+_ABOUT = {
+    "M": "Mass matrix at time t [s], out (n, n).",
+    "C": "Damping and gyroscopic matrix at time t [s], out (n, n): material damping, dampers, 2 omega G, joint axes.",
+    "K": "Stiffness K_s + K_d + K_c + K_g at time t [s], out (n, n).",
+    "K_s": "Elastic stiffness at time t [s], out (n, n).",
+    "K_d": "Spin and Euler stiffness at time t [s], out (n, n).",
+    "K_c": "Share of the material damping that rotates with the links, at time t [s], out (n, n): part of K, not of C.",
+    "K_g": "Geometric stiffness by the axial forces at time t [s], out (n, n).",
+    "F": "Inertia, weight and all loads at time t [s], out (n,).",
+    "positions": "Positions of the rigid mechanism's points at time t [s], out (points, 2): global x and y [m].",
+    "inverse_dynamics": "Forces of the rigid mechanism's joints and drives at time t [s], out (forces,).",
+}
+"""Kernels that store one sum."""
+SUMS = tuple(_ABOUT)
 """Sums in p, in the order of their heads in ``pattern``."""
-_M, _C, _K, _K_S, _K_D, _K_C, _K_G, _F, _POSITIONS, _INVERSE = (np.uint64(k) for k in range(len(SUMS)))
+_M, _C, _K, _F = (np.uint64(SUMS.index(name)) for name in "MCKF")
 _MOTION = void(float64, float64[::1], float64[::1])
 _HEAD = 5
 """Length of a sum's head in ``pattern``: numbers of monomials, scalars and slots; offsets there and in coefficients."""
@@ -134,52 +147,18 @@ def evaluate(t, p, which, out):
     _sum(p, _scalars(t, p), which, np.empty((1, p.pattern[_ONE])), out)
 
 
-@compiled
-def M(t, p, out):
-    """Mass matrix at time t [s], out (n, n)."""
-    evaluate(t, p, _M, out.reshape(out.size))
+def _kernel(name: str, about: str) -> Any:
+    """Kernel of one of SUMS."""
+    which = np.uint64(SUMS.index(name))
+
+    def kernel(t, p, out):
+        evaluate(t, p, which, out.reshape(out.size))
+
+    kernel.__name__, kernel.__qualname__, kernel.__doc__ = name, name, about
+    return compiled(kernel)
 
 
-@compiled
-def C(t, p, out):
-    """Damping and gyroscopic matrix at time t [s], out (n, n): material damping, dampers, 2 omega G, joint axes."""
-    evaluate(t, p, _C, out.reshape(out.size))
-
-
-@compiled
-def K(t, p, out):
-    """Stiffness K_s + K_d + K_c + K_g at time t [s], out (n, n)."""
-    evaluate(t, p, _K, out.reshape(out.size))
-
-
-@compiled
-def K_s(t, p, out):
-    """Elastic stiffness at time t [s], out (n, n)."""
-    evaluate(t, p, _K_S, out.reshape(out.size))
-
-
-@compiled
-def K_d(t, p, out):
-    """Spin and Euler stiffness at time t [s], out (n, n)."""
-    evaluate(t, p, _K_D, out.reshape(out.size))
-
-
-@compiled
-def K_c(t, p, out):
-    """Share of the material damping that rotates with the links, at time t [s], out (n, n): part of K, not of C."""
-    evaluate(t, p, _K_C, out.reshape(out.size))
-
-
-@compiled
-def K_g(t, p, out):
-    """Geometric stiffness by the axial forces at time t [s], out (n, n)."""
-    evaluate(t, p, _K_G, out.reshape(out.size))
-
-
-@compiled
-def F(t, p, out):
-    """Inertia, weight and all loads at time t [s], out (n,)."""
-    evaluate(t, p, _F, out)
+M, C, K, K_s, K_d, K_c, K_g, F, positions, inverse_dynamics = (_kernel(*each) for each in _ABOUT.items())
 
 
 @compiled
@@ -190,18 +169,6 @@ def equations(t, p, M, C, K, F):
     _sum(p, s, _C, monomials, C.reshape(C.size))
     _sum(p, s, _K, monomials, K.reshape(K.size))
     _sum(p, s, _F, monomials, F)
-
-
-@compiled
-def positions(t, p, out):
-    """Positions of the rigid mechanism's points at time t [s], out (points, 2): global x and y [m]."""
-    evaluate(t, p, _POSITIONS, out.reshape(out.size))
-
-
-@compiled
-def inverse_dynamics(t, p, out):
-    """Forces of the rigid mechanism's joints and drives at time t [s], out (forces,)."""
-    evaluate(t, p, _INVERSE, out)
 
 
 @dataclass(frozen=True, eq=False)

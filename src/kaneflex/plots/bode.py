@@ -37,16 +37,13 @@ def figure(system: StateSpace) -> Figure:
             size.loglog(hertz, abs(values), **style)
             label = f"{name} [{system.output_units[k]} by {unit}]"
             phase.semilogx(hertz, np.degrees(np.unwrap(np.angle(values))), label=label, **style)
-        size.set_title(f"{system.outputs[k]}: magnitude")
-        size.set_ylabel("output by input [SI]")
-        phase.set_title(f"{system.outputs[k]}: phase")
-        phase.set_ylabel("phase [deg]")
+        size.set(title=f"{system.outputs[k]}: magnitude", ylabel="output by input [SI]")
+        phase.set(title=f"{system.outputs[k]}: phase", ylabel="phase [deg]")
         phase.yaxis.set_major_locator(MaxNLocator(6, steps=(1.8, 3.0, 4.5, 9.0, 10.0)))  # 45, 90, 180 ..
         if phase.get_lines():
             legend_beside(phase)
     for axes in panels[-1]:
-        axes.set_xlabel("frequency [Hz]")
-        axes.set_xlim(hertz[0], hertz[-1])
+        axes.set(xlabel="frequency [Hz]", xlim=(hertz[0], hertz[-1]))
     return page
 
 

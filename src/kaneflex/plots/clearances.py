@@ -56,7 +56,7 @@ def _journal(shown: View, name: str, loose: LooseJoint) -> Figure:
     ratio = eccentricity(shown.solution, name)[shown.instants]
     over[0].plot(shown.x, ratio, color=PALETTE[0], linewidth=0.9, label="eccentricity")
     over[0].axhline(1.0, color="black", linestyle="--", linewidth=0.8, label="the sides touch")
-    _name(over[0], "Eccentricity over the clearance", "eccentricity [1]")
+    over[0].set(title="Eccentricity over the clearance", ylabel="eccentricity [1]", xmargin=0)
     _forces(over[1], shown, {name: "force"})
     _finish(over, shown, touching)
     return figure
@@ -79,11 +79,11 @@ def _block(shown: View, name: str, loose: LooseJoint) -> Figure:
     for (key, corner), colour, dashes in zip(corners.items(), PALETTE, _DASHES, strict=False):
         gap = factor * shown.motion.contact(key)[0]
         over[0].plot(shown.x, gap, color=colour, linestyle=dashes, linewidth=1.1, label=corner)
-    _name(over[0], "Gaps at the corners", f"gap [{unit}]")
+    over[0].set(title="Gaps at the corners", ylabel=f"gap [{unit}]", xmargin=0)
     over[1].plot(shown.x, factor * place, linewidth=0.9)
-    _name(over[1], "Position across the guide, to the left positive", f"position [{unit}]")
+    over[1].set(title="Position across the guide, to the left positive", ylabel=f"position [{unit}]", xmargin=0)
     over[2].plot(shown.x, turned * tilt, linewidth=0.9)
-    _name(over[2], "Tilt", f"tilt [{degrees}]")
+    over[2].set(title="Tilt", ylabel=f"tilt [{degrees}]", xmargin=0)
     least, (low, high) = _LEAST * turned * most, over[2].get_ylim()
     over[2].set_ylim(min(low, -least), max(high, least))
     _forces(over[3], shown, corners)
@@ -122,13 +122,7 @@ def _forces(axes: Axes, shown: View, contacts: Mapping[str, str]) -> None:
         at = np.interp([each.begin for each in impacts[key]], shown.times, shown.x)
         axes.plot(at, factor * peaks[key], "v", color=colour, markersize=3.5)
     axes.plot([], [], "v", color="black", markersize=3.5, label="peaks of impacts")
-    _name(axes, "Contact forces", f"force [{unit}]")
-
-
-def _name(axes: Axes, title: str, label: str) -> None:
-    axes.set_title(title)
-    axes.set_ylabel(label)
-    axes.margins(x=0)
+    axes.set(title="Contact forces", ylabel=f"force [{unit}]", xmargin=0)
 
 
 def _finish(over: list[Axes], shown: View, touching: np.ndarray) -> None:

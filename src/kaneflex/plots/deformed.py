@@ -87,20 +87,18 @@ def _worst(solution: Solution) -> _Worst:
         where = f"{picture_text(name)} at {MM * place:.4g} mm"
         told = f"\nlargest displacement, {factor * moved.max():.3g} {unit}, of {where}"
         return _Worst(int(shown.instants[at]), told, name, place / links[name].length)
-    forces = _joint_forces(solution)
-    if forces:
-        name = max(forces, key=lambda each: float(forces[each].max()))
-        factor, unit = readable("N", forces[name])
-        told = f"\nlargest joint force of the run, {factor * forces[name].max():.3g} {unit}, in {picture_text(name)}"
-        return _Worst(int(forces[name].argmax()), told, joint=name)
-    speeds = {name: np.linalg.norm(velocity(shown, point), axis=0) for name, joint in scene.joints.items()
-              for point in joint.addresses if point.body != "ground"}  # fmt: skip
-    if not speeds:
+    instants, (quantity, si, of) = np.arange(len(solution.times)), ("force", "N", "in")
+    sizes = _joint_forces(solution)
+    if not sizes:
+        instants, (quantity, si, of) = shown.instants, ("speed", "m/s", "of")
+        sizes = {name: np.linalg.norm(velocity(shown, point), axis=0) for name, joint in scene.joints.items()
+                 for point in joint.addresses if point.body != "ground"}  # fmt: skip
+    if not sizes:
         return _Worst(0)
-    name = max(speeds, key=lambda each: float(speeds[each].max()))
-    factor, unit = readable("m/s", speeds[name])
-    told = f"\nlargest joint speed of the run, {factor * speeds[name].max():.3g} {unit}, of {picture_text(name)}"
-    return _Worst(int(shown.instants[speeds[name].argmax()]), told, joint=name)
+    name = max(sizes, key=lambda each: float(sizes[each].max()))
+    factor, unit = readable(si, sizes[name])
+    told = f"\nlargest joint {quantity} of the run, {factor * sizes[name].max():.3g} {unit}, {of} {picture_text(name)}"
+    return _Worst(int(instants[sizes[name].argmax()]), told, joint=name)
 
 
 def _joint_forces(solution: Solution) -> dict[str, np.ndarray]:

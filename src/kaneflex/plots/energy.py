@@ -30,9 +30,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
         for name, values in curves.items():
             dashes = (0, (4, 5)) if name == "supplied" else "-"  # what is supplied lies on what is stored
             axes.plot(shown.x, factor * values, linestyle=dashes, label=name)
-        axes.set_title(title)
-        axes.set_ylabel(f"energy [{unit}]")
-        axes.margins(x=0)
+        axes.set(title=title, ylabel=f"energy [{unit}]", xmargin=0)
         if curves:
             legend_beside(axes)
     shown.finish(panels)

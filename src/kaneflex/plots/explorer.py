@@ -173,8 +173,7 @@ class Explorer:
 
 
 def _new_panel(axes: Axes, title: str, names: list[str], quantity: str, unit: str) -> _Panel:
-    axes.set_title(title)
-    axes.margins(x=0)
+    axes.set(title=title, xmargin=0)
     lines = {name: axes.plot([], [], color=colour, label=name)[0] for name, colour in zip(names, PALETTE, strict=False)}
     legend_beside(axes)
     return _Panel(axes, quantity, unit, lines)

@@ -51,11 +51,10 @@ def figures(solution: Solution) -> dict[str, Figure]:
         for frequency, what in natural:
             label = what if axes is panels[0] else None
             axes.axvline(frequency / one, color=GREY, linestyle="--", linewidth=0.8, label=label, zorder=1)
+        axes.set(title=title, ylabel=f"{QUANTITY[scene.sensors[names[0]].kind]} [{unit}]")
         axes.set(yscale="log", ylim=(_FLOOR * top, 3.0 * top), xlim=(0.0, x[-1] + x[0]))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.yaxis.set_minor_locator(NullLocator())  # half of the time to draw
-        axes.set_title(title)
-        axes.set_ylabel(f"{QUANTITY[scene.sensors[names[0]].kind]} [{unit}]")
         legend_beside(axes)
     finish(panels, f"order of {drive} [1 = {one:.4g} Hz]" if speed else "frequency [Hz]")
     return {"orders": page}

@@ -46,6 +46,5 @@ def _panel(axes: Axes, comparison: Comparison, name: str, x: np.ndarray) -> None
         k = others.index(model)
         axes.plot(x, values, color=PALETTE[k % len(PALETTE)], linestyle=_DASHES[k % len(_DASHES)], label=model)
     missing = [model for model in comparison.curves if model not in shown]
-    axes.set_title(name + (f" (not available from {', '.join(missing)})" if missing else ""))
-    axes.set_ylabel(f"[{unit}]")
-    axes.margins(x=0)
+    title = name + (f" (not available from {', '.join(missing)})" if missing else "")
+    axes.set(title=title, ylabel=f"[{unit}]", xmargin=0)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, new_figure
+from kaneflex.plots.style import PALETTE, name_bars, new_figure
 
 if TYPE_CHECKING:
     from kaneflex.study.trade.price import Price, Prices
@@ -39,7 +39,5 @@ def _panel(axes: Axes, price: Price) -> None:
         lines = [0.0 if math.isnan(doubt) else doubt for doubt in doubts]
         axes.barh(rows, bars, height=_SIDE, xerr=lines, color=colour, label=name, error_kw={"linewidth": 0.9})
     axes.axvline(1.0, color="black", linestyle="--", linewidth=0.9)
-    axes.set_yticks(range(len(price.changes)), [change.sensor for change in price.changes])
-    axes.set_ylim(len(price.changes) - 0.4, -0.6)
+    name_bars(axes, [change.sensor for change in price.changes])
     axes.set_title(price.part)
-    axes.grid(axis="y", visible=False)

@@ -210,9 +210,7 @@ def _spectra(solution: Solution, accelerations: list[str]) -> Figure:
         for value, style, what in lines:
             axes.axvline(scale * value, color=GREY, linestyle=style, linewidth=0.8, label=what, zorder=1)
         top = factor * amplitudes.max() or 1.0
-        axes.set_ylim(_RANGE * top, 3 * top)
-        axes.set_ylabel(f"amplitude [{label}]")
-        axes.set_title(name)
+        axes.set(title=name, ylabel=f"amplitude [{label}]", ylim=(_RANGE * top, 3 * top))
     if lines:
         legend_above(panels[0])
     if over_decades:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, new_figure
+from kaneflex.plots.style import PALETTE, name_bars, new_figure
 
 if TYPE_CHECKING:
     from kaneflex.study.sensitivity.report import Sensitivities
@@ -30,9 +30,7 @@ def figure(found: Sensitivities) -> Figure:
         colour, hatch = PALETTE[k % len(PALETTE)], "" if k < len(PALETTE) else "////"
         axes.barh(rows, lengths, height=0.9 * height, label=parameter.name, color=colour, hatch=hatch)
     axes.axvline(0.0, color="black", linewidth=0.8)
-    axes.set_yticks(range(len(sensors)), sensors)
-    axes.set_ylim(len(sensors) - 0.4, -0.6)
-    axes.grid(axis="y", visible=False)
+    name_bars(axes, sensors)
     axes.set_xlabel("growth of the peak by 1 % of the parameter [%]")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return page

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from textwrap import wrap
 
 import numpy as np
@@ -12,7 +13,7 @@ from kaneflex.plots.standing import Standing
 from kaneflex.plots.style import PALETTE
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS
+from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS, SPRING_KINDS, Sensor
 
 SENSOR = PALETTE[2]
 _LINE = 44
@@ -23,30 +24,27 @@ def sensors_by_place(scene: Scene, stand: Standing) -> list[tuple[str, np.ndarra
     """Places at which sensors measure: (address or joint, place [mm], names), in the scene's order."""
     found: dict[str, tuple[np.ndarray, list[str]]] = {}
     for name, sensor in scene.sensors.items():
-        target = sensor.target
-        if sensor.kind in ("spring_force", "spring_torque"):
-            spring = scene.springs[target]
-            ends = spring.ends or spring.bushing or scene.joints[spring.torsional_at].addresses
-            middle = np.mean([stand.at(end) for end in ends], axis=0)
-            found.setdefault(f"spring {target}", (middle, []))[1].append(name)
-            continue
-        if sensor.stress is not None:  # modal data don't say where it is
-            middle = stand.at(Address(sensor.stress.body, "mid"))
-            found.setdefault(f"stress {target}", (middle, []))[1].append(name)
-            continue
-        if sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS) and str(target) in scene.contacts:
-            side = scene.contacts[str(target)].sides[1]
-            found.setdefault(f"contact {target}", (stand.at(side), []))[1].append(name)
-            continue
-        if not isinstance(target, str) and target.body in scene.loose:
-            side = scene.loose[target.body].sides[1]
-            found.setdefault(target.body, (stand.at(side), []))[1].append(name)
-            continue
-        joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None
-        address = scene.joints[joint].addresses[1] if joint is not None else target
-        key = joint if joint is not None else str(target)
-        found.setdefault(key, (stand.at(address), []))[1].append(name)
+        key, ends = _measured_at(scene, sensor)
+        found.setdefault(key, (np.mean([stand.at(end) for end in ends], axis=0), []))[1].append(name)
     return [(key, at, names) for key, (at, names) in found.items()]
+
+
+def _measured_at(scene: Scene, sensor: Sensor) -> tuple[str, Sequence[Address]]:
+    """Key of the place of a sensor, and the points in the middle of which it lies."""
+    target = sensor.target
+    if sensor.kind in SPRING_KINDS:
+        spring = scene.springs[str(target)]
+        return f"spring {target}", spring.ends or scene.joints[str(spring.torsional_at)].addresses
+    if sensor.stress is not None:  # modal data don't say where it is
+        return f"stress {target}", (Address(sensor.stress.body, "mid"),)
+    if sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS) and str(target) in scene.contacts:
+        return f"contact {target}", scene.contacts[str(target)].sides[1:]
+    if isinstance(target, Address) and target.body in scene.loose:
+        return target.body, scene.loose[target.body].sides[1:]
+    joint = target if isinstance(target, str) else target.body
+    if isinstance(target, Address) and joint not in scene.joints:
+        return str(target), (target,)
+    return joint, scene.joints[joint].addresses[1:]
 
 
 def mark_sensors(axes: Axes, labels: Labels, sensors: list[tuple[str, np.ndarray, list[str]]]) -> None:

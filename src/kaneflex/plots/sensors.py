@@ -140,7 +140,5 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
         axes.fill_between([], [], [], color="grey", alpha=0.25, linewidth=0, label="band: estimated +-")
     if f"{names[0]}_rigid" in series:
         axes.plot([], [], "--", color="black", linewidth=0.9, label="dashed: rigid mechanism")
-    axes.set_title(title)
-    axes.set_ylabel(f"{QUANTITY[sensor.kind]} [{label}]")
-    axes.margins(x=0)
+    axes.set(title=title, ylabel=f"{QUANTITY[sensor.kind]} [{label}]", xmargin=0)
     legend_beside(axes)

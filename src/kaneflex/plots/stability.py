@@ -40,18 +40,15 @@ def figure(found: Stability) -> Figure:
 def _over_cycle(frequencies: Axes, factors: Axes, found: Stability, x: np.ndarray) -> None:
     factor, unit = readable("Hz", found.frozen.frequencies)
     frequencies.plot(x, factor * found.frozen.frequencies)
-    frequencies.margins(x=0)
+    frequencies.set_xmargin(0)
     last = factor * found.frozen.frequencies[-1]
     _name_ends(frequencies, x[-1], [(y, f"mode {k}", PALETTE[(k - 1) % len(PALETTE)]) for k, y in enumerate(last, 1)])
     where = ", in axes that turn with the links" if turns(found.model) else ""
-    frequencies.set_title(f"frozen natural frequencies{where}")
-    frequencies.set_ylabel(f"frequency [{unit}]")
-    factors.set_title("share of the buckling load, 1 / lambda")
-    factors.set_ylabel("load / buckling load [1]")
+    frequencies.set(title=f"frozen natural frequencies{where}", ylabel=f"frequency [{unit}]")
+    factors.set(title="share of the buckling load, 1 / lambda", ylabel="load / buckling load [1]", xmargin=0)
     if found.buckling is not None:
         factors.plot(x, 1.0 / found.buckling.factors)
     factors.axhline(1.0, color=GREY, linewidth=0.8)
-    factors.margins(x=0)
 
 
 def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides: bool) -> None:
@@ -73,15 +70,12 @@ def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides
     _name_ends(campbell, x[-1], ends)
     if not slides:
         _mark_crossings(campbell, swept, factor, scale)
-    campbell.set_title(_heading(swept))
-    campbell.set_ylabel(f"frequency [{unit}]")
+    campbell.set(title=_heading(swept), ylabel=f"frequency [{unit}]")
     seen = np.maximum(swept.radii, _LEAST)
     radii.semilogy(x, seen, marker=".", markersize=3)
     radii.set_ylim(bottom=max(_LEAST, 0.8 * seen.min()))
     radii.axhline(1.0, color=GREY, linewidth=0.8)
-    radii.set_title("largest Floquet multiplier, unstable bands shaded")
-    radii.set_ylabel("multiplier [1]")
-    radii.margins(x=0)
+    radii.set(title="largest Floquet multiplier, unstable bands shaded", ylabel="multiplier [1]", xmargin=0)
     for axes in (campbell, radii):
         for low, high in swept.bands:
             axes.axvspan(factor * low, factor * high, color=PALETTE[1], alpha=0.15, linewidth=0)

@@ -51,8 +51,6 @@ def _panel(axes: Axes, shown: View, name: str, stresses: LinkStresses, strength:
         for side in (-strength, strength):
             if factor * abs(side) <= 3.0 * largest:
                 axes.axhline(factor * side, color=GREY, linestyle="--", linewidth=0.9)
-    axes.set_title(title)
-    axes.set_ylabel(f"stress [{unit}]")
+    axes.set(title=title, ylabel=f"stress [{unit}]", xmargin=0)
     axes.set_xlabel(f"distance from the start of {name} [{length_unit}]")
-    axes.margins(x=0)
     legend_beside(axes)

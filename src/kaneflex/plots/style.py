@@ -227,12 +227,17 @@ def plot_curves(
     factor, label = readable(unit, *(values for _, values in curves))
     for name, values in curves:
         axes.plot(x, factor * values, label=name)
-    axes.set_ylabel(f"{quantity} [{label}]")
-    axes.set_title(title)
-    axes.margins(x=0)
+    axes.set(title=title, ylabel=f"{quantity} [{label}]", xmargin=0)
     if len(curves) > 1:
         legend_above(axes)
     return factor, label
+
+
+def name_bars(axes: Axes, names: Sequence[str]) -> None:
+    """Names of rows of bars, from above."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.grid(axis="y", visible=False)
 
 
 def legend_above(axes: Axes) -> None:

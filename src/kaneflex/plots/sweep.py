@@ -59,8 +59,7 @@ def poincare(found: xarray.Dataset) -> Figure:
         x, y = (factor * part[point] for (factor, _), part in zip(scales, values, strict=True))
         axes.plot(x, y, ".", color=PALETTE[0], markersize=2.5)
         axes.set_title(", ".join(f"{path} = {_written(found[path], found[path].values[point])}" for path in varied))
-        axes.set_xlabel(f"{names[0]} [{scales[0][1]}]")
-        axes.set_ylabel(f"{names[1]} [{scales[1][1]}]")
+        axes.set(xlabel=f"{names[0]} [{scales[0][1]}]", ylabel=f"{names[1]} [{scales[1][1]}]")
         axes.tick_params(labelbottom=True, labelleft=True)
     return page
 
@@ -80,8 +79,7 @@ def _over(
                 x = np.repeat(found[across].values[picked], y.size // len(picked))
                 label_of = called if part is parts[0] else None
                 axes.plot(x, y.ravel(), style, color=colour, markersize=size, label=label_of)
-        axes.set_title(f"{name}: {found[name].attrs['long_name']}{note}")
-        axes.set_ylabel(f"[{unit}]")
+        axes.set(title=f"{name}: {found[name].attrs['long_name']}{note}", ylabel=f"[{unit}]")
         if len(axes.get_legend_handles_labels()[1]) > 1:
             legend_beside(axes)
     finish(panels, label)

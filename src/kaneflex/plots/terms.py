@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
+from kaneflex.plots.style import GREY, PALETTE, name_bars, new_figure, shade
 
 if TYPE_CHECKING:
     from kaneflex.study.trade.terms import Terms
@@ -23,8 +23,7 @@ def figure(found: Terms) -> Figure:
     changes, costs = page.subplots(1, 2, sharey=True, width_ratios=(2, 1))
     _changes(changes, found)
     _costs(costs, found)
-    changes.set_yticks(range(len(names)), names)
-    changes.set_ylim(len(names) - 0.4, -0.6)
+    name_bars(changes, names)
     return page
 
 
@@ -49,7 +48,6 @@ def _changes(axes: Axes, found: Terms) -> None:
     axes.set_xlim(least, 30 * max([*peaks, 100 * found.tolerance]))
     axes.set_title(f"largest change of a sensor, dark: rms; dashed: {100 * found.tolerance:.3g} %, red: needed")
     axes.set_xlabel("change [% of the sensor's peak]")
-    axes.grid(axis="y", visible=False)
 
 
 def _costs(axes: Axes, found: Terms) -> None:

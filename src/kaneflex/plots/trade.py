@@ -23,8 +23,7 @@ def figure(found: Trade) -> Figure:
     title = f"{found.scene.name}: {len(found.ranked)} models against {found.reference.name}"
     page = new_figure(8.6, 5.6, title)
     axes = page.subplots()
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     families = sorted({_preset(entry) for entry in found.ranked}, key=[*PRESETS].index)
     for family in families:
         own = [entry for entry in found.ranked if _preset(entry) == family]

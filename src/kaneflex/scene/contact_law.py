@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic import ValidationInfo, field_validator, model_validator
 
 from kaneflex.scene.materials import MATERIALS
 from kaneflex.scene.quantities import (
@@ -16,6 +16,7 @@ from kaneflex.scene.quantities import (
     PositiveModulus,
     PositiveRatio,
     two,
+    written,
 )
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault, nearest, within
@@ -36,9 +37,7 @@ def _material(name: object) -> object:
 MaterialPair = two(
     str, _material, "not two materials", "Write one for each side, like ['steel', 'aluminium']", "two materials"
 )
-ContactStiffness = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "K of K d^n, N/m^n; or a text with that unit"})
-]
+ContactStiffness = Annotated[float, written("K of K d^n, N/m^n; or a text with that unit")]
 
 
 class ContactLaw(SceneTable):

@@ -74,17 +74,27 @@ class Address(NamedTuple):
         return f"{self.body}.{self.point}"
 
 
-def _quantity(dimension: Dimension, lowest: float = -math.inf, zero: bool = True) -> Any:
-    def convert(value: object) -> float:
-        number = to_si(value, dimension)
-        if number < lowest or (number == 0 and not zero):
-            must = "must not be negative" if zero else "must be above zero"
-            raise Fault(f"{dimension.name} {must}", f"Write one like '{dimension.example}'")
-        return number
+_WRITTEN = ["number", "string"]
 
-    written = f"{dimension.name}, {dimension.unit or 'a plain number'}"
-    schema = {"type": ["number", "string"], "description": f"{written}; or a string with a unit"}
-    return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema), dimension]
+
+def written(description: str, *more: str) -> WithJsonSchema:
+    """Schema of a number, or a text with a unit; ``more`` are further types."""
+    return WithJsonSchema({"type": [*_WRITTEN, *more], "description": description})
+
+
+def not_negative(value: object, dimension: Dimension, lowest: float = 0.0, zero: bool = True) -> float:
+    """Quantity in SI. Raises Fault below the lowest, and for zero unless that is allowed."""
+    number = to_si(value, dimension)
+    if number < lowest or (number == 0 and not zero):
+        must = "must not be negative" if zero else "must be above zero"
+        raise Fault(f"{dimension.name} {must}", f"Write one like '{dimension.example}'")
+    return number
+
+
+def _quantity(dimension: Dimension, lowest: float = -math.inf, zero: bool = True) -> Any:
+    convert = partial(not_negative, dimension=dimension, lowest=lowest, zero=zero)
+    about = f"{dimension.name}, {dimension.unit or 'a plain number'}; or a string with a unit"
+    return Annotated[float, BeforeValidator(convert), written(about), dimension]
 
 
 def _positive(dimension: Dimension) -> Any:
@@ -108,36 +118,38 @@ def _turning_or_sliding(turning: Dimension, sliding: Dimension) -> Any:
     def convert(value: object) -> float:
         return either(value, turning, sliding)
 
-    written = f"{turning.name}, {turning.unit}; for a guide {sliding.name}, {sliding.unit}; or a string with a unit"
-    schema = {"type": ["number", "string"], "description": written}
-    return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema), turning, sliding]
+    about = f"{turning.name}, {turning.unit}; for a guide {sliding.name}, {sliding.unit}; or a string with a unit"
+    return Annotated[float, BeforeValidator(convert), written(about), turning, sliding]
+
+
+def components(
+    value: object, dimension: Dimension, reason: str, cure: str, counts: tuple[int, ...] = (2, 3)
+) -> tuple[float, ...]:
+    """List of as many quantities in SI. Raises Fault for anything else."""
+    if not isinstance(value, (list, tuple)) or len(value) not in counts:
+        raise Fault(reason, cure)
+    return tuple(to_si(component, dimension) for component in value)
+
+
+def list_of(items: object, least: int, most: int, **more: str) -> dict[str, object]:
+    """Schema of a list with so many items."""
+    return {"type": "array", "items": items, "minItems": least, "maxItems": most, **more}
 
 
 def _vector(dimension: Dimension) -> Any:
-    def convert(value: object) -> tuple[float, ...]:
-        if not isinstance(value, (list, tuple)) or len(value) not in (2, 3):
-            raise Fault("not a vector", "Write two components, [x, y], or three in space")
-        return tuple(to_si(component, dimension) for component in value)
-
-    item = {"type": ["number", "string"]}
-    schema = {
-        "type": "array",
-        "items": item,
-        "minItems": 2,
-        "maxItems": 3,
-        "description": f"in {dimension.unit}; three components in space",
-    }
+    cure = "Write two components, [x, y], or three in space"
+    convert = partial(components, dimension=dimension, reason="not a vector", cure=cure)
+    schema = list_of({"type": _WRITTEN}, 2, 3, description=f"in {dimension.unit}; three components in space")
     return Annotated[Vector, BeforeValidator(convert), WithJsonSchema(schema)]
 
 
 def _unit_vector(value: object) -> tuple[float, ...]:
-    if not isinstance(value, (list, tuple)) or len(value) not in (2, 3):
-        raise Fault("not a direction", "Write two components, like [1, 0], or three in space")
-    components = [to_si(component, units.RATIO) for component in value]
-    length = math.hypot(*components)
+    cure = "Write two components, like [1, 0], or three in space"
+    given = components(value, units.RATIO, "not a direction", cure)
+    length = math.hypot(*given)
     if length == 0:
-        raise Fault("a direction must not be zero", "Write two components, like [1, 0], or three in space")
-    return tuple(component / length for component in components)
+        raise Fault("a direction must not be zero", cure)
+    return tuple(component / length for component in given)
 
 
 def _two_axes(value: object) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -153,13 +165,9 @@ def _two_axes(value: object) -> tuple[tuple[float, ...], tuple[float, ...]]:
 def _inertia(value: object) -> float | tuple[float, ...]:
     """Moment of inertia about the plane's axis; in space those about x, y, z, optionally with J_xy, J_yz, J_zx."""
     if not isinstance(value, (list, tuple)):
-        number = to_si(value, units.INERTIA)
-        if number < 0:
-            raise Fault(f"{units.INERTIA.name} must not be negative", f"Write one like '{units.INERTIA.example}'")
-        return number
-    if len(value) not in (3, 6):
-        raise Fault("not the inertia of a body in space", "Write [J_x, J_y, J_z], or these and J_xy, J_yz, J_zx")
-    found = tuple(to_si(component, units.INERTIA) for component in value)
+        return not_negative(value, units.INERTIA)
+    reason, cure = "not the inertia of a body in space", "Write [J_x, J_y, J_z], or these and J_xy, J_yz, J_zx"
+    found = components(value, units.INERTIA, reason, cure, (3, 6))
     _check_inertia(found)
     return found
 
@@ -168,9 +176,7 @@ def _fibre(value: object) -> float | tuple[float, ...]:
     """Position of a fibre: height above the axis; in space y and z of the section."""
     if not isinstance(value, (list, tuple)):
         return to_si(value, units.LENGTH)
-    if len(value) != 2:
-        raise Fault("not a position in a section", "Write y and z, like ['10 mm', 0]")
-    return tuple(to_si(component, units.LENGTH) for component in value)
+    return components(value, units.LENGTH, "not a position in a section", "Write y and z, like ['10 mm', 0]", (2,))
 
 
 def _check_inertia(found: tuple[float, ...]) -> None:
@@ -221,9 +227,9 @@ def _ratios(value: object) -> tuple[float, ...] | str:
 
 def two(
     kind: type, read: Callable[[object], object], reason: str, cure: str,
-    of: str, written: list[str] | str = "string", wrong: Callable[[Any, Any], str] = lambda first, second: "",
+    of: str, types: list[str] | str = "string", wrong: Callable[[Any, Any], str] = lambda first, second: "",
 ) -> Any:  # fmt: skip
-    """List of two values of a kind, each read as ``written``; ``wrong`` describes the error of both together."""
+    """List of two values of a kind, each read as ``types``; ``wrong`` describes the error of both together."""
 
     def convert(value: object) -> tuple[object, object]:
         if not isinstance(value, (list, tuple)) or len(value) != 2:
@@ -233,12 +239,11 @@ def two(
             raise Fault(found, cure)
         return first, second
 
-    schema = {"type": "array", "items": {"type": written}, "minItems": 2, "maxItems": 2, "description": of}
+    schema = list_of({"type": types}, 2, 2, description=of)
     return Annotated[tuple[kind, kind], BeforeValidator(convert), WithJsonSchema(schema)]
 
 
-_WRITTEN = ["number", "string"]
-_DIRECTION_SCHEMA = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
+_DIRECTION_SCHEMA = list_of({"type": "number"}, 2, 3)
 
 PositiveLength = _positive(units.LENGTH)
 Length = _quantity(units.LENGTH)
@@ -269,36 +274,28 @@ PositiveTime = _positive(units.TIME)
 NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
 NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)
 PositiveRatio = _positive(units.RATIO)
-Abscissa = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "of the table's abscissa"})
-]
+Abscissa = Annotated[float, written("of the table's abscissa")]
 Point = _vector(units.LENGTH)
 Velocity = _vector(units.SPEED)
 Acceleration = _vector(units.ACCELERATION)
-ForceOrTorque = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "a force, a torque, or a force per length"})
-]
+ForceOrTorque = Annotated[float, written("a force, a torque, or a force per length")]
 Direction = Annotated[
     Vector,
     BeforeValidator(_unit_vector),
     WithJsonSchema(_DIRECTION_SCHEMA | {"description": "a direction, any length; three components in space"}),
 ]
 Axes = Annotated[
-    tuple[Vector, Vector],
-    BeforeValidator(_two_axes),
-    WithJsonSchema({"type": "array", "items": _DIRECTION_SCHEMA, "minItems": 2, "maxItems": 2}),
+    tuple[Vector, Vector], BeforeValidator(_two_axes), WithJsonSchema(list_of(_DIRECTION_SCHEMA, 2, 2))
 ]
 BodyInertia = Annotated[
     Any,  # a number in the plane, in space a tuple
     BeforeValidator(_inertia),
-    WithJsonSchema(
-        {"type": ["number", "string", "array"], "description": "kg m^2; in space [J_x, J_y, J_z, J_xy, J_yz, J_zx]"}
-    ),
+    written("kg m^2; in space [J_x, J_y, J_z, J_xy, J_yz, J_zx]", "array"),
 ]
 Fibre = Annotated[
     Any,  # a number in the plane, in space two
     BeforeValidator(_fibre),
-    WithJsonSchema({"type": ["number", "string", "array"], "description": "a length, m; in space [y, z]"}),
+    written("a length, m; in space [y, z]", "array"),
     units.LENGTH,
 ]
 AddressField = Annotated[

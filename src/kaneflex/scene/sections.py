@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from kaneflex.scene.quantities import PositiveLength
+from kaneflex.scene.quantities import PositiveLength, components, list_of
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.support.errors import Fault
 from kaneflex.support.units import LENGTH, RATIO, to_si
@@ -18,18 +18,16 @@ def _dimensions(*names: str) -> Any:
     """Field of several positive lengths, written as a list."""
     wanted = f"[{', '.join(names)}]"
 
+    count = len(names)
+
     def convert(value: object) -> tuple[float, ...]:
-        if not isinstance(value, (list, tuple)) or len(value) != len(names):
-            raise Fault(f"not the {len(names)} lengths of this shape", f"Write {wanted}")
-        lengths = tuple(to_si(item, LENGTH) for item in value)
+        lengths = components(value, LENGTH, f"not the {count} lengths of this shape", f"Write {wanted}", (count,))
         if min(lengths) <= 0:
             raise Fault("a length must be above zero", f"Write {wanted}")
         return lengths
 
-    schema = {"type": "array", "items": {"type": ["number", "string"]}, "minItems": len(names), "maxItems": len(names)}
-    return Annotated[
-        tuple[float, ...], BeforeValidator(convert), WithJsonSchema(schema | {"description": f"{wanted} in m"})
-    ]
+    schema = list_of({"type": ["number", "string"]}, count, count, description=f"{wanted} in m")
+    return Annotated[tuple[float, ...], BeforeValidator(convert), WithJsonSchema(schema)]
 
 
 def _shear_coefficient(value: object) -> float:

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic import ValidationInfo, field_validator, model_validator
 
-from kaneflex.scene.quantities import Address, AddressPair, Angle, NonNegativeLength
+from kaneflex.scene.quantities import Address, AddressPair, Angle, NonNegativeLength, not_negative, written
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
-from kaneflex.support.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIONAL_STIFFNESS, Dimension, to_si
+from kaneflex.support.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIONAL_STIFFNESS
 
-_TYPES = ["number", "string", "array"]
-Stiffness = Annotated[
-    Any,  # a number; six for a bushing
-    WithJsonSchema({"type": _TYPES, "description": "a stiffness, N/m or N m/rad; for a bushing three of each"}),
-]
-DampingConstant = Annotated[
-    Any, WithJsonSchema({"type": _TYPES, "description": "a damping, N s/m or N m s/rad; for a bushing three of each"})
-]
+# Numbers; six for a bushing.
+Stiffness = Annotated[Any, written("a stiffness, N/m or N m/rad; for a bushing three of each", "array")]
+DampingConstant = Annotated[Any, written("a damping, N s/m or N m s/rad; for a bushing three of each", "array")]
 
 IN_THE_PLANE = "In a planar scene use two springs between separate points, along x and along y"
 """Replacement of bushings in planar scenes."""
@@ -50,8 +45,8 @@ class Spring(SceneTable):
             if not isinstance(value, (list, tuple)) or len(value) != 6:
                 cure = f"Write three along x, y, z and three about them, like '{linear.example}', '{torsional.example}'"
                 raise Fault("a bushing has six, and only scenes in space have bushings", f"{cure}. {IN_THE_PLANE}")
-            return tuple(_positive(each, linear if k < 3 else torsional) for k, each in enumerate(value))
-        return _positive(value, torsional if info.data.get("torsional_at") else linear)
+            return tuple(not_negative(each, linear if k < 3 else torsional) for k, each in enumerate(value))
+        return not_negative(value, torsional if info.data.get("torsional_at") else linear)
 
     @model_validator(mode="after")
     def _consistent(self) -> Spring:
@@ -81,10 +76,3 @@ class Spring(SceneTable):
 
     def _each(self, given: float | tuple[float, ...]) -> tuple[float, ...]:
         return given if isinstance(given, tuple) else (given,) * (1 if self.bushing is None else 6)
-
-
-def _positive(value: object, dimension: Dimension) -> float:
-    number = to_si(value, dimension)
-    if number < 0:
-        raise Fault(f"{dimension.name} must not be negative", f"Write one like '{dimension.example}'")
-    return number

@@ -7,10 +7,10 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema
+from pydantic import BeforeValidator, Field, ValidationError
 
 from kaneflex.scene.merge import merged
-from kaneflex.scene.quantities import either
+from kaneflex.scene.quantities import either, written
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.errors import Fault, within
 from kaneflex.support.reading import read_text
@@ -28,8 +28,7 @@ def _one_of(*dimensions: Dimension) -> Any:
         return value
 
     units = " or ".join(dimension.unit for dimension in dimensions)
-    schema = {"type": ["number", "string"], "description": f"in {units}; or a string with a unit"}
-    return Annotated[float | str, BeforeValidator(check), WithJsonSchema(schema)]
+    return Annotated[float | str, BeforeValidator(check), written(f"in {units}; or a string with a unit")]
 
 
 class Start(SceneTable):
