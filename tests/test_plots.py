@@ -1,5 +1,6 @@
 """Pictures: which ones a scene gets, what stands on them, and the numbers behind them."""
 
+import io
 import math
 import re
 import subprocess
@@ -402,6 +403,16 @@ def test_a_frame_shows_what_moves_before_what_stands_still(tmp_path):
         for k, expected in enumerate(whole):
             gif.seek(k)
             assert abs(np.asarray(gif.convert("RGB")) - expected).max() < 40, "fewer shades of edges, no other lines"
+
+
+def test_a_png_holds_the_pixels_and_the_resolution_of_its_figure():
+    with styled():
+        figure = style.new_figure(3.0, 2.0, "Figure")
+        figure.subplots().plot([0, 1], [1, 0])
+        read = Image.open(io.BytesIO(style.picture(lambda: figure, "png")))
+        drawn = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    np.testing.assert_array_equal(np.asarray(read), drawn)
+    assert read.mode == "RGB" and read.size == (450, 300) and read.info["dpi"] == pytest.approx((150, 150), rel=1e-3)
 
 
 def test_an_animation_is_a_gif_and_an_mp4_of_the_length_that_is_asked_for(tmp_path, peer):

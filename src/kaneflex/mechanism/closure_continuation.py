@@ -20,7 +20,7 @@ from kaneflex.mechanism.joints import Constraints, coordinate
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import GROUND, Number, pose_at, wrapped
-from kaneflex.mechanism.position_analysis import larger_group, place
+from kaneflex.mechanism.position_analysis import Placement, larger_group, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import Table
@@ -189,15 +189,17 @@ def _at_all(scene: Scene, drives: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in drives.items())
 
 
-def follow(scene: Scene, times: np.ndarray, drives: Coordinates) -> np.ndarray:
+def follow(scene: Scene, times: np.ndarray, drives: Coordinates, start: Placement | None = None) -> np.ndarray:
     """Poses (n_times, bodies, 3) of the scene's assembly, by numerical computation only.
+
+    ``start`` is the placement at the start of the run, where the caller has it.
 
     Raises
     ------
     SceneError
         If it can't close at the start, or locks on the way.
     """
-    return _Follower(scene).over(times, drives, None, lambda t: _at_all(scene, drives(t))).poses
+    return _Follower(scene, start).over(times, drives, None, lambda t: _at_all(scene, drives(t))).poses
 
 
 class _Place(NamedTuple):
@@ -210,8 +212,8 @@ class _Place(NamedTuple):
 class _Follower:
     """Continuation of the assembly that a scene starts from."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.mechanism, self.start = mechanism_of(scene), place(scene)
+    def __init__(self, scene: Scene, start: Placement | None = None) -> None:
+        self.mechanism, self.start = mechanism_of(scene), start or place(scene)
         self.bodies, self.joints = tuple(self.mechanism.bodies), [*self.mechanism.joints]
         self.scale = np.tile([self.mechanism.size, self.mechanism.size, 1.0], len(self.bodies))
 

@@ -51,7 +51,8 @@ def followed(scene: Scene, placement: Placement) -> Courses:
         return here
     times = instants(scene)
     try:
-        poses = follow(scene, times, lambda t: {name: coordinate_at(drive, t) for name, drive in scene.drives.items()})
+        drives = scene.drives.items()
+        poses = follow(scene, times, lambda t: {name: coordinate_at(drive, t) for name, drive in drives}, placement)
     except SceneError:
         return here  # loading reports the position
     return {name: poses[:, k].T for k, name in enumerate(scene.bodies)}

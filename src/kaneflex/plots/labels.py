@@ -89,11 +89,16 @@ class Labels:
         beside = np.sign(np.round(_UNITS, 6)) * np.minimum(half, half * abs(_UNITS) * 1.5)
         centres = at + _DISTANCES[:, None, None] * scale * _UNITS + beside
         low, high = centres - half - 1.5, centres + half + 1.5
-        inside = (obstacles > low[:, :, None]) & (obstacles < high[:, :, None])
+        near = obstacles[((obstacles > low.min((0, 1))) & (obstacles < high.max((0, 1)))).all(axis=-1)]
         boxes = np.array([box.get_points() for box in taken]).reshape(-1, 2, 2)
-        overlap = (low[:, :, None] < boxes[:, 1]) & (high[:, :, None] > boxes[:, 0])
         outside = ((low <= frame.min) | (high >= frame.max)).any(axis=-1)
-        cost = inside.all(axis=-1).sum(axis=-1) + 30.0 * overlap.all(axis=-1).sum(axis=-1) + 100.0 * outside
+        cost = _hit(low, high, near, near) + 30.0 * _hit(low, high, boxes[:, 0], boxes[:, 1]) + 100.0 * outside
         cost += 0.02 * _DISTANCES[:, None]
-        near, way = np.unravel_index(int(np.round(cost, 8).argmin()), cost.shape)  # the nearest of equal ones
-        return centres[near, way], float(_DISTANCES[near])
+        ring, way = np.unravel_index(int(np.round(cost, 8).argmin()), cost.shape)  # the nearest of equal ones
+        return centres[ring, way], float(_DISTANCES[ring])
+
+
+def _hit(low: np.ndarray, high: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Number of the boxes or points (n, 2) that each box of an array (..., 2) meets."""
+    meets = (low[..., None, :] < upper) & (high[..., None, :] > lower)
+    return np.count_nonzero(meets[..., 0] & meets[..., 1], axis=-1)

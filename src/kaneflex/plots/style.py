@@ -8,7 +8,9 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from struct import pack
 from textwrap import fill
+from zlib import compress, crc32
 
 import matplotlib
 import numpy as np
@@ -17,7 +19,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
-from PIL import Image
 
 from kaneflex.support.escaping import picture_text
 
@@ -187,18 +188,25 @@ def picture(make: Callable[[], Figure], kind: str) -> bytes:
 def _write(figure: Figure, file: Path | io.BytesIO, kind: str) -> None:
     """Write a figure without a date in the file.
 
-    PNG without matplotlib's savefig, which would draw everything twice, and without transparency: that and the lowest
-    compression take half of the time and give the same size.
+    PNG (W3C 2003, chapters 5 and 11) without matplotlib's savefig, which would draw everything twice, and without
+    transparency and filters: with the lowest compression they take a third of the time and give the same size.
     """
     if kind != "png":
         figure.savefig(file, format=kind, metadata={"pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind])
         return
     figure.set_dpi(matplotlib.rcParams["savefig.dpi"])
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
+    with matplotlib.rc_context({"text.hinting": "none"}):  # letters as in an SVG, in half of the time
+        canvas.draw()
     figure.set_layout_engine("none")  # places are found: an SVG takes half of the time to draw
-    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    image.save(file, "PNG", dpi=(figure.dpi, figure.dpi), compress_level=1)
+    pixels = np.asarray(canvas.buffer_rgba())[:, :, :3]
+    lines = np.pad(pixels.reshape(len(pixels), -1), ((0, 0), (1, 0)))  # each begins with 0: no filter
+    size, per_metre = pack(">IIBBBBB", *pixels.shape[1::-1], 8, 2, 0, 0, 0), round(figure.dpi / 0.0254)
+    chunks = {b"IHDR": size, b"pHYs": pack(">IIB", per_metre, per_metre, 1), b"IDAT": compress(lines.tobytes(), 1)}
+    parts = [pack(">I", len(data)) + kind + data + pack(">I", crc32(kind + data))
+             for kind, data in (chunks | {b"IEND": b""}).items()]  # fmt: skip
+    png = b"".join([b"\x89PNG\r\n\x1a\n", *parts])
+    file.write(png) if isinstance(file, io.BytesIO) else file.write_bytes(png)
 
 
 def readable(unit: str, *values: np.ndarray) -> tuple[float, str]:
