@@ -18,12 +18,12 @@ from pathlib import Path
 import csv_tables
 
 from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.solve.summary_tables import Choice
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences, worst
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import candidates_of, neutral, neutral_settings
 from kaneflex.study.trade.choice import choose
-from kaneflex.study.trade.record import Choice
 from kaneflex.study.trade.reference import find_reference
 from kaneflex.support.atomic_output import write_text
 from kaneflex.support.errors import SceneError

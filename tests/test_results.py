@@ -36,10 +36,9 @@ from kaneflex.report.tables import _sensor_row, run_lines, sensor_cells
 from kaneflex.response.time_statistics import statistics
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.mode_angle_envelope import PeakSpread
+from kaneflex.solve.summary_tables import Attempt, Choice, ParameterSensitivity, SensorDerivative
 from kaneflex.solve.touching import ContactSummary, FrictionSummary
 from kaneflex.solve.unresolved import UnresolvedMode
-from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
-from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.support.labelled import Labelled
 
 ROOT = Path(__file__).parents[1]

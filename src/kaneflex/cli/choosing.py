@@ -10,7 +10,7 @@ from kaneflex.cli.scene import quantity
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.study.trade.record import Choice
+    from kaneflex.solve.summary_tables import Choice
 
 UNKNOWN = "Not verified"
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
     from kaneflex.scene import Scene
     from kaneflex.solve.solution import Solution
+    from kaneflex.solve.summary_tables import Choice
     from kaneflex.study.sensitivity.report import Sensitivities
-    from kaneflex.study.trade.record import Choice
 
 SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
 SCENE_FILE = "scene.toml"

@@ -14,13 +14,13 @@ from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.mechanism.reach import Courses
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.fem.links import Link
+    from kaneflex.mechanism.position_analysis import Placement
+    from kaneflex.mechanism.reach import Courses
 
 
 @dataclass(frozen=True)

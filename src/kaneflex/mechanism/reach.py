@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +13,13 @@ from kaneflex.mechanism.joints import coordinate
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import GROUND, Pose, pose_at
-from kaneflex.mechanism.position_analysis import Placement, coordinate_at
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.position_analysis import Placement
 
 Courses = Mapping[str, np.ndarray]
 """Body -> x, y of its start [m] and its angle [rad] over the motion, (3, n)."""
@@ -41,6 +44,7 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     """Poses of the run by position analysis; only of the start if a joint is free, the motion is not determined by
     joints and drives, or the linkage locks."""
     from kaneflex.mechanism.closure_continuation import follow
+    from kaneflex.mechanism.position_analysis import coordinate_at
 
     here = {name: pose[:, None] for name, pose in placement.poses.items()}
     mechanism = mechanism_of(scene)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.position_analysis import coordinate_at, drive_rates, place, with_branches
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.parts import Joint
@@ -28,6 +27,8 @@ def tight_start(scene: Scene) -> Scene:
     open_ = [name for name in free if not told & scene.drives[name].model_fields_set]
     if not scene.loose or not open_:
         return scene
+    from kaneflex.mechanism.position_analysis import drive_rates, place
+
     joints = dict(scene.joints)
     for name, loose in scene.loose.items():
         if loose.direction is None:
@@ -79,10 +80,17 @@ def _speed(drive: Drive, horizon: float) -> float:
         return float(drive.initial_speed)
     if drive.speed is not None:
         return float(drive.speed) if drive.spin_up is None else 0.0
+    from kaneflex.mechanism.position_analysis import coordinate_at
+
     step = _STEP * horizon
     return sum(weight * coordinate_at(drive, k * step) for k, weight in enumerate(_FORWARD)) / step
 
 
 def as_it_starts(scene: Scene) -> Scene:
     """Scene with branches instead of ``near``, and with :func:`tight_start`."""
-    return with_branches(tight_start(scene))
+    scene = tight_start(scene)
+    if not any(joint.near for joint in scene.joints.values()):
+        return scene
+    from kaneflex.mechanism.position_analysis import with_branches
+
+    return with_branches(scene)

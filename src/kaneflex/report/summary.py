@@ -15,14 +15,19 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic import Field
 
-from kaneflex.solve.mode_angle_envelope import PeakSpread, mode_angle_spread
 from kaneflex.solve.run_result import MOST_FREQUENCIES
-from kaneflex.solve.touching import ContactSummary, FrictionSummary, contact_summaries, friction_summaries
-from kaneflex.solve.unresolved import UnresolvedMode, unresolved
-from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
-from kaneflex.study.trade.record import Attempt, Choice
+from kaneflex.solve.summary_tables import (
+    Attempt,
+    Choice,
+    ContactSummary,
+    FrictionSummary,
+    ParameterSensitivity,
+    PeakSpread,
+    PlainTable,
+    SensorDerivative,
+    UnresolvedMode,
+)
 from kaneflex.support.escaping import visible
-from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
     from kaneflex.response.sensors import Series
@@ -181,17 +186,13 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         steps=model.options.steps,
         stored=len(times),
         sensors=sensor_summaries(solution) if len(times) else {},
-        mode_angle_spread=mode_angle_spread(model),
         frequencies_hz=list(solution.frequencies),
         degrees_of_freedom=model.degrees_of_freedom,
         modes_kept=model.solved_for,
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
         events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),
-        contacts=contact_summaries(solution),
-        frictions=friction_summaries(solution),
         stresses=_stresses(solution) if len(times) else {},
-        unresolved_modes=unresolved(solution),
         choice=choice,
         timing=Timing(
             derive_s=seconds["derive"],
@@ -205,7 +206,25 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
             for kernel, (written_out, shared) in model.module.OPERATIONS.items()
         },
         sensitivities={},
+        **_of_its_preset(solution),
     )
+
+
+def _of_its_preset(solution: Solution) -> dict[str, Any]:
+    """Fields that are empty but under preset paper, or under coupled."""
+    model = solution.model
+    found: dict[str, Any] = {"mode_angle_spread": {}, "contacts": {}, "frictions": {}, "unresolved_modes": []}
+    if model.options.dynamics == "frozen":
+        from kaneflex.solve.mode_angle_envelope import mode_angle_spread
+
+        found["mode_angle_spread"] = mode_angle_spread(model)
+    if model.options.dynamics == "coupled":
+        from kaneflex.solve.touching import contact_summaries, friction_summaries
+        from kaneflex.solve.unresolved import unresolved
+
+        found["contacts"], found["frictions"] = contact_summaries(solution), friction_summaries(solution)
+        found["unresolved_modes"] = unresolved(solution)
+    return found
 
 
 def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:

@@ -15,7 +15,6 @@ from kaneflex.fem.mobility import check_determined, check_held_twice
 from kaneflex.mechanism.closure import SWEEP, check_closure, stand
 from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
-from kaneflex.mechanism.position_analysis import Placement, place
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.mechanism.tight_start import as_it_starts
@@ -34,6 +33,7 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by, silent
 
 if TYPE_CHECKING:
+    from kaneflex.mechanism.position_analysis import Placement
     from kaneflex.multibody.model.rigid_reference import RigidTwin, TwinKinematics
     from kaneflex.multibody.model.system import CoupledSystem
 
@@ -182,6 +182,7 @@ def has_elastic_stage(scene: Scene) -> bool:
 
 def _load_coupled(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
     """Variant of :func:`load` for preset coupled, which needs the coupled module only."""
+    from kaneflex.mechanism.position_analysis import place
     from kaneflex.multibody.model.determinacy import check_sensors, check_weighty, undetermined
     from kaneflex.multibody.model.rigid_reference import build_twin
     from kaneflex.multibody.model.system import build_system, rigid_state, with_stretch
@@ -243,6 +244,8 @@ def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
     rigid = motion.at(np.zeros(1) if twin.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
     lost = np.flatnonzero(~np.all([np.isfinite(rigid[f"{name}.c"]) for name in mechanism.bodies], axis=0))
     if len(lost) and np.isfinite(rigid.said).all():
+        from kaneflex.mechanism.position_analysis import place
+
         # raises SceneError if the loops can't close at all
         place(scene, {name: float(rigid[f"{name}.angle"][lost[0]]) for name in mechanism.drives})
         joints = ", ".join(dict.fromkeys(twin.engine.layout.cuts))
@@ -291,6 +294,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
 
 def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options, frozen: bool = False) -> Model:
     """Model of another system of the same mechanism."""
+    from kaneflex.mechanism.position_analysis import place
     from kaneflex.multibody.model.rigid_reference import build_twin
     from kaneflex.multibody.model.system import with_stretch
 

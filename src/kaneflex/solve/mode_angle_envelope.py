@@ -5,22 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from pydantic import Field
 
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.sensors import DRIVE_KINDS
-from kaneflex.support.plain_table import PlainTable
+from kaneflex.solve.summary_tables import PeakSpread
 
 ANGLES = 12
 """Crank angles, equally spaced over a turn, at which the model is frozen."""
 _RIGID_KINDS = ("joint_force", *DRIVE_KINDS, "spring_force", "spring_torque")
-
-
-class PeakSpread(PlainTable):
-    """Range of a sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
-
-    smallest: float = Field(description="smallest peak")
-    largest: float = Field(description="largest peak")
 
 
 def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.solve.touching import labelled_contacts, labelled_frictions
 from kaneflex.support.labelled import Entry, Labelled
 
 if TYPE_CHECKING:
@@ -47,6 +46,8 @@ def labelled(solution: RunResult) -> Labelled:
         for name, series in solution.series.items()
     }
     if model.coupled is not None and len(solution.times):
+        from kaneflex.solve.touching import labelled_contacts, labelled_frictions
+
         coordinates["state"], more = _last_state(solution)
         variables |= more
         for names, found in (labelled_contacts(solution), labelled_frictions(solution)):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 
-from kaneflex.support.plain_table import PlainTable
+from kaneflex.solve.summary_tables import ContactSummary, FrictionSummary
 
 if TYPE_CHECKING:
     from kaneflex.multibody.unilateral.friction_results import FrictionRecord
@@ -31,28 +30,6 @@ _ABOUT = {
 
 _STILL = 1e-9
 """Share of a friction's largest speed below which it is at rest."""
-
-
-class FrictionSummary(PlainTable):
-    """Forces and losses of a friction over the run."""
-
-    lost: float = Field(description="energy lost, J")
-    largest_force: float | None = Field(description="largest stored force, N; null for a pin")
-    largest_torque: float | None = Field(description="of a pin: largest stored torque, N m")
-    stuck: float = Field(description="share of the stored instants with sticking")
-    jams_at_s: float | None = Field(description="of a contact: instant of the first jamming (Painlevé's paradox), s")
-
-
-class ContactSummary(PlainTable):
-    """Impacts and forces of a contact over the run."""
-
-    impacts: int = Field(description="number of closings")
-    fastest_m_s: float | None = Field(description="largest approach speed, m/s; null without an impact")
-    largest_force: float | None = Field(description="largest normal force, N; null without an impact")
-    fastest_rad_s: float | None = Field(description="backlash: largest approach speed, rad/s")
-    largest_torque: float | None = Field(description="backlash: largest torque, N m")
-    lost: float = Field(description="energy lost, J")
-    rests_since_s: float | None = Field(description="instant from which it stays closed to the end, s")
 
 
 def contact_summaries(solution: RunResult) -> dict[str, ContactSummary]:

@@ -5,29 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from pydantic import Field
 
 from kaneflex.integrate.outcome import Trajectory
 from kaneflex.solve.run_result import RunResult
+from kaneflex.solve.summary_tables import UnresolvedMode
 from kaneflex.support.errors import SceneError
-from kaneflex.support.plain_table import PlainTable
 
 FASTEST_DECAY = 20.0
 """Step of Gauss's method over a time constant from which at least a third of a decaying part remains: its stability
 function (1 + z/2 + z^2/10 + z^3/120)/(1 - z/2 + z^2/10 - z^3/120) is -0.30 at z = -20, and tends to -1."""
 FEWEST_STEPS = 3
 """Steps per period below which Gauss-Legendre shifts a vibration's phase by 2 % or more."""
-
-
-class UnresolvedMode(PlainTable):
-    """Mode of the reference configuration that the steps of a coupled run do not resolve.
-
-    Error-controlled steps skip only vibrations below the tolerance; such a mode carries its static share of forces.
-    """
-
-    frequency_hz: float = Field(description="natural frequency, Hz")
-    shape: str = Field(description="main motion: stretch or bending of a link")
-    steps_per_period: float = Field(description="mean steps per period, below 3")
 
 
 def unresolved(solution: RunResult) -> list[UnresolvedMode]:

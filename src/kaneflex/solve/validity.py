@@ -15,7 +15,6 @@ from kaneflex.scene.options import moves_with_links
 from kaneflex.solve.one_way_run import run_of, run_one_way, storing
 from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.run_result import RunResult, nominal_seconds
-from kaneflex.solve.touching import undetermined_frictions
 from kaneflex.support.errors import UserError
 
 ADDED_UP = 0.01
@@ -61,6 +60,7 @@ def validity_warnings(solution: RunResult, frequencies: Sequence[float]) -> list
     if coupled:
         found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
         from kaneflex.solve.contact_lines import off_their_lines
+        from kaneflex.solve.touching import undetermined_frictions
 
         found += [*off_their_lines(solution), *undetermined_frictions(solution)]
     if not len(solution.times):

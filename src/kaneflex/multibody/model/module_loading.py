@@ -22,7 +22,6 @@ from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.scene.structure import coupled_hash, pruned_hash, structure_hash
 from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES, SPATIAL_ATTRIBUTES
 from kaneflex.support.errors import SceneError
-from kaneflex.support.module_cache import cache_folder, keep, kept, sealed
 
 Progress = Callable[[str], None]
 
@@ -75,6 +74,8 @@ def _find(
         return importlib.import_module(f"kaneflex.generated.{STRUCTURES[structure]}"), 0.0
     if _module_name(structure) in sys.modules:
         return sys.modules[_module_name(structure)], 0.0
+    from kaneflex.support.module_cache import cache_folder, keep, kept, sealed
+
     path = cache_folder() / f"{structure}.py"
     data, seconds = kept(path), 0.0
     if data is None:

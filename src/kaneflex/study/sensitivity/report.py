@@ -15,9 +15,9 @@ from kaneflex.scene import Scene
 from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.solution import Solution
+from kaneflex.solve.summary_tables import ParameterSensitivity, SensorDerivative
 from kaneflex.study.sensitivity.parameters import Parameter, find_parameters
 from kaneflex.study.sensitivity.slopes import differentiated
-from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, refuse
 from kaneflex.support.labelled import Labelled

@@ -15,6 +15,7 @@ from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.quasistatic import LARGEST_DENSE
+from kaneflex.solve.summary_tables import Attempt, Choice
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.plan import digest, file_places
@@ -23,7 +24,6 @@ from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral,
 from kaneflex.study.trade.indicators import indicators
 from kaneflex.study.trade.linear_prices import LinearPrices, decided
 from kaneflex.study.trade.ranking import check_request
-from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep

@@ -1,0 +1,109 @@
+"""Tables of ``summary.json`` that computations fill; those of the sensors and of the run are in report."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+_RELATIVE = "(p/y) dy/dp of the {}; null if that is zero"
+
+
+class PlainTable(BaseModel):
+    """Table of ``summary.json``; its fields have descriptions."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class PeakSpread(PlainTable):
+    """Range of a sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
+
+    smallest: float = Field(description="smallest peak")
+    largest: float = Field(description="largest peak")
+
+
+class UnresolvedMode(PlainTable):
+    """Mode of the reference configuration that the steps of a coupled run do not resolve.
+
+    Error-controlled steps skip only vibrations below the tolerance; such a mode carries its static share of forces.
+    """
+
+    frequency_hz: float = Field(description="natural frequency, Hz")
+    shape: str = Field(description="main motion: stretch or bending of a link")
+    steps_per_period: float = Field(description="mean steps per period, below 3")
+
+
+class FrictionSummary(PlainTable):
+    """Forces and losses of a friction over the run."""
+
+    lost: float = Field(description="energy lost, J")
+    largest_force: float | None = Field(description="largest stored force, N; null for a pin")
+    largest_torque: float | None = Field(description="of a pin: largest stored torque, N m")
+    stuck: float = Field(description="share of the stored instants with sticking")
+    jams_at_s: float | None = Field(description="of a contact: instant of the first jamming (Painlevé's paradox), s")
+
+
+class ContactSummary(PlainTable):
+    """Impacts and forces of a contact over the run."""
+
+    impacts: int = Field(description="number of closings")
+    fastest_m_s: float | None = Field(description="largest approach speed, m/s; null without an impact")
+    largest_force: float | None = Field(description="largest normal force, N; null without an impact")
+    fastest_rad_s: float | None = Field(description="backlash: largest approach speed, rad/s")
+    largest_torque: float | None = Field(description="backlash: largest torque, N m")
+    lost: float = Field(description="energy lost, J")
+    rests_since_s: float | None = Field(description="instant from which it stays closed to the end, s")
+
+
+class Attempt(PlainTable):
+    """A model that was tried."""
+
+    model: str = Field(description="name, as in `kaneflex trade`")
+    error: float | None = Field(description="largest error of a sensor as a share of its peak")
+    worst_sensor: str | None = Field(description="sensor with that error")
+    within: bool = Field(description="whether error plus uncertainty of the reference are within the tolerance")
+    priced: bool = Field(description="whether the error was computed as a price, without a run")
+    reason: str = Field(description="why it was not run, or which loads its steps do not resolve")
+
+
+class Choice(PlainTable):
+    """Cheapest model within a tolerance, with errors and reference."""
+
+    tolerance: float = Field(description="error allowed of each sensor, as a share of its peak")
+    sensors: list[str] = Field(description="sensors considered")
+    model: str = Field(description="chosen model, as in `kaneflex trade`")
+    settings: list[str] = Field(description="settings of the chosen model, as path=value")
+    dropped: list[str] = Field(description="groups of terms left out beyond the preset")
+    errors: dict[str, float] = Field(description="by sensor: largest error as a share of its peak")
+    reference: str = Field(description="finest model, to which errors refer")
+    reference_settings: list[str] = Field(description="its settings, as path=value")
+    reference_note: str = Field(description="limits of the reference")
+    doubt: dict[str, float] = Field(description="by sensor: uncertainty of the reference")
+    indicators: dict[str, float | None] = Field(
+        description="by group of terms: change of the quasi-static displacements without it, to first order; "
+        "speed_ratio: fastest drive speed over lowest natural frequency; buckling_ratio: largest axial "
+        "force over buckling load; null if unknown"
+    )
+    attempts: list[Attempt] = Field(description="models in the order of trial")
+    seconds: float = Field(description="wall time of the choice, s")
+    remembered: bool = Field(description="whether the choice was cached")
+
+
+class SensorDerivative(PlainTable):
+    """Derivatives of a sensor's statistics with respect to a parameter p, in SI."""
+
+    unit: str = Field(description="the sensor's SI unit over the parameter's")
+    min: float = Field(description="derivative of the smallest value")
+    max: float = Field(description="of the largest value")
+    rms: float = Field(description="of the rms over time")
+    mean: float = Field(description="of the mean over time")
+    log_min: float | None = Field(description=_RELATIVE.format("smallest value"))
+    log_max: float | None = Field(description=_RELATIVE.format("largest value"))
+    log_rms: float | None = Field(description=_RELATIVE.format("rms"))
+    log_mean: float | None = Field(description=_RELATIVE.format("mean"))
+
+
+class ParameterSensitivity(PlainTable):
+    """Derivatives of all sensors with respect to one number of the scene."""
+
+    value: float = Field(description="the parameter's value, SI")
+    unit: str = Field(description="its SI unit; 1 for a plain number")
+    sensors: dict[str, SensorDerivative] = Field(description="by sensor")
