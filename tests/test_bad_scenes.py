@@ -350,7 +350,7 @@ BAD = {
     "torque of a straight spring": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
         '\n[sensors]\nm = {spring_torque = "band"}',
-        "sensors.m.spring_torque = 'band': the spring is of the other kind. Measure its spring_force."),
+        "sensors.m.spring_torque = 'band': a linear spring has no spring_torque. Measure its spring_force."),
     "force of no spring": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
         '\n[sensors]\nm = {spring_force = "bnd"}',

@@ -136,10 +136,10 @@ def test_pictures_are_drawn_by_name_also_later_from_the_finished_folder(monkeypa
     assert cli("plot", "r", "loads", "paths").exit_code == 0
     assert {path.name for path in Path("r").glob("*.*g")} == {"motion.png", "motion.svg", "loads.png", "paths.png"}
     refused(cli("plot", "r", "motoin"), "plots = 'motoin'", "'motion'")
-    refused(cli("plot", "."), "no scene.toml in it")
+    refused(cli("plot", "."), "the folder has no scene.toml")
     scene = Path("r/scene.toml")
     scene.write_text(scene.read_text().replace('mass = "0.214 kg"', 'mass = "0.215 kg"'))
-    refused(cli("plot", "r", "loads"), "results.nc", "differs from what scene.toml gives now")
+    refused(cli("plot", "r", "loads"), "results.nc", "differs from a new solution of scene.toml")
 
 
 def test_results_are_printed_before_anything_is_drawn(monkeypatch):

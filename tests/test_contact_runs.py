@@ -278,7 +278,7 @@ def test_no_start_from_an_equilibrium():
 
 
 def test_scipys_integrator_is_refused():
-    with pytest.raises(SceneError, match=r"with contacts\.floor it would step over the events there"):
+    with pytest.raises(SceneError, match=r"with contacts\.floor this integrator would step over impacts"):
         solved(BALL, "solve.integrator=scipy")
 
 

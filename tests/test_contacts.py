@@ -159,7 +159,7 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
     [
         (
             "[drives]", "[drives]\nwrist = {free = true}",
-            "drives.wrist: wrist has a clearance: it cannot be driven. Leave out the clearance or this.",
+            "drives.wrist: wrist has a clearance: it cannot be driven. Leave out the clearance or this entry.",
         ),
         (
             'force = {joint_force = "pin"', 'eccentricity = {joint_force = "pin"',
@@ -168,17 +168,17 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         (
             'joint_force = "pin"', 'joint_force = "wrist"',
             "sensors.force.joint_force = 'wrist': wrist has a clearance: it has no reaction, but contacts with a "
-            "contact_force. Leave out the clearance or this.",
+            "contact_force. Leave out the clearance or this entry.",
         ),
         (
             'push = {force_on = "piston", direction = [1, 0]', 'push = {torque_at = "wrist"',
-            "loads.push.torque_at = 'wrist': wrist has a clearance: its sides also translate. Leave out "
-            "the clearance or this.",
+            "loads.push.torque_at = 'wrist': wrist has a clearance: no torque acts between sides that also "
+            "translate. Leave out the clearance or this entry.",
         ),
         (
             'torsional_at = "pin"', 'torsional_at = "wrist"',
             "springs.coil.torsional_at = 'wrist': wrist has a clearance: it has no angle. Leave out "
-            "the clearance or this.",
+            "the clearance or this entry.",
         ),
         (
             "[contacts.stop]", "[contacts.wrist]",
@@ -240,8 +240,8 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             WRIST, 'width = "20 mm", contact = {modulus = "115 GPa", restitution = 0.5}',
-            "joints.wrist.clearance.contact: cylinders follow no power law: K d^n is fitted at a load, which is "
-            "missing. Give contact.load, a typical force, like load = '1 kN'.",
+            "joints.wrist.clearance.contact: the stiffness of cylinders depends on the load at which K d^n is "
+            "fitted, which is missing. Give contact.load, a typical force, like load = '1 kN'.",
         ),
         (
             WRIST, 'width = "20 mm", contact = {modulus = "115 GPa", load = 1e6, restitution = 0.5}',
@@ -264,7 +264,7 @@ def test_what_is_wrong_is_named_with_its_cure(old, new, message):
 
 def test_a_block_is_refused_where_it_can_not_be():
     assert refused((BORE, BLOCK)) == [
-        "drives.bore: bore has a clearance: it cannot be driven. Leave out the clearance or this.",
+        "drives.bore: bore has a clearance: it cannot be driven. Leave out the clearance or this entry.",
     ]
     tight_wrist = WRIST_JOINT, WRIST_JOINT.split("clearance")[0]
     free_wrist = 'bore = {free = true, position = "459 mm"}', "wrist = {free = true}"

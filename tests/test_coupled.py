@@ -220,7 +220,7 @@ def test_a_spring_and_its_damper_hold_the_cart():
         ),
         (
             "engine-paper", [],
-            "joints.pin.rotation = 'shared': only presets with small displacements have this choice. "
+            "joints.pin.rotation = 'shared': only one-way presets have this choice. "
             "Leave rotation out, or use preset stiffened.",
         ),
         (

@@ -180,7 +180,7 @@ def test_a_piston_beyond_its_dead_centre_is_named_in_millimetres(tmp_path):
     [
         ('speed = "10 rpm"', r"drives\.bore\.speed = '10 rpm'.*a guide slides.*'0\.5 m/s'"),
         ('speed = "1 m/s"\nangle = "10 deg"', r"drives\.bore\.angle = '10 deg'.*a guide slides.*Give position"),
-        ('speed = "1 m/s"\ncycle = "720 deg"', r"drives\.bore\.cycle = '720 deg'.*never returns"),
+        ('speed = "1 m/s"\ncycle = "720 deg"', r"drives\.bore\.cycle = '720 deg'.*has no cycle"),
         ('free = true\ninitial_speed = "1 rad/s"', r"drives\.bore\.initial_speed = '1 rad/s'.*a guide slides"),
         ('table = "s.csv"', r"drives\.bore\.unit.*a guide slides.*unit = 'mm'"),
     ],

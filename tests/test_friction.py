@@ -387,7 +387,7 @@ def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor():
 def test_the_one_way_presets_name_what_has_friction():
     with pytest.raises(SceneError, match=r"joints\.slide\.friction: preset rigid does not support friction.*coupled"):
         solved(BLOCK, "solve.preset=rigid")
-    with pytest.raises(SceneError, match=r"with joints\.slide\.friction it would step over the events there"):
+    with pytest.raises(SceneError, match=r"with joints\.slide\.friction this integrator would step over impacts"):
         solved(BLOCK, "solve.integrator=scipy")
     with pytest.raises(SceneError, match=r"with joints\.slide\.friction the equations are nonlinear"):
         linearise(load(scene_of(BLOCK)))
@@ -401,7 +401,7 @@ def test_the_one_way_presets_name_what_has_friction():
     (BLOCK, "mu = 0.3", "law = 'stribeck', mu = 0.3", "needs a stribeck_speed"),
     (BLOCK, "mu = 0.3", "law = 'viscous', mu = 0.3", "law viscous does not use it"),
     (BLOCK, "mu = 0.3", "", "there is no friction"),
-    (HINGE, ', radius = "10 mm"', "", "lever arm in the pin is missing"),
+    (HINGE, ', radius = "10 mm"', "", "friction torque of a pin needs its radius"),
     (HINGE, "0.005 N m", "5 N", "preload.*torque"),
     (HINGE, "friction_torque", "friction_force", "Measure its friction_torque"),
 ])  # fmt: skip

@@ -151,7 +151,7 @@ def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given():
 def test_the_speed_of_a_joint_is_refused_by_the_name_that_was_written():
     text = BOOM.replace("WAY", 'near = {boom = "6 deg"}').replace('{position = "cylinder"', '{velocity = "cylinder"')
     said = (
-        "sensors.stroke.velocity = 'cylinder': this sensor cannot be measured at a joint here. Read the "
+        "sensors.stroke.velocity = 'cylinder': a joint has no velocity. Read the "
         "position of cylinder, or the velocity of a body's point."
     )
     with pytest.raises(SceneError, match=re.escape(said)):

@@ -229,7 +229,7 @@ def test_section_forces_jump_where_something_acts(preset, in_space):
 @pytest.mark.parametrize(
     ("sensor", "place", "words"),
     [
-        ('{shear_force = "lever.end", cut = "after"}', "sensors.odd.cut", "the end has only one section"),
+        ('{shear_force = "lever.end", cut = "after"}', "sensors.odd.cut", "the end has a section on one side only"),
         ('{displacement = "lever.mid", cut = "after"}', "sensors.odd.cut", "does not apply to displacement"),
     ],
     ids=["end", "displacement"],

@@ -112,7 +112,7 @@ def test_the_page_of_a_run_keeps_the_extremes_of_its_curves():
 def test_films_keep_the_extremes_and_say_what_they_leave_out(tmp_path, peer):
     solution = vibrating(SINE[FRAMES])
     shown = frames_of(view(solution), FRAMES)
-    assert shown.note == f" ({FRAMES} of {COUNT} instants, some motion is faster)"
+    assert shown.note == f" ({FRAMES} of {COUNT} instants, some motion is too fast for them)"
     whole, film = (
         np.array([motion.displacement("rod", (x, 0.0))[0][:2] for x in solution.model.links["rod"].nodes])
         for motion in (solution.motion, shown.motion)
@@ -124,7 +124,7 @@ def test_films_keep_the_extremes_and_say_what_they_leave_out(tmp_path, peer):
     assert frames_of(view(vibrating(4.0)), FRAMES).note == ""
     meshio = peer("meshio")
     index = write_vtk(solution, tmp_path)
-    assert f"{FRAMES} of {COUNT} instants, some motion is faster" in index.read_text()
+    assert f"{FRAMES} of {COUNT} instants, some motion is too fast for them" in index.read_text()
     files = [each.get("file") for each in ET.parse(index).iter("DataSet")]
     largest = max(abs(meshio.read(tmp_path / file).point_data["displacement"]).max() for file in files)
     assert largest >= 0.999 * abs(whole).max()
@@ -141,7 +141,7 @@ def test_a_film_states_it_in_its_title(tmp_path, monkeypatch):
     monkeypatch.setattr(animation, "recording", noting)
     with styled():
         animation.animate(vibrating(SINE[FRAMES]), [tmp_path / "film.gif"], frames=6)
-    assert titles[0].replace("\n", " ").endswith(f"(6 of {COUNT} instants, some motion is faster)")
+    assert titles[0].replace("\n", " ").endswith(f"(6 of {COUNT} instants, some motion is too fast for them)")
 
 
 def test_the_frame_of_a_picture_holds_what_turns_as_often_as_it_is_looked_at():

@@ -118,10 +118,10 @@ def _disk_full(error: OSError) -> str:
 def main() -> None:
     """Simulate mechanisms with flexible links: motion, deformation, stresses and joint forces.
 
-    SCENE is the name of a shipped scene (see `kaneflex list`) or the path of a TOML file. Quantities take units:
-    "137 mm", "6000 rpm", 90deg. Lists take commas: --sensors torque,strain. Ranges take a colon:
-    main.speed=2000:6000rpm. --set PATH=VALUE changes an entry of the scene. Exit codes: 0 done, 2 wrong input,
-    3 the run stopped early, 130 interrupted.
+    SCENE is the name of a shipped scene (see `kaneflex list`) or the path of a TOML file. Quantities may have units:
+    "137 mm", "6000 rpm", 90deg. Commas separate the items of lists: --sensors torque,strain. A colon separates the ends
+    of a range: main.speed=2000:6000rpm. --set PATH=VALUE changes an entry of the scene. Exit codes: 0 done, 2 wrong
+    input, 3 the run stopped early, 130 interrupted.
 
     \b
     First steps:

@@ -29,8 +29,8 @@ COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences
     help="Presets to run, like linear,stiffened,coupled. [default: these three; with --with: the scene's preset]",
 )  # fmt: skip
 @click.option("--with", "peer", metavar="PROGRAM", help="Build and run SCENE in another program, too: exudyn.")
-@click.option("--peer-elements", type=Count(min=1), help="Elements per link in it. [default: twice SCENE's]")
-@click.option("--peer-steps", type=Count(min=1), help="Time steps in it. [default: four times SCENE's]")
+@click.option("--peer-elements", type=Count(min=1), help="Elements per link in PROGRAM. [default: twice SCENE's]")
+@click.option("--peer-steps", type=Count(min=1), help="Time steps in PROGRAM. [default: four times SCENE's]")
 @click.option(
     "--against", metavar="NAME",
     help="Reference of the differences: a preset or the program. [default: the program, else the last preset]",

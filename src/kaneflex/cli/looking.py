@@ -98,7 +98,7 @@ def check(asked: SceneArguments, as_json: bool) -> None:
 def modes(
     asked: SceneArguments, at: str | None, count: int | None, as_json: bool, export: Path | None, force: bool
 ) -> None:
-    """Print undamped natural frequencies and mode shapes of SCENE at one configuration, from K_s and M.
+    """Print undamped natural frequencies and mode shapes of SCENE at one configuration.
 
     Shapes are mass-normalised; mode_shapes has a column for each mode and a row for each coordinate (m or rad). Preset
     paper adds K_d, as in the paper's eq. (99).

@@ -219,7 +219,7 @@ def linearise(
         echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
     left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
     if left_out and not sensors:
-        echo(f"Warning: left out (not defined by frozen matrices): {', '.join(left_out)}", err=True)
+        echo(f"Warning: sensors left out, since frozen matrices do not define them: {', '.join(left_out)}", err=True)
     echo(f"Written to {output}" + (f" and {bode}" if bode is not None else ""), err=as_json)
 
 
@@ -343,5 +343,6 @@ def _derive_chosen(asked: SceneArguments, output: Path, tolerance: float, sensor
         text = derive_code(with_settings(scene, choice.settings), "pruned", waiting)
     write_text(output, text)
     echo(chosen_lines(choice))
-    echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
+    counts = f"{operation_count(text)} operations, {operation_count(whole)} with every term"
+    echo(f"Kernels of the motion and one element: {counts}")
     echo(f"Written to {output}")

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option(
     "--tolerance", metavar="SHARE",
-    help="Choose the cheapest model whose error in each sensor is within this share of its peak, like 1%.",
+    help="Choose the cheapest model (least computing time) whose error in each sensor is within this share of its "
+    "peak, like 1%.",
 )
 @names_option("--sensors", help="With --tolerance: sensors that must meet it. [default: all]")
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")

@@ -84,7 +84,7 @@ def sweep(
     for point, reason in list(finished.failures.items())[:_FAILURES_SHOWN]:
         echo(f"Point {point}: {reason}", err=True)
     if len(finished.failures) > _FAILURES_SHOWN:
-        echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` says why", err=True)
+        echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` explains why", err=True)
     echo(f"{finished.total - len(finished.failures)} of {finished.total} points completed")
     echo(f"Written to {finished.path}")
     for path in _drawn(finished, plan) if plots and find_spec("xarray") else ():
@@ -109,7 +109,7 @@ def _drawn(finished: Finished, plan: Plan) -> list[Path]:
 def _solver(workers: int | None, scheduler: str | None) -> Solver:
     if workers is not None and scheduler is not None:
         cure = "Give one of the two"
-        raise SceneError("--workers", workers, "--scheduler brings its own workers", cure)
+        raise SceneError("--workers", workers, "a Dask scheduler has its own workers", cure)
     if scheduler is not None:
         from kaneflex.study.cluster import on_cluster
 

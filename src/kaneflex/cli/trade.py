@@ -30,7 +30,7 @@ def _options(ending: str) -> Decorator:
     return together(
         scene_options("preset", "settings"),
         click.option("--tolerance", default="1%", metavar="SHARE", help="Allowed error per sensor.", show_default=True),
-        click.option("--budget", default="60s", metavar="TIME", help="Time for running and timing.", show_default=True),
+        click.option("--budget", default="60s", metavar="TIME", help="Time limit of all runs.", show_default=True),
         names_option("--sensors", help="Sensors to consider. [default: all]"),
         folder_options(ending),
         json_option,
@@ -41,7 +41,7 @@ def _options(ending: str) -> Decorator:
 @command(renamed={"--sensor": "--sensors"})
 @_options("trade")
 def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
-    """Recommend the cheapest model of SCENE within a tolerance, and rank the others by error and run time.
+    """Recommend the cheapest model of SCENE (least computing time) within a tolerance, and rank the others.
 
     Models differ in preset, elements, modes, steps, integrator and single terms. The reference is the scene's finest
     model, whose own error is estimated first. The folder contains trade.csv, trade.json and a picture. Scenes with
@@ -63,7 +63,7 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
 @command(renamed={"--sensor": "--sensors"})
 @_options("terms")
 def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
-    """Print the cost of each group of terms of SCENE, its effect on the sensors, and if the tolerance requires it.
+    """Print the cost of each group of terms of SCENE, its effect on the sensors, and whether the tolerance requires it.
 
     Each group is left out of preset stiffened, one at a time: spin, gyroscopic, Euler and geometric terms, damping,
     axial deformation, each load, dynamics, two-way coupling and others that the scene has. If the motion is periodic
@@ -84,8 +84,8 @@ def _trade_text(found: Trade) -> str:
 
 def _terms_text(found: Terms) -> str:
     full = found.full
-    step = f"{full.ns_per_step:.0f} ns a step, rigid motion and start included"
-    return f"{terms_table(found)}\nStiffened with all of them: {full.operations} operations, {step}"
+    step = f"{full.ns_per_step:.0f} ns a step (rigid motion and start included)"
+    return f"{terms_table(found)}\nPreset stiffened with all groups: {full.operations} operations and {step}"
 
 
 def _weigh(
@@ -174,7 +174,8 @@ _CHAOS = (
 def reference_lines(found: Trade) -> str:
     """Reference of the errors, and its own error."""
     reference = found.reference
-    lines = [f"Against {reference.name}; refining it changed sensors by {percent(max(reference.refinement.values()))}"]
+    change = percent(max(reference.refinement.values()))
+    lines = [f"Reference: {reference.name}; its last refinement changed sensors by up to {change}"]
     if reference.coupling:
         sensor = max(reference.coupling, key=reference.coupling.__getitem__)
         lines.append(f"Preset coupled differs from it by up to {percent(reference.coupling[sensor])}, in {sensor}")

@@ -215,7 +215,7 @@ def draw_again(folder: Path, target: Target) -> list[Path]:
     kinds_of(target.kinds or "")
     for name in (SCENE_FILE, RESULTS_FILE):
         if not (folder / name).is_file():
-            raise OutputError(str(folder), None, f"no {name} in it", "Give a folder that `kaneflex run` made")
+            raise OutputError(str(folder), None, f"the folder has no {name}", "Give a folder that `kaneflex run` made")
     with Waiting() as waiting, writing(folder):
         with uncollected():
             model = load(read_scene(folder / SCENE_FILE), waiting)
@@ -239,7 +239,7 @@ def _demand_same(solution: Solution, folder: Path) -> None:
             found, series.values, rtol=0.0, atol=_SAME * abs(series.values).max(initial=0.0), equal_nan=True
         ):
             raise OutputError(
-                str(folder / RESULTS_FILE), None, f"{name} differs from what {SCENE_FILE} gives now: kaneflex or a "
-                "file that the scene names has changed, or the run continued another one",
+                str(folder / RESULTS_FILE), None, f"{name} differs from a new solution of {SCENE_FILE}: kaneflex "
+                "or a file of the scene has changed, or the run continued another run",
                 "Run the scene again with --plots",
             )  # fmt: skip

@@ -88,7 +88,7 @@ def import_mesh(
 
     with told("import", None):
         if coupling not in ("rigid", "averaged"):
-            raise Fault(f"{coupling!r} is no coupling", "Choose 'rigid' or 'averaged'")
+            raise Fault(f"{coupling!r} is not a coupling", "Choose 'rigid' or 'averaged'")
         link = _link((mass, stiffness, nodes), points, options)
         made = spatial_foreign_data if link.spatial else foreign_data
         data = made(link, modes, coupling == "rigid", damping)

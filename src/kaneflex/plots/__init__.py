@@ -63,7 +63,7 @@ def draw_all(
     solution: Solution, folder: Path | str, progress: Progress | None = None, frames: int | None = None,
     seconds: float | None = None, mp4: bool = False, kinds: str = _ALL,
 ) -> list[Path]:  # fmt: skip
-    """Write the pictures that apply to the scene.
+    """Write the pictures of a run; kinds that do not apply to its scene are left out.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def draw_all(
     seconds : float, optional
         Duration of the animation; by default 12 frames per second.
     mp4 : bool
-        Whether the animation is written as MP4, too; extra ``mp4`` brings the encoder.
+        Whether the animation is written as MP4, too; the extra ``mp4`` installs the encoder.
     kinds : str
         Comma-separated names of :data:`kaneflex.plots.KINDS`; "svg" also writes SVG files, "all" draws everything.
 
@@ -131,7 +131,7 @@ def draw(kind: str, found: object, folder: Path) -> list[Path]:
 
 @takes(solution="solution", kinds="text")
 def figures(solution: Solution, kinds: str = _ALL) -> dict[str, Figure]:
-    """Still pictures of a solution as matplotlib Figures by name, of all kinds or of those named with commas."""
+    """Still pictures of a solution as matplotlib Figures by name, of all kinds or of the comma-separated ones."""
     from kaneflex.plots.style import styled
 
     with styled():

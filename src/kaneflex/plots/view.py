@@ -144,7 +144,7 @@ def frames_of(shown: View, count: int) -> View:
     ]
     picked = frames(np.array(moved or places), count, cycles)
     hasty = missed(np.array(moved + places), picked).max() > MISSED
-    note = f"{len(picked)} of {len(shown.instants)} instants, some motion is faster" if hasty else ""
+    note = f"{len(picked)} of {len(shown.instants)} instants, some motion is too fast for them" if hasty else ""
     return replace(shown, instants=shown.instants[picked], thinned=note)
 
 

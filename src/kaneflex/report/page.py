@@ -40,7 +40,7 @@ _KINDS = {".png": "image/png", ".gif": "image/gif"}
 def write_report(
     solution: Solution, folder: Path | str, pictures: Sequence[Path] = (), summary: Summary | None = None
 ) -> Path:
-    """Write ``report.html``, a run on one page, into a folder, which is made where it does not exist.
+    """Write ``report.html``, a run on one page, into a folder, which is created if needed.
 
     Parameters
     ----------

@@ -166,7 +166,7 @@ def _poses(scene: Scene) -> Iterator[Problem]:
             reason = "other bodies have poses, this one has none"
             yield Problem(f"bodies.{name}.pose", None, reason, "Give its pose")
         if body.free is not None:
-            yield Problem(f"bodies.{name}.free", None, "bodies with poses don't move", "Leave out it or the poses")
+            yield Problem(f"bodies.{name}.free", None, "bodies with poses don't move", "Leave free or the poses out")
     for name in scene.drives:
         yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave out either the drive or the poses")
 
@@ -198,7 +198,7 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
             yield Problem(f"{key}.component", sensor.component, "not a coordinate of this joint", cure)
         return
     if address.body in scene.joints and address.body not in scene.bodies and sensor.kind in MOTION_KINDS:
-        reason = "this sensor cannot be measured at a joint here"
+        reason = f"a joint has no {sensor.kind}"
         cure = f"Read the position of {address.body}, or the {sensor.kind} of a body's point"
         yield Problem(f"{key}.{sensor.kind}", address.body, reason, cure)
         return
@@ -207,7 +207,7 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     if body is None:
         return
     if "cut" in sensor.model_fields_set and address.point in ("start", "end"):
-        yield Problem(f"{key}.cut", sensor.cut, f"the {address.point} has only one section", "Leave cut out")
+        yield Problem(f"{key}.cut", sensor.cut, f"the {address.point} has a section on one side only", "Leave cut out")
     if "cut" in sensor.model_fields_set and body.modal is not None:
         yield Problem(f"{key}.cut", sensor.cut, f"{address.body} gets its sections from modal data", "Leave cut out")
     if body.elastic:
@@ -248,7 +248,8 @@ def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     spring, given = scene.springs[target], "component" in sensor.model_fields_set
     right = "spring_force" if spring.torsional_at is None else "spring_torque"
     if spring.bushing is None and sensor.kind != right:
-        yield Problem(f"{key}.{sensor.kind}", target, "the spring is of the other kind", f"Measure its {right}")
+        kind = "linear" if spring.torsional_at is None else "torsional"
+        yield Problem(f"{key}.{sensor.kind}", target, f"a {kind} spring has no {sensor.kind}", f"Measure its {right}")
     elif spring.bushing is None and given:
         yield Problem(f"{key}.component", sensor.component, "only a bushing has components", "Leave it out")
     elif spring.bushing is not None and sensor.component not in ("x", "y", "z"):
@@ -275,8 +276,8 @@ def _friction_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem
         cure = nearest(target, turning) if turning else "Give a joint or a contact friction"
         yield Problem(f"{key}.{sensor.kind}", target, "no joint or contact of that name has friction", cure)
     elif turning[target] != (sensor.kind == "friction_torque"):
-        kind = "friction_torque" if turning[target] else "friction_force"
-        yield Problem(f"{key}.{sensor.kind}", target, "friction acts in another way there", f"Measure its {kind}")
+        kind = "torque" if turning[target] else "force"
+        yield Problem(f"{key}.{sensor.kind}", target, f"the friction there is a {kind}", f"Measure its friction_{kind}")
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:

@@ -28,8 +28,8 @@ def clearance_problems(scene: Scene) -> Iterator[Problem]:
                 yield Problem(f"joints.{made}", None, reason, "Choose another name")
     for key, name, verb in _counting_on(scene):
         if name in loose and not loose[name].has_backlash:
-            reason = f"{name} has a clearance: {verb}"
-            yield Problem(key, None if key == f"drives.{name}" else name, reason, "Leave out the clearance or this")
+            reason, cure = f"{name} has a clearance: {verb}", "Leave out the clearance or this entry"
+            yield Problem(key, None if key == f"drives.{name}" else name, reason, cure)
 
 
 def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
@@ -37,7 +37,7 @@ def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
     for name in scene.drives:
         yield f"drives.{name}", name, "it cannot be driven"
     for name, load in scene.torques.items():
-        yield f"loads.{name}.torque_at", load.torque_at, "its sides also translate"
+        yield f"loads.{name}.torque_at", load.torque_at, "no torque acts between sides that also translate"
     for name in scene.loads:
         key = "law" if scene.loads[name].against is None else "against"
         yield from ((f"loads.{name}.{key}", joint, "it has no coordinate") for joint in _in_law(scene, name))

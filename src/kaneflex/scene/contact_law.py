@@ -150,7 +150,7 @@ def cylinders(modulus: float, width: float, room: float, load: float | None) -> 
     with the logarithm l. Raises Fault without a load, or if the contact is too wide at this load.
     """
     if load is None:
-        reason = "cylinders follow no power law: K d^n is fitted at a load, which is missing"
+        reason = "the stiffness of cylinders depends on the load at which K d^n is fitted, which is missing"
         raise Fault(reason, "Give contact.load, a typical force, like load = '1 kN'", below="contact")
     stiff = math.pi * modulus * width
     logarithm = math.log(4 * stiff * room / load)

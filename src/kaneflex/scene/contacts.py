@@ -79,7 +79,7 @@ class Clearance(SceneTable):
         strange = (each for kind, fields in own.items() if kind != given for each in fields)
         self.refuse(strange, f"does not apply to a {given} clearance")
         if given == "gap" and self.length is None:
-            raise Fault("the block has no length between its corners", "Give its length along the guide")
+            raise Fault("the block of a guide needs a length", "Give its length along the guide")
         if given == "angle" and self.contact.stiffness is None and self.contact.law != "newton":
             reason = "Hertz's theory does not apply to flanks"
             raise Fault(reason, "Give stiffness, a torque per angle^n", below="contact")

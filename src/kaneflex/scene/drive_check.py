@@ -9,7 +9,7 @@ from kaneflex.scene.scene import Scene, given_value
 from kaneflex.support.errors import Fault, Problem, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
-_SPEEDS = {"cylindrical": ("slides along its axis", SPEED), "universal": ("turns about two axes", ANGULAR_SPEED)}
+_SPEEDS = {"cylindrical": ("along its axis", SPEED), "universal": ("about its first axis", ANGULAR_SPEED)}
 """Motion of the first speed of joints with two speeds; the second is a rotation."""
 
 
@@ -53,16 +53,16 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
         yield Problem(f"drives.{name}.{wrong}", given, kind, f"Give {right}")
     if slides and drive.cycle is not None:
         given = given_value(scene.raw, ("drives", name, "cycle"))
-        reason = "a guide at constant speed never returns"
+        reason = "a guide at constant speed has no cycle"
         yield Problem(f"drives.{name}.cycle", given, reason, "Leave it out, or give a law with its period")
     for field in ("speed", "initial_speed"):
         yield from of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
     joint = scene.joints[name].kind
     if drive.initial_speeds is not None and joint in _SPEEDS:
         moves, dimension = _SPEEDS[joint]
-        kind = f"a {joint} joint {moves} first"
+        kind = f"the first speed of a {joint} joint is {moves}"
         yield from of_the_joint(scene, ("drives", name, "initial_speeds", "0"), kind, dimension)
-        kind = f"a {joint} joint turns by its second speed"
+        kind = f"the second speed of a {joint} joint is a rotation"
         yield from of_the_joint(scene, ("drives", name, "initial_speeds", "1"), kind, ANGULAR_SPEED)
     if name == next(iter(scene.drives)):
         yield from of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)

@@ -98,7 +98,7 @@ class Friction(SceneTable):
         self.refuse(strange, f"does not apply to a {kind}{' joint' * (kind != 'contact')}")
         if kind == "revolute" and (self.mu or self.mu_static) and self.radius is None:
             cure = "Give the pin's radius, or a preload in N m"
-            raise Fault("mu N is a force, and its lever arm in the pin is missing", cure)
+            raise Fault("the friction torque of a pin needs its radius", cure)
 
     @property
     def arm(self) -> float:

@@ -26,13 +26,13 @@ def check_coupled(scene: Scene) -> None:
          "this integrator is for equations that are linear in the displacements",
          f"Use {', '.join(known[:-1])} or {known[-1]} under preset coupled"),
         (scene.is_spatial and solve.integrator not in (None, "radau"), "solve.integrator", solve.integrator,
-         "under preset coupled spatial scenes are integrated by radau only", "Leave it out"),
+         "under preset coupled scenes in space are integrated by radau only", "Leave it out"),
         (scene.is_spatial and solve.bounded, "solve.bounded", list(solve.bounded),
          "in space solve.tolerance applies to displacements only", "Leave it out and give a smaller tolerance"),
         (off is not None, f"solve.terms.{off}", False,
          "preset coupled cannot leave terms out", "Use preset stiffened"),
         (at is not None, f"{at}.rotation", rotation,
-         "only presets with small displacements have this choice",
+         "only one-way presets have this choice",
          "Leave rotation out, or use preset stiffened"),
         (scene.is_frame and not _welded(scene), "solve.preset", "coupled",
          "preset coupled places bodies by joints; only welds take angles from poses",
@@ -65,7 +65,7 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
         reason = f"preset {scene.solve.preset} does not support friction"
         raise SceneError(f"joints.{name}.friction", None, reason, "Use preset coupled")
     if scene.solve.integrator == "scipy":
-        reason = "it would step over the events there"
+        reason = "this integrator would step over impacts, and over changes between sticking and sliding"
         refuse_contacts(scene, "solve.integrator", "scipy", reason, "Use radau or gauss")
     if scene.solve.start == "quasistatic":
         reason = "free bodies have no equilibrium"

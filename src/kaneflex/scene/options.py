@@ -319,7 +319,7 @@ def _check_options(options: Options) -> None:
          f"this integrator finds periodic motions, and solve.start is {start}",
          "Use radau, or start periodic, like --set solve.start=periodic"),
         (options.bounded and dynamics == "coupled" and integrator == "scipy", "solve.bounded", list(options.bounded),
-         "scipy's Radau applies solve.tolerance to all that it integrates",
+         "scipy's Radau applies solve.tolerance to every quantity",
          "Leave it out, or use integrator radau or gauss"),
         (exact != (dynamics == "frozen") and dynamics in ("frozen", "dynamic"), "solve.integrator", integrator,
          f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}",

@@ -113,7 +113,7 @@ class Joint(SceneTable):
             raise Fault(f"a {kind} joint has no direction", "Leave it out", below="direction")
         for field, kinds in {"axis": ("revolute", "cylindrical"), "axes": ("universal",)}.items():
             if kind not in kinds and getattr(self, field) is not None:
-                raise Fault(f"a {kind} joint has none", "Leave it out", below=field)
+                raise Fault(f"a {kind} joint has no {field}", "Leave it out", below=field)
         if kind != "weld" and self.relative_angle:
             raise Fault(f"a {kind} joint has no angle", "Leave it out", below="relative_angle")
         if self.addresses[0].body == self.addresses[1].body:

@@ -90,7 +90,7 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
             right = "Give its height above the axis"
             yield Problem(f"sensors.{name}.fibre", sensor.fibre, "a planar beam bends in one plane", right)
         if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
-            yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has none", cure)
+            yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has no such component", cure)
 
 
 def _planar_only(scene: Scene) -> Iterator[Problem]:

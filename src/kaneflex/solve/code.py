@@ -49,7 +49,7 @@ def derive_code(scene: SceneLike, form: str = "module", progress: Progress | Non
     Parameters
     ----------
     scene : Scene, Model, Solution or path
-        Preset ``coupled`` has equations of its own; all other presets share theirs.
+        The equations of preset ``coupled`` differ from those that all other presets share.
     form : {"module", "pruned", "standalone", "c"}
         "module" is the numba module of the scene's structure, without its numbers; "pruned" has only the terms of the
         scene's preset; "standalone" is the whole model in one readable file; "c" is a folder of portable C11.

@@ -51,9 +51,9 @@ class State:
         wanted = [name for name, _ in system.coordinates]
         strange = sorted({*wanted} ^ {*self.names})
         if strange:
-            owner = "the scene" if strange[0] in wanted else "the state"
+            owner = "state" if strange[0] in wanted else "scene"
             raise SceneError(
-                "after", self.source, f"{strange[0]} is a coordinate of {owner} only",
+                "after", self.source, f"the {owner} has no coordinate {strange[0]}",
                 "Continue with the scene and number of modes of that run",
             )  # fmt: skip
         order = [self.names.index(name) for name in wanted]

@@ -98,7 +98,7 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
     Raises
     ------
     SceneError
-        As :func:`kaneflex.solve.c_model.c_model`, and for presets without integration.
+        For scenes without C code, see :func:`kaneflex.solve.c_model.c_model`, and for presets without integration.
     """
     scene, progress = scene_from(scene), progress or silent
     if version not in ("2", "3"):

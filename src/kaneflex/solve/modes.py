@@ -76,7 +76,7 @@ def modes(scene: SceneLike, count: int | None = None, progress: Callable[[str], 
     ----------
     scene : Scene, Model, Solution or path
     count : int, optional
-        Number of modes; by default all, at most MOST_FREQUENCIES.
+        Number of modes; by default all, at most 50.
     progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @takes(model="model", progress="function", after="state")
 def simulate(model: SceneLike, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
-    """Integrate, or solve at each instant, over one cycle or the scene's duration.
+    """Solve a model over one cycle or the scene's duration, by integration or at each instant.
 
     Parameters
     ----------

@@ -119,13 +119,13 @@ def compare(
     scene : Scene, Model, Solution or path
         All settings but the preset are kept.
     presets : sequence of str, optional
-        By default PRESETS_COMPARED; with ``peer``, the scene's own preset.
+        By default linear, stiffened and coupled; with ``peer``, the scene's own preset.
     against : str, optional
         Name of the reference model; by default the other program, else the last preset that ran.
     progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     peer : str, optional
-        Another program that also runs the scene: "exudyn", or one registered as an entry point of group PEERS.
+        Another program that also runs the scene: "exudyn", or an entry point of group "kaneflex.peers".
     resolution : Resolution
         Mesh and steps of that program.
 

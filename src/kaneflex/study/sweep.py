@@ -90,7 +90,7 @@ def sweep(
     force: bool = False,
     form: str = "netcdf",
 ) -> Finished:
-    """Compute the unfinished points of a plan, then write the dataset into the folder.
+    """Compute the unfinished points of a study, then write the dataset into the folder.
 
     After an interruption, the next call continues with the unfinished points.
 

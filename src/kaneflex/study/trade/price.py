@@ -148,8 +148,8 @@ def price(
             without = runs.run(Variant(f"without the {part}", settings)).curves
             counted = [name for name in sensors or scene.sensors if name not in gone]
             if not counted:
-                reason = "no requested sensor exists without it"
-                raise SceneError("sensors", None, reason, "Choose a sensor that also exists without it")
+                reason = f"no requested sensor exists without the {part}"
+                raise SceneError("sensors", None, reason, "Choose a sensor that does not belong to it")
             changes = tuple(_change(scene, name, whole, without, finer) for name in counted)
             prices.append(Price(part, settings, gone, changes))
         except SceneError as error:

@@ -89,7 +89,7 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Effects of the groups of a scene's equations. Made by :func:`terms`.
+    """Effects of the groups of terms in a scene's equations. Made by :func:`terms`.
 
     Attributes
     ----------
@@ -151,15 +151,15 @@ def terms(
 ) -> Terms:
     """Drop each group of terms from preset ``stiffened``, one at a time, at the scene's own elements and steps.
 
-    The effect of a group follows from one linear solution if the motion is periodic and linear, and if the error of
-    this effect does not matter for the verdict; otherwise from a run.
+    The effect of a group follows from one linear solution if the motion is periodic and linear, and if its error cannot
+    change whether the group is needed; otherwise it follows from a run.
 
     Parameters
     ----------
     scene, tolerance, budget, sensors, progress
         As :func:`kaneflex.study.trade.ranking.trade` takes them.
     chosen : sequence of Group, optional
-        By default :func:`groups`.
+        Groups to drop; by default :func:`groups`.
 
     Raises
     ------
