@@ -16,7 +16,7 @@ BASELINE = {
     "fem": 28,
     "integrate": 40,
     "mechanism": 24,
-    "multibody": 44,
+    "multibody": 40,
     "peers": 23,
     "plots": 35,
     "report": 6,

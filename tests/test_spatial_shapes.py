@@ -254,7 +254,10 @@ ROD = SHAFT.replace('["60 mm", "90 mm"]', '["3 mm", "5 mm"]').replace("elements 
 
 def pinned_rod(theory, place):
     """Shapes of a thin rod with a pin about z at a place, four modes in either plane."""
-    scene = scene_of(ROD.replace("rayleigh", theory))
+    name, sides = ("tip", '"shaft.end", "disc"') if place else ("foot", '"ground", "shaft.start"')
+    pinned = f"{name} = {{revolute = [{sides}], axis = [0, 0, 1]}}"
+    text = ROD.replace(f"{name} = {{weld = [{sides}]}}", pinned) + f"[drives]\n{name} = {{free = true}}\n"
+    scene = scene_of(text.replace("rayleigh", theory))
     return built_shapes(scene, link_of_scene(scene, "shaft", 8), 4, (place, 0.0, 0.0), "z")
 
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.mechanism.floating_frames import most_modes
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.run import integrate
@@ -62,21 +61,16 @@ def _richer(model: Model) -> Iterator[tuple[str, Scene, Options]]:
         return
     # twice as many covers symmetric links, too; every third mode is one of stretch
     modes = max(4, 2 * int(options.modes) + 1)
-    if not scene.is_spatial:
-        modes = min(modes, *_limits(scene))
-    if modes > int(options.modes):
-        scene, options = _with_modes(scene, modes), replace(options, modes=modes)
-        yield "modes", scene, options
+    scene, options = _with_modes(scene, modes), replace(options, modes=modes)
+    yield "modes", scene, options
     yield "elements", with_half_elements(scene), options
 
 
-def _limits(scene: Scene) -> Iterator[int]:
-    """Number of modes that the elements of each planar link allow."""
-    return (most_modes(scene, name) for name, body in scene.bodies.items() if body.elastic)
-
-
-def _with_modes(scene: Scene, modes: int) -> Scene:
-    return scene.seen(solve=scene.solve.model_copy(update={"modes": modes}))
+def _with_modes(scene: Scene, modes: int, **update: object) -> Scene:
+    """The scene with so many modes, of each link at most as many as its elements have."""
+    solve = scene.solve.model_copy(update=update | {"modes": modes})
+    solve.model_fields_set.discard("modes")  # a number that a user gives is not limited
+    return scene.seen(solve=solve)
 
 
 def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
@@ -167,9 +161,8 @@ def _as_coupled(read: Read) -> Scene:
     slow = "quasistatic" in (options.start, options.dynamics)
     start = "periodic" if read.periodic else "quasistatic" if slow else options.start
     scene = acting(model.given or model.scene, options).seen(events={})
-    modes = _MANY if scene.is_spatial else min(2 * _MANY, *_limits(scene))
     update = {
-        "preset": "coupled", "start": start, "steps": options.steps, "modes": modes, "integrator": None,
+        "preset": "coupled", "start": start, "steps": options.steps, "integrator": None,
         "reduction": None, "terms": {}, "tolerance": None, "bounded": (),
     }  # fmt: skip
-    return scene.seen(solve=scene.solve.model_copy(update=update))
+    return _with_modes(scene, _MANY if scene.is_spatial else 2 * _MANY, **update)

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 MOST_FREQUENCIES = 50
 """Largest number of natural frequencies of a run: more would take longer than the run."""
-_OF_A_STEP, _IN_SPACE, _OF_A_BAND = 2.5e-6, 1e-6, 5e-8
-"""Seconds on one core of a server of 2023, within a factor of three over 16 runs of shipped
-scenes: per coupled step in the plane and coordinate; per evaluation in space and squared number of speeds, as its
-mass matrix is dense; per one-way step and operation of a band factorisation, n (w + 1)^2."""
+_OF_A_STEP, _IN_SPACE, _OF_A_TANGENT, _OF_A_BAND = 2.5e-6, 5e-7, 1e-7, 5e-8
+"""Seconds on one core of a server of 2023, within a factor of three over 16 runs of shipped scenes: per coupled step in
+the plane and coordinate; in space per evaluation and speed, and for the tangent of a cycle per squared number of these;
+per one-way step and operation of a band factorisation, n (w + 1)^2."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,8 +266,9 @@ def nominal_seconds(solution: RunResult) -> float:
         differs = model.options.start == "periodic" and len(engine.contacts) + len(engine.holds) > 0
         return _OF_A_STEP * tried * engine.size * (1 + 4 * model.solved_for * differs)
     if model.coupled_in_space is not None:
-        curve = model.coupled_in_space.curve
-        return _IN_SPACE * getattr(curve, "evaluations", 0) * model.coupled_in_space.module.system.speeds ** 2
+        curve, speeds = model.coupled_in_space.curve, model.coupled_in_space.module.system.speeds
+        each = _IN_SPACE + _OF_A_TANGENT * speeds * (model.options.start == "periodic")
+        return each * speeds * getattr(curve, "evaluations", 0)
     return seconds_of_steps(model, model.options.steps) if model.reduced.size else 0.0
 
 

@@ -61,7 +61,7 @@ def against_axes(scene: Scene, link: Link, basis: np.ndarray, M: Matrix) -> np.n
 
     def row(x: float, k: int) -> np.ndarray:
         found = np.zeros(size)
-        found[6 * _node(link, x) + k] = 1.0
+        found[6 * node_of(link, x) + k] = 1.0
         return found
 
     def take(rigid: np.ndarray, measured: list[np.ndarray]) -> None:
@@ -87,9 +87,10 @@ def against_axes(scene: Scene, link: Link, basis: np.ndarray, M: Matrix) -> np.n
     return left
 
 
-def _node(link: Link, x: float) -> int:
+def node_of(link: Link, x: float) -> int:
+    """Node of a link at a joint or load, x [m] from its start."""
     found = link.node_at(x)
-    assert found is not None  # joints are at nodes
+    assert found is not None
     return int(found)
 
 

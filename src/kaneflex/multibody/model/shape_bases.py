@@ -17,6 +17,7 @@ from kaneflex.fem.modes import lowest_modes
 from kaneflex.mechanism.affine import Matrix, as_array, solve
 from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Frame, axial_modes, frame_of, stations
 from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
+from kaneflex.multibody.model.damping import node_of
 from kaneflex.multibody.model.shape_families import family
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_layout import Place
@@ -52,7 +53,8 @@ def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
     if not beam.axially_rigid:
         loose = np.setdiff1d(3 * np.arange(len(link.nodes)), [3 * rows.node, *rows.pulled])
         wanted = axial_modes(modes, beam.elements, len(rows.pulled) + 1)
-        inertial = _inertial(stiffness, mass, _axial_loads(link, rows), loose, wanted)
+        loads = _axial_loads(link, rows.node, rows.frame.kind not in IN_THE_MEAN)
+        inertial = _inertial(stiffness, mass, loads, loose, wanted)
         axial = np.hstack([static_shapes(stiffness, rows.pulled, loose), inertial])
         axial = _orthogonal(_mean_free(axial, mass, rows.frame), stiffness, mass, link)
     dynamic = np.zeros((mass.shape[0], count))
@@ -87,11 +89,11 @@ def _inertial(stiffness: Matrix, mass: Matrix, loads: np.ndarray, loose: np.ndar
     return found
 
 
-def _axial_loads(link: Link, rows: _Rows) -> np.ndarray:
-    """A centrifugal acceleration about the point that holds the frame, and a uniform one; of a chord this one first."""
-    found = np.zeros((3 * len(link.nodes), 2))
-    found[0::3, 0], found[0::3, 1] = link.nodes - link.nodes[rows.node], 1.0
-    return found[:, ::-1] if rows.frame.kind in IN_THE_MEAN else found
+def _axial_loads(link: Link, node: int, swings: bool) -> np.ndarray:
+    """A uniform acceleration, and a centrifugal one about a node; of a link that swings about it this one first."""
+    found = np.zeros((link.dofs * len(link.nodes), 2))
+    found[:: link.dofs, 0], found[:: link.dofs, 1] = 1.0, link.nodes - link.nodes[node]
+    return found[:, ::-1] if swings else found
 
 
 def _mean_free(axial: np.ndarray, mass: Matrix, frame: Frame) -> np.ndarray:
@@ -147,12 +149,12 @@ class _Rows:
 def _rows(scene: Scene, link: Link) -> _Rows:
     found = stations(scene, link.name)
     frame = frame_of(found)
-    first, last = (link.node_at(x) for x in (frame.at, frame.to))
+    first, last = (node_of(link, x) for x in (frame.at, frame.to))
     fixed = {
         "tangent": [3 * first + 1, 3 * first + 2], "mean": [3 * first + 1], "chord": [3 * first + 1, 3 * last + 1],
         "free": [],
     }[frame.kind]  # fmt: skip
-    nodes = [(link.node_at(station.x), station) for station in found]
+    nodes = [(node_of(link, station.x), station) for station in found]
     kept = [3 * node + 1 for node, _ in nodes] + [3 * node + 2 for node, station in nodes if station.turned]
     held = sorted(set(kept) - set(fixed))
     pulled = [3 * node for node, _ in nodes if node != first]
@@ -203,26 +205,27 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
     which would leave it almost no inertia of its own.
     """
     x = None if held is None else held[0]
-    first = None if x is None else link.node_at(x)
+    first = None if x is None else node_of(link, x)
     joints, pushed = points_of(scene, link.name)
-    turned, kept = ({node for node in map(link.node_at, places) if node not in (first, None)}
-                    for places in (joints, [*joints, *pushed]))  # fmt: skip
-    if held is None and not turned:
-        turned, kept = {0}, kept | {0}  # the remaining motions don't deform it
-    turning, twisted = ({SPATIAL_NODE.index(f"theta_{axis}") for axis in axes}
-                        for axes in (freed, _twisted(scene, link.name, x)))  # fmt: skip
+    kept = {node_of(link, at) for at in (*joints, *pushed)} - {first}
+    about = {node_of(link, at): _twisted(scene, link.name, at) if first is not None else "xyz" for at in joints}
+    if held is None and not about:
+        about, kept = {0: "xyz"}, kept | {0}  # the remaining motions don't deform it
+    twisted = {node: [SPATIAL_NODE.index(f"theta_{axis}") for axis in axes] for node, axes in about.items()}
+    turning = [SPATIAL_NODE.index(f"theta_{axis}") for axis in freed]
     found, most = [], 6 * len(link.nodes)
     for kind, rigid in _KINDS.items():
         places = [SPATIAL_NODE.index(name) for name in kind]
         loose = [k for k in places if k in turning]
         rows = np.array([6 * n + k for n in range(len(link.nodes)) for k in places if n != first or k in loose])
-        static = [6 * node + k for node in sorted(kept) for k in places if k < 3 or node in turned]
-        static += [6 * first + k for k in loose if first is not None and k in twisted]
+        static = [6 * node + k for node in sorted(kept) for k in places if k < 3 or k in twisted.get(node, ())]
+        static += [6 * first + k for k in loose if first is not None and k in twisted.get(first, ())]
         wanted = modes if len(places) == 2 else axial_modes(modes, len(link.nodes) - 1, len(kept) + 1)
         still = rigid if held is None else len(loose)
         if len(places) == 2:
             most = min(most, len(rows) - len(static))
-        own = _of_kind(link, rows, static, wanted + (len(loose) if not static else 0))
+        loads = _axial_loads(link, first or 0, len({*joints}) == 1) if kind == ("u",) else None
+        own = _of_kind(link, rows, static, wanted + (len(loose) if not static else 0), loads)
         found.append(own[:, still:])
     counts = tuple(own.shape[1] for own in found)
     return Shapes(scene, link, np.hstack(found), counts, x, most, bool(freed))
@@ -239,12 +242,14 @@ def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
 
 def _twisted(scene: Scene, body: str, x: float | None) -> str:
     """Axes of the body about which a torque can act on the section at x [m]: joints there act about all but their axes
-    that are fixed in the body; a torque or a spring at a joint there, or several joints, about any."""
+    that are fixed in the body, balls about none; a drive, a torque or a spring at a joint there, a weld, a guide, or
+    several joints, about any."""
     mechanism, found = spatial_mechanism_of(scene), set[str]()
     here = {name: (joint, joint.sides.index(side)) for name, joint in mechanism.joints.items()
             for side in joint.sides if side.body == body and side.at[0] == x}  # fmt: skip
     turned = {load.joint for load in mechanism.loads.values()} | {each.joint for each in mechanism.springs.values()}
-    if len(here) > 1 or here.keys() & turned:
+    firm = any(joint.kind in ("weld", "prismatic") for joint, _ in here.values())
+    if firm or len(here) > 1 or here.keys() & (turned | mechanism.prescribed):
         return "xyz"
     for joint, number in here.values():
         if joint.axes:
@@ -254,12 +259,19 @@ def _twisted(scene: Scene, body: str, x: float | None) -> str:
     return "".join(sorted(found))
 
 
-def _of_kind(link: Link, rows: np.ndarray, static: list[int], modes: int) -> np.ndarray:
-    """Shapes over all rows, by ascending frequency of the link held at its axes."""
+def _of_kind(
+    link: Link, rows: np.ndarray, static: list[int], modes: int, loads: np.ndarray | None = None
+) -> np.ndarray:
+    """Shapes over all rows, by ascending frequency of the link held at its axes.
+
+    ``loads``: motions whose inertia gives shapes in the place of modes.
+    """
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
     inner = np.setdiff1d(rows, static)
     modal = np.zeros((K.shape[0], 0))
-    if modes and len(inner):
+    if loads is not None:
+        modal = _inertial(K, M, loads, inner, modes)
+    elif modes and len(inner):
         squares, modal = _fixed_interface(K, M, inner, min(modes + _MORE, len(inner)), not static)
         modal = modal[:, : _whole(squares, modes)]
     return _orthogonal(np.hstack([static_shapes(K, static, inner), modal]), K, M, link)
