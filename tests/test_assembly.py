@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 from runs import at_instant, model
 from scipy.sparse import csr_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from kaneflex.fem.assembly import assemble
 from kaneflex.fem.coordinate_map import to_link_axes
 from kaneflex.fem.links import Part
-from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.affine import Affine, kept
+from kaneflex.multibody.model import building
 
 R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
 PISTON = 0.214
@@ -264,3 +266,14 @@ def test_constants_of_the_structure_are_put_in():
     affine = Affine.term(("body.c", "body.c", "body.s"), np.eye(2)) + Affine.term(("body.c",), np.ones((2, 2)))
     assert list(affine.fixed(zero).terms) == [] and affine.fixed({}).terms.keys() == affine.terms.keys()
     assert (affine.fixed(c).value({"body.s": 3.0}) == [[2.0, -1.0], [-1.0, 2.0]]).all()
+
+
+@pytest.mark.parametrize("size", [1, 13, 17, 60, 120])  # 120 is kept as a sparse matrix
+def test_coordinates_are_ordered_as_by_scipy(size):
+    """The order decides the last digits of every result of a scene with loops."""
+    random = np.random.default_rng(size)
+    for share in (0.01, 0.05, 0.3):
+        pattern = csr_array((random.random((size, size)) < share) | np.eye(size, dtype=bool), dtype=float)
+        pattern = pattern + pattern.T
+        expected = reverse_cuthill_mckee(pattern, symmetric_mode=True)
+        assert building._reverse_cuthill_mckee(kept(pattern)) == expected.tolist()

@@ -80,7 +80,8 @@ finally:
 
 
 @pytest.mark.parametrize(("command", "used"), [
-    ("list", []), ("check engine", []), ("modes engine", []), ("run engine --no-plots -o results --force", []),
+    ("list", []), ("check engine", []), ("check four-bar", []), ("modes engine", []),
+    ("run engine --no-plots -o results --force", []),
     ("check swept-blade", ["numba", "scipy.linalg", "scipy.sparse", "numpy.ma", "numpy.random"]),
     ("show engine -o shown.png --force", ["matplotlib", "kaneflex.plots", "numpy.ma", "numpy.random"]),
     ("run engine -o results --force", ["matplotlib", "kaneflex.plots", "numpy.ma"]),

@@ -159,7 +159,7 @@ def of_an_instant(scene: Scene, options: Options) -> bool:
 
 
 def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:
-    """Reorder the coordinates for a small bandwidth (Cuthill & McKee 1969), if that helps.
+    """Reorder the coordinates for a small bandwidth, if that helps.
 
     A chain of links is narrow in its given order; loops and branches are not.
     """
@@ -173,13 +173,32 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     before = _half_bandwidth(touched)
     if before <= _NARROW:  # narrow ones keep their order
         return frame, placed
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-    pattern = sparse(touched)
-    order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
-    if _half_bandwidth(pattern[order][:, order]) >= before:
+    order = _reverse_cuthill_mckee(touched)
+    rows, columns, _ = entries(touched)
+    place = np.argsort(order)
+    if abs(place[rows] - place[columns]).max() >= before:
         return frame, placed
     return _ordered(frame, placed, [frame.coordinates[k] for k in order])
+
+
+def _reverse_cuthill_mckee(pattern: Matrix) -> list[int]:
+    """Order of small bandwidth (Cuthill & McKee 1969, reversed by George 1971).
+
+    The same as scipy's, whose import takes longer than loading a small scene.
+    """
+    rows, columns, _ = entries(pattern)
+    near = np.split(columns, np.searchsorted(rows, np.arange(1, pattern.shape[0])))
+    degree = np.array([len(each) + (k in each) for k, each in enumerate(near)])
+    order, met = list[int](), np.zeros(len(near), dtype=bool)
+    for seed in np.argsort(degree).tolist():
+        wave = [] if met[seed] else [seed]
+        met[seed] = True
+        for k in wave:  # it grows
+            new = [j for j in near[k].tolist() if not met[j]]
+            met[new] = True
+            wave += sorted(new, key=degree.__getitem__)
+        order += wave
+    return order[::-1]
 
 
 def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> tuple[Frame, list[Placed]]:
