@@ -24,11 +24,6 @@ Parameters = Mapping[str, np.ndarray]
 """Parameters of elements by their names in the contract, (elements,) each."""
 
 
-def element_size(module: ModuleType) -> int:
-    """Coordinates of an element of this module."""
-    return 12 if "a_z" in {name for name, *_ in module.LINK_SCALARS} else 6
-
-
 class Blocks:
     """Matrices of the monomials of TERMS, extracted from the module's kernels.
 
@@ -75,7 +70,7 @@ class Blocks:
     def _at(self, parameters: Parameters) -> np.ndarray:
         """Every kernel of every element at each of the scalars, (elements, scalars, kernels, n, n)."""
         p = np.column_stack([parameters[name] for name, *_ in self._module.ELEMENT_PARAMETERS])
-        n = element_size(self._module)
+        n = 12 if "a_z" in {name for name, *_ in self._module.LINK_SCALARS} else 6  # coordinates of an element
         found = np.zeros((len(p), len(self._scalars), len(ELEMENT_KERNELS), n, n))
         self._module.element_matrices(p, self._scalars, found)
         return found

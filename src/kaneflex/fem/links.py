@@ -311,10 +311,12 @@ def _basis(part: Part, held: list[int], modes: int) -> np.ndarray:
     return np.hstack([static, dynamic])
 
 
-def static_shapes(stiffness: Matrix, held: list[int], free: np.ndarray) -> np.ndarray:
-    """Shapes of unit displacements of the held rows, one at a time, with equilibrium in the free rows."""
+def static_shapes(stiffness: Matrix, held: list[int], free: np.ndarray, turns: bool = False) -> np.ndarray:
+    """Shapes of unit displacements of the held rows, one at a time, with equilibrium in the free rows; ``turns`` allows
+    rigid motions of these, the least of which is taken."""
     shapes = np.zeros((stiffness.shape[0], len(held)))
     shapes[held, np.arange(len(held))] = 1.0
     if held and len(free):  # what turns freely is singular without held rows
-        shapes[free] = -solve(stiffness[free][:, free], as_array(stiffness[free][:, held]))
+        inner, outer = stiffness[free][:, free], as_array(stiffness[free][:, held])
+        shapes[free] = -np.linalg.lstsq(as_array(inner), outer, rcond=None)[0] if turns else -solve(inner, outer)
     return shapes

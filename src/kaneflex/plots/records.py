@@ -32,7 +32,6 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.scene.sensors import Sensor
     from kaneflex.solve.solution import Solution
 
 _FLOOR = 1e-4
@@ -51,15 +50,14 @@ _PAUSE = 0.1
 def figures(solution: Solution) -> dict[str, Figure]:
     """``records`` and ``spectra``."""
     sensors = solution.model.scene.sensors
-    readings: dict[str, str] = {name: sensor.reading for name, sensor in sensors.items() if _is_acceleration(sensor)}
+    read = {name: sensor for name, sensor in sensors.items() if sensor.kind == "acceleration"}
+    readings: dict[str, str] = {
+        name: sensor.reading for name, sensor in read.items() if not sensor.component.startswith("angle")
+    }
     if solution.model.options.cycles or not readings or len(solution.times) < 16:
         return {}
     names = sorted(readings, key=lambda name: readings[name])  # accelerometers first
     return {"records": _records(solution, readings), "spectra": _spectra(solution, names)}
-
-
-def _is_acceleration(sensor: Sensor) -> bool:
-    return sensor.kind == "acceleration" and not sensor.component.startswith("angle")
 
 
 def impact_zones(solution: Solution) -> list[tuple[float, float]]:

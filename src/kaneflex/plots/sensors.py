@@ -100,16 +100,13 @@ def _title(sensor: Sensor) -> str:
         return f"{what}, rotation"
     if sensor.kind not in ("displacement", "velocity", "acceleration"):
         return what + (", tension positive" if sensor.kind == "axial_force" else "")
-    reading = ", as an accelerometer reads" if _reads_gravity(sensor) else ""
+    reads = sensor.kind == "acceleration" and sensor.reading == "accelerometer"
+    reading = ", as an accelerometer reads" if reads else ""
     if sensor.axes == "global":
         return f"{what}, global axes{reading}"
     if sensor.kind == "acceleration":
         return f"{what}, body axes{reading}"
     return f"{what}, {'along' if sensor.component == 'x' else 'across'} the body"
-
-
-def _reads_gravity(sensor: Sensor) -> bool:
-    return sensor.kind == "acceleration" and sensor.reading == "accelerometer"
 
 
 def _peaks(shown: View, name: str) -> tuple[np.ndarray, np.ndarray]:

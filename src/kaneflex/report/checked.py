@@ -36,10 +36,11 @@ _CLOSINGS: Kept[Model, list[Closing]] = Kept()
 
 def description(model: Model) -> Blocks:
     """One line for each part of the mechanism, then how near its loops are to dead centres, and what is solved."""
+    state = start_coordinates(model) if model.options.dynamics == "coupled" else ()
     equations = {
         "degrees of freedom": str(model.degrees_of_freedom),
         "coordinates": _named((*model.coordinates, *model.shapes_given)),
-        **({"coordinates of a state": _named(start_coordinates(model))} if _bodies_deform(model) else {}),
+        **({"coordinates of a state": _named(state)} if state else {}),
         **_lowest(model),
         "structure": model.motion.module.STRUCTURE,
         "module": _module(model),
@@ -58,10 +59,6 @@ def _named(coordinates: Sequence[str]) -> str:
     if len(shown) > _MOST_NAMES:
         shown = [*shown[: _MOST_NAMES - 2], "...", shown[-1]]
     return " ".join(shown) or "none"
-
-
-def _bodies_deform(model: Model) -> bool:
-    return model.options.dynamics == "coupled" and bool(start_coordinates(model))
 
 
 def warnings(model: Model) -> tuple[str, ...]:

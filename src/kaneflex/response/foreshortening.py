@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.fem.coordinate_map import Frame
-from kaneflex.fem.links import Link
-from kaneflex.mechanism.affine import Affine, as_array, solve
+from kaneflex.fem.links import Link, static_shapes
+from kaneflex.mechanism.affine import Affine, as_array
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
@@ -132,12 +132,7 @@ def _statics(model: Model, link: Link) -> tuple[Affine, np.ndarray, np.ndarray]:
     pick[np.arange(len(held)), [assembled.index(part.coordinates[row]) for row in held]] = 1.0
     free = np.delete(np.arange(part.size), held)
     stiffness = part.matrices["K_s"].value({})
-    shapes = np.zeros((part.size, len(held)))
-    shapes[held, np.arange(len(held))] = 1.0
-    if held and len(free):
-        inner, outer = stiffness[free][:, free], as_array(stiffness[free][:, held])
-        turns = len(held) < 3  # on a single pin it turns as a rigid body
-        shapes[free] = -np.linalg.lstsq(as_array(inner), outer, rcond=None)[0] if turns else -solve(inner, outer)
+    shapes = static_shapes(stiffness, held, free, turns=len(held) < 3)  # on a single pin it turns as a rigid body
     return Affine.constant(pick) @ model.frame.maps[link.name], shapes, shapes.T @ (stiffness @ shapes)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -12,7 +12,7 @@ from kaneflex.response.motion import Motion, Section
 from kaneflex.response.section_forces import joint_force
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, SPRING_KINDS, Sensor
+from kaneflex.scene.sensors import CONTACT_KINDS, DRIVE_KINDS, FRICTION_KINDS, SECTION_KINDS, SPRING_KINDS, Sensor
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.spatial_frame import SpatialFrame
@@ -62,6 +62,19 @@ class Reader:
     def read(self, sensor: Sensor) -> np.ndarray:
         if self.steps == 0:  # the run stopped before its first instant
             return np.zeros(0)
+        motion, target = self.motion, str(sensor.target)
+        if sensor.kind in SECTION_KINDS:
+            return self._of_section(sensor, self._section(sensor))
+        if sensor.kind == "joint_force":
+            return self._joint_component(sensor, motion.reaction)
+        if sensor.kind in DRIVE_KINDS:
+            return motion.reaction(f"{target}.drive")
+        if sensor.kind in SPRING_KINDS:
+            return motion.spring_tension(target)
+        if sensor.kind in CONTACT_KINDS:
+            return motion.contact(target)[sensor.kind in ("contact_force", "contact_torque")]
+        if sensor.kind in FRICTION_KINDS:
+            return motion.friction(target)
         return getattr(self, f"_{sensor.kind}")(sensor)
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
@@ -70,8 +83,8 @@ class Reader:
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """Value of the rigid mechanism."""
-        if sensor.kind == "axial_force":
-            return self.motion.rigid_section(*self._cut(sensor))[0]
+        if sensor.kind in SECTION_KINDS:
+            return self._of_section(sensor, self.motion.rigid_section(*self._cut(sensor)))
         if sensor.kind in DRIVE_KINDS:
             return self.motion.rigid_forces[f"{sensor.target}.drive"]
         if sensor.kind in SPRING_KINDS:
@@ -166,21 +179,14 @@ class Reader:
 
     # ---- forces -----------------------------------------------------------------------------------------------
 
-    def _axial_force(self, sensor: Sensor) -> np.ndarray:
-        return self._section(sensor)[0]
-
-    def _shear_force(self, sensor: Sensor) -> np.ndarray:
-        return self._section(sensor)[1]
-
-    def _bending_moment(self, sensor: Sensor) -> np.ndarray:
-        return self._section(sensor)[2]
-
-    def _strain(self, sensor: Sensor) -> np.ndarray:
-        """Strain N / (E A) - fibre M / (E I)."""
-        N, _, M = self._section(sensor)
-        body, x, after = self._cut(sensor)
-        here = self.scene.bodies[body].profile.at(x, after)
-        return N / here.E_A - sensor.fibre * M / here.E_I_z
+    def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:
+        """Reading of a sensor from N, V, M; a strain is N / (E A) - fibre M / (E I)."""
+        N, V, M = section
+        if sensor.kind == "strain":
+            body, x, after = self._cut(sensor)
+            here = self.scene.bodies[body].profile.at(x, after)
+            return N / here.E_A - sensor.fibre * M / here.E_I_z
+        return {"axial_force": N, "shear_force": V, "bending_moment": M}[sensor.kind]
 
     def _stress(self, sensor: Sensor) -> np.ndarray:
         body, point = address_of(sensor)
@@ -198,34 +204,6 @@ class Reader:
         """Link, position [m from its start] and side of the section that a sensor reads."""
         address = address_of(sensor)
         return address.body, self.scene.point(address)[0], sensor.cut == "after"
-
-    def _joint_force(self, sensor: Sensor) -> np.ndarray:
-        return self._joint_component(sensor, self.motion.reaction)
-
-    def _drive_torque(self, sensor: Sensor) -> np.ndarray:
-        return self.motion.reaction(f"{sensor.target}.drive")
-
-    _drive_force = _drive_torque
-
-    def _spring_force(self, sensor: Sensor) -> np.ndarray:
-        return self.motion.spring_tension(str(sensor.target))
-
-    _spring_torque = _spring_force
-
-    def _contact_force(self, sensor: Sensor) -> np.ndarray:
-        return self.motion.contact(str(sensor.target))[1]
-
-    _contact_torque = _contact_force
-
-    def _contact_gap(self, sensor: Sensor) -> np.ndarray:
-        return self.motion.contact(str(sensor.target))[0]
-
-    _contact_angle = _contact_gap
-
-    def _friction_force(self, sensor: Sensor) -> np.ndarray:
-        return self.motion.friction(str(sensor.target))
-
-    _friction_torque = _friction_force
 
     def _pin_moment(self, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Torque of a pin's drive and friction on the second body: the pin itself exerts no moment."""

@@ -41,7 +41,7 @@ class SpatialReader(Reader):
     def read(self, sensor: Sensor) -> np.ndarray:
         if self.steps and sensor.kind in _RATES and address_of(sensor).body in self.scene.joints:
             return self._joint(sensor)[_RATES.index(sensor.kind)]
-        return super().read(sensor)
+        return self._of_bushing(sensor) if self.steps and self._is_bushing(sensor) else super().read(sensor)
 
     def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
         return frame.to_global(moved[3:])
@@ -66,8 +66,6 @@ class SpatialReader(Reader):
         return super().is_rigid_known(sensor) and not any(each.rpartition(".")[0] in joints for each in lost)
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
-        if sensor.kind in SECTION_KINDS:
-            return self._of_section(sensor, self.motion.rigid_section(*self._cut(sensor)))
         return self._of_bushing(sensor) if self._is_bushing(sensor) else super().read_rigid(sensor)
 
     def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:
@@ -80,22 +78,12 @@ class SpatialReader(Reader):
             return strain_of(self.scene, sensor, section[0], section[4], section[5])
         return section["xyz".index(sensor.component) + 3 * (sensor.kind == "bending_moment")]
 
-    def _axial_force(self, sensor: Sensor) -> np.ndarray:
-        return self._of_section(sensor, self._section(sensor))
-
-    def _spring_force(self, sensor: Sensor) -> np.ndarray:
-        return self._of_bushing(sensor) if self._is_bushing(sensor) else super()._spring_force(sensor)
-
-    _spring_torque = _spring_force
-
     def _is_bushing(self, sensor: Sensor) -> bool:
         return sensor.kind in SPRING_KINDS and self.scene.springs[str(sensor.target)].bushing is not None
 
     def _of_bushing(self, sensor: Sensor) -> np.ndarray:
         part = "force" if sensor.kind == "spring_force" else "moment"
         return self.rigid[f"{sensor.target}.{part}_{sensor.component}"]
-
-    _torsional_moment = _shear_force = _bending_moment = _strain = _axial_force
 
     def _joint(self, sensor: Sensor) -> Rates:
         """Angle of a joint, continuous over turns [rad], or its slide [m], with its rates."""

@@ -97,7 +97,8 @@ def _other_path(raw: Mapping[str, Any], keys: list[str]) -> str:
     names = dict.fromkeys([*(name for table in _NAMED for name in raw.get(table, {})), *known_keys(())])
     close = difflib.get_close_matches(keys[0], names, n=3)
     if len(keys) == 1:
-        return f"Write the path of an entry, like rod.elements=1{_or_rather(close)}"
+        rather = f"; similar names are {', '.join(close)}" if close else ""
+        return f"Write the path of an entry, like rod.elements=1{rather}"
     if close:
         return f"The nearest known one is {close[0]!r}"
     owners = [
@@ -111,10 +112,6 @@ def _other_path(raw: Mapping[str, Any], keys: list[str]) -> str:
     if having:
         return f"Write {' or '.join('.'.join([name, *keys[1:]]) for name in having)}"
     return "Begin with the name of a body, joint, drive, mass, load or sensor, or with solve"
-
-
-def _or_rather(close: list[str]) -> str:
-    return f"; similar names are {', '.join(close)}" if close else ""
 
 
 def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str | None) -> None:

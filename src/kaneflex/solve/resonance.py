@@ -92,7 +92,8 @@ def _resonances(solution: RunResult, span: float) -> Iterator[_Resonance]:
         own = math.sqrt(stiffness[k])
         series = moved[abs(moved).max(axis=1).argmax()] if force is None else force[k]
         for driven, part in _harmonics(solution, series, own / (2.0 * math.pi), span):
-            answers = _answers(own * np.array([1.0 - _CHANGE, 1.0, 1.0 + _CHANGE]), damping[k], 2.0 * math.pi * driven)
+            near, turning = own * np.array([1.0 - _CHANGE, 1.0, 1.0 + _CHANGE]), 2.0 * math.pi * driven
+            answers = 1.0 / np.hypot(near**2 - turning**2, damping[k] * turning)  # of unit mass to a unit force
             change, amplified = abs(answers / answers[1] - 1.0).max(), own**2 * answers[1]
             if force is not None:
                 part *= _moved(model, shapes[:, k]) * answers[1]
@@ -100,11 +101,6 @@ def _resonances(solution: RunResult, span: float) -> Iterator[_Resonance]:
                 continue
             share = min(1.0, part / max(largest, 1e-300))
             yield _Resonance(float(change * share), k + 1, own / (2.0 * math.pi), driven, float(amplified))
-
-
-def _answers(own: np.ndarray, damping: float, turning: float) -> np.ndarray:
-    """Amplitudes of oscillators of unit mass under a unit force of an angular frequency."""
-    return 1.0 / np.hypot(own**2 - turning**2, damping * turning)
 
 
 def _harmonics(solution: RunResult, force: np.ndarray, near: float, span: float) -> list[tuple[float, float]]:

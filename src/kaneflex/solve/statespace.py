@@ -106,18 +106,16 @@ class StateSpace:
 
             # a cell array of strings, since MATLAB pads a matrix of characters
             savemat(data, arrays | {name: np.array(texts, dtype=object) for name, texts in names.items()})
-        write_bytes(path, _undated(data.getvalue()) if path.suffix == ".mat" else data.getvalue())
+        content = data.getvalue()
+        if path.suffix == ".mat":  # its header text of 116 bytes without date and machine
+            content = b"MATLAB 5.0 MAT-file, state space by kaneflex".ljust(116) + content[116:]
+        write_bytes(path, content)
 
 
 def check_file_kind(path: Path) -> None:
     """Raise OutputError unless a file is .npz, .mat or .mo."""
     if path.suffix not in (".npz", ".mat", ".mo"):
         raise OutputError(str(path), None, "unknown file type for matrices", "Use the ending .npz, .mat or .mo")
-
-
-def _undated(mat: bytes) -> bytes:
-    """MATLAB 5 file with a header text, 116 bytes, without date and machine."""
-    return b"MATLAB 5.0 MAT-file, state space by kaneflex".ljust(116) + mat[116:]
 
 
 _KEYWORDS = """

@@ -59,7 +59,7 @@ def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
     ValueError: M: p has shape (4,), at least (5,) is required
     """
     if not isinstance(module, ModuleType):
-        return _checked_mechanism(module)
+        return SimpleNamespace(**vars(module), **{name: _of_mechanism(name, module) for name in module.shapes})
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     kernels = {name: _wrapped(name, module, shapes) for name, shapes in _shapes(module).items() if name in public}
     return SimpleNamespace(**public | kernels)
@@ -122,10 +122,6 @@ def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Call
         kernel(*arguments)
 
     return call
-
-
-def _checked_mechanism(kernels: MechanismKernels) -> SimpleNamespace:
-    return SimpleNamespace(**vars(kernels), **{name: _of_mechanism(name, kernels) for name in kernels.shapes})
 
 
 def _of_mechanism(name: str, kernels: MechanismKernels) -> Callable[..., None]:

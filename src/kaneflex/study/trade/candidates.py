@@ -59,7 +59,7 @@ def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
 
 def candidates_of(scene: Scene) -> tuple[Variant, ...]:
     """Candidates for a neutral scene: presets, then fewer elements, modes and steps, other integrators, fewer terms."""
-    return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_integrators(), *_without_terms(scene))))
+    return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_INTEGRATORS, *_without_terms(scene))))
 
 
 def _presets(scene: Scene) -> Iterator[Variant]:
@@ -93,9 +93,10 @@ def _coarser(scene: Scene) -> Iterator[Variant]:
                 yield Variant(f"{name}, {_count(fewer, 'step')}", coarse)
 
 
-def _integrators() -> Iterator[Variant]:
-    for integrator in ("newmark", "generalised-alpha"):
-        yield Variant(f"stiffened, {integrator}", ("solve.preset=stiffened", f"solve.integrator={integrator}"))
+_INTEGRATORS = [
+    Variant(f"stiffened, {integrator}", ("solve.preset=stiffened", f"solve.integrator={integrator}"))
+    for integrator in ("newmark", "generalised-alpha")
+]
 
 
 def _without_terms(scene: Scene) -> Iterator[Variant]:

@@ -148,7 +148,7 @@ def cheapest(trials: Trials, found: Mapping[str, float | None]) -> Variant:
             trials.note(each.name, str(error))
     given_up = {preset for preset in _DYNAMICS if _doubtful(trials, preset, found) and _fails(trials, preset, work)}
     for candidate in sorted(work, key=work.__getitem__):
-        if not _single_term(candidate) and _preset(candidate) not in given_up and trials.within(candidate):
+        if not _sets(candidate, "solve.terms.") and _preset(candidate) not in given_up and trials.within(candidate):
             return candidate
     trials.within(trials.reference.model)
     return trials.reference.model
@@ -158,16 +158,8 @@ def _preset(candidate: Variant) -> str:
     return candidate.settings[0].removeprefix("solve.preset=")
 
 
-def _single_term(candidate: Variant) -> bool:
-    return any(setting.startswith("solve.terms.") for setting in candidate.settings)
-
-
-def _reduced(candidate: Variant) -> bool:
-    return any(setting.startswith("solve.modes=") for setting in candidate.settings)
-
-
-def _fineness(model: Scene) -> tuple[int, int]:
-    return sum(elements_of(model).values()), resolve_options(model).steps
+def _sets(candidate: Variant, *keys: str) -> bool:
+    return any(setting.startswith(keys) for setting in candidate.settings)
 
 
 def _doubtful(trials: Trials, preset: str, found: Mapping[str, float | None]) -> bool:
@@ -178,8 +170,13 @@ def _doubtful(trials: Trials, preset: str, found: Mapping[str, float | None]) ->
 
 def _fails(trials: Trials, preset: str, work: Mapping[Variant, float]) -> bool:
     """True if the finest model of a preset is out of tolerance; then its coarser models are not tried."""
-    whole = (each for each in work if _preset(each) == preset and not _single_term(each) and not _reduced(each))
-    finest = max(whole, key=lambda each: _fineness(each.of(trials.runs.scene)))
+
+    def fineness(candidate: Variant) -> tuple[int, int]:
+        model = candidate.of(trials.runs.scene)
+        return sum(elements_of(model).values()), resolve_options(model).steps
+
+    whole = (each for each in work if _preset(each) == preset and not _sets(each, "solve.terms.", "solve.modes="))
+    finest = max(whole, key=fineness)
     if trials.within(finest):
         return False
     trials.note(f"{preset}, coarser", f"{finest.name}, the finest of its preset, is out of tolerance")
