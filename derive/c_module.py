@@ -15,10 +15,10 @@ from numba.types import CPointer, float64
 
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.derive.printers.c_types import ReadOnly, Square
+from kaneflex.support.atomic_output import LONGEST_STEM
 from kaneflex.support.c_language import RESERVED
 from kaneflex.support.contract import ELEMENT_KERNELS, LINK_SCALARS
 from kaneflex.support.escaping import ascii_identifier, c_comment, c_inline
-from kaneflex.support.output_folders import LONGEST_STEM
 
 
 def generate_c(module: Any, name: str) -> dict[str, str]:

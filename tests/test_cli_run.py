@@ -15,8 +15,8 @@ from command_line import cli, refused, unrendered
 from kaneflex.report.summary import Summary
 from kaneflex.scene import read_scene
 from kaneflex.scene.structure import structure_hash
+from kaneflex.support.atomic_output import _locked, whole_folder
 from kaneflex.support.errors import OutputError
-from kaneflex.support.output_folders import _locked, whole_folder
 
 SMALL = ("--no-plots", "--set", "rod.elements=1", "--steps", "240")
 SENSORS = (

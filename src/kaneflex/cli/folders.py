@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from kaneflex.cli.command import Count, Decorator, Real
-from kaneflex.support.atomic_output import refuse_existing
+from kaneflex.support.atomic_output import file_stem, refuse_existing, whole_folder, writing
 from kaneflex.support.errors import OutputError
-from kaneflex.support.output_folders import file_stem, whole_folder, writing
 from kaneflex.support.terminal import Waiting, echo
 
 if TYPE_CHECKING:

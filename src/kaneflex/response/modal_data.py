@@ -1,4 +1,5 @@
-"""Modal data of links as arrays for other programs, as in the coupled equations."""
+"""Modal data of links as arrays for other programs, as in the coupled equations, with what recovers section forces, and
+stresses at the edges of sections."""
 
 from __future__ import annotations
 
@@ -6,15 +7,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from kaneflex.fem.links import Link
+from kaneflex.fem.recovery import IN_PLANE, padded, section_forces
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.module_loading import find_spatial_module
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import build_coupled_system
 from kaneflex.multibody.model.system import build_system
-from kaneflex.response.stress_recovery import recovering
+from kaneflex.response.stresses import section_at
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.options import modes_of, resolve_options
+from kaneflex.scene.recovery import NONE, Recovery
 from kaneflex.support.atomic_output import refuse_existing
 
 
@@ -44,3 +50,38 @@ def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Pa
     for name, path in paths.items():
         links[name].save(path)
     return list(paths.values())
+
+
+def recovering(scene: Scene, link: Link, shapes: np.ndarray, data: ModalData) -> ModalData:
+    """Modal data of a link with section forces at its points and, in the plane, stresses at their edges.
+
+    ``shapes`` (n_nodes c, n): at the nodes. All points must be nodes.
+    """
+    spatial = data.dimension == 3
+    at_nodes = (link.part.matrices["K_s"].value({}) @ shapes).reshape(len(link.nodes), -1, shapes.shape[1])
+    forces = at_nodes if spatial else padded(at_nodes, IN_PLANE, 6)
+    nodes = padded(link.nodes[:, None], (0,), 3)
+    rows = np.array([section_forces(nodes, forces, x) for x in data.places[:, 0].tolist()])
+    if spatial:
+        return replace(data, sections=Recovery(data.points, rows))
+    rows = rows[:, list(IN_PLANE)]
+    return replace(data, sections=Recovery(data.points, rows), stresses=_at_edges(scene, link.name, data, rows))
+
+
+def _at_edges(scene: Scene, name: str, data: ModalData, sections: np.ndarray) -> Recovery:
+    """Stresses at `POINT_upper` and `POINT_lower`, the edges +y and -y of every point whose section shape is known.
+
+    Normal stress by Navier's hypothesis, N/A - y M/I; edges have no shear. The section is the one before the point; at
+    the start, after it.
+    """
+    names, rows = [], []
+    for point, x, (N, _, M) in zip(data.points, data.arrays["X"].tolist(), sections, strict=True):
+        section = section_at(scene.bodies[name], x)
+        if section is None:
+            continue
+        outline, numbers = section
+        for edge, y in (("upper", outline.y.max()), ("lower", outline.y.min())):
+            normal = N / numbers.A - y * M / numbers.I_z
+            names.append(f"{point}_{edge}")
+            rows.append([normal, 0.0 * normal, 0.0 * normal])
+    return Recovery(tuple(names), np.array(rows)) if names else NONE

@@ -1,10 +1,12 @@
-"""Loading of a scene in space: drives and loads are derived, everything else is numbers."""
+"""Loading of a scene in space: drives and loads are derived, everything else is numbers; its initial state, and which
+reactions are statically indeterminate because of redundant constraints."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import ModuleType
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,23 +14,33 @@ from kaneflex.mechanism.closure import SWEEP
 from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, reference_instant, rigid_model
+from kaneflex.multibody.model.determinacy import check_sensors
 from kaneflex.multibody.model.module_loading import find_spatial_module
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
+from kaneflex.multibody.model.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.model.spatial_initial_state import start_of
+from kaneflex.multibody.model.spatial_reactions import open_reactions
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.multibody.time.spatial_curves import Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting, moves_with_links
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import Sensor
+from kaneflex.solve.initial import given_start, laid_over, shape_dimensions
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import check_memory
-from kaneflex.solve.spatial_checks import check_stage, with_open_reactions
-from kaneflex.solve.spatial_initial import given_state
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by
+from kaneflex.support.units import ANGLE
 
 Progress = Callable[[str], None]
+Moving = TypeVar("Moving", bound=SpatialKinematics)
+_ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
+"""Shares of a run at which reactions are checked: its start, and others away from aligned positions."""
+_OPEN = 1e-3
+"""Change of given shapes by closing the loops that is accepted, as a share of the mechanism's size."""
 
 
 def load_spatial(
@@ -140,3 +152,64 @@ def _standing(module: SpatialModule, start: State) -> SpatialKinematics:
     """Kinematics of a mechanism in space that stays in its initial state."""
     system = module.system
     return SpatialKinematics(module, system.parameters, Standing(system, start))
+
+
+def with_open_reactions(motion: Moving, options: Options) -> Moving:
+    """Motion that knows its statically indeterminate reactions, at its start and elsewhere in the run.
+
+    Raises SceneError if bodies are rigid or coupled, and a sensor reads one.
+    """
+    times = options.duration * (_ELSEWHERE[:1] if motion.is_start else _ELSEWHERE)
+    lost = open_reactions(motion.module.system, map(motion.curve, times.tolist()))
+    if options.dynamics in ("rigid", "coupled"):
+        check_sensors(motion.module.system.scene, lost, _before if options.dynamics == "rigid" else None)
+    return replace(motion, module=replace(motion.module, open_reactions=lost))
+
+
+def check_stage(model: Model) -> None:
+    """Raise SceneError if a sensor reads a reaction that is statically indeterminate with deforming links."""
+    motion = model.motion
+    if isinstance(motion, DeformingKinematics):
+        instants = motion.at(model.options.duration * (_ELSEWHERE[:1] if motion.is_start else _ELSEWHERE))
+        check_sensors(model.scene, undetermined(motion.deforming.map, instants), None)
+
+
+def _before(scene: Scene, sensor: Sensor) -> Iterator[str]:
+    """Reactions of the joints before a section of a rigid link, which its forces balance."""
+    assert isinstance(sensor.target, Address)
+    x, after = scene.point(sensor.target)[0], sensor.cut == "after"
+    for name, joint in scene.joints.items():
+        on = [scene.point(side)[0] for side in joint.addresses if side.body == sensor.target.body]
+        if any(at < x or at == 0.0 or (after and at == x) for at in on):
+            yield from (f"{name}.force", f"{name}.moment")
+
+
+def given_state(system: SpatialSystem, start: State) -> State:
+    """Initial state with the shapes and rates that the scene gives.
+
+    Raises SceneError as ``laid_over``, and for shapes that the loops change.
+    """
+    q, u, at, rates = start.q.copy(), start.u.copy(), system.modal_coordinates, system.modal_speeds
+    q[at], u[rates] = laid_over(system.scene, shape_dimensions(system), q[at], u[rates])
+    try:
+        found = system.project(start.t, q, u, start.choice)
+        far, reason = abs(found.q - q)[at].max(initial=0.0), "the loops don't close with these shapes"
+    except ArithmeticError as error:
+        far, reason = np.inf, f"in this state {error}"
+    if not far <= _OPEN * system.mechanism.size:
+        cure = "Give shapes that keep the joints closed, for example those of solution.state()"
+        raise SceneError("solve.start", "a table of a state", reason, cure)
+    _check_rates(system, u, found.u)
+    return found
+
+
+def _check_rates(system: SpatialSystem, asked: np.ndarray, found: np.ndarray) -> None:
+    """Raise SceneError if the loops change a given rate of a shape."""
+    given, largest = given_start(system.scene).velocities, abs(found / system.measure).max(initial=0.0)
+    for (name, dimension), k in zip(shape_dimensions(system).items(), system.modal_speeds, strict=True):
+        if name in given and abs(found[k] - asked[k]) > _OPEN * system.measure[k] * largest:
+            made = f"{found[k] + 0.0:.6g} {'rad/s' if dimension is ANGLE else 'm/s'}"
+            raise SceneError(
+                f"solve.start.velocities.{name}", given[name], f"joints and drives make it {made}",
+                "Give rates consistent with the joints, for example those of solution.state()",
+            )  # fmt: skip

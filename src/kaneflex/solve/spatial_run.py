@@ -23,8 +23,7 @@ from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMod
 from kaneflex.scene.options import Options
 from kaneflex.solve.law_checks import UNREPEATED, check_finite, check_springs, refuse_unrepeated
 from kaneflex.solve.slow_start import slow_state
-from kaneflex.solve.spatial_checks import check_stage, with_open_reactions
-from kaneflex.solve.spatial_initial import given_state
+from kaneflex.solve.spatial_loading import check_stage, given_state, with_open_reactions
 
 Share = Callable[[float], None]
 _LOOKED_AT = 200

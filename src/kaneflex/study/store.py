@@ -18,9 +18,8 @@ from filelock import FileLock, Timeout
 
 from kaneflex.study.plan import Plan
 from kaneflex.study.records import COMPLETED, Record
-from kaneflex.support.atomic_output import write_text
+from kaneflex.support.atomic_output import write_text, writing
 from kaneflex.support.errors import Fault, OutputError
-from kaneflex.support.output_folders import writing
 from kaneflex.support.reading import check_file, read_text
 from kaneflex.support.terminal import log_warning
 

@@ -1,12 +1,33 @@
-"""Atomic writing of files."""
+"""Atomic writing of files and folders."""
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
+import sys
 import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from kaneflex.support.errors import OutputError
+
+_JUST_NOW = 2.0
+"""Time within which a new folder gets its lock [s]."""
+LONGEST_STEM = 50
+"""Letters of a scene's name in a file name: at most four bytes each, of 255 bytes for a name."""
+
+
+def file_stem(name: str) -> str:
+    """Scene's name as the beginning of a file name: letters, digits and "._- ", no path and not hidden.
+
+    Letters that the file system cannot encode are left out.
+    """
+    known = name.encode(sys.getfilesystemencoding(), "replace").decode(sys.getfilesystemencoding())
+    plain = "".join(letter if letter.isalnum() or letter in "._- " else "_" for letter in known)
+    return plain.strip(". ")[:LONGEST_STEM] or "scene"
 
 
 def write_text(path: Path, text: str) -> None:
@@ -24,7 +45,7 @@ def write_bytes(path: Path, data: bytes, mode: int | None = None) -> None:
     OutputError
         If the file can't be written; it names the path and the reason.
     """
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
@@ -36,8 +57,6 @@ def write_bytes(path: Path, data: bytes, mode: int | None = None) -> None:
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
-    except OSError as error:
-        raise OutputError(str(path), None, f"can't be written ({error.strerror})", "Choose a writable place") from error
 
 
 def _umask() -> int:
@@ -52,3 +71,124 @@ def refuse_existing(path: Path, force: bool, example: str) -> None:
         raise OutputError(str(path), None, "is a folder", f"Give the name of a file, like {example}")
     if path.exists() and not force:
         raise OutputError(str(path), None, "the file exists", "Choose another name, or replace it with --force")
+
+
+@contextmanager
+def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
+    """Temporary folder next to ``path`` to write into; it becomes ``path`` when the block ends without an error.
+
+    It is made at once, so that a place that can't be written is known before anything is computed. After an error
+    ``path`` is unchanged and the temporary folder removed. Folders of killed processes are removed, too.
+
+    Parameters
+    ----------
+    path : Path
+        Final folder; missing parents are made.
+    mark : str
+        File that identifies an earlier folder of the same kind; only such a folder is replaced.
+    force : bool
+        Whether an existing folder may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If ``path`` exists and may not be replaced, or can't be written.
+    """
+    path = path.resolve()
+    _remove_abandoned(path)
+    with writing(path):
+        _refuse_existing(path, mark, force)
+    missing = [parent for parent in path.parents if not parent.exists()]
+    partial, lock = path.with_name(f".{path.name}.{os.urandom(4).hex()}"), None
+    try:
+        with writing(path):
+            partial.mkdir(parents=True)
+            lock = _locked(partial)
+        yield partial
+        with writing(path):
+            _replace(path, partial)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        for parent in missing:  # innermost first
+            if parent.exists() and not any(parent.iterdir()):
+                parent.rmdir()
+        raise
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn OSError into an OutputError that names ``path``."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"can't be written ({error.strerror or error})"
+        raise OutputError(str(path), None, reason, "Choose a writable place") from error
+
+
+def _locked(folder: Path) -> int | None:
+    """Lock on a folder, released by the system when this process ends; None if another process has it.
+
+    Windows has no locks on folders.
+    """
+    if sys.platform == "win32":
+        return None
+    import fcntl
+
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        return None
+    return handle
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove unfinished folders of ended processes next to ``path``; restore a folder that was not replaced.
+
+    A new folder may not be locked yet; it is left for the next time.
+    """
+    known = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}(\.old)?")
+    for folder in [entry for entry in path.parent.glob(".*") if known.fullmatch(entry.name)]:
+        new = folder.with_suffix("") if folder.suffix == ".old" else folder
+        with suppress(OSError):
+            made = time.time() - folder.stat().st_mtime
+            lock = _locked(new if new.exists() else folder) if made > _JUST_NOW else None
+            if lock is None:
+                continue
+            if folder is not new and not path.exists():
+                folder.rename(path)
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
+            os.close(lock)
+
+
+def _refuse_existing(path: Path, mark: str, force: bool) -> None:
+    if not os.path.lexists(path):
+        return
+    entries = {entry.name for entry in path.iterdir()}
+    if not entries:
+        return
+    if mark not in entries:
+        reason = f"the folder holds other files and no {mark}, so it is not replaced"
+        raise OutputError(str(path), None, reason, "Choose another name")
+    if not force:
+        raise OutputError(str(path), None, "the folder exists", "Choose another name, or replace it with --force")
+
+
+def _replace(path: Path, partial: Path) -> None:
+    """Rename ``partial`` to ``path``; then remove the earlier folder."""
+    if not path.exists():
+        partial.rename(path)
+        return
+    old = partial.with_name(f"{partial.name}.old")
+    path.rename(old)
+    try:
+        partial.rename(path)
+    except BaseException:
+        old.rename(path)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
