@@ -41,6 +41,8 @@ KINDS: dict[str, tuple[str | None, str | None]] = {
 """Kinds of pictures by the name that a user asks for: the functions that make them in the plane and in space."""
 _SVG, _ALL = "svg", "all"
 """Names beside those of the kinds: each still picture as SVG, too; everything."""
+_WITH_OTHERS = {"terms": "trade", "price": "trade", "bifurcation": "sweep", "poincare": "sweep"}
+"""Kinds of pictures of studies that are functions of this name -> their module."""
 _WITHOUT_MOTION = ("modes",)
 """Kinds that need no instant of a run."""
 
@@ -119,12 +121,12 @@ def draw_all(
 def draw(kind: str, found: object, folder: Path) -> list[Path]:
     """Write the picture of what a study found into a folder that exists, as KIND.png and KIND.svg.
 
-    ``kind`` is the module that makes it: "overlay" of a comparison, "sensitivities", "stability", "terms", "trade"; of
-    a sweep's dataset "sweep", and "bifurcation" or "poincare" by functions of these names there.
+    ``kind`` is the module that makes it: "overlay" of a comparison, "sensitivities", "stability", "trade"; of a sweep's
+    dataset "sweep". Some kinds are functions there: "terms", "price", "bifurcation", "poincare".
     """
     from kaneflex.plots.style import save, styled
 
-    module, function = ("sweep", kind) if kind in ("bifurcation", "poincare") else (kind, "figure")
+    module, function = _WITH_OTHERS.get(kind, kind), kind if kind in _WITH_OTHERS else "figure"
     with styled():
         return save(getattr(import_module(f"kaneflex.plots.{module}"), function)(found), folder / kind)
 
