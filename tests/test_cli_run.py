@@ -351,5 +351,5 @@ def test_a_run_without_a_periodic_state_has_a_summary_without_sensors():
     assert result.exit_code == 3
     summary = Summary.model_validate_json(Path("r/summary.json").read_text())
     assert (summary.stored, summary.sensors) == (0, {}) and summary.floquet_multiplier_max > 1
-    assert "1440 steps asked for, none of them taken" in result.stdout and "over 0 s" not in result.stdout
+    assert "1440 steps requested, none of them taken" in result.stdout and "over 0 s" not in result.stdout
     assert {path.name for path in Path("r").iterdir()} == {"report.html", "scene.toml", "summary.json"}

@@ -369,5 +369,5 @@ def test_a_line_on_an_elastic_link_is_where_it_is_named_and_refused_far_from_the
 def test_a_run_says_where_a_line_was_not_the_axis_of_its_elastic_link():
     """A ball that falls on the line far from its address: seen from there the end of a tangent goes down by th L."""
     (said,) = off_their_lines(solve(load(scene_of(BRIDGE.replace("free = true", 'free = true, position = "10 mm"')))))
-    assert said.startswith("contacts.wheel takes the axis of bridge as its tangent at bridge.start; at t = ")
-    assert re.search(r"ball acts on it 400\d mm from there, where the axis of bridge is \d\d(\.\d)? mm off", said)
+    assert said.startswith("the line of contacts.wheel is the tangent of bridge at bridge.start; at t = ")
+    assert re.search(r"ball touches it 400\d mm from there, where the bent axis is \d\d(\.\d)? mm off", said)

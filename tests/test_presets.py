@@ -364,7 +364,7 @@ def test_numbers_that_nothing_reads_are_said():
         ("engine", ["paper"], "preset paper starts from rest: solve.start = periodic has no effect"),
         ("mathieu", ["rigid"], "no body is elastic: solve.reduction = modal has no effect"),
         ("double-pendulum", ["rigid", "solve.start=quasistatic", "solve.duration=1 ms"],
-         "under preset rigid, free joints start as their drives say: solve.start = quasistatic has no effect"),
+         "under preset rigid, free joints start as given in drives: solve.start = quasistatic has no effect"),
         ("spatial-slider-crank", ["coupled", "solve.tolerance=1e-6", "solve.forward.tolerance=1e-7"],
          "rigid bodies in space use solve.forward.tolerance = 1e-07: solve.tolerance = 1e-06 has no effect"),
         ("spatial-slider-crank", ["coupled", "solve.integrator=radau"],

@@ -102,7 +102,7 @@ def difference_table(comparison: Comparison) -> str:
     """Peaks and differences of every sensor; shares are of the reference's peak."""
     from kaneflex.report.tables import table
 
-    head = ("sensor", "model", "unit", "peak", f"{comparison.against}'s", "largest difference", "", "rms", "")
+    head = ("sensor", "model", "unit", "peak", f"peak of {comparison.against}", "largest difference", "", "rms", "")
     return table(head, [_row(entry) for entry in comparison.differences], left=3)
 
 

@@ -175,7 +175,8 @@ def reference_lines(found: Trade) -> str:
     """Reference of the errors, and its own error."""
     reference = found.reference
     change = percent(max(reference.refinement.values()))
-    lines = [f"Reference: {reference.name}; its last refinement changed sensors by up to {change}"]
+    lines = ["*: no other model is both faster and more accurate"]
+    lines += [f"Reference: {reference.name}; its last refinement changed sensors by up to {change}"]
     if reference.coupling:
         sensor = max(reference.coupling, key=reference.coupling.__getitem__)
         lines.append(f"Preset coupled differs from it by up to {percent(reference.coupling[sensor])}, in {sensor}")

@@ -59,7 +59,7 @@ def _in_steps(run: Run, progress: Progress | None, reason: str) -> Trajectory:
     from kaneflex.integrate.by_steps import by_steps
 
     found = by_steps(replace(run, method="radau"), progress)
-    return replace(found, solver=f"radau, in steps: {reason}")
+    return replace(found, solver=f"radau with time steps, since {reason}")
 
 
 def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome, str, Floquet]:

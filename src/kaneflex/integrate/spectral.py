@@ -139,7 +139,7 @@ class Grid:
             reason = "the mean equations have no periodic motion"
         if ended == TOO_SLOW:
             factor = (left[-1] / left[0]) ** (1.0 / (len(left) - 1))
-            reason = f"the harmonics converge too slowly, by a factor of {factor:.2f} per correction"
+            reason = f"corrections of the harmonics converge too slowly (factor {factor:.2f} each)"
         return Orbit(self, vectors[0], ((self.instants, len(left) - 1),), left[-1], tail, reason)
 
 
@@ -271,7 +271,7 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
             times = 4.0 / 3.0 if instants % 3 == 0 else 1.5
         if math.log2(instants) + more > math.log2(MOST) or 2 * grid.sums.size > 3 * _MOST_NUMBERS:
             share = f"{found.tail:.1g} of the motion is in the highest quarter of {instants // 2}"
-            reason = f"its harmonics decay too slowly: {share}"
+            reason = f"the harmonics decay too slowly: {share}"
             found = replace(found, reason=reason)
             break
         near, before, instants = found.lanes, found.tail, round(times * instants)

@@ -106,7 +106,7 @@ def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
 def more_tables(summary: Summary) -> Iterator[tuple[str, str]]:
     """Titles and tables of what not every run has."""
     of = {
-        "Frozen at other angles": (summary.mode_angle_spread, envelope_table),
+        "Matrices frozen at other angles": (summary.mode_angle_spread, envelope_table),
         "Contacts": (summary.contacts, contact_table),
         "Friction": (summary.frictions, friction_table),
         "Stresses": (summary.stresses, stress_table),
@@ -123,7 +123,7 @@ def envelope_table(summary: Summary) -> str:
     for name, spread in summary.mode_angle_spread.items():
         unit, number = unit_shown(summary.sensors[name].unit, spread.largest)
         rows.append((name, unit, number(spread.smallest), number(spread.largest)))
-    return table(("with matrices of any angle of a turn", "unit", "smallest peak", "largest peak"), rows, left=2)
+    return table(("peaks for matrices of all angles", "unit", "smallest peak", "largest peak"), rows, left=2)
 
 
 def contact_table(summary: Summary) -> str:
@@ -171,7 +171,7 @@ def run_lines(summary: Summary) -> str:
     steps = f"{summary.steps} steps over {summary.duration_s:.6g} s"
     if summary.outcome != "completed" and not _is_whole(summary):
         reached = f"results over {summary.duration_s:.6g} s" if summary.stored else "none of them taken"
-        steps = f"{summary.steps} steps asked for, {reached}"
+        steps = f"{summary.steps} steps requested, {reached}"
     solver = f"{summary.solver}\n" if summary.solver else ""
     rigid = [name for name, entry in summary.sensors.items()
              if entry.meaning.endswith(OF_RIGID) and f"{name}_rigid" in summary.sensors]  # fmt: skip

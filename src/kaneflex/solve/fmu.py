@@ -70,7 +70,7 @@ class Fmu:
     def warnings(self) -> tuple[str, ...]:
         """Sensors that are left out, and a missing library."""
         left = f"left out (angles of bodies that rotate continuously): {', '.join(self.unread)}"
-        missing = "not compiled (no C compiler found); the FMU holds the sources"
+        missing = "not compiled (no C compiler found); the FMU contains the sources"
         return (left,) * bool(self.unread) + (missing,) * (self.compiled_for is None)
 
     def save(self, path: Path | str) -> None:

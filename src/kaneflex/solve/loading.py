@@ -348,7 +348,7 @@ def _idle_settings(scene: Scene, options: Options) -> Iterator[str]:
     if dynamics == "frozen" and solve.start != "zero":
         yield f"preset {solve.preset} starts from rest: solve.start = {solve.start} has no effect"
     if dynamics == "rigid" and solve.start != "zero" and any(drive.free for drive in scene.drives.values()):
-        yield f"under preset rigid, free joints start as their drives say: solve.start = {solve.start} has no effect"
+        yield f"under preset rigid, free joints start as given in drives: solve.start = {solve.start} has no effect"
     kept = options.reduction == "none" and dynamics != "coupled"
     if kept and solve.reduction not in (None, "none"):
         yield f"no body is elastic: solve.reduction = {solve.reduction} has no effect"

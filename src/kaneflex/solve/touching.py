@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 _ABOUT = {
     "begin": ("s", "s", "instant at which the contact closes"),
     "end": ("s", "s", "instant at which it opens; NaN if it lasts"),
-    "approach": ("m/s", "rad/s", "speed at which the gap shrinks at the begin"),
+    "approach": ("m/s", "rad/s", "speed at which the gap shrinks at the beginning"),
     "separation": ("m/s", "rad/s", "speed at which the gap grows at the end"),
     "impulse": ("N s", "N m s", "impulse of the normal force"),
     "peak": ("N", "N m", "largest normal force"),
     "lost": ("J", "J", "energy lost"),
-    "x": ("m", "global position of the contact at the begin, along x"),
+    "x": ("m", "global position of the contact at the beginning, along x"),
     "y": ("m", "the same along y"),
 }
 """Numbers of an impact: unit, unit for flanks (which have no place), and meaning."""
@@ -86,7 +86,7 @@ def undetermined_frictions(solution: RunResult) -> list[str]:
             f"friction at {name} is statically indeterminate at {still.sum()} of {len(still)} instants, first at t = "
             f"{solution.times[still.argmax()]:.6g} s, where its drive holds it still: any value between "
             f"-{limit:.4g} and {limit:.4g} {'N m' if turns else 'N'} is possible, and results contain one of them; "
-            f"{'drive_torque' if turns else 'drive_force'} is uncertain by as much"
+            f"{'drive_torque' if turns else 'drive_force'} is uncertain by the same amount"
         )
     return found
 

@@ -235,12 +235,12 @@ def _parted(solution: RunResult) -> list[str]:
     seen = len(run.times) == options.steps + 1  # only if every step is stored
     if not said and (added_up > ADDED_UP or not seen) and nominal_seconds(solution) < LONGEST_SECOND:
         halved = _apart(solution, _in_half_steps(solution))
-        said = _part_by(solution, "in steps of this length and half of it", halved)
+        said = _part_by(solution, "with steps of this length and of half of it", halved)
     cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or use integrator radau")
     if options.start != "periodic":
         cure += ", or use solve.start = quasistatic or periodic"
     return [
-        f"{text}: vibrations are excited that the steps don't resolve; displacements may be correct, but for accurate "
+        f"{text}: the steps do not resolve the vibrations; displacements may be correct, but for accurate "
         f"forces and accelerations {cure}"
         for text in said
     ]
@@ -319,9 +319,9 @@ def _part_by(solution: RunResult, ways: str, parts: dict[str, np.ndarray]) -> li
     if not parted:
         return []
     worst = max(parted, key=lambda name: largest[name][0])
-    more = f", as do {len(parted) - 1} more sensors" if len(parted) > 1 else ""
+    more = f", and {len(parted) - 1} more sensors differ" if len(parted) > 1 else ""
     at = solution.times[parts[worst].argmax()]
-    return [f"{worst} {ways} differs by {largest[worst][0]:.2g} of its peak at t = {at:.6g} s{more}"]
+    return [f"{worst} computed {ways} differs by {largest[worst][0]:.2g} of its peak at t = {at:.6g} s{more}"]
 
 
 def _lost(solution: RunResult) -> Iterator[str]:
