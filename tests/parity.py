@@ -14,7 +14,7 @@ from lifting import global_components, in_plane, lifted
 
 from kaneflex import load
 from kaneflex.scene import Scene, read_scene, scene_of, shipped_scenes, with_settings
-from kaneflex.scene.rotation import about
+from kaneflex.scene.bodies import about
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError

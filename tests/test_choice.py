@@ -16,7 +16,7 @@ from command_line import cli, refused
 from extreme_cases import press
 from runs import solved, tables
 
-from kaneflex.cli.choosing import chosen_lines
+from kaneflex.cli.scene import chosen_lines
 from kaneflex.generated import engine as generated_engine
 from kaneflex.multibody.model.module_loading import generate_text, import_file, operation_count, pruned_text
 from kaneflex.report.summary import Summary

@@ -11,7 +11,7 @@ from runs import moments
 
 import kaneflex
 from kaneflex.derive.body_equations import planar_equations
-from kaneflex.fem.shape_functions import shape_functions
+from kaneflex.fem.element_terms import shape_functions
 from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.building import reference_modes

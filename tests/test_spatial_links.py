@@ -15,8 +15,7 @@ from kaneflex.fem.assembly import assemble
 from kaneflex.fem.links import craig_bampton, with_rayleigh
 from kaneflex.fem.spatial_links import SpatialLink, build_spatial_link
 from kaneflex.mechanism.affine import Affine, as_array
-from kaneflex.scene.profile import Properties, element_parameters, properties_of
-from kaneflex.scene.sections import Shape
+from kaneflex.scene.sections import Properties, Shape, element_parameters, properties_of
 from kaneflex.support.spatial_contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE
 
 DATA = Path(__file__).parent / "data"

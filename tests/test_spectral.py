@@ -14,10 +14,9 @@ from kaneflex import load, simulate
 from kaneflex.integrate import conventions
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.conventions import ORDER, aligned, turns
-from kaneflex.integrate.disturbances import monodromy
 from kaneflex.integrate.fourier import interpolate, to_harmonics, to_instants
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.run import Run, integrate
+from kaneflex.integrate.run import Run, integrate, monodromy
 from kaneflex.integrate.spectral import Grid, periodic_orbit
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.scene import with_settings
@@ -136,7 +135,7 @@ def test_nothing_is_read_that_was_not_written(monkeypatch):
         expected = periodic_orbit(system, table, 0.4, PERIOD, 1e-9)
         with monkeypatch.context() as patched:
             patched.setattr("kaneflex.integrate.spectral.aligned", spoilt)
-            patched.setattr("kaneflex.integrate.disturbances.aligned", spoilt)
+            patched.setattr("kaneflex.integrate.run.aligned", spoilt)
             found = periodic_orbit(system, table, 0.4, PERIOD, 1e-9)
             np.testing.assert_array_equal(found.z, expected.z)
             np.testing.assert_array_equal(monodromy(found.grid), monodromy(expected.grid))

@@ -23,7 +23,7 @@ from kaneflex.derive.shapes import (
     x,
     x_0,
 )
-from kaneflex.fem.shape_functions import shape_functions
+from kaneflex.fem.element_terms import shape_functions
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.solve.modes import mesh_hint, modes
 from kaneflex.solve.simulation import solve

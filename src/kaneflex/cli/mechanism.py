@@ -10,16 +10,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.choosing import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.cli.command import command, json_option, names_option, print_json
 from kaneflex.cli.folders import check_file, check_picture, force_option, output_option, path_option
 from kaneflex.cli.scene import (
     SceneArguments,
     at_option,
+    chosen_lines,
     configuration,
+    demand_tolerance,
     gathered,
     read,
+    refuse_with_tolerance,
     scene_options,
+    tolerance_of,
     uncollected,
     undocumented,
 )

@@ -7,10 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kaneflex.cli.choosing import Choosing, chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.cli.command import command, json_option, names_option
 from kaneflex.cli.folders import Target, folder_options, moving_options, path_option, which_pictures
-from kaneflex.cli.scene import STOPPED_EARLY, SceneArguments, gathered, scene_options, uncollected
+from kaneflex.cli.scene import (
+    STOPPED_EARLY,
+    Choosing,
+    SceneArguments,
+    chosen_lines,
+    demand_tolerance,
+    gathered,
+    refuse_with_tolerance,
+    scene_options,
+    tolerance_of,
+    uncollected,
+)
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
 

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from kaneflex.cli.choosing import UNKNOWN, percent, tolerance_of
 from kaneflex.cli.command import Decorator, command, json_option, names_option, print_json
 from kaneflex.cli.folders import Target, folder_options, into, together, write_csv, write_json
-from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
+from kaneflex.cli.scene import UNKNOWN, SceneArguments, gathered, percent, quantity, scene_options, tolerance_of
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from kaneflex.fem.element_terms import chain, terms_of_elements
-from kaneflex.fem.shape_functions import shape_functions
+from kaneflex.fem.element_terms import chain, shape_functions, terms_of_elements
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
 from kaneflex.mechanism.floating_frames import forced_points, mesh
 from kaneflex.scene import Scene

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.fem.element_terms import chain, terms_of_elements
+from kaneflex.fem.element_terms import chain, spatial_shape_functions, terms_of_elements
 from kaneflex.fem.links import Link, Part, node_coordinates, spread_terms
-from kaneflex.fem.shape_functions import spatial_shape_functions
 from kaneflex.fem.spatial_bodies import at_point
 from kaneflex.mechanism.affine import Monomial
 from kaneflex.mechanism.floating_frames import forced_points, mesh
@@ -86,7 +85,7 @@ def build_spatial_link(
     nodes : ndarray (elements + 1,)
         Distances from the link's start [m], ascending from 0.
     parameters : mapping of str to ndarray (elements,)
-        See :func:`kaneflex.scene.profile.element_parameters`.
+        See :func:`kaneflex.scene.sections.element_parameters`.
     module : ModuleType
         Like ``kaneflex.generated.spatial_beam_timoshenko``. Sections that vary ask for a ``_varying`` one.
     mu : float, optional

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.task import Progress
+from kaneflex.integrate.outcome import Outcome, Progress, Trajectory
 from kaneflex.support.errors import UserError
 
 if TYPE_CHECKING:

@@ -8,12 +8,11 @@ from functools import partial
 import numpy as np
 
 from kaneflex.integrate.methods import method_named
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.outcome import LEFT, Outcome, Progress, Run, Table, Trajectory, check_arguments, steps_of_cycle
 from kaneflex.integrate.periodic import Beginning, Cycle, corrected_state, over_a_cycle, periodic_state, repeated
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
 from kaneflex.integrate.streams import CoefficientStream, one_after_the_other
 from kaneflex.integrate.system import AffineSystem
-from kaneflex.integrate.task import LEFT, Progress, Run, Table, check_arguments, steps_of_cycle
 from kaneflex.support.errors import UserError
 
 

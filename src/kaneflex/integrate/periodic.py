@@ -8,10 +8,9 @@ from functools import reduce
 import numpy as np
 
 from kaneflex.integrate.conventions import LANES
-from kaneflex.integrate.outcome import Outcome, leading
+from kaneflex.integrate.outcome import LONGEST_STEP, Outcome, leading
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
 from kaneflex.integrate.streams import TimeSegments
-from kaneflex.integrate.task import LONGEST_STEP
 from kaneflex.support.errors import SceneError
 
 Maps = tuple[TimeSegments, np.ndarray, np.ndarray]

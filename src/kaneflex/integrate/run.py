@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 
-from kaneflex.integrate.disturbances import FEWEST, monodromy
-from kaneflex.integrate.outcome import Floquet, Outcome, Trajectory, leading
-from kaneflex.integrate.spectral import Orbit, periodic_orbit
-from kaneflex.integrate.task import LEFT, LONGEST_STEP, Progress, Run, check_arguments, steps_of_cycle
+from kaneflex.integrate.conventions import LANES, aligned
+from kaneflex.integrate.outcome import (
+    LEFT,
+    LONGEST_STEP,
+    Floquet,
+    Outcome,
+    Progress,
+    Run,
+    Trajectory,
+    check_arguments,
+    leading,
+    steps_of_cycle,
+)
+from kaneflex.integrate.spectral import Grid, Orbit, periodic_orbit
+from kaneflex.support.machine_code import Kernel
 
 _CLEAR, _SQUARED = 0.5, 4
 """Smallest growth per cycle for which piecewise constant equations do not decide on stability; number of squarings of
@@ -93,3 +105,30 @@ def dies_away(moved: np.ndarray) -> bool:
 
 def _eigenvalues(matrix: np.ndarray) -> np.ndarray:
     return leading(np.linalg.eigvals(matrix), len(matrix) // 2)
+
+
+FEWEST, MOST, PER_PERIOD = 256, 1024, 4
+"""Smallest and largest number of steps per cycle, and number per period of the slowest vibration (error of R 1e-2)."""
+_POLES = np.roots([-1.0 / 60.0, 3.0 / 20.0, -3.0 / 5.0, 1.0])
+_POLES = np.array([_POLES[abs(_POLES.imag) < 1e-9][0].real, _POLES[_POLES.imag > 1e-9][0]])
+_SHARES = (1.0 + 0.4 * _POLES + 0.05 * _POLES**2) / (-0.6 + 0.3 * _POLES - 0.05 * _POLES**2) * (1.0, 2.0)
+"""Residues of R at the real pole and, doubled, at one of the others: R(x) is the real part of their sum."""
+
+
+_eighths = Kernel("integrate.instants", "eighths")
+
+
+def monodromy(grid: Grid) -> np.ndarray:
+    """Matrix (2 n, 2 n) that moves (z, h z') over a cycle, from half a step h before its start on."""
+    every = max(1, grid.instants // FEWEST)
+    instants = grid.instants // every
+    wanted = PER_PERIOD * grid.slowest / grid.omega
+    repeats = math.ceil(min(max(FEWEST, wanted), MOST) / instants)
+    step = 2.0 * math.pi / (grid.omega * instants * repeats)
+    poles = np.array([_POLES[0].real, _POLES[1].real, _POLES[1].imag])
+    shares = np.array([_SHARES[0].real, _SHARES[1].real, _SHARES[1].imag])
+    n, w = grid.n, grid.half_bandwidth
+    state, entries, vectors = aligned(2 * n, 2 * n, LANES), aligned(5, n * (2 * w + 1), LANES), aligned(3, n, LANES)
+    state[...] = np.eye(2 * n)[..., None]
+    _eighths(n, w, grid.sums, every, repeats, step, poles, shares, entries, vectors, state)
+    return reduce(lambda before, then: then @ before, state.transpose(2, 1, 0))

@@ -26,8 +26,8 @@ from kaneflex.integrate.conventions import (
     aligned,
     turns,
 )
+from kaneflex.integrate.outcome import Table
 from kaneflex.integrate.system import AffineSystem
-from kaneflex.integrate.task import Table
 from kaneflex.support.machine_code import Kernel
 
 FEWEST, MOST = 64, 8192

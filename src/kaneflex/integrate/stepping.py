@@ -13,10 +13,9 @@ import numpy as np
 from kaneflex.integrate.banded_slices import BAND, BandedSystem, banded_system
 from kaneflex.integrate.conventions import COMPLETED, LANES, SINGULAR, UNBOUNDED
 from kaneflex.integrate.methods import Method
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.outcome import Outcome, Progress
 from kaneflex.integrate.streams import CoefficientStream, TimeSegments
 from kaneflex.integrate.system import AffineSystem, Layout, layout_of
-from kaneflex.integrate.task import Progress
 from kaneflex.support.machine_code import Kernel
 
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second

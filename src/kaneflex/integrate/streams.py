@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.integrate.conventions import LANES
-from kaneflex.integrate.task import Table
+from kaneflex.integrate.outcome import Table
 from kaneflex.support.errors import UserError
 
 LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without a cycle: 16 MB

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from kaneflex.support.machine_code import Kernel
 from kaneflex.support.sparse_rows import SparseRows
 
 if TYPE_CHECKING:
@@ -229,3 +230,27 @@ def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:
     if kind in ("value", "rate"):  # quantities tabulated with their rates
         return 1.0, (f"{body}.{'rate' if kind == 'value' else 'accel'}",)
     raise ValueError(f"the rate of the scalar {name} is not a scalar of the motion")
+
+
+_multiply_rows = Kernel("mechanism.kernels", "multiply_rows")
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Monomials as the compiled loops read them: ``pattern`` has where each ends among their scalars, then those."""
+
+    count: int
+    pattern: np.ndarray
+
+    @classmethod
+    def of(cls, monomials: Sequence[Monomial], column: Mapping[str, int]) -> Products:
+        """Monomials of scalars that have a column in the motion's table."""
+        places = [sorted(column[name] for name in monomial) for monomial in monomials]
+        ends = np.cumsum([len(each) for each in places])
+        return cls(len(places), np.concatenate([ends, *places]).astype(np.uint64))
+
+    def at(self, table: np.ndarray) -> np.ndarray:
+        """Shape (n_times, count) from the motion's table, shape (n_times, n_scalars)."""
+        out = np.empty((len(table), self.count))
+        _multiply_rows(table, self.pattern, out)
+        return out

@@ -21,8 +21,7 @@ import numpy as np
 from numba import float64, njit, void
 from numba.types import WrapperAddressProtocol
 
-from kaneflex.mechanism.affine import Affine, coefficients, numbered_entries
-from kaneflex.mechanism.products import Products
+from kaneflex.mechanism.affine import Affine, Products, coefficients, numbered_entries
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.support.inner import PART
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from kaneflex.mechanism.parts import Body, Contact, Drive, Friction, Joint, Load, Mass, Mechanism, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector, quarter_turn
-from kaneflex.scene.numbers import number_at
 from kaneflex.scene.scene import Scene
+from kaneflex.scene.settings import number_at
 from kaneflex.scene.structure import ANY, share_structure, structure_of
 from kaneflex.support.contract import COURSES
 from kaneflex.support.kept import Kept

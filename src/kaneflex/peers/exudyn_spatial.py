@@ -19,7 +19,7 @@ from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.peers.buildable import stiffness_damping
-from kaneflex.scene.profile import properties_of
+from kaneflex.scene.sections import properties_of
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from kaneflex.multibody.time.spatial_steps import Choice
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
+    from kaneflex.scene.contact_law import Friction
     from kaneflex.scene.drives import Drive
-    from kaneflex.scene.events import Event
-    from kaneflex.scene.friction import Friction
     from kaneflex.scene.parts import Joint, Load, Mass
+    from kaneflex.scene.sensors import Event
     from kaneflex.scene.springs import Spring
 
 _LONGEST = 72

@@ -8,9 +8,8 @@ from typing import Literal
 from pydantic import Field, StrictBool, model_validator
 
 from kaneflex.scene.materials import MATERIALS, Constants, Made
-from kaneflex.scene.profile import Piece, Profile
 from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveModulus, PositiveSecondMoment, WholeNumber
-from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient
+from kaneflex.scene.sections import Piece, Profile, SectionNumbers, Shape, ShearCoefficient
 from kaneflex.support.errors import Fault
 
 _THEORIES = {

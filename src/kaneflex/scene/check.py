@@ -7,8 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 
 from kaneflex.scene.contact_check import clearance_problems, contact_problems, tilt_problems
-from kaneflex.scene.drive_check import drive_problems
-from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
+from kaneflex.scene.load_check import address_problems, drive_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems, section_problems, stress_problems
 from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS, RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value

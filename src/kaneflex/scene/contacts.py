@@ -8,8 +8,7 @@ from typing import Any
 
 from pydantic import field_validator, model_validator
 
-from kaneflex.scene.contact_law import ContactLaw, cylinders, of_flanks, spheres
-from kaneflex.scene.friction import Friction, friction_in
+from kaneflex.scene.contact_law import ContactLaw, Friction, cylinders, friction_in, of_flanks, spheres
 from kaneflex.scene.quantities import (
     Address,
     AddressPair,

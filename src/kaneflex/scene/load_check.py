@@ -1,16 +1,21 @@
-"""Checks of loads, springs and events with other tables: addresses, names and laws."""
+"""Checks of drives, loads, springs and events with other tables: addresses, names and laws."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from kaneflex.scene.drive_check import of_the_joint
+import numpy as np
+
+from kaneflex.scene.drives import Drive
 from kaneflex.scene.headings import abscissae
-from kaneflex.scene.law_check import check_load_law
+from kaneflex.scene.laws import Law, parse_law, sample_times
+from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.scene import Scene
+from kaneflex.scene.scene import Scene, given_value
+from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.errors import Fault, Problem, nearest
+from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 _STILL = ("prismatic", "weld")
 """Joints without rotation."""
@@ -137,3 +142,199 @@ def event_problems(scene: Scene) -> Iterator[Problem]:
             scene.level(event)
         except Fault as fault:
             yield Problem(f"events.{name}.value", event.value, fault.reason, fault.cure)
+
+
+_SPEEDS = {"cylindrical": ("along its axis", SPEED), "universal": ("about its first axis", ANGULAR_SPEED)}
+"""Motion of the first speed of joints with two speeds; the second is a rotation."""
+
+
+def drive_problems(scene: Scene) -> Iterator[Problem]:
+    """Problems of the drives: their joints, and quantities that do not fit their joints."""
+    for name in scene.drives:
+        if name not in scene.joints:
+            yield Problem(
+                f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints)
+            )
+        elif name.removesuffix("_speed") in scene.drives and name.endswith("_speed"):
+            reason = "laws use this name for the speed of another drive"
+            yield Problem(f"drives.{name}", None, reason, "Choose another name for the joint")
+        elif scene.joints[name].kind == "weld":
+            yield Problem(f"drives.{name}", None, "a weld does not move", "Drive a revolute or a prismatic joint")
+        else:
+            yield from _drive_quantities(scene, name)
+        drive = scene.drives[name]
+        try:
+            if drive.kind == "law":
+                check_drive_law(scene, drive)
+            elif drive.kind == "table":
+                measured = drive.read_table().dimension
+                if name in scene.joints and (measured is LENGTH) != scene.slides(name):
+                    kind = "a guide slides" if scene.slides(name) else "a revolute joint turns"
+                    right = "length, like unit = 'mm'" if scene.slides(name) else "angle, like unit = 'deg'"
+                    cure = f"Give a unit of {right}, or write it in the column's heading"
+                    raise Fault(f"{kind}; the table is of {measured.name}", cure, below="unit")
+        except Fault as fault:
+            field = fault.below or drive.kind
+            yield Problem(f"drives.{name}.{field}", getattr(drive, field), fault.reason, fault.cure)
+
+
+def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
+    """Problems of a drive's quantities, which must fit its rotating or sliding joint."""
+    drive, slides = scene.drives[name], scene.slides(name)
+    wrong, right = ("angle", "position") if slides else ("position", "angle")
+    kind = "a guide slides" if slides else "a revolute joint turns"
+    if wrong in drive.model_fields_set:
+        given = given_value(scene.raw, ("drives", name, wrong))
+        yield Problem(f"drives.{name}.{wrong}", given, kind, f"Give {right}")
+    if slides and drive.cycle is not None:
+        given = given_value(scene.raw, ("drives", name, "cycle"))
+        reason = "a guide at constant speed has no cycle"
+        yield Problem(f"drives.{name}.cycle", given, reason, "Leave it out, or give a law with its period")
+    for field in ("speed", "initial_speed"):
+        yield from of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
+    joint = scene.joints[name].kind
+    if drive.initial_speeds is not None and joint in _SPEEDS:
+        moves, dimension = _SPEEDS[joint]
+        kind = f"the first speed of a {joint} joint is {moves}"
+        yield from of_the_joint(scene, ("drives", name, "initial_speeds", "0"), kind, dimension)
+        kind = f"the second speed of a {joint} joint is a rotation"
+        yield from of_the_joint(scene, ("drives", name, "initial_speeds", "1"), kind, ANGULAR_SPEED)
+    if name == next(iter(scene.drives)):
+        yield from of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
+
+
+def of_the_joint(scene: Scene, path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
+    """Quantity of a joint that rotates or slides, converted now that the joint is known."""
+    given = given_value(scene.raw, path)
+    try:
+        if given is not None:
+            to_si(given, dimension)
+    except Fault as fault:
+        yield Problem(".".join(path), given, f"{kind}; {fault.reason}", fault.cure)
+
+
+_FINE = 20_000
+"""Intervals of a run searched for jumps of atan2 and ends of asin, as many as laws are sampled at."""
+_HALVINGS = 60
+"""Bisections of an interval, more than double precision has binary digits."""
+_ROUNDING = 1e-12
+"""Distance below 1 at which the argument of asin counts as 1: the slope is then above 7e5."""
+
+
+def check_drive_law(scene: Scene, drive: Drive) -> None:
+    """Raise Fault unless a drive's law is valid, without kinks, and finite over the run."""
+    law = parse_law(drive.law, ("t",))
+    kink = law.kinks(smooth=("atan2",))
+    if kink is not None:
+        reason = f"{kink} has kinks, at which the speed would jump"
+        raise Fault(reason, "Write a law whose speed is continuous, like sqrt(x**2 + small**2) for abs(x)")
+    if scene.horizon is not None:
+        law.check_values({"t": sample_times(scene.horizon)})
+        _check_inverse_functions(law, np.linspace(0.0, scene.horizon, _FINE + 1))
+
+
+def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
+    """Raise Fault for a law in t whose atan2 jumps, or whose asin or acos has an infinite slope, at some time."""
+    for _, call, _ in law.calls("atan2"):
+        t = _first_jump(call, times)
+        if t is not None:
+            reason = f"{call.text} has kinks, at which the speed would jump: its point (x, y) crosses y = 0 at x <= 0, "
+            cure = "Write a law whose point does not cross the negative x axis"
+            raise Fault(f"{reason}at t = {t:.6g} s", cure)
+    for _, call, (argument,) in law.calls("asin", "acos"):
+        t = _first_end(argument, times)
+        if t is not None:
+            reason = f"{call.text} has an infinite slope at t = {t:.6g} s, where its argument is 1 or -1"
+            raise Fault(reason, "Write a law whose argument stays between -1 and 1, both excluded")
+
+
+def load_jump(scene: Scene, law: Law) -> str | None:
+    """Text of the first part of a load's law that jumps; atan2 of the time alone counts only if it jumps in the run."""
+    found = law.jumps(smooth=("atan2",))
+    moving = [name for name in scene.law_names() if name != "t"]
+    for _, call, _ in law.calls("atan2") if found is None else ():
+        known = scene.horizon is not None and not call.uses_any(moving)
+        if not known or _first_jump(call, np.linspace(0.0, scene.horizon, _FINE + 1)) is not None:
+            return call.text
+    return found
+
+
+def _first_jump(angle: Law, times: np.ndarray) -> float | None:
+    """First time between `times` at which an angle [rad] in t jumps; None without a jump.
+
+    Between neighbours that differ by more than 1 rad, the half with the larger difference is bisected down to
+    rounding: over a jump, of pi or more, the values remain different.
+    """
+
+    def values(at: np.ndarray) -> np.ndarray:
+        return angle.on_arrays({"t": at})
+
+    found = values(times)
+    k = np.flatnonzero(abs(np.diff(found)) > 1.0)
+    low, high = times[k], times[k + 1]
+    for _ in range(_HALVINGS if len(k) else 0):
+        middle = (low + high) / 2
+        first = abs(values(middle) - values(low)) >= abs(values(high) - values(middle))
+        low, high = np.where(first, low, middle), np.where(first, middle, high)
+    jumps = abs(values(high) - values(low)) > 1.0
+    return float(high[jumps][0]) if jumps.any() else None
+
+
+def _first_end(argument: Law, times: np.ndarray) -> float | None:
+    """First time at which the magnitude of an argument in t reaches 1, also between `times`; None if never."""
+
+    def sizes(at: np.ndarray) -> np.ndarray:
+        return abs(argument.on_arrays({"t": at}))
+
+    found = sizes(times)
+    k = np.arange(len(times))
+    largest = (found >= np.roll(found, 1)) | (k == 0)
+    largest &= (found >= np.roll(found, -1)) | (k == k[-1])
+    k = np.flatnonzero(largest)
+    low, high = times[np.maximum(k - 1, 0)], times[np.minimum(k + 1, len(times) - 1)]
+    for _ in range(2 * _HALVINGS):  # each iteration keeps two thirds
+        left, right = (2 * low + high) / 3, (low + 2 * high) / 3
+        rises = sizes(left) < sizes(right)
+        low, high = np.where(rises, left, low), np.where(rises, high, right)
+    at = np.where(sizes(times[k]) >= sizes(low), times[k], low)
+    ends = sizes(at) >= 1.0 - _ROUNDING
+    return float(at[ends][0]) if ends.any() else None
+
+
+def check_load_law(scene: Scene, load: Load) -> None:
+    """Raise Fault unless a load's law is valid, and finite wherever its joints' motion is known before the run.
+
+    A law of a free joint's motion is evaluated at the joint's start; laws in the speed of a spin-up, a law or a table
+    are sampled with the derived motion (`kaneflex.solve.law_checks.check_finite`).
+    """
+    law = parse_law(load.law, scene.law_names())
+    for name in scene.joints:
+        if f"{name}_speed" in scene.joints and law.uses(f"{name}_speed"):
+            reason = f"{name}_speed is both a joint and the speed of joint {name}"
+            raise Fault(reason, "Give the joint another name")
+    free = law.uses_any([name for name, drive in scene.drives.items() if drive.free])
+    if scene.horizon is None and not free:
+        return
+    times = np.zeros(1) if free else sample_times(scene.horizon)
+    known = {"t": times}
+    for name, drive in scene.drives.items():
+        known |= _motion(name, drive, times)
+    if all(name in known for name in scene.law_names() if law.uses(name)):
+        law.check_values(known)
+
+
+def _motion(name: str, drive: Drive, times: np.ndarray) -> dict[str, np.ndarray | float]:
+    """Coordinate [rad or m] and speed of a drive at `times` (n,), as far as known before the run, by a law's names."""
+    try:
+        match drive.kind:
+            case "free":
+                return {name: drive.start, f"{name}_speed": drive.initial_speed}
+            case "constant speed":
+                return {name: drive.start + drive.speed * times, f"{name}_speed": drive.speed}
+            case "law":
+                return {name: parse_law(drive.law, ("t",)).on_arrays({"t": times})}
+            case "table":
+                return {name: evaluate_block(drive.curve(), times)}
+    except Fault:
+        pass  # reported by the drive's own check
+    return {}

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.recovery import STRESSES
 from kaneflex.scene.scene import Scene
-from kaneflex.scene.sensors import POINT_KINDS, Sensor
+from kaneflex.scene.sensors import POINT_KINDS, STRESSES, Sensor
 from kaneflex.support.errors import Problem
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from kaneflex.scene import Scene
 from kaneflex.scene.contact_check import refuse_bristles, refuse_contacts
-from kaneflex.scene.law_check import load_jump
+from kaneflex.scene.load_check import load_jump
 from kaneflex.support.errors import SceneError, refuse
 
 COUPLED_INTEGRATORS = ("radau", "gauss", "scipy")

@@ -18,8 +18,8 @@ from pydantic import (
     model_validator,
 )
 
+from kaneflex.scene.contact_law import Friction, friction_in
 from kaneflex.scene.contacts import Clearance, contacts_of
-from kaneflex.scene.friction import Friction, friction_in
 from kaneflex.scene.headings import SPEEDS, abscissae
 from kaneflex.scene.quantities import (
     Abscissa,

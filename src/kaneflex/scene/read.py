@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pydantic import BaseModel, ValidationError
 
-from kaneflex.scene.fields import known_keys
-from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, given_value
-from kaneflex.scene.settings import nested, split_setting
+from kaneflex.scene.settings import known_keys, nested, split_setting
+from kaneflex.scene.table import REMOVED, merged, reuse_bodies
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
 from kaneflex.support.escaping import visible

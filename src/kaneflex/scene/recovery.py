@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from kaneflex.scene.sensors import STRESSES
 from kaneflex.support.errors import Fault
-
-STRESSES = {3: ("xx", "yy", "xy"), 6: ("xx", "yy", "zz", "xy", "yz", "zx")}
-"""Names of the stress components in the body's axes, by their number: in the plane three or six, in space six."""
 
 
 @dataclass(frozen=True, eq=False)

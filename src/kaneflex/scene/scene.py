@@ -10,14 +10,13 @@ from typing import Any, Literal
 from pydantic import Field, PrivateAttr
 
 from kaneflex.scene.bodies import Body, Free
+from kaneflex.scene.contact_law import Friction
 from kaneflex.scene.contacts import Contact, LooseJoint, contacts_of, loose_joints
 from kaneflex.scene.drives import Drive
-from kaneflex.scene.events import Event
-from kaneflex.scene.friction import Friction
 from kaneflex.scene.laws import Law, parse_law
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point, Vector, Words
-from kaneflex.scene.sensors import Sensor
+from kaneflex.scene.sensors import Event, Sensor
 from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.escaping import visible

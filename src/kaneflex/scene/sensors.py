@@ -1,17 +1,18 @@
-"""Sensors: named quantities of the motion, each with its reference and axes."""
+"""Sensors: named quantities of the motion, each with its reference and axes; events at which they cross a value."""
 
 from __future__ import annotations
 
 from functools import cached_property
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from kaneflex.scene.quantities import Address, AddressField, Fibre
-from kaneflex.scene.recovery import STRESSES
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
 
+STRESSES = {3: ("xx", "yy", "xy"), 6: ("xx", "yy", "zz", "xy", "yz", "zx")}
+"""Names of the stress components in the body's axes, by their number: in the plane three or six, in space six."""
 MOTION_KINDS = ("displacement", "velocity", "acceleration", "position")
 SECTION_KINDS = ("axial_force", "bending_moment", "torsional_moment", "shear_force", "strain")
 POINT_KINDS = MOTION_KINDS + SECTION_KINDS
@@ -163,3 +164,15 @@ class Sensor(SceneTable):
     def unit(self) -> str:
         """SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m, Pa or 1."""
         return (_UNITS_OF_ANGLE if self.component.startswith("angle") else _UNITS)[self.kind]
+
+
+class Event(SceneTable):
+    """Crossing of `value` by a `sensor`, `up`, `down` or in `both` directions. With `stop` the run ends there.
+
+    `value` is in the sensor's SI unit, or text with a unit.
+    """
+
+    sensor: str
+    value: float | str = 0.0
+    direction: Literal["up", "down", "both"] = "both"
+    stop: StrictBool = False

@@ -1,14 +1,20 @@
-"""Resolution of `--set path=value`: from a short path to its entry in the scene."""
+"""Paths in a scene: `--set path=value`, the keys that a file may have, and the numbers of generated modules."""
 
 from __future__ import annotations
 
 import difflib
 import tomllib
+import types
+import typing
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
-from kaneflex.scene.fields import ANY_NAME, has_entry, known_keys
+from pydantic import BaseModel
+
+from kaneflex.scene.bodies import Body
+from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import SceneError, nearest
+from kaneflex.support.units import Dimension
 
 _MOST_NAMES = 3
 """Largest number of names that a message lists."""
@@ -124,3 +130,102 @@ def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str 
     if keys[0] in _NAMED and len(keys) > 1 and not is_new_mass and keys[1] not in raw.get(keys[0], {}):
         cure = nearest(keys[1], raw.get(keys[0], {}))
         raise SceneError(path, text, f"the scene has no {keys[1]!r} among its {keys[0]}", cure)
+
+
+ANY_NAME = "*"
+"""Placeholder for names that a user gives."""
+
+
+def known_keys(path: typing.Sequence[str], top: type[BaseModel] = Scene) -> tuple[str, ...]:
+    """Keys of the table at `path`: ("*",) if users give the names, empty if it is not a table."""
+    kind: object = top
+    for key in path:
+        kind = _entry(kind, key)
+    if typing.get_origin(kind) is dict:
+        return (ANY_NAME,)
+    if _is_table(kind):
+        return tuple(field.alias or name for name, field in kind.model_fields.items())
+    return ()
+
+
+def _entry(kind: object, key: str) -> object:
+    """Type of the entry `key` of a table of type `kind`; None if there is no such entry."""
+    if typing.get_origin(kind) is dict:
+        return _plain(typing.get_args(kind)[1])
+    if _is_table(kind):
+        for name, field in kind.model_fields.items():
+            if key == (field.alias or name):
+                return _plain(field.annotation)
+    return None
+
+
+def dimensions(path: typing.Sequence[str]) -> tuple[Dimension, ...]:
+    """Dimensions of the quantity at `path`: one, or two for a rotating or sliding joint; empty for other entries."""
+    kind: object = Scene
+    for key in path[:-1]:
+        kind = _entry(kind, key)
+    fields = kind.model_fields if _is_table(kind) else {}
+    field = next((field for name, field in fields.items() if path[-1] == (field.alias or name)), None)
+    if field is None:
+        return ()
+    options = [field.annotation, *typing.get_args(field.annotation)]
+    known = [*field.metadata, *(entry for option in options for entry in getattr(option, "__metadata__", ()))]
+    return tuple(entry for entry in known if isinstance(entry, Dimension))
+
+
+def has_entry(path: typing.Sequence[str]) -> bool:
+    """True if a scene file may have an entry at `path`."""
+    keys = known_keys(path[:-1])
+    return path[-1] in keys or keys == (ANY_NAME,)
+
+
+def _plain(kind: object) -> object:
+    """Type `kind` without None and annotations."""
+    if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:
+        rest = [option for option in typing.get_args(kind) if option is not type(None)]
+        return _plain(rest[0])
+    if typing.get_origin(kind) is typing.Annotated:
+        return _plain(typing.get_args(kind)[0])
+    return kind
+
+
+def _is_table(kind: object) -> typing.TypeGuard[type[BaseModel]]:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def number_at(scene: Scene, path: str) -> float:
+    """Number of the scene at a path TABLE.OWNER.NAME, or gravity.AXIS, in SI."""
+    table, owner, name = (*path.split(".", 2), "")[:3]
+    if table == "gravity":
+        return scene.gravity["xy".index(owner)]
+    if table == "ground":
+        return scene.ground[owner]["xy".index(name)]
+    if table == "bodies":
+        return _of_body(scene.bodies[owner], name)
+    entry = getattr(scene, table)[owner]
+    if name.startswith("direction_"):
+        return entry.direction["xy".index(name[-1])]
+    if table == "contacts":
+        return entry.number(name)
+    if table == "drives" and name in ("angle", "position"):
+        return entry.start
+    if table == "joints" and name == "branch":
+        return 1.0 if entry.branch == "+" else -1.0
+    if table == "loads" and name.startswith("profile_"):
+        return entry.profile[name == "profile_end"]
+    return getattr(entry, name)
+
+
+def _of_body(body: Body, name: str) -> float:
+    field, _, inner = name.partition(".")
+    if field == "points":
+        point, _, axis = inner.partition(".")
+        return body.points_all[point]["xy".index(axis)]
+    if field == "element":
+        return body.first_element[inner]
+    if field.startswith("pose_"):
+        assert body.pose is not None  # each body of a fixed frame has a pose
+        return body.pose.angle if field == "pose_angle" else body.pose.at["xy".index(field[-1])]
+    if field.startswith("centre_"):
+        return body.centre["xy".index(field[-1])]
+    return getattr(body, field)

@@ -9,9 +9,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, ValidationError
 
-from kaneflex.scene.merge import merged
 from kaneflex.scene.quantities import either, written
-from kaneflex.scene.table import SceneTable
+from kaneflex.scene.table import SceneTable, merged
 from kaneflex.support.errors import Fault, within
 from kaneflex.support.reading import read_text
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension

@@ -12,9 +12,9 @@ from typing import Any
 import tomlkit
 from tomlkit.items import InlineTable
 
-from kaneflex.scene.merge import REMOVED
 from kaneflex.scene.read import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.scene import Scene
+from kaneflex.scene.table import REMOVED
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import SceneError
 

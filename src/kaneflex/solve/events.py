@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.response.sensors import sensor_values
-from kaneflex.scene.events import Event
+from kaneflex.scene.sensors import Event
 
 if TYPE_CHECKING:
     from kaneflex.solve.run_result import RunResult

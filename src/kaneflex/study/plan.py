@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
-from kaneflex.scene.merge import merged
 from kaneflex.scene.read import FILE_KEYS, file_entries
 from kaneflex.scene.settings import demand_once, nested, resolved, split_setting
+from kaneflex.scene.table import merged
 from kaneflex.study.poincare import Poincare
 from kaneflex.study.sensitivity.parameters import place_of
 from kaneflex.study.study import Point, Study, Value, points_of, read_study, size_of, study_of

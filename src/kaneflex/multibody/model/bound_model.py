@@ -18,10 +18,9 @@ from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.modes import rayleigh_coefficients
 from kaneflex.integrate.system import AffineSystem
-from kaneflex.mechanism.affine import Affine, Monomial, as_array, coefficients, numbered_entries
+from kaneflex.mechanism.affine import Affine, Monomial, Products, as_array, coefficients, numbered_entries
 from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.products import Products
 from kaneflex.mechanism.rigid_motion import RigidKinematics, not_integrated
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options

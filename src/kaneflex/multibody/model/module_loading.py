@@ -16,8 +16,8 @@ import numpy as np
 
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene
-from kaneflex.scene.numbers import number_at
 from kaneflex.scene.options import acting, left_out, resolve_options
+from kaneflex.scene.settings import number_at
 from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.scene.structure import coupled_hash, pruned_hash, structure_hash
 from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES, SPATIAL_ATTRIBUTES

@@ -226,8 +226,8 @@ class Cycles(ABC, Generic[Start, Cycle]):
 
     def judged(self, cycle: Cycle) -> Verdict:
         """Stability verdict from a cycle's Floquet multipliers."""
+        from kaneflex.integrate.outcome import LEFT
         from kaneflex.integrate.periodic import exceeds_one
-        from kaneflex.integrate.task import LEFT
 
         def unknown(why: str, floquet: np.ndarray | None = None) -> Verdict:
             return Verdict(Outcome.COMPLETED, f"{Outcome.COMPLETED.value}; {_UNKNOWN}: {why}", floquet)

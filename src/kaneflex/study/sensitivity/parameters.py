@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from kaneflex.scene import Scene, with_settings
-from kaneflex.scene.fields import dimensions
 from kaneflex.scene.scene import given_value
-from kaneflex.scene.settings import demand_once, resolved
+from kaneflex.scene.settings import demand_once, dimensions, resolved
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import RATIO, to_si
 

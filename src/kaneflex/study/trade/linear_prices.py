@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from kaneflex.integrate.disturbances import monodromy
-from kaneflex.integrate.run import dies_away
+from kaneflex.integrate.run import dies_away, monodromy
 from kaneflex.integrate.spectral import Grid, Orbit, improved, periodic_orbit
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
