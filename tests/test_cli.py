@@ -175,8 +175,8 @@ def test_check_says_what_a_scene_is():
     shown = cli("check", "engine", "--preset", "linear").stdout
     for words in (
         "rod     elastic, 4 elements, 137 mm, 0.153 kg", "closes a loop, branch +", "6000 rpm from 0 deg",
-        "preset          linear: vibration about", "duration        20 ms, one cycle",
-        "steps           1440 in a cycle, 13.8889 us each", "elements        rod 4", "degrees of freedom  12",
+        "preset      linear: vibration about", "duration    20 ms, one cycle",
+        "steps       1440 in a cycle, 13.8889 us each", "elements    rod 4", "degrees of freedom  12",
         "mid_transverse          displacement of rod.mid, y in body axes, relative to chord",
         "kaneflex.generated.engine",
         structure_hash(read_scene("engine")),
@@ -257,7 +257,7 @@ def test_check_warns_of_what_a_run_would_warn_of_without_a_solution(name, change
 def test_check_warns_of_terms_that_the_preset_has_no_place_for():
     result = cli("check", "engine", "--preset", "quasistatic", "--set", "solve.terms={gyroscopic=true, damping=true}")
     assert "solve.terms.gyroscopic, solve.terms.damping has no effect under preset quasistatic" in result.stderr
-    assert "terms           spin, euler, geometric, turning" in result.stdout
+    assert "terms       spin, euler, geometric, rotation" in result.stdout
     assert cli("check", "engine", "--preset", "quasistatic").stderr.count("Warning") == 0
 
 

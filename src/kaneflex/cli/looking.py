@@ -100,8 +100,9 @@ def modes(
 ) -> None:
     """Print undamped natural frequencies and mode shapes of SCENE at one configuration.
 
-    Shapes are mass-normalised; mode_shapes has a column for each mode and a row for each coordinate (m or rad). Preset
-    paper adds K_d, as in the paper's eq. (99).
+    Modes follow from the elastic stiffness and the mass matrix; preset paper adds the spin and Euler terms, as in the
+    paper's eq. (99). Shapes are mass-normalised; mode_shapes has a column for each mode and a row for each coordinate
+    (m or rad).
 
     \b
       kaneflex modes engine --at main=90deg --count 6

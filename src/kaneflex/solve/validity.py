@@ -174,10 +174,10 @@ def _uncoupled(solution: RunResult, shares: dict[str, float]) -> list[str]:
     if not worth:
         return []
     worst, link = max(worth, key=worth.__getitem__), max(shares, key=shares.__getitem__)
-    more = f", and more than {LARGEST_COUPLING:.0%} of that of {len(worth) - 1} other sensors" if len(worth) > 1 else ""
+    more = f", and {len(worth) - 1} other sensors by more than {LARGEST_COUPLING:.0%}" if len(worth) > 1 else ""
     return [
-        f"{link} deflects by {share:.1%} of its length: the effect on the motion, which preset {model.options.preset} "
-        f"neglects, changes {worst} by about {worth[worst]:.0%} of its peak{more}; compare with preset coupled"
+        f"{link} deflects by {share:.1%} of its length: preset {model.options.preset} neglects the effect on the motion, "
+        f"which changes {worst} by about {worth[worst]:.0%} of its peak{more}; compare with preset coupled"
     ]
 
 
