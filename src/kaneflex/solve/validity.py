@@ -176,8 +176,8 @@ def _uncoupled(solution: RunResult, shares: dict[str, float]) -> list[str]:
     worst, link = max(worth, key=worth.__getitem__), max(shares, key=shares.__getitem__)
     more = f", and {len(worth) - 1} other sensors by more than {LARGEST_COUPLING:.0%}" if len(worth) > 1 else ""
     return [
-        f"{link} deflects by {share:.1%} of its length: preset {model.options.preset} neglects the effect on the motion, "
-        f"which changes {worst} by about {worth[worst]:.0%} of its peak{more}; compare with preset coupled"
+        f"{link} deflects by {share:.1%} of its length: preset {model.options.preset} neglects the effect on the "
+        f"motion, which changes {worst} by about {worth[worst]:.0%} of its peak{more}; compare with preset coupled"
     ]
 
 
