@@ -30,10 +30,6 @@ INDEX = '''"""Modules of kaneflex: elements, bodies, joints, tables, scenes. Do 
 # Structure hash -> module. Scenes of one structure share a module.
 STRUCTURES = {{
 {entries}}}
-
-# Scene -> module that serves it.
-SCENES = {{
-{scenes}}}
 '''
 
 
@@ -47,7 +43,6 @@ def modules() -> dict[str, str]:
     texts["contact.py"], texts["friction.py"], texts["spatial.py"] = contact_text(), friction_text(), spatial_text()
     texts["spatial_shapes.py"] = spatial_shapes_text()
     structures: dict[str, str] = {}
-    scenes: dict[str, str] = {}
     for name in sorted(shipped_scenes()):
         scene = read_scene(name)
         shapes = shape_counts(scene) if scene.solve.preset == "coupled" else None
@@ -60,10 +55,8 @@ def modules() -> dict[str, str]:
                 structures[structure] = f"{name.removesuffix('-coupled').replace('-', '_')}_coupled"
                 text = generate_coupled(scene, shapes, structure)
             texts[f"{structures[structure]}.py"] = text
-        scenes[name] = structures[structure]
     entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())
-    served = "".join(f'    "{key}": "{module}",\n' for key, module in scenes.items())
-    texts["__init__.py"] = INDEX.format(entries=entries, scenes=served)
+    texts["__init__.py"] = INDEX.format(entries=entries)
     return texts
 
 

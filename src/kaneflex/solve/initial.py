@@ -131,11 +131,9 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 def check_apart(model: Model) -> None:
     """Raise SceneError if the sides of a contact penetrate each other at the start, beyond rounding."""
-    mechanism, rigid = mechanism_of(model.scene), model.motion.at(0.0)
-    if not mechanism.contacts:
-        return
     from kaneflex.mechanism.contacts import apart
 
+    mechanism, rigid = mechanism_of(model.scene), model.motion.at(0.0)
     for name, contact in mechanism.contacts.items():
         first, second = (rigid.frame(side.body) for side in contact.sides)
         if contact.kind == "angle":

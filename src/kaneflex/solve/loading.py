@@ -25,7 +25,6 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.solve.initial import check_apart, given_state
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import MAX_STORED, check_memory
 from kaneflex.support.arguments import takes
@@ -150,9 +149,14 @@ def timed(model: Model, started: float, derived: float, compiled: float) -> Mode
 def _check_start(model: Model) -> None:
     """Raise SceneError if the model can't start from the given state, or bodies penetrate each other at the start."""
     if model.options.start != "given" or model.coupled_in_space is not None:  # in space it is checked already
-        check_apart(model)
+        if mechanism_of(model.scene).contacts:
+            from kaneflex.solve.initial import check_apart
+
+            check_apart(model)
         return
     if model.coupled is None:
+        from kaneflex.solve.initial import given_state
+
         given_state(model)
     else:
         from kaneflex.solve.coupled import beginning

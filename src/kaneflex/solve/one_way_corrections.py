@@ -25,7 +25,6 @@ from kaneflex.multibody.model.building import build_model
 from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.error_stages import READ, Read, Stage, Unknown, values_of, with_half_elements
-from kaneflex.solve.initial import given_state
 from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.solve.run_result import RunResult, seconds_of_steps
 
@@ -159,6 +158,8 @@ def _start(richer: Model, near: ElasticMotion, read: Read) -> tuple[np.ndarray, 
         return slow_start(richer)
     basis = richer.modal_basis
     if options.start == "given" and (basis is not None or own.modal_basis is not None or not own.reduced.size):
+        from kaneflex.solve.initial import given_state
+
         return given_state(richer)
     first = near.taken(np.arange(1))
     state = np.hstack([embedded(richer, first, rate) for rate in (0, 1)])

@@ -10,7 +10,6 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.solve.initial import given_state
 from kaneflex.solve.law_checks import UNREPEATED, refuse_unrepeated
 from kaneflex.solve.memory import MAX_STORED
 from kaneflex.solve.run_result import RunResult
@@ -27,13 +26,16 @@ _ROUNDING = 1e-12
 
 def run_one_way(model: Model, progress: Progress | None = None) -> RunResult:
     """Run of a model without planar coupled equations, up to the first event that stops it."""
-    from kaneflex.solve.events import until_stop
-
     started = time.perf_counter()
     if model.awaits_run:
         model, progress = _moved(model, progress or (lambda done: None))
     trajectory = _METHODS[model.options.dynamics](model, progress)
-    return until_stop(RunResult(model, trajectory, time.perf_counter() - started))
+    found = RunResult(model, trajectory, time.perf_counter() - started)
+    if not model.scene.events:
+        return found
+    from kaneflex.solve.events import until_stop
+
+    return until_stop(found)
 
 
 def _moved(model: Model, progress: Progress) -> tuple[Model, Progress]:
@@ -119,6 +121,8 @@ def run_of(model: Model) -> Run:
 
         start = slow_start(model)
     if options.start == "given":
+        from kaneflex.solve.initial import given_state
+
         start = given_state(model)
     return Run(
         model.system,

@@ -12,7 +12,6 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.time_statistics import Statistics, statistics_of_all
-from kaneflex.solve.initial import STATE, start_coordinates
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import LARGEST
 
@@ -148,6 +147,8 @@ class RunResult:
         dict
             ``displacements`` and ``velocities``: coordinate -> number in SI.
         """
+        from kaneflex.solve.initial import STATE, start_coordinates
+
         names, moved = start_coordinates(self.model), self.motion.state
         # too small for a scene, and for a run the same as zero
         numbers = ([0.0 if abs(x) < 1.0 / LARGEST else float(x) for x in part[:, instant]] for part in moved)

@@ -83,6 +83,8 @@ class Solution(RunResult):
     @cached_property
     def events(self) -> dict[str, np.ndarray]:
         """Times of every event of the scene [s]."""
+        if not self.model.scene.events:
+            return {}
         from kaneflex.solve.events import find_events
 
         return find_events(self)
