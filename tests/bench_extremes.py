@@ -28,8 +28,8 @@ Scenes at extreme speeds, stiffnesses and step sizes, compared with a closed for
 ## Results by method
 
 Columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are integrators of `stiffened`. A number is
-the error relative to the largest expected value; in brackets it exceeds the accuracy required for the case, and the
-run warns. A word is the outcome of the run. A dash means that the case was not run or, for `gauss`, that
+the error relative to the largest expected value. If it is in brackets, it exceeds the accuracy required for the case,
+and the run warns. A word is the outcome of the run. A dash means that the case was not run or, for `gauss`, that
 displacements equal those of `radau`.
 
 ![Errors and outcomes of every case](pictures/extremes.png)

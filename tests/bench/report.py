@@ -21,9 +21,9 @@ from kaneflex.support.atomic_output import write_text
 
 HEAD = """# Benchmarks
 
-kaneflex compared with hand-written C and other programs. Times are medians of interleaved runs, with quartiles; a
-ratio is the median over the rounds. Targets show the required value and, in brackets, the desired one. All runs but
-the sweeps use one thread.
+kaneflex compared with hand-written C and other programs. Programs run in turn, in several rounds: times are
+medians of the rounds, with quartiles, and ratios are medians of the ratios in each round. Targets show the required
+value and, in brackets, the desired one. All runs but the sweeps use one thread.
 
 ![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
 """
