@@ -11,7 +11,7 @@ from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
 from extremes import METHODS, Case, Ending, attempt, judge
 from runs import derived_on_the_fly, model, run
 
-from kaneflex.response.undersampling import at_least, between_steps
+from kaneflex.response.time_statistics import at_least, between_steps
 from kaneflex.scene import scene_of
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve

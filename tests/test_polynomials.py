@@ -8,8 +8,8 @@ import pytest
 from runs import run, solved
 
 import kaneflex
-from kaneflex.response.least_squares import normal_equations
 from kaneflex.response.polynomials import Readings, sensor_readings
+from kaneflex.response.reactions import normal_equations
 
 
 def evaluated(readings: Readings, given: list[np.ndarray]) -> dict[str, np.ndarray]:

@@ -8,7 +8,7 @@ from runs import run, solved
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.response.deformation import Deformation, deform
-from kaneflex.response.least_squares import least_squares
+from kaneflex.response.reactions import least_squares
 from kaneflex.scene import scene_of
 from kaneflex.solve.solution import Solution
 

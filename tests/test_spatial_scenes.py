@@ -14,7 +14,7 @@ from kaneflex.cli import main
 from kaneflex.generated import spinning_top
 from kaneflex.plots import draw_all
 from kaneflex.report.checked import description
-from kaneflex.response.undersampling import between_steps
+from kaneflex.response.time_statistics import between_steps
 from kaneflex.scene import scene_of as inline
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.repeated_motion import harmonics_of
@@ -466,7 +466,7 @@ def test_constant_loads_are_not_looked_at_between_steps(tmp_path, monkeypatch):
 
     push = '[loads]\npush = {force_on = "bar.end", direction = [0, 0, 1], value = 3}\n[sensors]'
     model = integrated(load(scene_of(tmp_path, ("[sensors]", push))))
-    monkeypatch.setattr("kaneflex.response.undersampling._instants_of_rows", never)
+    monkeypatch.setattr("kaneflex.response.time_statistics._instants_of_rows", never)
     assert between_steps(model) == []
 
 

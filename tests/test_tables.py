@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator
 
-from kaneflex.response.undersampling import between_steps
+from kaneflex.response.time_statistics import between_steps
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.plausible import implausible

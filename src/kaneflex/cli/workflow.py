@@ -149,7 +149,7 @@ def _differentiated(
 
 
 def _write(solution: Solution, summary: Summary, folder: Path) -> None:
-    from kaneflex.scene.write_back import whole_text
+    from kaneflex.scene.read import whole_text
 
     text = summary.model_dump_json(indent=2) + "\n"
     (folder / SUMMARY_FILE).write_text(text, encoding="utf-8", newline="\n")

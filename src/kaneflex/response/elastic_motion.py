@@ -18,9 +18,8 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model, keep_terms
 from kaneflex.response.deformation import Deformation, as_balanced, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
-from kaneflex.response.least_squares import Solver, by_reflections
 from kaneflex.response.motion import Motion, Section, beside
-from kaneflex.response.reactions import consistent_reactions, spring_tension
+from kaneflex.response.reactions import Solver, by_reflections, consistent_reactions, spring_tension
 
 if TYPE_CHECKING:
     from kaneflex.fem.coordinate_map import Frame

@@ -26,7 +26,7 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.deformation import Deformation, follow
-from kaneflex.response.least_squares import Solver
+from kaneflex.response.reactions import Solver
 from kaneflex.support.kept import Kept
 
 _LEAST = 1e-11

@@ -89,7 +89,7 @@ class _Tape:
         return self._places[key]
 
     def solve(self, matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """A :data:`kaneflex.response.least_squares.Solver`."""
+        """A :data:`kaneflex.response.reactions.Solver`."""
         (rows, n), entries = matrix.shape[1:], (*matrix.ravel(), *right.ravel())
         return np.array([self._unknowns(rows, n, entries)], dtype=object)
 

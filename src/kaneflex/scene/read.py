@@ -304,3 +304,10 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
     else:
         reason, cure = error["msg"][:1].lower() + error["msg"][1:], f"Write another {path[-1]}, see the scene reference"
     return Problem(".".join(path), given_value(raw, path), reason, cure)
+
+
+def whole_text(scene: Scene) -> str:
+    """TOML text of a scene with its merged tables and all settings; files have full paths."""
+    import tomlkit
+
+    return tomlkit.dumps({key: value for key, value in scene.raw.items() if key != "like"})

@@ -21,11 +21,6 @@ from kaneflex.support.errors import SceneError
 _MARK = "\N{BYTE ORDER MARK}".encode()
 
 
-def whole_text(scene: Scene) -> str:
-    """TOML text of a scene with its merged tables and all settings; files have full paths."""
-    return tomlkit.dumps({key: value for key, value in scene.raw.items() if key != "like"})
-
-
 def file_to_write(name: str, settings: Sequence[str]) -> Path:
     """File of the scene, if a choice can be written into it.
 

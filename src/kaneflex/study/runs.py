@@ -12,7 +12,7 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.response.undersampling import between_steps
+from kaneflex.response.time_statistics import between_steps
 from kaneflex.scene import Scene
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress, load

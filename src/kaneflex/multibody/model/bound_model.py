@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.fem.assembly import ElasticEquations, spin_or_euler
+from kaneflex.fem.assembly import ElasticEquations, Placed, spin_or_euler
 from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Link, Part
@@ -35,6 +35,42 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
     from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.multibody.time.spatial_motion import SpatialKinematics
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Elastic stage of a mechanism in the plane or in space.
+
+    Attributes
+    ----------
+    motion : RigidKinematics
+        Rigid motion, with all scalars of the parts.
+    links, parts, bases, interfaces, frame
+        As :class:`kaneflex.multibody.model.bound_model.Model` has them.
+    placed, sprung : list of (Part, L)
+        What is assembled; ``sprung`` are springs, with dampers of their own.
+    """
+
+    motion: RigidKinematics
+    links: Mapping[str, Link]
+    parts: Mapping[str, Part]
+    bases: Mapping[str, np.ndarray]
+    interfaces: Interfaces
+    frame: Frame
+    placed: list[Placed]
+    sprung: list[Placed]
+    warnings: tuple[str, ...] = ()
+
+
+def count_of_modes(options: Options, link: str, limit: int) -> int:
+    """Number of fixed-interface modes to keep of a link with ``limit`` ones; SceneError if more are requested."""
+    count = limit if options.modes == "all" else int(options.modes)
+    if count > limit:
+        raise SceneError(
+            "solve.modes", options.modes, f"{link} has {limit} fixed-interface modes",
+            "Use fewer modes, or more elements",
+        )  # fmt: skip
+    return count
+
 
 REACHED = {"rad": 1e-3, "m": 1e-5}
 """Largest distance of the first drive, by its unit, from the requested coordinate."""

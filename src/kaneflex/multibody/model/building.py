@@ -22,13 +22,11 @@ from kaneflex.fem.coordinate_map import Frame, build_frame
 from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
 from kaneflex.fem.links import Link, Part, build_link, craig_bampton, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
-from kaneflex.fem.springs import place_springs
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
 from kaneflex.mechanism.mechanism import same_mechanism
 from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.multibody.model.bound_model import REACHED, Model, keep_terms
-from kaneflex.multibody.model.elastic_stage import Stage, count_of_modes
+from kaneflex.multibody.model.bound_model import REACHED, Model, Stage, count_of_modes, keep_terms
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -122,7 +120,11 @@ def _planar_stage(
     placed = [(part, frame.maps[name]) for name, part in parts.items()]
     placed += place_rigid(scene, carried, frame)
     placed += place_masses(scene, links, parts, frame) + place_torques(scene, links, parts, frame)
-    sprung = place_springs(scene, links, parts, frame)
+    sprung: list[Placed] = []
+    if scene.springs:
+        from kaneflex.fem.springs import place_springs
+
+        sprung = place_springs(scene, links, parts, frame)
     return Stage(motion, links, parts, bases, interfaces, frame, placed, sprung)
 
 

@@ -19,7 +19,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
 from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 from kaneflex.response.sensors import measure
-from kaneflex.response.undersampling import between_steps
+from kaneflex.response.time_statistics import between_steps
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, resolve_options
 from kaneflex.solve.curves import Curves
