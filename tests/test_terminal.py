@@ -13,8 +13,8 @@ from kaneflex.support import terminal
 def test_only_a_stage_that_lasts_is_shown(capsys, monkeypatch):
     monkeypatch.setattr(terminal, "_PATIENCE", 0.1)
     with terminal.Waiting() as waiting:
-        waiting.stage("brief")
-        waiting.stage("compiling, first time only")
+        waiting("brief")
+        waiting("compiling, first time only")
         time.sleep(0.4)
         share = waiting.share_of("solving")
         share(0.5)
@@ -36,7 +36,7 @@ def test_a_terminal_shows_a_line_with_the_share_and_takes_it_off(capsys, monkeyp
         share(0.25)
         share(0.251)
         terminal.echo("a result")
-        waiting.stage("writing")
+        waiting("writing")
     shown = capsys.readouterr()
     assert shown.err == f"\rsolving ...\rsolving ... 25%\r{' ' * 15}\r"
     assert shown.out == "a result\n"

@@ -131,13 +131,13 @@ def into(
     folder = target.folder
     with whole_folder(folder, mark=mark, force=target.force) as partial, Waiting() as waiting:
         found = compute(waiting)
-        waiting.stage("writing")
+        waiting("writing")
         with writing(folder):
             write(found, partial)
             if target.plots:
                 from kaneflex.plots import draw
 
-                waiting.stage("drawing the pictures")
+                waiting("drawing the pictures")
                 draw(picture, found, partial)
     return found
 

@@ -13,7 +13,7 @@ from kaneflex.cli.scene import uncollected, undocumented
 from kaneflex.scene import with_settings
 from kaneflex.support.atomic_output import whole_folder, writing
 from kaneflex.support.errors import Fault, OutputError
-from kaneflex.support.terminal import Waiting
+from kaneflex.support.terminal import Waiting, share_of
 
 if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
@@ -77,8 +77,11 @@ def run_into(
     """
     folder = target.folder
     with whole_folder(folder, mark=SUMMARY_FILE, force=target.force) as partial, Waiting() as waiting:
-        choice = None if demand is None else _choose(scene, demand, waiting)
-        if choice is not None:
+        choice = None
+        if demand is not None:
+            from kaneflex.study.trade.choice import remembered_choice
+
+            choice = remembered_choice(scene, *demand, waiting)
             scene, settings = with_settings(scene, choice.settings), [*settings, *choice.settings]
         with uncollected():
             solution, summary = _solve(scene, settings, waiting, after, parameters, choice)
@@ -93,14 +96,10 @@ def run_into(
         with writing(folder):
             whole = summary.outcome == "completed" or summary.stored > summary.steps  # else what stopped it early
             pictures = _show(solution, found, partial, target, waiting) if whole else []
-            _report(solution, summary, pictures, partial)
+            from kaneflex.report.page import write_report
+
+            write_report(solution, partial, pictures, summary)
     return summary
-
-
-def _choose(scene: Scene, demand: Demand, waiting: Waiting) -> Choice:
-    from kaneflex.study.trade.choice import remembered_choice
-
-    return remembered_choice(scene, *demand, waiting)
 
 
 def _solve(
@@ -123,12 +122,10 @@ def _solve(
         check_differentiable(scene, continued=after is not None)
         find_parameters(scene, parameters)
     model = load(scene, waiting, pruned=choice is not None)
-    waiting.stage("compiling the integrator, first time only")
+    waiting("compiling the integrator, first time only")
     solution = solve(model, waiting.share_of("solving"), state)
-    stage = "estimating the errors"
-    waiting.stage(stage)
-    solution.estimated(waiting.share_of(stage))
-    waiting.stage("writing the results")
+    solution.estimated(share_of(waiting, "estimating the errors"))
+    waiting("writing the results")
     return solution, summarise(solution, settings, choice)
 
 
@@ -143,9 +140,7 @@ def _differentiated(
 
     if solution.outcome is not Outcome.COMPLETED:
         return None
-    stage = "differentiating"
-    waiting.stage(stage)
-    return sensitivities(solution, parameters, frozen, waiting.share_of(stage))
+    return sensitivities(solution, parameters, frozen, share_of(waiting, "differentiating"))
 
 
 def _write(solution: Solution, summary: Summary, folder: Path) -> None:
@@ -158,12 +153,6 @@ def _write(solution: Solution, summary: Summary, folder: Path) -> None:
         found = solution.labelled
         found.to_netcdf(folder / RESULTS_FILE)
         found.to_csv(folder / TABLE_FILE, along="time")
-
-
-def _report(solution: Solution, summary: Summary, pictures: list[Path], folder: Path) -> None:
-    from kaneflex.report.page import write_report
-
-    write_report(solution, folder, pictures, summary)
 
 
 def _show(
@@ -179,7 +168,7 @@ def _show(
     if target.vtk:
         from kaneflex.plots.vtk import write_vtk
 
-        waiting.stage("writing the motion for ParaView")
+        waiting("writing the motion for ParaView")
         write_vtk(solution, folder / VTK_FOLDER, target.frames)
     return drawn
 
@@ -188,13 +177,11 @@ def _draw_all(solution: Solution, folder: Path, target: Target, waiting: Waiting
     from kaneflex.plots import draw_all
     from kaneflex.solve.solution import PLOTS
 
-    stage = "drawing the pictures"
-    waiting.stage(stage)
-    kinds = target.kinds or PLOTS
-    kinds += ",animation" * target.mp4
+    share = share_of(waiting, "drawing the pictures")
+    kinds = (target.kinds or PLOTS) + ",animation" * target.mp4
     with uncollected():
         undocumented()
-    return draw_all(solution, folder, waiting.share_of(stage), target.frames, target.seconds, target.mp4, kinds)
+    return draw_all(solution, folder, share, target.frames, target.seconds, target.mp4, kinds)
 
 
 def draw_again(folder: Path, target: Target) -> list[Path]:

@@ -81,8 +81,7 @@ def banded_system(system: AffineSystem, c_weight: float, k_weight: float) -> Ban
     residual, multiplied, products = _residual(system, damping, stiffness, slices, stride)
     return BandedSystem(
         *(np.uint64(each) for each in (system.n, slices, stride, PER_NODE * stride + MARGIN)),
-        _effective(summed, slices),
-        _sizes(summed, slices),
+        *_summed(summed, slices),
         residual,
         *multiplied,
         np.uint64(products),
@@ -96,18 +95,14 @@ def _entries(system: AffineSystem, name: str) -> _Entries:
     return _Entries(slot // width, slot % width - system.half_bandwidth, scalar, found.data)
 
 
-def _effective(summed: tuple[tuple[_Entries, float], ...], slices: int) -> Runs:
-    i, d, scalar, value = (np.concatenate(each) for each in zip(*(part for part, _ in summed), strict=True))
-    weights = np.concatenate([np.full(part.i.size, weight) for part, weight in summed])
-    group = (i // ROWS * PER_NODE + i % PER_NODE) * WIDTH + d + BAND
-    return _runs(slices * PER_NODE * WIDTH, group, scalar, i, weights * value)
-
-
-def _sizes(summed: tuple[tuple[_Entries, float], ...], slices: int) -> Runs:
-    i, d, scalar, value = (np.concatenate(each) for each in zip(*(part for part, _ in summed), strict=True))
-    weights = np.concatenate([np.full(part.i.size, weight) for part, weight in summed])
-    i, scalar, value = (each[d == 0] for each in (i, scalar, np.abs(weights * value)))
-    return _runs(slices * PER_NODE, i // ROWS * PER_NODE + i % PER_NODE, scalar, i, value)
+def _summed(parts: tuple[tuple[_Entries, float], ...], slices: int) -> tuple[Runs, Runs]:
+    """Runs of a weighted sum, and of the absolute values in its diagonal."""
+    i, d, scalar, value = (np.concatenate(each) for each in zip(*(part for part, _ in parts), strict=True))
+    value = np.concatenate([np.full(part.i.size, weight) for part, weight in parts]) * value
+    place = i // ROWS * PER_NODE + i % PER_NODE
+    whole = _runs(slices * PER_NODE * WIDTH, place * WIDTH + d + BAND, scalar, i, value)
+    i, place, scalar, value = (each[d == 0] for each in (i, place, scalar, np.abs(value)))
+    return whole, _runs(slices * PER_NODE, place, scalar, i, value)
 
 
 def _residual(

@@ -75,7 +75,8 @@ class AffineSystem:
             if getattr(self, name).shape != expected:
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}: must be {expected}")
         for name in _MATRICES:
-            _, columns = self._places(getattr(self, name))
+            matrix = getattr(self, name)
+            _, columns = self._places(rows_of(matrix)[matrix.data != 0.0])
             if columns.size and (columns.min() < 0 or columns.max() >= self.n):
                 raise ValueError(f"{name} has an entry in a column outside 0 to {self.n - 1}, off the matrix")
 
@@ -114,7 +115,21 @@ class AffineSystem:
     @cached_property
     def packed(self) -> Packed:
         """The same numbers, in the layout of the compiled steppers."""
-        return pack(self)
+        n, layout = self.n, layout_of(self.n, self.half_bandwidth, 1)
+        scalars, slots, values = self.entries(layout)
+        # M before C before K before F, then by scalar, then by slot; far apart where a run must end
+        block = np.minimum(slots // int(layout.n_slots), len(_MATRICES))
+        far = len(_MATRICES) * int(layout.n_slots) + n + _LONGEST_GAP + 1
+        keys, places = np.unique((block * self.n_scalars + scalars) * far + slots, return_inverse=True)
+        begins = np.concatenate(([True], np.diff(keys) > _LONGEST_GAP + 1))[: len(keys)]
+        starts = np.flatnonzero(begins)
+        run = np.cumsum(begins) - 1
+        lengths = keys[np.append(starts[1:], len(keys)) - 1] - keys[starts] + 1 if len(keys) else starts
+        offsets = np.cumsum(lengths) - lengths
+        numbers = np.zeros(int(lengths.sum()))
+        np.add.at(numbers, (offsets - keys[starts])[run][places] + keys[places], values)
+        found = np.stack((keys[starts] // far % self.n_scalars, keys[starts] % far, lengths, offsets), axis=1)
+        return Packed(layout, *_grouped(found, numbers))
 
     def entries(self, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Scalar, slot in the vector of M, C, K and F, and value of everything that is not zero."""
@@ -124,39 +139,17 @@ class AffineSystem:
             used = matrix.data != 0.0
             slot = rows_of(matrix)[used]
             if name != "F":
-                rows, columns = self._places_of_slots(slot)
+                rows, columns = self._places(slot)
                 slot = layout.base[rows].astype(np.int64) + columns
             scalars.append(matrix.indices[used])
             slots.append(block * int(layout.n_slots) + slot)
             values.append(matrix.data[used])
         return np.concatenate(scalars), np.concatenate(slots), np.concatenate(values)
 
-    def _places(self, matrix: Rows) -> tuple[np.ndarray, np.ndarray]:
-        return self._places_of_slots(rows_of(matrix)[matrix.data != 0.0])
-
-    def _places_of_slots(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _places(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width = 2 * self.half_bandwidth + 1
         rows = slots // width
         return rows, slots % width + rows - self.half_bandwidth
-
-
-def pack(system: AffineSystem) -> Packed:
-    """The numbers of a system in runs."""
-    n, layout = system.n, layout_of(system.n, system.half_bandwidth, 1)
-    scalars, slots, values = system.entries(layout)
-    # M before C before K before F, then by scalar, then by slot; far apart where a run must end
-    block = np.minimum(slots // int(layout.n_slots), len(_MATRICES))
-    far = len(_MATRICES) * int(layout.n_slots) + n + _LONGEST_GAP + 1
-    keys, places = np.unique((block * system.n_scalars + scalars) * far + slots, return_inverse=True)
-    begins = np.concatenate(([True], np.diff(keys) > _LONGEST_GAP + 1))[: len(keys)]
-    starts = np.flatnonzero(begins)
-    run = np.cumsum(begins) - 1
-    lengths = keys[np.append(starts[1:], len(keys)) - 1] - keys[starts] + 1 if len(keys) else starts
-    offsets = np.cumsum(lengths) - lengths
-    numbers = np.zeros(int(lengths.sum()))
-    np.add.at(numbers, (offsets - keys[starts])[run][places] + keys[places], values)
-    found = np.stack((keys[starts] // far % system.n_scalars, keys[starts] % far, lengths, offsets), axis=1)
-    return Packed(layout, *_grouped(found, numbers))
 
 
 def _grouped(runs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -198,10 +198,7 @@ def _richer(model: Model) -> Iterator[tuple[str, Model]]:
 
 def embedded(richer: Model, motion: ElasticMotion, rate: int = 0) -> np.ndarray:
     """Motion in the coordinates of a richer model, (n, n_times), by the elements' shape functions at its nodes;
-    ``rate`` 1: velocities.
-
-    rate 1: the velocities of these coordinates
-    """
+    ``rate`` 1: velocities."""
     known = dict(zip(motion.model.coordinates, motion.coordinates[rate], strict=True))
     z = np.zeros((len(richer.coordinates), len(motion.times)))
     nodes, names = {}, tuple[str, ...](DOFS)

@@ -92,9 +92,6 @@ class Waiting:
         self._finish_stage()
 
     def __call__(self, name: str) -> None:
-        self.stage(name)
-
-    def stage(self, name: str) -> None:
         """End the previous stage, if any, and begin stage ``name``."""
         self._finish_stage()
         self._name, self._began = name, time.perf_counter()
@@ -109,7 +106,7 @@ class Waiting:
 
         def share(done: float) -> None:
             if self._name != name:
-                self.stage(name)
+                self(name)
             with self._lock:
                 if self._line:
                     self._draw(f"{name} ... {done:.0%}")
