@@ -21,7 +21,7 @@ BASELINE = {
     "plots": 35,
     "report": 6,
     "response": 41,
-    "scene": 66,
+    "scene": 65,
     "solve": 28,
     "study": 77,
     "support": 3,

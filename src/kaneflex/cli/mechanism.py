@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     from kaneflex.report.presentation import Blocks
     from kaneflex.scene import Scene
-    from kaneflex.solve.statespace import StateSpace
 
 
 @command()
@@ -208,7 +207,12 @@ def linearise(
     with Waiting() as waiting:
         model = load(scene, waiting)
         system = state_space(model, sensors=sensors or None)
-    drawn = None if bode is None else _bode(system, bode.suffix[1:])
+    drawn = None
+    if bode is not None:
+        from kaneflex.plots.bode import figure
+        from kaneflex.plots.style import picture
+
+        drawn = picture(lambda: figure(system), bode.suffix[1:])
     system.save(output)
     if bode is not None and drawn is not None:
         write_bytes(bode, drawn)
@@ -223,13 +227,6 @@ def linearise(
     if left_out and not sensors:
         echo(f"Warning: sensors left out, since frozen matrices do not define them: {', '.join(left_out)}", err=True)
     echo(f"Written to {output}" + (f" and {bode}" if bode is not None else ""), err=as_json)
-
-
-def _bode(system: StateSpace, kind: str) -> bytes:
-    from kaneflex.plots.bode import figure
-    from kaneflex.plots.style import picture
-
-    return picture(lambda: figure(system), kind)
 
 
 @command()

@@ -59,7 +59,8 @@ def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
     for name, (carrier, rider, direction) in all_guides.items():
         points = _rigid_point(rigid, rider.body, scene.point(rider))
         if carrier.body != "ground":
-            points = _to_body(rigid, carrier.body, points)
+            frame = BodyFrame(rigid, carrier.body)
+            points = frame.to_body(points.T - frame.origin).T
         margin = (BOX[0] if len(points) > 1 else STANDING) * size
         carried = [] if carrier.body == "ground" else used_points(scene, carrier.body)
         guides[name] = _travel(points, np.array(direction), margin, carried)
@@ -217,9 +218,3 @@ def _to_global(rigid: RigidMotion | Placement, body: str, local: np.ndarray) -> 
     """Points (n_times, n_points, 2) from a body's axes to global ones."""
     frame = BodyFrame(rigid, body)
     return np.transpose(frame.origin[:, None] + frame.to_global(np.transpose(local)))
-
-
-def _to_body(rigid: RigidMotion | Placement, body: str, points: np.ndarray) -> np.ndarray:
-    """Points (n_times, 2) from global axes to a body's."""
-    frame = BodyFrame(rigid, body)
-    return frame.to_body(points.T - frame.origin).T

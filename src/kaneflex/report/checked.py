@@ -115,19 +115,12 @@ def _mobility(model: Model) -> Blocks:
 
 
 def _lowest(model: Model) -> dict[str, str]:
-    """The lowest natural frequency beside the steps."""
-    lowest = _lowest_hz(model)
-    if lowest is None:
+    """The lowest natural frequency at the reference configuration beside the steps; nothing where nothing vibrates."""
+    vibrates = model.options.dynamics == "dynamic" and has_modes(model)
+    lowest = float(reference_modes(model, 1)[0][0]) / (2.0 * math.pi) if vibrates else 0.0
+    if not lowest:
         return {}
     return {"lowest mode": f"{lowest:.4g} Hz, {1.0 / (lowest * model.step):.3g} steps in a period"}
-
-
-def _lowest_hz(model: Model) -> float | None:
-    """The lowest natural frequency [Hz] at the reference configuration; None where nothing vibrates."""
-    if model.options.dynamics != "dynamic" or not has_modes(model):
-        return None
-    (omega,), _ = reference_modes(model, 1)
-    return float(omega) / (2.0 * math.pi) or None
 
 
 def _module(model: Model) -> str:

@@ -61,15 +61,8 @@ def sensor_cells(summary: Summary) -> tuple[tuple[str, ...], list[tuple[str, ...
     head = ("sensor", "unit", "min", at, "max", at, "mean", "rms")
     rows = [_sensor_row(name, entry) for name, entry in summary.sensors.items()]
     if all(entry.plus_minus is None for entry in summary.sensors.values()):
-        return head, rows
-    off = map(_plus_minus, summary.sensors.values())
-    return (*head, "+-"), [(*row, by) for row, by in zip(rows, off, strict=True)]
-
-
-def _plus_minus(entry: SensorSummary) -> str:
-    """Its estimated error in the unit that its values are shown in."""
-    number = unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))[1]
-    return "" if entry.plus_minus is None else number(entry.plus_minus.total, 2)
+        return head, [row[:-1] for row in rows]
+    return (*head, "+-"), rows
 
 
 def unit_shown(unit: str, largest: float) -> tuple[str, Callable[..., str]]:
@@ -100,7 +93,8 @@ def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
     unit, number = unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))
     lowest, highest = _when(entry.at_min), _when(entry.at_max)
     mean = 0.0 if abs(entry.mean) < _NOTHING * entry.rms else entry.mean
-    return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(mean), number(entry.rms))
+    off = "" if entry.plus_minus is None else number(entry.plus_minus.total, 2)
+    return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(mean), number(entry.rms), off)
 
 
 def more_tables(summary: Summary) -> Iterator[tuple[str, str]]:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
@@ -109,7 +108,9 @@ def stubby_links(scene: Scene) -> Iterator[str]:
     for name, body in scene.bodies.items():
         if body.beam is None or body.length is None:
             continue
-        slenderness = body.length / _radius_of_gyration(scene, body, body.length / 2)
+        here = body.profile.at(body.length / 2)
+        radius = math.sqrt(max(here.E_I_z, here.E_I_y * scene.is_spatial) / here.E_A)  # in space the larger one
+        slenderness = body.length / radius
         if slenderness >= (_STUBBIEST if body.beam.shear else _STUBBY):
             continue
         told = f"bodies.{name} is {slenderness:.2g} of its section's radii of gyration long"
@@ -118,12 +119,6 @@ def stubby_links(scene: Scene) -> Iterator[str]:
         else:
             share = 9.36 / slenderness**2
             yield f"{told}: shear would add some {share:.0%} to its bending; give theory = 'timoshenko' and nu"
-
-
-def _radius_of_gyration(scene: Scene, body: Body, x: float) -> float:
-    """Radius of gyration of an elastic body's section about its bending axis, in space the larger one [m]."""
-    here = body.profile.at(x)
-    return math.sqrt(max(here.E_I_z, here.E_I_y * scene.is_spatial) / here.E_A)
 
 
 def _far_apart(scene: Scene) -> Iterator[str]:

@@ -211,10 +211,6 @@ def _whole_number(value: object) -> int:
     return value
 
 
-def _count_or_all(value: object) -> int | str:
-    return value if value == "all" else _whole_number(value)
-
-
 def _ratios(value: object) -> tuple[float, ...] | str:
     if value == "adams":
         return value
@@ -311,7 +307,7 @@ WholeNumber = Annotated[
 ]
 CountOrAll = Annotated[
     int | str,
-    BeforeValidator(_count_or_all),
+    BeforeValidator(lambda value: value if value == "all" else _whole_number(value)),
     WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1}, {"const": "all"}]}),
 ]
 Ratios = Annotated[

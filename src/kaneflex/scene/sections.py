@@ -301,11 +301,6 @@ class Profile:
         """Borders between pieces [m]."""
         return tuple(piece.stop for piece in self.pieces[:-1])
 
-    def denser(self, share: float) -> Profile:
-        """Profile with densities multiplied by a factor."""
-        scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
-        return replace(self, pieces=tuple(scaled))
-
     def piece_at(self, x: float, after: bool = False) -> Piece:
         """Piece at distance x [m] from the start; at a border the one before or after it."""
         *inner, last = self.pieces
@@ -320,7 +315,9 @@ class Profile:
 
     def of_mass(self, mass: float) -> Profile:
         """Profile with densities scaled so that the beam's mass is exactly `mass` [kg]."""
-        return self.denser(mass / self.inertia(self.length).mass)
+        share = mass / self.inertia(self.length).mass
+        scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
+        return replace(self, pieces=tuple(scaled))
 
     def elements(self, nodes: np.ndarray) -> dict[str, np.ndarray]:
         """Parameters of elements in space, see :func:`element_parameters`."""

@@ -45,14 +45,6 @@ def _default_axes(data: dict) -> str:
     return "body" if any(data.get(kind) is not None for kind in moving) else "global"
 
 
-def _default_component(data: dict) -> Literal["mises", "x"]:
-    return "mises" if data.get("stress") is not None else "x"
-
-
-def _default_reading(data: dict) -> str:
-    return "accelerometer" if data.get("axes") == "body" else "kinematic"
-
-
 class Sensor(SceneTable):
     """Measured quantity: exactly one kind, with the address that it is measured at.
 
@@ -99,9 +91,11 @@ class Sensor(SceneTable):
     relative_to: Literal["frame", "chord", "start"] = "frame"
     component: Literal[
         "x", "y", "z", "angle", "angle_x", "angle_y", "angle_z", "mises", "xx", "yy", "zz", "xy", "yz", "zx"
-    ] = Field(default_factory=_default_component)
+    ] = Field(default_factory=lambda data: "x" if data.get("stress") is None else "mises")
     axes: Literal["body", "global"] = Field(default_factory=_default_axes)
-    reading: Literal["accelerometer", "kinematic"] = Field(default_factory=_default_reading)
+    reading: Literal["accelerometer", "kinematic"] = Field(
+        default_factory=lambda data: "accelerometer" if data.get("axes") == "body" else "kinematic"
+    )
     body: str | None = None
     fibre: Fibre | None = None
     cut: Literal["before", "after"] = "before"

@@ -13,7 +13,6 @@ from copy import deepcopy
 from typing import Any
 
 from kaneflex.scene.laws import parse_law
-from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 from kaneflex.support.contract import FORMAT
 from kaneflex.support.kept import Kept
@@ -108,13 +107,9 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
 
 def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the scene's own named points that joints or loads use."""
-    used = dict.fromkeys(scene.acting)
-    return {str(address): _zeros(scene.point(address)) for address in used if _is_named(scene, address)}
-
-
-def _is_named(scene: Scene, address: Address) -> bool:
-    points = scene.ground if address.body == "ground" else scene.bodies[address.body].points_named
-    return address.point in points
+    named = {name: body.points_named for name, body in scene.bodies.items()} | {"ground": scene.ground}
+    used = (address for address in dict.fromkeys(scene.acting) if address.point in named[address.body])
+    return {str(address): _zeros(scene.point(address)) for address in used}
 
 
 def _joint(scene: Scene, name: str) -> dict[str, Any]:

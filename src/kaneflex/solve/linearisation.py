@@ -108,7 +108,8 @@ def _one_way(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:
     M, C, K = (as_array(rigid.first(model.kept[name])) for name in "MCK")
     units = [*shifts.values()]
     by_state, by_inputs = np.hstack([by_z, by_v]), readings.by_inputs(units)
-    F_u = _load_of(model, t, units)
+    F = _shifted(model, t, [{}, *units]).column_of(model.reduced.F)
+    F_u = F[:, 1:] - F[:, :1]
     return _Frozen(model.reduced.coordinates, tuple(shifts), M, C, K, F_u, by_state, by_a, by_inputs)
 
 
@@ -200,12 +201,6 @@ def _shifted(model: Model, t: float, shifts: Sequence[Shift]) -> _ShiftedMotion:
     names = set().union(*shifts)
     columns = {name: np.array([shift.get(name, 0.0) for shift in shifts]) for name in names}
     return _ShiftedMotion(model.motion, rigid.times, rigid.values, columns)
-
-
-def _load_of(model: Model, t: float, shifts: Sequence[Shift]) -> np.ndarray:
-    """Derivative dF/du, (n, n_inputs)."""
-    columns = _shifted(model, t, [{}, *shifts]).column_of(model.reduced.F)
-    return columns[:, 1:] - columns[:, :1]
 
 
 class _Readings:
