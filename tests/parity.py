@@ -111,7 +111,9 @@ def compared(flat: Scene, turn: np.ndarray) -> Parity:
             rejected.append(heads[1])
             del given["sensors"][heads[1]]
     assert plane.outcome is space.outcome, (plane.message, space.message)
-    found, coarse = [], {} if plane.errors[0] else _by_finer_steps(plane)
+    found, coarse, deep = [], {} if plane.errors[0] else _by_finer_steps(plane), {}
+    if space.model.module.FREE and not space.errors[0]:
+        deep = _by_finer_steps(space)
     for name, sensor in flat.sensors.items():
         own = names.get(name, [name])
         if not set(own) <= set(given["sensors"]):
@@ -120,7 +122,8 @@ def compared(flat: Scene, turn: np.ndarray) -> Parity:
         values = in_plane(values, sensor.component, turn) if name in names else values[0]
         peak = float(abs(wanted).max())
         own_bound = coarse.get(name) or _estimated(plane, [name])
-        bound = own_bound + (_estimated(space, own) or own_bound) + ROUNDING * peak
+        own_deep = float(np.linalg.norm([deep.get(each, 0.0) for each in own])) or _estimated(space, own)
+        bound = own_bound + (own_deep or own_bound) + ROUNDING * peak
         found.append(Sensor(name, float(abs(values - wanted).max()), bound, peak))
     return Parity(found, tuple(rejected), planar_seconds, spatial_seconds)
 
@@ -131,12 +134,12 @@ def _estimated(solution: Solution, names: list[str]) -> float:
     return float(np.linalg.norm([errors[name].total for name in names if name in errors]))
 
 
-def _by_finer_steps(plane: Solution) -> dict[str, float]:
+def _by_finer_steps(solution: Solution) -> dict[str, float]:
     """Change of every sensor by steps half as long, and a tenth of the tolerance of free joints."""
-    options = plane.model.options
+    options = solution.model.options
     settings = [f"solve.steps={2 * options.steps}", f"solve.forward.tolerance={0.1 * options.forward_tolerance!r}"]
-    finer = solve(load(with_settings(plane.model.given, settings)))
-    return {name: float(np.nanmax(abs(finer[name].values[::2] - plane[name].values))) for name in plane}
+    finer = solve(load(with_settings(solution.model.given, settings)))
+    return {name: float(np.nanmax(abs(finer[name].values[::2] - solution[name].values))) for name in solution}
 
 
 def _timed(scene: Scene) -> tuple[Solution, float]:
