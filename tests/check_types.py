@@ -20,7 +20,7 @@ BASELINE = {
     "peers": 23,
     "plots": 35,
     "report": 6,
-    "response": 41,
+    "response": 40,
     "scene": 65,
     "solve": 28,
     "study": 77,

@@ -8,7 +8,8 @@ With q = L(t) z for each part,
     F_z = sum L^T F
 
 where L rotates with the bodies. The paper drops L' and L''; here they cancel the spin and Coriolis terms of isotropic
-inertia, as they must.
+inertia, as they must. A quasi-static deformation is at rest in the axes of the bodies, whatever the coordinates z: then
+K_z = sum L^T K L.
 """
 
 from __future__ import annotations
@@ -70,7 +71,8 @@ class ElasticEquations:
 def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[float, float], gravity) -> Part:
     """Rigid mass at a point of a body; coordinates are its global displacement x, y and rotation.
 
-    M = diag(m, m, J) is constant; F = (-m (a - g), -J epsilon) with a = a_O + epsilon S R r - omega^2 R r.
+    M = diag(m, m, J) is constant; F = (-m (a - g), -J epsilon) with a = a_O + epsilon S R r - omega^2 R r. Damping acts
+    on its velocity in the body's axes, d' - omega S d.
     """
     load = Affine.constant([[mass * gravity[0]], [mass * gravity[1]], [0.0]])
     load += Affine.term((f"{body}.a_x",), [[-mass], [0.0], [0.0]]) + Affine.term(
@@ -86,7 +88,8 @@ def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[fl
         load += Affine.constant(np.eye(3)[:, :2]) @ arms
     if inertia:
         load += Affine.term((f"{body}.epsilon",), [[0.0], [0.0], [-inertia]])
-    return sparse_part(name, 3, M=Affine.constant(np.diag([mass, mass, inertia])), F=load)
+    part = sparse_part(name, 3, M=Affine.constant(np.diag([mass, mass, inertia])), F=load)
+    return replace(part, turns=body)
 
 
 def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
@@ -198,32 +201,47 @@ def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, f
                 yield force + Affine.term((f"{name}.force_y",), [[0.0], [sign]]), scene.point(address)
 
 
-def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective: bool = True) -> ElasticEquations:
-    """Sum the parts; ``convective=False`` drops L' and L'', as the paper does."""
+def assemble(
+    placed: Iterable[Placed], coordinates: tuple[str, ...], convective: bool = True, at_rest: bool = False
+) -> ElasticEquations:
+    """Sum the parts; ``convective=False`` drops L' and L'', as the paper does.
+
+    ``at_rest``: of a deformation at rest in the axes of the bodies.
+    """
     size = len(coordinates)
     total = {name: Affine.zero(size, size) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g")}
     total["F"] = Affine.zero(size, 1)
-    for matrices, L in _by_motion(placed):
+    for matrices, L, body in _by_motion(placed):
         L_T = L.T
         pushes = {key: L_T @ matrices[key] for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g", "F")}
         total["F"] += pushes.pop("F")
         for key, push in pushes.items():
             total[key] += push @ L
-        if convective:
+        if at_rest:
+            if body is not None:
+                total["K_d"] += pushes["M"] @ _of_turning(f"{body}.epsilon", f"{body}.omega") @ L
+        elif convective:
             rate = L.rate
             total["C_d"] += 2.0 * (pushes["M"] @ rate)
             total["K_d"] += pushes["C_d"] @ rate + pushes["M"] @ rate.rate
-            total["K_c"] += pushes["C_s"] @ rate
+            total["K_c"] += pushes["C_s"] @ (rate if body is None else rate + -1.0 * (_of_turning(f"{body}.omega") @ L))
     return ElasticEquations(coordinates, **total)
 
 
-def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Mapping[str, Affine], Affine]]:
-    """Sum of the matrices of parts with the same L."""
-    found: dict[int, tuple[Mapping[str, Affine], Affine]] = {}
+def _of_turning(about: str, spin: str = "") -> Affine:
+    """Before a global displacement x, y and rotation: the velocity omega S d of one that turns with a body, from the
+    name of its omega, or its acceleration (epsilon S - omega^2) d, from those of epsilon and omega."""
+    across = Affine.term((about,), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    return across + Affine.term((spin, spin), np.diag([-1.0, -1.0, 0.0])) if spin else across
+
+
+def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Mapping[str, Affine], Affine, str | None]]:
+    """Sum of the matrices of parts with the same L, which turn with the same body."""
+    found: dict[tuple[int, str | None], tuple[Mapping[str, Affine], Affine, str | None]] = {}
     for part, L in placed:
-        before = found.get(id(L), (None, L))[0]
+        before = found.get((id(L), part.turns), (None,))[0]
         whole = {key: before[key] + own for key, own in part.matrices.items()} if before else part.matrices
-        found[id(L)] = whole, L
+        found[id(L), part.turns] = whole, L, part.turns
     return found.values()
 
 

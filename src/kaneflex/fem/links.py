@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
 from typing import Any, ClassVar
@@ -41,12 +41,15 @@ class Part:
     place : mapping of int to tuple of int or None
         Node -> rows of u, v, theta, in space of u, v, w, theta_x, theta_y, theta_z; None for a rotation that a
         reduction has eliminated.
+    turns : str or None
+        Body with which a part in global axes turns.
     """
 
     name: str
     coordinates: tuple[str, ...]
     matrices: Mapping[str, Affine]
     place: Mapping[int, tuple[Any, ...]]
+    turns: str | None = None
 
     @property
     def size(self) -> int:
@@ -259,7 +262,7 @@ def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:
     """Add C_s = alpha M + beta K_s, formed in the part's own axes (alpha [1/s], beta [s])."""
     matrices = dict(part.matrices)
     matrices["C_s"] = matrices["C_s"] + alpha * part.matrices["M"] + beta * part.matrices["K_s"]
-    return Part(part.name, part.coordinates, matrices, part.place)
+    return replace(part, matrices=matrices)
 
 
 def craig_bampton(

@@ -137,7 +137,8 @@ def _options(model: Model) -> dict[str, str]:
         shown["integrator"] = options.integrator + (own if options.integrator == "generalised-alpha" else "")
         shown["start"] = _STARTS[options.start]
     terms = [name for name in TERM_NAMES if getattr(options, name) and has_term(model.scene, name)]
-    shown["terms"] = ", ".join([*terms, *(["rotation of the joint axes"] if options.convective else [])]) or "none"
+    turning = ["rotation of the joint axes"] if options.convective and dynamics != "quasistatic" else []
+    shown["terms"] = ", ".join([*terms, *turning]) or "none"
     shown["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
     shown["pins"] = "elastic rotation shared" if options.weld_pins else "elastic rotation released unless shared"
     shown["drives"] = "elastic rotation free" if options.free_drives else "elastic rotation held unless free"

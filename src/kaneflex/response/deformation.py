@@ -24,9 +24,9 @@ _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 class Deformation:
     """Nodal coordinates q, q', q'' of one link over time, in link axes; arrays (dofs n_nodes, n_times).
 
-    ``turned``: L' z and L'' z, the only rates in quasistatic equations, in their K. ``shortened``: nodal displacements
-    that foreshortening causes, without those of the bent axis itself. ``residuals``: of all elements, (elements, 6,
-    n_times), if known.
+    ``balanced``: the rates in the equations, if these are others: none in quasi-static ones. ``shortened``: nodal
+    displacements that foreshortening causes, without those of the bent axis itself. ``residuals``: of all elements,
+    (elements, 6, n_times), if known.
     """
 
     BENT: ClassVar[Mapping[int, tuple[int, float]]] = {1: (2, 1.0)}
@@ -38,7 +38,7 @@ class Deformation:
     q: np.ndarray
     q_rate: np.ndarray
     q_accel: np.ndarray
-    turned: tuple[np.ndarray, np.ndarray] | None = None
+    balanced: tuple[np.ndarray, np.ndarray] | None = None
     shortened: Rates | None = None
     residuals: np.ndarray | None = None
 
@@ -216,8 +216,8 @@ class Deformation:
         u, v = self.q[3 * node : 3 * node + 2]
         specific_force = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
         specific_force = specific_force - options.spin * omega**2 * u - options.euler * epsilon * v
-        q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
-        specific_force = specific_force + q_accel[3 * node] - self._gyroscopic * 2 * omega * q_rate[3 * node + 1]
+        q_rate, q_accel = self.balanced or (self.q_rate, self.q_accel)
+        specific_force = specific_force + q_accel[3 * node] - options.gyroscopic * 2 * omega * q_rate[3 * node + 1]
         for mass in scene.masses.values():
             if mass.at.body == name and self.link.node_at(scene.point(mass.at)[0]) == node:
                 total -= mass.mass * specific_force
@@ -229,7 +229,7 @@ class Deformation:
 
     def residuals_of(self, elements: slice) -> np.ndarray:
         """Residual M q'' + C q' + K q - F of some elements, (elements, 6, n_times)."""
-        q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
+        q_rate, q_accel = self.balanced or (self.q_rate, self.q_accel)
         total = self.forces_of({"M": q_accel, "C": q_rate, "K": self.q}, elements)
         for (key, monomial), blocks in self._terms.items():
             if key == "F":
@@ -257,19 +257,13 @@ class Deformation:
         kept = tuple(self._keeps(key, monomial) for key, monomial, _ in self.link.element_terms)
         return self.link.sums(kept, *self.model.rayleigh)
 
-    @property
-    def _gyroscopic(self) -> bool:
-        """True if C_d acts: without z', on the rotation of the joint axes only, it is a spin term."""
-        options = self.model.options
-        return options.gyroscopic if self.turned is None else options.spin
-
     def _keeps(self, key: str, monomial: Monomial) -> bool:
         options = self.model.options
         if not self.model.balances:  # matrices of another angle: only strains are valid
             return key == "K_s"
         if key == "K_d":
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
-        return {"C_s": options.damping, "C_d": self._gyroscopic, "K_g": options.geometric}.get(key, True)
+        return {"C_s": options.damping, "C_d": options.gyroscopic, "K_g": options.geometric}.get(key, True)
 
 
 def sag(load: np.ndarray, local: float, length: float, integrals: int) -> np.ndarray:
@@ -294,12 +288,11 @@ def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> R
 
 
 def as_balanced(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
-    """Coordinates q, q', q'' as in the model's equations: quasistatic ones contain only L' z and L'' z of the rates,
-    in K."""
+    """Coordinates q, q', q'' as in the model's equations: quasi-static ones have no rates in the axes of the bodies."""
     if model.options.dynamics != "quasistatic":
         return follow(model, rigid, coordinates, L)
-    rate = L.rate
-    return tuple(rigid.apply(each, coordinates[0]) for each in (L, rate, rate.rate))
+    q = rigid.apply(L, coordinates[0])
+    return q, np.zeros_like(q), np.zeros_like(q)
 
 
 def deform(
@@ -312,8 +305,8 @@ def deform(
         series += as_balanced(model, rigid, coordinates, L)[1:]
     if name in model.bases:
         series = tuple(model.bases[name] @ part for part in series)
-    q, q_rate, q_accel, *turned = (link.at_nodes(part) for part in series)
-    found = kind(model, link, rigid, q, q_rate, q_accel, tuple(turned) or None)
+    q, q_rate, q_accel, *balanced = (link.at_nodes(part) for part in series)
+    found = kind(model, link, rigid, q, q_rate, q_accel, tuple(balanced) or None)
     return found if name not in model.bases else _with_static_share(found)
 
 

@@ -229,11 +229,8 @@ class SpatialElasticMotion(ElasticMotion):
     def _of_body(self, name: str, part: Part) -> np.ndarray:
         """Forces of the joints on a rigid body's coordinates, (6, n_times)."""
         model, L = self.model, self._ordered(self._map.of(name))
-        options = model.options
-        if options.dynamics == "quasistatic":  # C_d acts on the rotation of the axes only, as a spin term
-            options = replace(options, gyroscopic=options.spin)
         part = with_rayleigh(part, *model.rayleigh)
-        own = keep_terms(ElasticEquations(part.coordinates, K_c=Affine.zero(6, 6), **part.matrices), options)
+        own = keep_terms(ElasticEquations(part.coordinates, K_c=Affine.zero(6, 6), **part.matrices), model.options)
         q, q_rate, q_accel = as_balanced(model, self.rigid, self.coordinates, L)
         total = -self.rigid.column_of(own["F"])
         if not L.pattern().any():

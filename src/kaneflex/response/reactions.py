@@ -214,14 +214,17 @@ class _Balances:
     ) -> np.ndarray:
         """Inertia m (a - g) and J epsilon of a mass fixed to a body, with its elastic motion; (3, n_times).
 
-        The elastic motion includes Rayleigh's damping alpha m d' of the mass.
+        The elastic motion includes Rayleigh's damping of the mass, alpha m times its velocity in the body's axes.
         """
         scene, rigid, frame = self.model.scene, self.rigid, self.rigid.frame(body)
         acceleration = frame.acceleration(scene.point(at) if isinstance(at, Address) else at)
         total = np.vstack([acceleration - np.array(scene.gravity)[:, None], frame.epsilon])
         if motion is not None:
-            _, rate, accel = as_balanced(self.model, rigid, self.coordinates, motion)
-            total += accel + self.model.rayleigh[0] * rate
+            (x, y, _), rate, accel = as_balanced(self.model, rigid, self.coordinates, motion)
+            options, across, along = self.model.options, np.array([-y, x, 0.0 * x]), np.array([x, y, 0.0 * x])
+            if options.dynamics == "quasistatic":
+                accel = options.euler * frame.epsilon * across - options.spin * frame.omega**2 * along
+            total += accel + self.model.rayleigh[0] * (rate - frame.omega * across)
         return np.array([[mass], [mass], [inertia]]) * total
 
     def _rigid_residual(self, body: str) -> np.ndarray:
@@ -243,7 +246,8 @@ class _Balances:
             arm = axes.to_global(at)
             total += push
             total[2] += cross(arm, push)
-            work -= arm[0] * push[0] + arm[1] * push[1]
+            still = self._inertia(body, mass, inertia, at, None)  # K_g has the forces of the rigid motion
+            work -= arm[0] * still[0] + arm[1] * still[1]
         for name, load, address, share in scene.pushes(body):
             push, arm = share * self._load(name, load, body), axes.to_global(scene.point(address))
             total -= np.array([*push, cross(arm, push)])

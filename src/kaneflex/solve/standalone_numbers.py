@@ -144,7 +144,9 @@ def data(model: Model) -> str:
     lines = [
         *[f"GRAVITY = np.array({short(tuple(scene.gravity))})  # m/s^2"] * any(scene.gravity),
         f"ALPHA, BETA = {float(alpha)!r}, {float(beta)!r}  # Rayleigh damping [1/s], [s]",
-        f"STEPS, DURATION = {options.steps}, {float(options.duration)!r}  # steps and duration [s] of the run",
+        "ACROSS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # before a displacement and rotation",
+        f"STEPS, DURATION, N = {options.steps}, {float(options.duration)!r}, {len(model.coordinates)}"
+        "  # steps and duration [s] of the run, elastic coordinates z",
     ]
     beams = []
     for name, link in model.links.items():
@@ -158,7 +160,6 @@ def data(model: Model) -> str:
     frames = (f"{body}.{name}" for body in scene.bodies for name in BODY_SCALARS)
     fixed += [f"{name!r}: math.nan" for name in frames if name not in known]  # never read
     lines.append(wrapped("CONSTANTS = ", fixed, "{}", "  # scalars in neither are zero"))
-    lines.append(f"N = {len(model.coordinates)}  # elastic coordinates z")
     return "\n".join(lines)
 
 

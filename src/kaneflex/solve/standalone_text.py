@@ -76,9 +76,9 @@ def point(s, body, at):
 
 def inertia(s, body, m, J, at, moved=None):
     """Inertia m (a - g) and J epsilon of a mass fixed to a body, with its elastic motion; paper (43), (89)."""
-    a = point(s, body, at)[2]<<less>>
+    a, spin = point(s, body, at)[2]<<less>>, s.get(f"{body}.omega", 0.0) * ACROSS
     total = np.array([m * a[0], m * a[1], J * s.get(f"{body}.epsilon", 0.0)])
-    return total if moved is None else total + (m, m, J) * (moved[2] + ALPHA * moved[1])
+    return total if moved is None else total + (m, m, J) * (moved[2] + ALPHA * (moved[1] - spin @ moved[0]))
 
 
 def maps(s):
@@ -118,8 +118,8 @@ def equations(t):
     for link in LINKS:
         parts += [(L[link][:, 3 * e:3 * e + 6], *matrices) for e, matrices in enumerate(zip(*beam(s, link)))]
     for to, on, m, J, at, push in <<lumps>>:
-        M = np.diag([m, m, J])
-        parts.append((to, M, ALPHA * M, zero, push - inertia(s, on, m, J, at), zero))
+        M, spin = np.diag([m, m, J]), s.get(f"{on}.omega", 0.0) * ACROSS
+        parts.append((to, M, ALPHA * M, -ALPHA * M @ spin, push - inertia(s, on, m, J, at), zero))
     M, C, K, F, K_s = np.zeros((N, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N), np.zeros((N, N))
     for (L, rate, accel), m, c, k, f, k_s in parts:
         M, C, F = M + L.T @ m @ L, C + L.T @ (c @ L + 2 * m @ rate), F + L.T @ f

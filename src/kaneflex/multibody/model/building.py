@@ -75,7 +75,7 @@ def build_model(
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
     frame, placed = stage.frame, placed + stage.sprung
     frame, placed = _narrow_band(frame, placed) if frozen is None else _ordered(frame, placed, frozen.coordinates)
-    equations = assemble(placed, frame.coordinates, options.convective)
+    equations = assemble(placed, frame.coordinates, options.convective, options.dynamics == "quasistatic")
     model = Model(scene, options, stage.motion, stage.links, stage.parts, stage.bases, stage.interfaces, frame,
                   equations, equations, None, reference)  # fmt: skip
     warnings = (*warnings, *_without_modes(model))
