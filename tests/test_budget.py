@@ -63,7 +63,7 @@ def test_a_command_stays_within_its_budget(command, tmp_path):
 
 
 HEAVY = ("matplotlib", "numba", "pandas", "pint", "rich", "scipy.interpolate", "scipy.linalg", "scipy.sparse", "sympy")
-HEAVY += ("xarray", "kaneflex.plots", "numpy.ma", "numpy.random")
+HEAVY += ("xarray", "kaneflex.plots", "numpy.ma", "numpy.random", "email")
 IMPORTED = """
 import gc, sys
 from kaneflex.cli import main
@@ -82,7 +82,7 @@ finally:
 @pytest.mark.parametrize(("command", "used"), [
     ("list", []), ("check engine", []), ("check four-bar", []), ("modes engine", []),
     ("run engine --no-plots -o results --force", []),
-    ("check swept-blade", ["numba", "scipy.linalg", "scipy.sparse", "numpy.ma", "numpy.random"]),
+    ("check swept-blade", ["numba", "scipy.linalg", "scipy.sparse", "numpy.ma", "numpy.random", "email"]),
     ("show engine -o shown.png --force", ["matplotlib", "kaneflex.plots", "numpy.ma", "numpy.random"]),
     ("run engine -o results --force", ["matplotlib", "kaneflex.plots", "numpy.ma"]),
 ])  # fmt: skip

@@ -57,6 +57,7 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.support.errors import UserError as UserError
     from kaneflex.support.errors import ValidityWarning as ValidityWarning
 
+__version__ = "0.1.0"
 _PUBLIC = """
 fem.import_mesh: import_mesh
 multibody.model.bound_model: Model
@@ -91,10 +92,6 @@ __all__ = sorted(_HOMES)
 
 def __getattr__(name: str) -> object:
     """Public names on first use: `import kaneflex` alone loads neither numba nor the scene's checks."""
-    if name == "__version__":
-        from importlib.metadata import version
-
-        return version("kaneflex")
     if name not in _HOMES:
         raise AttributeError(f"module 'kaneflex' has no attribute {name!r}")
     value = getattr(import_module(_HOMES[name]), name)

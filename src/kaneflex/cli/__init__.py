@@ -1,9 +1,12 @@
 """Command line: reads arguments and writes folders; the computation is elsewhere."""
 
-import os
 import sys
+from types import ModuleType
 
-os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it looks through all installed packages for them
+# Else pydantic imports thirty modules, those of email included, and looks through all installed packages for plugins.
+_no_plugins = ModuleType("pydantic.plugin._loader")
+vars(_no_plugins)["get_plugins"] = tuple
+sys.modules.setdefault(_no_plugins.__name__, _no_plugins)
 
 try:
     from kaneflex.cli.commands import main
