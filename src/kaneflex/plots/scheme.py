@@ -26,11 +26,9 @@ from kaneflex.plots.drawing import (
     hatched,
     small_drawings,
 )
-from kaneflex.plots.labels import Labels
+from kaneflex.plots.marks import SENSOR, Labels, Standing, listed, mark_sensors, sensors_by_place
 from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
 from kaneflex.plots.outlines import Outline, Scenery
-from kaneflex.plots.sensor_marks import SENSOR, listed, mark_sensors, sensors_by_place
-from kaneflex.plots.standing import Standing
 from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
