@@ -140,7 +140,7 @@ def computed(tmp_path, monkeypatch, **names):
     file = tmp_path / "press.toml"
     file.write_text(text, encoding="utf-8")
     scene = read_scene(file)
-    monkeypatch.setattr("kaneflex.multibody.model.module_loading.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("kaneflex.support.module_cache.cache_folder", lambda: tmp_path)
     module = find_module(scene, quiet)[0]
     stored = np.zeros(len(module.SCALARS))
     module.motion.py_func(0.0123, bind_parameters(scene, module), stored)
