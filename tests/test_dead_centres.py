@@ -7,10 +7,10 @@ import pytest
 from command_line import cli
 
 from kaneflex.fem.mobility import count_freedom, mobility_by_rank
+from kaneflex.mechanism.closure import followed
 from kaneflex.mechanism.dead_centres import closings
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place, with_branches
-from kaneflex.mechanism.reach import followed
 from kaneflex.report.checked import description, notes
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load

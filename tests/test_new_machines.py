@@ -8,8 +8,8 @@ import pytest
 from command_line import cli, unrendered
 from runs import solved
 
+from kaneflex.mechanism.closure import followed
 from kaneflex.mechanism.position_analysis import place
-from kaneflex.mechanism.reach import followed
 from kaneflex.report.presentation import parts, printed
 from kaneflex.scene import scene_of
 from kaneflex.support.errors import SceneError
@@ -161,6 +161,6 @@ def test_the_speed_of_a_joint_is_refused_by_the_name_that_was_written():
 def test_a_point_of_the_users_where_a_joint_is_does_not_lie_there_by_chance():
     named = WIPER.replace('mass = "0.15 kg"', 'mass = "0.15 kg", points = {eye = ["235 mm", 0]}')
     machine = scene_of(named)
-    from kaneflex.mechanism.reach import reach_lines
+    from kaneflex.mechanism.closure import reach_lines
 
     assert "coincide" not in reach_lines(machine, followed(machine, place(machine)))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from command_line import cli
 
+from kaneflex.mechanism.closure import courses_of, followed, reach_lines
 from kaneflex.mechanism.position_analysis import place, with_branches
-from kaneflex.mechanism.reach import courses_of, followed, reach_lines
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.support.errors import SceneError

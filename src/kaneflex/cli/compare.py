@@ -9,8 +9,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import Count, command, json_option, names_option, print_json
-from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
+from kaneflex.cli.command import (
+    Count,
+    Target,
+    command,
+    folder_options,
+    into,
+    json_option,
+    names_option,
+    print_json,
+    write_csv,
+    write_json,
+)
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.terminal import echo
 

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import click
 
-from kaneflex.cli.command import command, names_option
-from kaneflex.cli.folders import check_picture, force_option, output_option
+from kaneflex.cli.command import check_picture, command, force_option, names_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.terminal import echo

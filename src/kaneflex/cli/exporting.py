@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from kaneflex.cli.command import command
-from kaneflex.cli.folders import check_file, force_option, output_option
+from kaneflex.cli.command import check_file, command, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 from kaneflex.support.terminal import Waiting, echo
 

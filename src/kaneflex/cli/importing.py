@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from kaneflex.cli.command import Count, Real, command, json_option, print_json
-from kaneflex.cli.folders import check_file, force_option, output_option
+from kaneflex.cli.command import Count, Real, check_file, command, force_option, json_option, output_option, print_json
 from kaneflex.fem.import_mesh import UNITS
 from kaneflex.support.errors import Fault, ValidityWarning, told
 from kaneflex.support.terminal import echo

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import Count, command, json_option, print_json
-from kaneflex.cli.folders import path_option
+from kaneflex.cli.command import Count, command, json_option, path_option, print_json
 from kaneflex.cli.scene import SceneArguments, at_option, gathered, scene_options, uncollected
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import Waiting, echo, share_of

@@ -10,8 +10,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import command, json_option, names_option, print_json
-from kaneflex.cli.folders import check_file, check_picture, force_option, output_option, path_option
+from kaneflex.cli.command import (
+    check_file,
+    check_picture,
+    command,
+    force_option,
+    json_option,
+    names_option,
+    output_option,
+    path_option,
+    print_json,
+)
 from kaneflex.cli.scene import (
     SceneArguments,
     at_option,
@@ -88,10 +97,10 @@ def show(
 def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list[str]) -> Callable[[], Figure]:
     """Draw a planar mechanism; add its degrees of freedom, the ranges of its joints and notes."""
     from kaneflex.fem.mobility import count_freedom, mobility_by_rank
+    from kaneflex.mechanism.closure import followed, reach_lines
     from kaneflex.mechanism.dead_centres import closings
     from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.mechanism.position_analysis import place
-    from kaneflex.mechanism.reach import followed, reach_lines
     from kaneflex.mechanism.tight_start import as_it_starts
     from kaneflex.plots.scheme import scheme
     from kaneflex.report.presentation import closing_lines, mobility

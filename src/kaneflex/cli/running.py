@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kaneflex.cli.command import command, json_option, names_option
-from kaneflex.cli.folders import Target, folder_options, moving_options, path_option, which_pictures
+from kaneflex.cli.command import (
+    Target,
+    command,
+    folder_options,
+    json_option,
+    moving_options,
+    names_option,
+    path_option,
+    which_pictures,
+)
 from kaneflex.cli.scene import (
     STOPPED_EARLY,
     Choosing,

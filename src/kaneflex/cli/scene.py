@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kaneflex.cli.command import Decorator
-from kaneflex.cli.folders import together
+from kaneflex.cli.command import Decorator, together
 from kaneflex.support.errors import SceneError, nearest, told
 from kaneflex.support.terminal import echo
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.command import Count, command
-from kaneflex.cli.folders import output_option
+from kaneflex.cli.command import Count, command, output_option
 from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY, SceneArguments, gathered, preset_option, settings_option
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo

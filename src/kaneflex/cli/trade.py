@@ -10,8 +10,19 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from kaneflex.cli.command import Decorator, command, json_option, names_option, print_json
-from kaneflex.cli.folders import Target, folder_options, into, together, write_csv, write_json
+from kaneflex.cli.command import (
+    Decorator,
+    Target,
+    command,
+    folder_options,
+    into,
+    json_option,
+    names_option,
+    print_json,
+    together,
+    write_csv,
+    write_json,
+)
 from kaneflex.cli.scene import UNKNOWN, SceneArguments, gathered, percent, quantity, scene_options, tolerance_of
 from kaneflex.support.terminal import echo
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kaneflex.cli.folders import Target
+from kaneflex.cli.command import Target
 from kaneflex.cli.scene import uncollected, undocumented
 from kaneflex.scene import with_settings
 from kaneflex.support.atomic_output import whole_folder, writing

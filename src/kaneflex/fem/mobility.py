@@ -19,8 +19,8 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.fem.links import Link
+    from kaneflex.mechanism.closure import Courses
     from kaneflex.mechanism.position_analysis import Placement
-    from kaneflex.mechanism.reach import Courses
 
 
 @dataclass(frozen=True)

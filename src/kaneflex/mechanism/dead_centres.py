@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.mechanism.closure import Courses, joint_course, pose_over, turns_around
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import BodyPoint
 from kaneflex.mechanism.planar import GROUND, Vector, cross, dot, minus
 from kaneflex.mechanism.position_analysis import Dyad, closing_groups
-from kaneflex.mechanism.reach import Courses, joint_course, pose_over, turns_around
 from kaneflex.scene import Scene
 
 _NEAR = math.radians(10.0)

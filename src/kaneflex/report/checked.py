@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from kaneflex.fem.mobility import count_freedom, mobility_by_rank
+from kaneflex.mechanism.closure import Courses, courses_of, instants
 from kaneflex.mechanism.dead_centres import Closing, closings
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.reach import Courses, courses_of, instants
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import has_modes, reference_modes
 from kaneflex.report.presentation import (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.reach import courses_of, instants, reach_lines
+from kaneflex.mechanism.closure import courses_of, instants, reach_lines
 from kaneflex.scene.contacts import ClearanceContact, Contact
 from kaneflex.scene.options import has_term, moves_with_links
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
@@ -226,7 +226,7 @@ def _overconstrained(twice: int) -> str:
 
 
 def closing_lines(found: Sequence[Closing]) -> dict[str, str]:
-    """Distance of loops from dead centres, below what :func:`~kaneflex.mechanism.reach.reach_lines` has."""
+    """Distance of loops from dead centres, below what :func:`~kaneflex.mechanism.closure.reach_lines` has."""
     kinds = {"transmission angle": True, "smallest singular value": False}
     told = {kind: "\n".join(each.told for each in found if each.is_angle is angle) for kind, angle in kinds.items()}
     return {kind: text for kind, text in told.items() if text}

@@ -175,8 +175,8 @@ class _Steps:
 
     def _singular(self, t: float, rigid: RigidMotion) -> SceneError | None:
         """Error of a motion at a singular position of a loop; None elsewhere."""
+        from kaneflex.mechanism.closure import courses_of
         from kaneflex.mechanism.dead_centres import closings
-        from kaneflex.mechanism.reach import courses_of
 
         found = [each for each in closings(self.scene, courses_of(self.scene, rigid)) if each.values.min() < _SINGULAR]
         if not found:
