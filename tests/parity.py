@@ -39,6 +39,10 @@ ROUNDING = 1e-7
 not estimated."""
 
 
+class RejectedInPlane(Exception):
+    """A scene is rejected in the plane already; the argument is the error."""
+
+
 class Sensor(NamedTuple):
     """Largest difference of a sensor between space and plane, what both runs allow, and its peak; all in SI."""
 
@@ -94,10 +98,13 @@ def compared(flat: Scene, turn: np.ndarray) -> Parity:
 
     Raises
     ------
-    SceneError
-        If one of them is rejected.
+    RejectedInPlane, SceneError
+        If the planar one is rejected, or the other one alone.
     """
-    plane, planar_seconds = _timed(flat)
+    try:
+        plane, planar_seconds = _timed(flat)
+    except SceneError as error:
+        raise RejectedInPlane(error) from None
     given = lifted(flat, turn) | {"solve": flat.raw["solve"]}
     names, rejected = global_components(flat, given), []
     while True:

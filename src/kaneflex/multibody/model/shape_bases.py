@@ -242,14 +242,16 @@ def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
 
 def _twisted(scene: Scene, body: str, x: float | None) -> str:
     """Axes of the body about which a torque can act on the section at x [m]: joints there act about all but their axes
-    that are fixed in the body, balls about none; a drive, a torque or a spring at a joint there, a weld, a guide, or
-    several joints, about any."""
+    that are fixed in the body, balls and point masses about none; a drive, a torque or a spring at a joint there, a weld
+    or a guide about any."""
     mechanism, found = spatial_mechanism_of(scene), set[str]()
     here = {name: (joint, joint.sides.index(side)) for name, joint in mechanism.joints.items()
-            for side in joint.sides if side.body == body and side.at[0] == x}  # fmt: skip
+            for side in joint.sides if side.body == body and side.at[0] == x
+            if name not in scene.masses or mechanism.bodies[name].inertia.any() or mechanism.bodies[name].centre.any()
+            }  # fmt: skip
     turned = {load.joint for load in mechanism.loads.values()} | {each.joint for each in mechanism.springs.values()}
     firm = any(joint.kind in ("weld", "prismatic") for joint, _ in here.values())
-    if firm or len(here) > 1 or here.keys() & (turned | mechanism.prescribed):
+    if firm or here.keys() & (turned | mechanism.prescribed):
         return "xyz"
     for joint, number in here.values():
         if joint.axes:
