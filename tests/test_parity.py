@@ -17,8 +17,8 @@ LEFT_OUT = {
 }  # fmt: skip
 """Scenes with what is modelled in the plane alone, or without a number to compare."""
 ORDER = (
-    "terms of third order in the deflection, by which the differences fall with its square: sections rotate by theta in "
-    "the plane, by 2 atan(theta / 2) in space"
+    "terms of third order in the deflection, by which the differences fall with its square: sections rotate by theta "
+    "in the plane, by 2 atan(theta / 2) in space"
 )
 DIFFERENT = {
     ("four-bar", "coupled"): "no periodic state in space: its independent speeds are nearly dependent at t = 0.042 s",

@@ -436,7 +436,7 @@ def test_stiff_vibrations_set_no_steps():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ('integrator = "gauss"', r"solve\.integrator = 'gauss': .* spatial scenes are integrated by radau only"),
+        ('integrator = "gauss"', r"solve\.integrator = 'gauss': .* scenes in space are integrated by radau only"),
         ('bounded = ["speeds"]', r"solve\.bounded = \['speeds'\]: in space solve\.tolerance applies"),
     ],
 )

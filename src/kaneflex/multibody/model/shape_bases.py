@@ -242,8 +242,8 @@ def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
 
 def _twisted(scene: Scene, body: str, x: float | None) -> str:
     """Axes of the body about which a torque can act on the section at x [m]: joints there act about all but their axes
-    that are fixed in the body, balls and point masses about none; a drive, a torque or a spring at a joint there, a weld
-    or a guide about any."""
+    that are fixed in the body, balls and point masses about none; a drive, a torque or a spring at a joint there, a
+    weld or a guide about any."""
     mechanism, found = spatial_mechanism_of(scene), set[str]()
     here = {name: (joint, joint.sides.index(side)) for name, joint in mechanism.joints.items()
             for side in joint.sides if side.body == body and side.at[0] == x
