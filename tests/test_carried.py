@@ -1,5 +1,7 @@
 """Rigid bodies that elastic links carry, against the same bodies as links a thousand times as stiff."""
 
+import math
+
 import numpy as np
 import pytest
 from runs import solved
@@ -230,3 +232,25 @@ def test_so_they_do_under_one_way_presets_to_the_first_order():
     assert (found["held_x"], found["held_y"]) == pytest.approx((4 + 9 * slope, 9 - 4 * slope), rel=1e-9)
     for name in ("held_x", "held_y", "own_x", "own_y"):
         assert found[name] == pytest.approx(exact[name], rel=1e-3), name
+
+
+@pytest.mark.parametrize("preset", ["quasistatic", "stiffened"])
+def test_the_stretch_by_a_mass_that_turns_steadily_is_at_rest_in_the_axes_of_its_link(preset):
+    """By E u'' = -rho omega^2 (x + u), E A u'(l) = m omega^2 (l + u(l)): damping does not act on it, a quasi-static
+    solution has all of it."""
+    found = solved(scene_of(f"""
+schema = 1
+gravity = [0, 0]
+bodies = {{arm = {{length = 1, beam = {{E = 70e9, rho = 2700, A = 1e-4, I = 1e-9, elements = 8}}}}}}
+joints = {{hub = {{revolute = ["ground", "arm.start"]}}}}
+masses = {{tip = {{at = "arm.end", mass = 2}}}}
+drives = {{hub = {{speed = "300 rad/s", cycle = "360 deg"}}}}
+damping = {{rayleigh = {{ratio = 0.3, at = ["10 Hz", "100 Hz"]}}}}
+sensors.along = {{displacement = "arm.end", component = "x"}}
+sensors.across = {{displacement = "arm.end", component = "y"}}
+solve = {{preset = "{preset}", start = "periodic", steps = 60}}
+"""))
+    k, pull = 300.0 * math.sqrt(2700 / 70e9), 2.0 * 300.0**2 / (70e9 * 1e-4)
+    along = math.sin(k) / (k * math.cos(k) - pull * math.sin(k)) - 1.0
+    assert found["along"].values == pytest.approx(np.full(61, along), rel=1e-5)
+    assert abs(found["across"].values).max() < 1e-9 * along

@@ -47,6 +47,19 @@ def test_a_coupled_cycle_has_a_plus_minus(engine, kind, settings):
     assert all(each.terms == 0.0 and each.coupling is None for each in found.errors[0].values())
 
 
+def test_a_link_of_few_elements_does_not_limit_the_modes_of_others():
+    """The crank's two elements have the three modes of the run and no more, the rod's have: its error was 0."""
+    found = solved(kaneflex.read_scene("engine-elastic-crank"), *COUPLED, "solve.steps=180")
+    peak = abs(found["mid_transverse"].values).max()
+    assert found.errors[0]["mid_transverse"].modes > 1e-4 * peak
+
+
+def test_the_work_of_a_run_in_space_grows_linearly_with_its_speeds():
+    """A run of 0.2 s was taken for one of 14 s, which is too long for an estimate by default."""
+    found = solved(kaneflex.read_scene("robot-arm-elastic"), *COUPLED)
+    assert found.errors[1] == "" and set(found.errors[0]) == set(found.model.scene.sensors)
+
+
 def test_a_cycle_knows_how_far_it_is_from_repeating(monkeypatch):
     """Of tight steps what is left of the search for its start is all that there is."""
     scene = with_settings(kaneflex.read_scene("engine"), [*COUPLED, "solve.tolerance=1e-11", "solve.steps=720"])
