@@ -5,17 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numba import njit
-from numba.types import boolean, complex128, float64
+from numba.types import CPointer, boolean, complex128, float64
 
 from kaneflex.multibody.compile.addresses import called, entered
+from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import articulated
-from kaneflex.multibody.dynamics.articulated import SPACE_PAIR, SPACE_REAL, factors
-from kaneflex.multibody.model.layout import ENTRY, OUTER, Handle
+from kaneflex.multibody.model.layout import ENTRY, OUTER, Fixed, Handed, Handle
 
-KINDS = {
-    (3, float): factors(float64, 3, "Factors in the plane"), (6, float): SPACE_REAL,
-    (3, complex): factors(complex128, 3, "Complex factors in the plane"), (6, complex): SPACE_PAIR,
-}  # fmt: skip
+
+def factors(dtype, d: int) -> Handed:
+    """Type of the record of a tree's arrays."""
+    of, real, numbers = Vectors(dtype, d), Vectors(float64, d), CPointer(dtype)
+    return Handed(f"Factors of {dtype} in {d}", counts=Fixed(1), bodies=Fixed(8), free=Fixed(1), I=of, E=of, L=numbers,
+                  U=of, D=numbers, S=real, phi=real, place=Vectors(float64, 3), arm=Vectors(float64, 3), x=of,
+                  y=numbers, room=of)  # fmt: skip
+
+
+KINDS = {(d, of): factors(kind, d) for d in (3, 6) for of, kind in ((float, float64), (complex, complex128))}
 PARENTS, SHAPES, FREEDOMS = (-1, 0, 0, 2, -1), (2, 0, 3, 1, 2), (1, 2, 3, 1, 3)
 OUTBOARD = (False, True, False, True, False)
 """Five bodies: a branch, one without shapes, one on its parent's axes instead of a section that deforms, two roots."""

@@ -257,7 +257,7 @@ def test_check_warns_of_what_a_run_would_warn_of_without_a_solution(name, change
 def test_check_warns_of_terms_that_the_preset_has_no_place_for():
     result = cli("check", "engine", "--preset", "quasistatic", "--set", "solve.terms={gyroscopic=true, damping=true}")
     assert "solve.terms.gyroscopic, solve.terms.damping has no effect under preset quasistatic" in result.stderr
-    assert "terms       spin, euler, geometric, rotation" in result.stdout
+    assert "terms       spin, euler, geometric\n" in result.stdout
     assert cli("check", "engine", "--preset", "quasistatic").stderr.count("Warning") == 0
 
 

@@ -165,8 +165,9 @@ def test_shapes_in_space_are_in_their_order(tmp_path):
 def test_section_forces_in_space_are_those_of_the_beam(tmp_path):
     """All of them half-way, by the shapes here and by balance there: to 1 % of the largest of each kind.
 
-    What differs: the beam has them along its axes at the pin, the shapes along its deflected line; two shapes of twist
-    store a torque that grows linearly to 15 %.
+    What differs: the beam has them along its axes at the pin, the shapes along its deflected line. That grows
+    with the square of the speed: axial forces differ by 0.2 %, at 8 rad/s by 1.1 %, with any number of modes. Two
+    shapes of twist store a torque that grows linearly to 15 %.
     """
     kinds = {
         "N": '{axial_force = "bar.mid"}', "T": '{torsional_moment = "bar.mid"}',
@@ -175,7 +176,7 @@ def test_section_forces_in_space_are_those_of_the_beam(tmp_path):
     }  # fmt: skip
     sensors = "\n".join(f"{name} = {sensor}" for name, sensor in kinds.items())
     pushed = SPATIAL.replace("axis = [0, 0, 1]", "axis = [0.98, 0, 0.199]")
-    pushed = pushed.replace('[0.1, 0.6, 0.8], value = "1 N"', '[1, 0.3, 0.4], law = "4e5*t**2"')
+    pushed = pushed.replace("8 rad/s", "4 rad/s").replace('[0.1, 0.6, 0.8], value = "1 N"', '[1, 0.3, 0.4], law = "4e5*t**2"')
     beam = 'length = "1 m", beam = {material = "aluminium", section = {rectangle = ["42 mm", "30 mm"]}, elements = 8}'
     (tmp_path / "beam.toml").write_text(pushed.format(of=beam, sensors=sensors))
     assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0

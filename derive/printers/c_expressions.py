@@ -282,7 +282,9 @@ class Expressions:
         return f"(({self.printer.declared(of)}){grouped(texts[-1])})", of
 
     def _count(self, node: ast.Call) -> Expression:
+        read = set(self.read)
         kind = self.expression(node.args[0])[1]
+        self.read = read  # only its type counts
         found = (getattr(kind, name) for name in ("d", "dimension", "count") if hasattr(kind, name))
         return str(next(found, None) or self.refuse(node)), types.int64
 
@@ -335,7 +337,7 @@ def _is_special(called: Any) -> bool:
 _SPECIAL: Mapping[str, Callable[[Expressions, ast.Call], Expression]] = {
     "apart": Expressions._mark, "together": Expressions._mark, "inside": Expressions._mark,
     "shifted": Expressions._shifted, "after": Expressions._shifted, "numbers_of": Expressions._addressed,
-    "vectors": Expressions._addressed, "view": Expressions._addressed,
+    "vectors": Expressions._addressed, "twists": Expressions._addressed, "view": Expressions._addressed,
     "width": Expressions._count, "len": Expressions._count, "abs": Expressions._absolute,
     "int": Expressions._converted, "float": Expressions._converted, "complex": Expressions._converted,
     "bool": Expressions._converted,

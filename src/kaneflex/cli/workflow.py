@@ -77,11 +77,8 @@ def run_into(
     """
     folder = target.folder
     with whole_folder(folder, mark=SUMMARY_FILE, force=target.force) as partial, Waiting() as waiting:
-        choice = None
-        if demand is not None:
-            from kaneflex.study.trade.choice import remembered_choice
-
-            choice = remembered_choice(scene, *demand, waiting)
+        choice = None if demand is None else _chosen(scene, demand, waiting)
+        if choice is not None:
             scene, settings = with_settings(scene, choice.settings), [*settings, *choice.settings]
         with uncollected():
             solution, summary = _solve(scene, settings, waiting, after, parameters, choice)
@@ -96,10 +93,14 @@ def run_into(
         with writing(folder):
             whole = summary.outcome == "completed" or summary.stored > summary.steps  # else what stopped it early
             pictures = _show(solution, found, partial, target, waiting) if whole else []
-            from kaneflex.report.page import write_report
-
-            write_report(solution, partial, pictures, summary)
+            _report(solution, partial, pictures, summary)
     return summary
+
+
+def _chosen(scene: Scene, demand: Demand, waiting: Waiting) -> Choice:
+    from kaneflex.study.trade.choice import remembered_choice
+
+    return remembered_choice(scene, *demand, waiting)
 
 
 def _solve(
@@ -171,6 +172,12 @@ def _show(
         waiting("writing the motion for ParaView")
         write_vtk(solution, folder / VTK_FOLDER, target.frames)
     return drawn
+
+
+def _report(solution: Solution, folder: Path, pictures: list[Path], summary: Summary) -> None:
+    from kaneflex.report.page import write_report
+
+    write_report(solution, folder, pictures, summary)
 
 
 def _draw_all(solution: Solution, folder: Path, target: Target, waiting: Waiting) -> list[Path]:

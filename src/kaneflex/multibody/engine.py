@@ -102,7 +102,7 @@ class Engine:
 
     def courses(self, times: np.ndarray) -> np.ndarray:
         """Coordinate, speed and acceleration of all prescribed drives at ``times`` [s], (n_times, 3 drives)."""
-        out = np.zeros((len(times), 3 * len(self.layout.driven)))
+        out = np.zeros((len(times), 3 * (self.inputs - self.count(at.SPRINGS) + self.count(at.LOADS))))
         self._call(unfolding.courses_at, np.ascontiguousarray(times, float), *out.shape[:1], out, out.shape[1])
         return out
 
@@ -226,9 +226,10 @@ class Engine:
         """Coordinates of joints without prescribed drive, and of shapes."""
         joints: list[int] = []
         shapes: list[int] = []
+        free = self.count(at.FREED)
         for row in self.tables.bodies.tolist():
-            if row[at.COURSE_OF] < 0:
-                joints += range(row[at.FIRST], row[at.FIRST] + row[at.DOF])
+            of_joint = range(row[at.FIRST], row[at.FIRST] + row[at.DOF])
+            joints += [k for k in of_joint if self.tables.plan[free + k]]
             shapes += range(row[at.MODAL], row[at.MODAL] + row[at.SHAPES])
         return joints, shapes
 
@@ -349,12 +350,14 @@ class Engine:
             done = now
         return rows
 
-    def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
+    def integrate(
+        self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray, wide: int = 1
+    ) -> int:
         """Integrate, see :func:`kaneflex.multibody.time.collocation.integrate`; parts: given, times, rows, counts,
         ends."""
         given, times, *out = parts
         return int(self._call(
-            collocation.integrate, method, control, here, given, len(given), times, len(times), *out
+            collocation.integrate, method, control, here, given, len(given), times, len(times), *out, wide
         ))  # fmt: skip
 
     def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -389,11 +392,14 @@ class Engine:
 
     @cached_property
     def _handle(self) -> Handle:
-        pointers = [*map(kernel_address, self.kernels, at.STRUCTURE_KERNELS.values())]
         t = self.tables
         return Handle(
-            t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, np.array(pointers), self.p, self.real, self.pair
+            t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, self._kernel_addresses, self.p, self.real, self.pair
         )
+
+    @cached_property
+    def _kernel_addresses(self) -> np.ndarray:
+        return np.array([*map(kernel_address, self.kernels, at.STRUCTURE_KERNELS.values())])
 
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.dead_centres import Closing
     from kaneflex.mechanism.rigid_motion import RigidMotion
     from kaneflex.multibody.model.bound_model import Model
+    from kaneflex.multibody.model.spatial_engine import Choice
     from kaneflex.multibody.model.spatial_system import SpatialSystem
-    from kaneflex.multibody.time.spatial_steps import Choice
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
     from kaneflex.scene.contact_law import Friction
@@ -97,7 +97,7 @@ def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
         "joints": f"{system.speeds} at {', '.join(system.layout.tree)}",
         "closing": f"{system.row_count} constraints at {', '.join(system.layout.cuts) or 'no joint'}"
         + (f", {spare} of them redundant" if spare else ""),
-        "driven": f"{len(choice.prescribed)}",
+        "driven": f"{len(system.driven)}",
         "left": f"{left}" + (f", free: {free}" if free else ""),
     }}  # fmt: skip
 

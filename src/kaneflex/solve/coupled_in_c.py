@@ -299,7 +299,7 @@ int {name}_run({name}_state *state, double until)
         double control[9] = {{state->step, {longest}, {most}, 0.0, 0.0, state->last_step, 0.0, state->sloped, 0.0}};
         const table *method = state->sloped == {DAMPED} ? &{name}_radau_method : &{name}_{integrator}_method;
         status = {integrate}(
-            &m, method, control, state->row, none, 0, times, 2, rows, state->counts, ends);
+            &m, method, control, state->row, none, 0, times, 2, rows, state->counts, ends, 1);
         state->step = control[0];
         state->last_step = control[5];
         state->sloped = control[7];

@@ -35,15 +35,6 @@ def kernel_address(kernel: Any, of: FunctionType) -> int:
     return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
 
 
-@cache
-def kernel_of_c(kernel: Any, of: FunctionType) -> Callable[..., None]:
-    """Kernel as a C function for Python: returns nothing and takes arrays by address."""
-    found = _compiled(kernel, of)
-    address = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
-    kinds = [ctypes.c_double if kind == float64 else ctypes.c_int64 for kind in of.signature.args]
-    return ctypes.CFUNCTYPE(None, *kinds)(address)
-
-
 def _compiled(kernel: Any, of: FunctionType) -> Any:
     with compiling():
         return kernel.get_compile_result(of.signature)

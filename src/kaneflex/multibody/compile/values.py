@@ -17,7 +17,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.types import CPointer, UniTuple
 
-from kaneflex.multibody.model.layout import IN_ORDER
+from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS
 
 
 class Vectors(types.Type):
@@ -92,13 +92,19 @@ def numbers_of(typing, v):
 
 @intrinsic
 def vectors(typing, numbers):
-    """Numbers from an address on as vectors in the plane."""
+    """Numbers from an address on as vectors of three."""
     return Vectors(numbers.dtype, 3)(numbers), lambda context, builder, sig, args: args[0]
 
 
 @intrinsic
+def twists(typing, m, numbers):
+    """Numbers from an address on as twists or wrenches of a mechanism."""
+    return Vectors(numbers.dtype, m.d)(m, numbers), lambda context, builder, sig, args: args[1]
+
+
+@intrinsic
 def width(typing, of):
-    """D of vectors, as a constant."""
+    """D of vectors or of a mechanism, as a constant."""
     d = size_of(of)
     return types.intp(of), lambda context, builder, sig, args: ir.Constant(ir.IntType(64), d)
 
@@ -141,8 +147,15 @@ def chosen(choose: Callable[[Sequence[types.Type]], Any], like: Any) -> Any:
 
 
 def by_size(plane: Any, space: Any) -> Any:
-    """One name for a function of vectors of three numbers and one of vectors of six."""
+    """One name for a function of vectors, or of a mechanism, in the plane and one in space."""
     return chosen(lambda args: plane if max(map(size_of, args)) == 3 else space, plane)
+
+
+@njit(**IN_ORDER)
+def row_length(m):
+    """Numbers of a cut's row: residual, two rates, Jacobian by two twists."""
+    inside()
+    return 3 + 2 * width(m)
 
 
 @njit(**IN_ORDER)
@@ -151,3 +164,10 @@ def copy_vectors(of, out, count):
     inside()
     for k in range(count):
         out[k] = of[k]
+
+
+@njit(**OPTIONS)
+def copy(w, of, into, count):
+    """Copy numbers of the tables."""
+    for k in range(count):
+        w[into + k] = w[of + k]

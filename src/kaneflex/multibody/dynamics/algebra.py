@@ -163,6 +163,40 @@ times, add_product = by_size(times, _times_6), by_size(add_product, _add_product
 
 
 @njit(**IN_ORDER)
+def zero_like(a):
+    """Zero, as a is: real or complex."""
+    inside()
+    return 0.0, 0.0, 0.0
+
+
+@njit(**IN_ORDER)
+def _complex_zero(a):
+    inside()
+    return 0j, 0j, 0j
+
+
+@njit(**IN_ORDER)
+def _zero_6(a):
+    inside()
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+@njit(**IN_ORDER)
+def _complex_zero_6(a):
+    inside()
+    return 0j, 0j, 0j, 0j, 0j, 0j
+
+
+def _zero_of(args):
+    if args[0].dtype == types.complex128:
+        return _complex_zero if args[0].count == 3 else _complex_zero_6
+    return zero_like if args[0].count == 3 else _zero_6
+
+
+zero_like = chosen(_zero_of, zero_like)
+
+
+@njit(**IN_ORDER)
 def cross(a, b):
     """a x b in space"""
     inside()

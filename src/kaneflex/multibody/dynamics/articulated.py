@@ -5,6 +5,11 @@ rest to the parent: articulated inertias (Featherstone 1983; 2008, ch. 7), with 
 pass substitutes back. One text for the plane and space (vectors of D = 3 or 6 numbers), and for real and complex h.
 Vectors are global. A body's inertia I (D, D) belongs to the twist of its origin, E (n, D) couples its shapes to it, and
 L (n, n) is the shapes' own.
+
+Functions take a record of arrays. I, E and L become factors, with U and D of the joints. The tree's geometry when it is
+factorised: S, axes of the joints at the bodies' origins; phi, twists of the outboard sections for the shapes; places of
+these sections from the parent's origin, and arms from there to the bodies' origins. x and y are forces, then speeds, of
+bodies and of coordinates.
 """
 
 from __future__ import annotations
@@ -12,9 +17,8 @@ from __future__ import annotations
 from collections import namedtuple
 
 from numba import njit
-from numba.types import CPointer, complex128, float64
 
-from kaneflex.multibody.compile.values import Vectors, after, inside, numbers_of, width
+from kaneflex.multibody.compile.values import after, inside, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import add_product, axpy, dot, force_at, plus, scaled, times, twist_at
 from kaneflex.multibody.model.layout import (
     COUPLING,
@@ -27,28 +31,9 @@ from kaneflex.multibody.model.layout import (
     PARENT_BODY,
     SHAPES,
     SQUARE,
-    Fixed,
-    Handed,
     magnitude,
     together,
 )
-
-
-def factors(dtype, d: int, name: str) -> Handed:
-    """Type of the factors of a tree: its arrays by their addresses.
-
-    The matrices I, E, L become factors; U and D are the joints'. S, phi, place and arm are the tree's geometry when it
-    was factorised: axes of the joints at the bodies' origins, twists of the outboard sections for the shapes, places of
-    these sections from the parent's origin, and of the bodies' origins from there. x, y: forces, then speeds, of bodies
-    and of coordinates.
-    """
-    of, real, numbers = Vectors(dtype, d), Vectors(float64, d), CPointer(dtype)
-    return Handed(name, counts=Fixed(1), bodies=Fixed(8), free=Fixed(1), I=of, E=of, L=numbers, U=of, D=numbers,
-                  S=real, phi=real, place=Vectors(float64, 3), arm=Vectors(float64, 3), x=of, y=numbers, room=of,
-                  )  # fmt: skip
-
-
-SPACE_REAL, SPACE_PAIR = factors(float64, 6, "Factors in space"), factors(complex128, 6, "Complex factors in space")
 
 Body = namedtuple("Body", "n f I E L S U D push modal")
 Section = namedtuple("Section", "n I E L phi place modal")

@@ -15,8 +15,9 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.dynamics.kinematics import demand
-from kaneflex.multibody.dynamics.loop_closure import SIDES, bent, crosses, reduce_across
+from kaneflex.multibody.compile.values import copy
+from kaneflex.multibody.dynamics.dimensions import bent, demand
+from kaneflex.multibody.dynamics.loop_closure import SIDES, crosses, reduce_across
 from kaneflex.multibody.dynamics.loop_condition import determined, margin
 from kaneflex.multibody.dynamics.reduction import react
 from kaneflex.multibody.model.layout import (
@@ -40,7 +41,6 @@ from kaneflex.multibody.model.layout import (
     apart,
     larger,
 )  # fmt: skip
-from kaneflex.multibody.time.state_record import copy
 
 REGULAR = 0.06
 """Least pivot of regular loops: less admits rounding errors, more admits interpolation errors. Measured at the change

@@ -16,35 +16,11 @@ from kaneflex.generated import joints as laws
 from kaneflex.multibody.dynamics.forces import act, push, rest_rows
 from kaneflex.support.inner import once
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, CONTACTS, COURSE, COURSES, COURSE_AT, COURSE_OF, CUT, CUTS, CUT_ROWS,
-    DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, HOLDS, INBOARD, INPUT, JOINT, JOINTS, LAST,
-    LOADS, LOCAL, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, PARENT, POINT, PRISMATIC, RATE, REVOLUTE, RIGID, ROW,
-    ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, SPRINGS, TURN, WELD, WHAT, WORKS, Y, apart, kernel,
-    shifted, turned,
+    ACCEL, AT, BLOCK, BODIES, COURSE, COURSE_AT, CUT, CUTS, CUT_ROWS, DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE,
+    FREE, GRAVITY, HOLDS, INBOARD, JOINT, JOINTS, LAST, LOCAL, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, PARENT,
+    POINT, PRISMATIC, RATE, REVOLUTE, RIGID, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, TURN, WELD,
+    WHAT, Y, apart, shifted, turned,
 )  # fmt: skip
-
-
-@njit(**OPTIONS)
-def courses(m):
-    """Number of drives with a prescribed course."""
-    plan = m.plan
-    acting = plan[SPRINGS] - plan[LOADS] + plan[DRIVES] - plan[HOLDS] + plan[ACTS] - plan[CONTACTS]
-    return plan[WORKS] - 1 - acting
-
-
-@njit(**OPTIONS)
-def prescribe(m, t):
-    """Set the coordinates that drives prescribe, with their rates."""
-    apart()
-    plan, w = m.plan, m.w
-    kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
-    loads = plan[SPRINGS] - plan[LOADS]
-    for k in range(courses(m)):
-        w[plan[COURSE] + 3 * k + 2] += w[plan[INPUT] + loads + k]
-    for b in range(plan[BODIES]):
-        if m.bodies[b, COURSE_OF] >= 0:
-            k, i = plan[COURSE] + 3 * m.bodies[b, COURSE_OF], m.bodies[b, FIRST]
-            w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = w[k], w[k + 1], w[k + 2]
 
 
 @njit(**OPTIONS)

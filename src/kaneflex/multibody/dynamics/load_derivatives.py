@@ -13,24 +13,18 @@ of the tree and contacts are in these factors already.
 
 from __future__ import annotations  # noqa: I001, names of the tables' places stand side by side
 
-import math
-
 from numba import njit
 
-from kaneflex.generated import joints as laws
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction
-from kaneflex.multibody.dynamics.forces import load_direction, load_sizes
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.unilateral.contact_numbers import product
-from kaneflex.multibody.dynamics.loop_closure import bent, gradient
+from kaneflex.multibody.dynamics.dimensions import deform, fill_ways, load_sizes, move
 from kaneflex.multibody.model.layout import (
-    ACTS, AT, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, COURSE_OF, CUT, CUT_ROWS, DRIVES, EXTENT, FIRST,
-    INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT, ON, OPTIONS, RATE, REACTION, ROW_SIZE, SEC, SECTION, SIZE, SLIDE,
-    SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE, SLOPED, SLOPES, SPEEDS, SPRINGS, TORQUE, TORSIONAL, TOUCH, VARIED,
-    WAYS, WHAT, WITH_SLOPES, YIELDING, X, apart, kernel, larger, magnitude, shifted,
+    COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT, OPTIONS,
+    RATE, REACTION, SIZE, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE, SPRINGS, TOUCH, VARIED,
+    WAYS, WHAT, WITH_SLOPES, X, YIELDING, apart, kernel, magnitude, shifted,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.kinematics import deform, move
 
 STIFF, DAMPED = 1.0, 2.0
 SMALL = 0.1
@@ -56,50 +50,6 @@ def _way(m, act):
 def _slope(m, act):
     """Place of a load's derivatives by coordinate and speed of each joint, or of a spring's negative k and c."""
     return m.plan[SLOPES] + 2 * (_joints(m) + 1) * (act - m.plan[LOADS])
-
-
-@njit(**OPTIONS)
-def _row(m, act):
-    """Jacobian of an act by the twists of its sections, at the current position; returns the number of that row."""
-    apart()
-    plan, w, sec = m.plan, m.w, shifted(m.w, m.plan[SECTION])
-    kind, first, second, j = m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON], m.acts[act, NUMBERS_AT]
-    row = plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]
-    k = plan[CUT] + ROW_SIZE * row + 3
-    for i in range(6):
-        w[k + i] = 0.0
-    if act < plan[LOADS]:
-        if kind == SLIDE:
-            laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, k - 3)
-        else:
-            laws.turn(sec, first, second, w[j], w[j + 1], 0.0, w, k - 3)
-    elif act < plan[SPRINGS] and kind != TORQUE:
-        w[k], w[k + 1] = load_direction(m, act)
-    elif act < plan[SPRINGS] or kind == TORSIONAL:
-        w[k + 2], w[k + 5] = -1.0, 1.0
-    else:
-        x, z = sec[SEC * second] - sec[SEC * first], sec[SEC * second + 1] - sec[SEC * first + 1]
-        length = larger(math.sqrt(x * x + z * z), 1e-300)
-        w[k + 3], w[k + 4] = x / length, z / length
-        w[k], w[k + 1] = -w[k + 3], -w[k + 4]
-    return row
-
-
-@njit(**OPTIONS)
-def _fill_ways(m):
-    """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
-    apart()
-    plan, w, bends = m.plan, m.w, m.plan[SPEEDS] > 3 * m.plan[BODIES]
-    if bends:
-        bent(m)
-    for act in range(plan[DRIVES], plan[CONTACTS]):
-        out = _way(m, act)
-        for i in range(plan[COORDINATES]):
-            w[out + i] = 0.0
-        gradient(m, _row(m, act), act, bends, out)
-        for b in range(plan[BODIES]):
-            if m.bodies[b, COURSE_OF] >= 0 and not plan[LOADS] <= act < plan[SPRINGS]:
-                w[out + m.bodies[b, FIRST]] = 0.0
 
 
 @njit(**OPTIONS)
@@ -132,7 +82,7 @@ def find(m, t, h, here):
         w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
     deform(m)
     move(m, 0)
-    _fill_ways(m)
+    fill_ways(m)
     _derive_sizes(m, t, h)
     for act in range(plan[LOADS], plan[CONTACTS]):
         k, size = _slope(m, act), 0.0

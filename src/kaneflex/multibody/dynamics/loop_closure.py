@@ -16,72 +16,37 @@ from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
-from kaneflex.multibody.compile.values import vectors
-from kaneflex.multibody.dynamics.algebra import dot
-from kaneflex.multibody.dynamics.planar_tree import assemble, away, shape_twists
-from kaneflex.multibody.time.state_record import copy
+from kaneflex.multibody.compile.values import by_size, copy, inside, row_length
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, AT, BENDS, BODIES, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, CUT_ROWS,
-    DEMAND, DEPENDENT, FIRST, FREE, GRADIENT, INBOARD, JOINT, KEPT, LAST, LED, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE,
-    MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PASSING, PHI_NOW, PHI_ROW, PIVOTS, POINT, PRISMATIC, RATE,
-    REACH, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SHAPES, SIDE, SWITCH, WHAT, WHEN, Y,
-    YIELDING, apart, larger, shifted, turned,
+    ACCEL, ACTS, BENDS, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, DEMAND, DEPENDENT,
+    GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE, NOW, OPTIONS, PASSING, PIVOTS, RATE, REACH, REACTION, REACTIONS,
+    ROW_OF, SIDE, SWITCH, WHAT, WHEN, Y, YIELDING, apart, larger,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.kinematics import accelerate, cut_rows, deform, demand, move, place, prescribe
+from kaneflex.multibody.dynamics.courses import prescribe
+from kaneflex.multibody.dynamics.dimensions import (
+    accelerate,
+    assemble,
+    bent,
+    cut_rows,
+    deform,
+    demand,
+    gradient,
+    move,
+    place,
+)  # fmt: skip
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, at which iteration ends."""
 EXACT = 1e-12
 """The same near a change point, where rates and accelerations are far less accurate than positions."""
+ENOUGH = 4
+"""Iterations after which a correction that is as good as rounding allows is not awaited any longer."""
 SIDES = 6
 """Number of evenly spaced positions on either side of a change point for interpolation."""
 NEAR = 1e-6
 """Sufficient correction in a stage: the next one would be its square, and the gradients, with an error as large,
 correct rates that are nearly known."""
-
-
-@once
-@njit(**OPTIONS)
-def gradient(m, row, cut, bends, out):
-    """Add the derivatives of a cut joint's row with respect to all coordinates at ``out``; shapes only if requested.
-
-    A section's force is passed inwards from body to body unchanged, its moment changes with the point.
-    """
-    apart()
-    plan, w = m.plan, m.w
-    for side in range(2):
-        n, k = m.acts[cut, AT + side], plan[CUT] + ROW_SIZE * row + 3 + 3 * side
-        x, z, turn = w[k], w[k + 1], w[k + 2]
-        while m.sections[n, OWNER] >= 0:
-            b = m.sections[n, OWNER]
-            inboard, first, kind = m.bodies[b, INBOARD], out + m.bodies[b, FIRST], m.bodies[b, JOINT]
-            own, share = plan[SECTION] + SEC * inboard, w[m.sections[n, POINT]]
-            arm = away(m, plan[SECTION], n, inboard, share)
-            if bends and n != inboard:
-                phi, i = vectors(shifted(w, plan[PHI_NOW] + 3 * m.sections[n, PHI_ROW])), out + m.bodies[b, MODAL]
-                for j in range(m.bodies[b, SHAPES]):
-                    w[i + j] += dot(phi[j], (x, z, turn))
-            x, z, turn = share * x, share * z, turn + arm[0] * z - arm[1] * x
-            n = m.bodies[b, PARENT]
-            up = plan[SECTION] + SEC * n
-            if kind == REVOLUTE:
-                w[first] += w[m.bodies[b, NUMBERS]] * turn
-            elif kind == PRISMATIC:
-                d_x, d_y = turned(w, w[up + 2], m.bodies[b, NUMBERS] + 2)
-                w[first] += x * d_x + z * d_y
-            elif kind == FREE:
-                w[first] += x
-                w[first + 1] += z
-                w[first + 2] += turn
-                break
-            turn += (w[own] - w[up]) * z - (w[own + 1] - w[up + 1]) * x
-
-
-@njit(**OPTIONS)
-def bent(m):
-    """Twists of all sections by shapes at the current state."""
-    shape_twists(m, m.plan[PHI_NOW])
 
 
 @njit(**OPTIONS)
@@ -119,14 +84,14 @@ def close(m, near):
         if not gradients(m):
             return False
         for r in range(count):
-            w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r]]
+            w[plan[SIDE] + r] = -w[plan[CUT] + row_length(m) * plan[plan[ROW_OF] + r]]
         dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
         size = 0.0
         for k in range(count):
             i = plan[plan[DEPENDENT] + k]
             w[plan[Y] + i] += w[plan[SIDE] + k]
             size = larger(size, abs(w[plan[SIDE] + k]) / w[plan[MEASURE] + i])
-        if size < (EXACT if near < 0.0 else CLOSED):
+        if size < (EXACT if near < 0.0 and turn <= ENOUGH else CLOSED):
             return True
         if not size < 1e3 or (turn > 8 and size > before):
             return False
@@ -185,7 +150,7 @@ def _follow_here(m, near):
             if turn == 0 and count:
                 cut_rows(m)
                 for r in range(count):
-                    w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + rate]
+                    w[plan[SIDE] + r] = -w[plan[CUT] + row_length(m) * plan[plan[ROW_OF] + r] + rate]
                 dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
                 for k in range(count):
                     w[of + plan[plan[DEPENDENT] + k]] += w[plan[SIDE] + k]
@@ -283,16 +248,6 @@ def stand(m, t):
     cut_rows(m)
 
 
-@njit(**OPTIONS)
-def middle(m):
-    """Matrices for the next factors at the current state."""
-    apart()
-    plan, w = m.plan, m.w
-    assemble(m)
-    copy(w, plan[SECTION], plan[MIDDLE], SEC * m.bodies[plan[BODIES] - 1, LAST])
-    copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * (plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]))
-
-
 @of_holds(None)
 @njit(**OPTIONS)
 def hold_now(m):
@@ -305,6 +260,20 @@ def hold_now(m):
         dry_friction.row_of(m, n)
 
 
+@njit(**OPTIONS)
+def hold_rows(m):
+    """Rows of the mass matrix beside those of cuts: of stuck holds; in space their number is known."""
+    m.pivots[YIELDING] = dry_friction.stuck_rows(m, 0)
+
+
+@njit(**OPTIONS)
+def _known(m):
+    inside()
+
+
+hold_rows = by_size(hold_rows, _known)
+
+
 @once
 @njit(**OPTIONS)
 def mend(m, t, A, h, turns):
@@ -315,8 +284,8 @@ def mend(m, t, A, h, turns):
     apart()
     plan, w = m.plan, m.w
     hold_now(m)
-    middle(m)
-    m.pivots[YIELDING] = dry_friction.stuck_rows(m, 0)
+    assemble(m)
+    hold_rows(m)
     if not factorise_closed(m, h, A, plan[PIVOTS]):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.compile.values import by_size, row_length, width
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.dynamics.loop_closure import gradient
+from kaneflex.multibody.dynamics.dimensions import gradient
 from kaneflex.multibody.model.layout import (
     BENDS,
     BODIES,
     CHANGE_POINT,
     COORDINATES,
-    COURSE_OF,
     CROSSING,
     CUT,
     CUTS,
     DEPENDENT,
     DOF,
     FIRST,
+    FREED,
     GRADIENT,
     HOLDS,
     JOINT_ROWS,
@@ -28,7 +29,6 @@ from kaneflex.multibody.model.layout import (
     OPTIONS,
     ROW_AT,
     ROW_OF,
-    ROW_SIZE,
     SHAPES,
     SIDE,
     apart,
@@ -67,8 +67,11 @@ def _largest(m, row):
 @njit(**OPTIONS)
 def _pushes(m, r):
     """True if a kept row's reaction is a force and not just a moment."""
-    k = m.plan[CUT] + ROW_SIZE * m.plan[m.plan[ROW_OF] + r] + 3
-    return m.w[k] != 0.0 or m.w[k + 1] != 0.0
+    k = m.plan[CUT] + row_length(m) * m.plan[m.plan[ROW_OF] + r] + 3
+    for i in range((width(m) + 1) // 2):
+        if m.w[k + i] != 0.0:
+            return True
+    return False
 
 
 @njit(**OPTIONS)
@@ -160,8 +163,23 @@ def _outgrown(m):
 
 
 @njit(**OPTIONS)
+def _candidates(m, b):
+    """Number of a body's coordinates, the first ones, that may replace dependent ones: those of its joint."""
+    return m.bodies[b, DOF]
+
+
+@njit(**OPTIONS)
+def _with_shapes(m, b):
+    return m.bodies[b, DOF] + m.bodies[b, SHAPES]
+
+
+_candidates = by_size(_candidates, _with_shapes)
+
+
+@njit(**OPTIONS)
 def worn(m):
-    """True if an independent joint coordinate should replace a dependent one that moves much more.
+    """True if an independent coordinate of a joint, or in space of a shape, should replace a dependent one that moves
+    much more.
 
     Near a dead centre the loops no longer determine the dependent coordinates chosen far from it, but others. Gradients
     are those of the last loop closure.
@@ -174,10 +192,8 @@ def worn(m):
     if count < plan[JOINT_ROWS] and _outgrown(m):
         return True
     for b in range(plan[BODIES]):
-        if m.bodies[b, COURSE_OF] >= 0:
-            continue
-        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + m.bodies[b, DOF]):
-            chosen = False
+        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + _candidates(m, b)):
+            chosen = plan[plan[FREED] + i] == 0
             for r in range(count):
                 chosen = chosen or plan[plan[DEPENDENT] + r] == i
                 w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]

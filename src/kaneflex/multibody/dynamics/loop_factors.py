@@ -7,16 +7,37 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.dynamics import dense_lu
+from kaneflex.multibody.dynamics import dense_lu, spatial_tree
 from kaneflex.multibody.unilateral import dry_friction, lugre_step
-from kaneflex.multibody.compile.values import vectors
+from kaneflex.multibody.compile.values import by_size, row_length, vectors
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
-from kaneflex.multibody.dynamics.planar_tree import add_force, clear, fill, tree, twist_of
+from kaneflex.multibody.dynamics.planar_tree import add_force, twist_of
+from kaneflex.multibody.dynamics.tree import clear, clear_bodies, fill, tree
 from kaneflex.multibody.model.layout import (
-    AT, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON,
-    OPTIONS, REACTION, ROW_OF, ROW_SIZE, SCHUR, STIFF, TOUCHING, VISCOUS, YIELDING, apart, shifted,
+    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, OPTIONS,
+    REACTION, ROW_OF, SCHUR, STIFF, TOUCHING, VISCOUS, YIELDING, apart, shifted,
 )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def pull(m, t, r):
+    """Add the generalised forces of a row's unit reaction, with the friction that it brings."""
+    cut, k = row_at(m, r)
+    n = dry_friction.brought(m, r)
+    for side in range(2):
+        add_force(m, t, m.acts[cut, AT + side], vectors(shifted(m.w, k + 3 * side))[0])
+        if n:
+            friction = vectors(shifted(m.w, hold_row(m, n) + 3 * side))[0]
+            add_force(m, t, m.acts[m.plan[DRIVES] + n, AT + side], scaled(dry_friction.share(m, n, r), friction))
+
+
+@njit(**OPTIONS)
+def opening(m, t, r):
+    """Rate of a row for the rates of the tree's bodies and coordinates."""
+    cut, k = row_at(m, r)
+    sides = vectors(shifted(m.w, k))
+    return dot(sides[0], twist_of(m, t, m.acts[cut, AT])) + dot(sides[1], twist_of(m, t, m.acts[cut, ON]))
 
 
 @njit(**OPTIONS)
@@ -24,7 +45,7 @@ def reach(m, h, A):
     """Factors of M + h C + h^2 K of the tree, responses of the coordinates to unit reactions of kept rows and
     contacts, and of these rows at SCHUR; False: zero pivot."""
     apart()
-    plan, w = m.plan, m.w
+    plan = m.plan
     t = tree(m, A, column(m, 0))
     fill(m, t, h)
     if not factorise(t):
@@ -33,13 +54,7 @@ def reach(m, h, A):
     for r in range(count):
         t = tree(m, A, column(m, r))
         clear(m, t)
-        cut, k = row_at(m, r)
-        n = dry_friction.brought(m, r)
-        for side in range(2):
-            add_force(m, t, m.acts[cut, AT + side], vectors(shifted(w, k + 3 * side))[0])
-            if n:
-                friction = vectors(shifted(w, hold_row(m, n) + 3 * side))[0]
-                add_force(m, t, m.acts[plan[DRIVES] + n, AT + side], scaled(dry_friction.share(m, n, r), friction))
+        pull(m, t, r)
         solve(t)
         for q in range(count):
             A[plan[SCHUR] + count * q + r] = opening(m, t, q)
@@ -55,21 +70,29 @@ def factorise_closed(m, h, A, pivots):
     apart()
     if not reach(m, h, A):
         return False
-    plan, w = m.plan, m.w
-    count = plan[KEPT] + m.pivots[YIELDING]
+    plan, count = m.plan, m.plan[KEPT] + m.pivots[YIELDING]
     most = dry_friction.most(m, count, A)
     for r in range(plan[KEPT], count):
-        n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
-        k = plan[CONTACT] + CONTACT_SIZE * n
-        own = plan[SCHUR] + (count + 1) * r
-        if lugre_step.by_force(m, n, r, count, h, A):
-            continue
-        if n >= 0:
-            soft = 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF]))
-        else:
-            soft = dry_friction.compliance(m, n, h, A[own], most)
-        A[own] += soft
+        soften(m, r, count, h, A, most)
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
+
+
+@njit(**OPTIONS)
+def soften(m, r, count, h, A, most):
+    """Add the compliance of the row of a contact or hold; ``most``: largest entry of the rows' matrix."""
+    plan, w = m.plan, m.w
+    n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+    k, own = plan[CONTACT] + CONTACT_SIZE * n, plan[SCHUR] + (count + 1) * r
+    if lugre_step.by_force(m, n, r, count, h, A):
+        return
+    if n >= 0:
+        A[own] += 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF]))
+    else:
+        A[own] += dry_friction.compliance(m, n, h, A[own], most)
+
+
+pull, opening = by_size(pull, spatial_tree.pull), by_size(opening, spatial_tree.opening)
+soften = by_size(soften, spatial_tree.soften)
 
 
 @njit(**OPTIONS)
@@ -77,7 +100,7 @@ def row_at(m, r):
     """Interaction of a kept row, or of a contact or hold after these, and place of its Jacobian."""
     plan = m.plan
     if r < plan[KEPT]:
-        return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
+        return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + row_length(m) * plan[plan[ROW_OF] + r] + 3
     n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
     return (plan[CONTACTS] if n >= 0 else plan[DRIVES]) + n, hold_row(m, n)
 
@@ -85,7 +108,7 @@ def row_at(m, r):
 @njit(**OPTIONS)
 def hold_row(m, n):
     """Place of the Jacobian of a contact or hold."""
-    return m.plan[MIDDLE_CUT] + ROW_SIZE * (m.plan[CUT_ROWS] + n) + 3
+    return m.plan[MIDDLE_CUT] + row_length(m) * (m.plan[CUT_ROWS] + n) + 3
 
 
 @njit(**OPTIONS)
@@ -93,14 +116,6 @@ def column(m, r):
     """Place of the coordinates' response to a row's unit force; the solution lies between those of cut joints and
     contacts."""
     return m.plan[COLUMNS] + m.plan[COORDINATES] * (r if r < m.plan[KEPT] else r + 1)
-
-
-@njit(**OPTIONS)
-def opening(m, t, r):
-    """Rate of a row for the rates of the tree's bodies and coordinates."""
-    cut, k = row_at(m, r)
-    sides = vectors(shifted(m.w, k))
-    return dot(sides[0], twist_of(m, t, m.acts[cut, AT])) + dot(sides[1], twist_of(m, t, m.acts[cut, ON]))
 
 
 @njit(**OPTIONS)
@@ -112,8 +127,7 @@ def solve_closed(m, A, pivots):
     count, n, x = plan[KEPT] + m.pivots[YIELDING], plan[COORDINATES], plan[REACTION]
     answer = plan[COLUMNS] + n * plan[KEPT]
     t = tree(m, A, answer)
-    for b in range(plan[BODIES]):
-        t.x[b] = scaled(0.0, t.x[b])
+    clear_bodies(m, t)
     solve(t)
     if count:
         for r in range(count):

@@ -6,37 +6,25 @@ between its ends does, are described by the twists of the other sections from th
 
 from __future__ import annotations
 
-from collections import namedtuple
+import math
 
 from numba import njit
 
 from kaneflex.generated import body
-from kaneflex.multibody.compile.values import copy_vectors, inside, vectors
+from kaneflex.generated import joints as laws
+from kaneflex.multibody.compile.values import copy, inside, vectors
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, plus, scaled, times, twist_at
 from kaneflex.multibody.dynamics.articulated import transport
+from kaneflex.multibody.dynamics.courses import leave_out
+from kaneflex.multibody.dynamics.forces import load_direction
+from kaneflex.support.inner import once
 from kaneflex.multibody.model.layout import (
-    ARMS, AXES, BLOCK, BODIES, COORDINATES, COUPLING, COUPLINGS, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREED,
-    IN_ORDER, INBOARD, INERTIAS, JOINT, LAST, MASSES, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT, PHI, PHI_ROW,
-    PLACES, POINT, PRISMATIC, REVOLUTE, SEC, SECTION, SECTIONS, SHAPES, SQUARE, STIFFNESS, TREE_D, TREE_E, TREE_I,
-    TREE_L, TREE_ROOM, TREE_U, TREE_X, Y, apart, shifted, turned,
+    ACTS, ARMS, AT, AXES, BLOCK, BODIES, CONTACTS, COORDINATES, COUPLING, COUPLINGS, CUT, CUT_ROWS, DAMPING, DOF,
+    DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, INBOARD, INERTIAS, IN_ORDER, JOINT, LAST, LOADS, MASSES, MIDDLE, MIDDLE_CUT,
+    MODAL, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PHI, PHI_NOW, PHI_ROW, PLACES, POINT, PRISMATIC, REVOLUTE,
+    ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SLIDE, SPEEDS, SPRINGS, SQUARE, STIFFNESS, TORQUE, TORSIONAL, WAYS, WHAT,
+    Y, apart, larger, shifted, turned,
 )  # fmt: skip
-
-Tree = namedtuple("Tree", "counts bodies free I E L U D S phi place arm x y room")
-
-
-@njit(**OPTIONS)
-def tree(m, A, y):
-    """Arrays of the tree in factors A, with the coordinates from y on."""
-    inside()
-    plan, w = m.plan, m.w
-    return Tree(
-        plan, m.bodies, shifted(plan, plan[FREED]), vectors(shifted(A, plan[TREE_I])),
-        vectors(shifted(A, plan[TREE_E])), shifted(A, plan[TREE_L]), vectors(shifted(A, plan[TREE_U])),
-        shifted(A, plan[TREE_D]), vectors(shifted(w, plan[AXES])), vectors(shifted(w, plan[PHI])),
-        vectors(shifted(w, plan[PLACES])), vectors(shifted(w, plan[ARMS])), vectors(shifted(A, plan[TREE_X])),
-        shifted(A, y), vectors(shifted(A, plan[TREE_ROOM])),
-    )  # fmt: skip
-
 
 @njit(**OPTIONS)
 def _by_frame(m, b, n, place):
@@ -81,7 +69,8 @@ def away(m, sections, n, inboard, share):
 
 @njit(**OPTIONS)
 def assemble(m):
-    """Inertias of all bodies, twists of their sections, axes and places, at the current state."""
+    """Matrices for the next factors at the current state: inertias of all bodies, twists of their sections, axes and
+    places, rows of cuts."""
     apart()
     plan, w = m.plan, m.w
     shape_twists(m, plan[PHI])
@@ -106,6 +95,8 @@ def assemble(m):
             S[0] = 1.0, 0.0, 0.0
             S[1] = 0.0, 1.0, 0.0
             S[2] = 0.0, 0.0, 1.0
+    copy(w, plan[SECTION], plan[MIDDLE], SEC * m.bodies[plan[BODIES] - 1, LAST])
+    copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * (plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]))
 
 
 @njit(**IN_ORDER)
@@ -130,35 +121,25 @@ def _shift_inertia(m, b):
         E[j] = axpy(-1.0, times(I, phi[j]), E[j])
 
 
-@njit(**IN_ORDER)
-def fill(m, t, h):
-    """Fill the tree's matrices with those of M + h C + h^2 K at the middle of the step."""
+@njit(**OPTIONS)
+def stiffen(m, t, h):
+    """Add h C + h^2 K of shapes and joints to the tree's matrices."""
     apart()
-    plan, w = m.plan, m.w
-    count, n = plan[BODIES], plan[COORDINATES]
-    last = count - 1
-    copy_vectors(vectors(shifted(w, plan[INERTIAS])), t.I, 3 * count)
-    copy_vectors(vectors(shifted(w, plan[COUPLINGS])), t.E, m.bodies[last, COUPLING] + m.bodies[last, SHAPES])
-    masses, damping, stiffness = shifted(w, plan[MASSES]), shifted(w, plan[DAMPING]), shifted(w, plan[STIFFNESS])
-    for k in range(m.bodies[last, SQUARE] + m.bodies[last, SHAPES] * m.bodies[last, SHAPES]):
-        t.L[k] = masses[k]
-    for k in range(n):
+    plan, damping, stiffness = m.plan, shifted(m.w, m.plan[DAMPING]), shifted(m.w, m.plan[STIFFNESS])
+    for k in range(plan[COORDINATES]):
         t.D[k] = h * (damping[k] + h * stiffness[k])
-    for b in range(count):
+    for b in range(plan[BODIES]):
         size, square, first = m.bodies[b, SHAPES], m.bodies[b, SQUARE], m.bodies[b, MODAL]
         for j in range(size):
             t.L[square + (size + 1) * j] += t.D[first + j]
 
 
 @njit(**OPTIONS)
-def clear(m, t):
-    """Set all forces of the tree to zero."""
-    apart()
-    nothing = 0.0 * t.y[0]
-    for k in range(m.plan[COORDINATES]):
-        t.y[k] = nothing
-    for b in range(m.plan[BODIES]):
-        t.x[b] = nothing, nothing, nothing
+def resist(m, h, x, A, answer):
+    """Forces -(h C + h^2 K) x of shapes and joints for accelerations x, stored from ``answer`` on."""
+    plan, w = m.plan, m.w
+    for k in range(plan[COORDINATES]):
+        A[answer + k] = -h * (w[plan[DAMPING] + k] + h * w[plan[STIFFNESS] + k]) * x[k]
 
 
 @njit(**OPTIONS)
@@ -191,3 +172,89 @@ def add_force(m, t, n, force):
             t.y[first + j] += dot(t.phi[phi + j], force)
         force = force_at(force, away(m, m.plan[MIDDLE], n, inboard, 1.0))
     t.x[b] = plus(t.x[b], force)
+
+
+@once
+@njit(**OPTIONS)
+def gradient(m, row, cut, bends, out):
+    """Add the derivatives of a cut joint's row with respect to all coordinates at ``out``; shapes only if requested.
+
+    A section's force is passed inwards from body to body unchanged, its moment changes with the point.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    for side in range(2):
+        n, k = m.acts[cut, AT + side], plan[CUT] + ROW_SIZE * row + 3 + 3 * side
+        x, z, turn = w[k], w[k + 1], w[k + 2]
+        while m.sections[n, OWNER] >= 0:
+            b = m.sections[n, OWNER]
+            inboard, first, kind = m.bodies[b, INBOARD], out + m.bodies[b, FIRST], m.bodies[b, JOINT]
+            own, share = plan[SECTION] + SEC * inboard, w[m.sections[n, POINT]]
+            arm = away(m, plan[SECTION], n, inboard, share)
+            if bends and n != inboard:
+                phi, i = vectors(shifted(w, plan[PHI_NOW] + 3 * m.sections[n, PHI_ROW])), out + m.bodies[b, MODAL]
+                for j in range(m.bodies[b, SHAPES]):
+                    w[i + j] += dot(phi[j], (x, z, turn))
+            x, z, turn = share * x, share * z, turn + arm[0] * z - arm[1] * x
+            n = m.bodies[b, PARENT]
+            up = plan[SECTION] + SEC * n
+            if kind == REVOLUTE:
+                w[first] += w[m.bodies[b, NUMBERS]] * turn
+            elif kind == PRISMATIC:
+                d_x, d_y = turned(w, w[up + 2], m.bodies[b, NUMBERS] + 2)
+                w[first] += x * d_x + z * d_y
+            elif kind == FREE:
+                w[first] += x
+                w[first + 1] += z
+                w[first + 2] += turn
+                break
+            turn += (w[own] - w[up]) * z - (w[own + 1] - w[up + 1]) * x
+
+
+@njit(**OPTIONS)
+def bent(m):
+    """Twists of all sections by shapes at the current state."""
+    shape_twists(m, m.plan[PHI_NOW])
+
+
+@njit(**OPTIONS)
+def _row(m, act):
+    """Jacobian of an act by the twists of its sections, at the current position; returns the number of that row."""
+    apart()
+    plan, w, sec = m.plan, m.w, shifted(m.w, m.plan[SECTION])
+    kind, first, second, j = m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON], m.acts[act, NUMBERS_AT]
+    row = plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]
+    k = plan[CUT] + ROW_SIZE * row + 3
+    for i in range(6):
+        w[k + i] = 0.0
+    if act < plan[LOADS]:
+        if kind == SLIDE:
+            laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, k - 3)
+        else:
+            laws.turn(sec, first, second, w[j], w[j + 1], 0.0, w, k - 3)
+    elif act < plan[SPRINGS] and kind != TORQUE:
+        w[k], w[k + 1] = load_direction(m, act)
+    elif act < plan[SPRINGS] or kind == TORSIONAL:
+        w[k + 2], w[k + 5] = -1.0, 1.0
+    else:
+        x, z = sec[SEC * second] - sec[SEC * first], sec[SEC * second + 1] - sec[SEC * first + 1]
+        length = larger(math.sqrt(x * x + z * z), 1e-300)
+        w[k + 3], w[k + 4] = x / length, z / length
+        w[k], w[k + 1] = -w[k + 3], -w[k + 4]
+    return row
+
+
+@njit(**OPTIONS)
+def fill_ways(m):
+    """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
+    apart()
+    plan, w, bends = m.plan, m.w, m.plan[SPEEDS] > 3 * m.plan[BODIES]
+    if bends:
+        bent(m)
+    for act in range(plan[DRIVES], plan[CONTACTS]):
+        out = plan[WAYS] + plan[COORDINATES] * (act - plan[DRIVES])
+        for i in range(plan[COORDINATES]):
+            w[out + i] = 0.0
+        gradient(m, _row(m, act), act, bends, out)
+        if not plan[LOADS] <= act < plan[SPRINGS]:
+            leave_out(m, out)

@@ -7,11 +7,13 @@ from numba import njit
 from kaneflex.generated import body
 from kaneflex.multibody.unilateral import friction_powers, lugre_step
 from kaneflex.multibody.dynamics.forces import load_direction
+from kaneflex.multibody.compile.values import by_size
+from kaneflex.multibody.dynamics import spatial_tree
+from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.model.layout import (
-    ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
-    ELASTIC, FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, JOINT, JOINTS, LOADS, LOSING, MODAL, NOW, NUMBERS, ON,
-    OPTIONS, PARENT, POWER, PUSH_NOW, RATE, REVOLUTE, ROW_AT, SEC, SECTION, SHAPES, SIZE, SPRING, SPRINGS, SPRING_SIZE,
-    SUMS, TORQUE, WHAT, WORKS, Y, apart, shifted, turned,
+    ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, ELASTIC,
+    FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, LOADS, LOSING, MODAL, NOW, ON, OPTIONS, POWER, PRESCRIBED, PUSH_NOW, RATE,
+    ROW_AT, SEC, SECTION, SHAPES, SIZE, SPRING, SPRINGS, SPRING_SIZE, SUMS, TORQUE, WHAT, WORKS, Y, apart, shifted,
 )  # fmt: skip
 
 
@@ -79,6 +81,9 @@ def losses(m, out):
         w[out + 1 + n - plan[LOADS]] = size * rate
 
 
+losses = by_size(losses, spatial_tree.losses)
+
+
 @njit(**OPTIONS)
 def powers(m):
     """Powers [W] at POWER, after :func:`demand`: dissipation without contacts and friction, loads, drives, holds,
@@ -87,14 +92,9 @@ def powers(m):
     plan, w, acts = m.plan, m.w, m.acts
     losses(m, plan[POWER])
     out = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
-    for b in range(plan[BODIES]):
-        if m.bodies[b, COURSE_OF] >= 0:
-            k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
-            force = w[j] * w[k + 2]
-            if m.bodies[b, JOINT] != REVOLUTE:
-                d_x, d_y = turned(w, w[plan[SECTION] + SEC * m.bodies[b, PARENT] + 2], j + 2)
-                force = d_x * w[k] + d_y * w[k + 1]
-            w[out + m.bodies[b, COURSE_OF]] = force * w[plan[COURSE] + 3 * m.bodies[b, COURSE_OF] + 1]
+    for k in range(courses(m)):
+        if plan[plan[PRESCRIBED] + k] >= 0:
+            w[out + k] = w[plan[DEMAND] + plan[plan[PRESCRIBED] + k]] * w[plan[COURSE] + 3 * k + 1]
     for n in range(plan[CUTS], plan[DRIVES]):
         if acts[n, COURSE_AT] >= 0:
             rate = w[plan[COURSE] + 3 * acts[n, COURSE_AT] + 1]

@@ -9,13 +9,13 @@ from __future__ import annotations
 from numba import njit
 from numba.types import CPointer, int64
 
+from kaneflex.multibody.dynamics.dimensions import bent, demand, gradient
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.dynamics.loop_closure import bent, follow, gradient
+from kaneflex.multibody.dynamics.loop_closure import follow
 from kaneflex.multibody.model.layout import (
     ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, NOW,
     OPTIONS, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, shifted,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.kinematics import demand
 
 
 @njit(**OPTIONS)

@@ -1,4 +1,4 @@
-"""Compiled entries for a mechanism in space: states at one instant, rows of them at many, and steps.
+"""Compiled entries for a mechanism in space: states at one instant, and rows of them at many.
 
 Results of an instant are in :class:`kaneflex.multibody.dynamics.spatial_work.Work`; its first numbers are a row.
 """
@@ -8,91 +8,242 @@ from __future__ import annotations
 import math
 
 from numba import njit
-from numba.types import boolean, float64, int64, void
+from numba.types import CPointer, boolean, float64, int64, void
 
 from kaneflex.multibody.compile.values import after
-from kaneflex.multibody.dynamics import spatial_dynamics, spatial_instant
-from kaneflex.multibody.dynamics.spatial_dynamics import (
-    CHOICE,
-    INDEPENDENT,
+from kaneflex.multibody.dynamics import dense_lu, loop_closure, reduction, unfolding
+from kaneflex.multibody.dynamics.dimensions import cut_rows, demand, gradient
+from kaneflex.multibody.dynamics.dimensions import place as place_nodes
+from kaneflex.multibody.dynamics.loop_closure import follow as close_all
+from kaneflex.multibody.dynamics.loop_closure import mend
+from kaneflex.multibody.dynamics.powers import powers
+from kaneflex.multibody.dynamics.spatial_forces import deforming, mass_matrix, react
+from kaneflex.multibody.dynamics.spatial_forces import pass_on as sum_inwards
+from kaneflex.multibody.dynamics.spatial_tree import compose, rebase, use
+from kaneflex.multibody.dynamics.spatial_work import BALLS, CUTS, KEPT, NODES, OWN, SPACE
+from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
+from kaneflex.multibody.model.layout import (
+    ACCEL,
+    COORDINATES,
+    COURSE,
+    COURSES,
+    DEPENDENT,
+    ENTRY,
+    GRADIENT,
+    INPUT,
+    LOOP,
+    LOOP_PIVOTS,
+    MEASURE,
+    NOW,
+    OPTIONS,
+    PASSING,
+    POWER,
     PRESCRIBED,
-    coordinate_rates,
-    missed,
-    reduced,
-)
-from kaneflex.multibody.dynamics.spatial_dynamics import advance as advanced_by
-from kaneflex.multibody.dynamics.spatial_forces import deforming, demand, mass_matrix
-from kaneflex.multibody.dynamics.spatial_instant import DONE, GROWN, courses, stand
-from kaneflex.multibody.dynamics.spatial_kinematics import directions, move
-from kaneflex.multibody.dynamics.spatial_kinematics import place as place_nodes
-from kaneflex.multibody.dynamics.spatial_stiffness import powers
-from kaneflex.multibody.dynamics.spatial_work import COORDINATES, DRIVEN, KEPT, LOADS, SPACE, SPEEDS
-from kaneflex.multibody.model.layout import ENTRY, OPTIONS, N, apart, larger
-from kaneflex.multibody.time import spatial_collocation
-from kaneflex.multibody.time.spatial_collocation import STEPS
+    RATE,
+    REACTIONS,
+    SIDE,
+    WORKS,
+    N,
+    Y,
+    apart,
+    kernel,
+    larger,
+)  # fmt: skip
+from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
+from kaneflex.multibody.model.spatial_layout import (
+    COINCIDE,
+    ROW,
+    WHAT,
+)  # fmt: skip
+from kaneflex.multibody.time import collocation
 
+CLOSED = 1e-7
+"""Largest violation of redundant rows, in rad or sizes of the mechanism."""
 _FAR = 0.05
 """Largest step of a prescribed drive [rad or sizes of the mechanism] in following loops."""
 _GROWTH = 30.0
 """Largest ratio of the other speeds to those of the drives before dependent speeds are chosen again."""
 _AT_ONCE = 256
 """Steps per call of compiled code, after which the position is recorded."""
+_TRIES = 3
+"""Newton iterations to close loops from afar, each from the end of the one before."""
+
+DONE, OPEN, APART, MASSLESS, INFINITE, GROWN = range(6)
+"""Outcome codes of an instant; all but DONE and GROWN are failures."""
+REASONS = {
+    OPEN: "a loop does not close, or the position is singular",
+    APART: "the loops close at the start, but not there: redundant constraints are violated",
+    MASSLESS: "the mass matrix is singular: a freedom carries no inertia",
+    INFINITE: "the accelerations are not finite",
+}
+"""Messages of the failures."""
+
+
+def check(outcome: int, *at: float) -> None:
+    """Raise ArithmeticError for an outcome other than DONE."""
+    if outcome != DONE:
+        raise ArithmeticError(REASONS[outcome], *at)
+
+
+@njit(**OPTIONS)
+def _take(m, q):
+    """Set coordinates, which balls have as quaternions."""
+    apart()
+    for n in range(m.counts[OWN]):
+        m.y[m.own[n, 1]] = q[m.own[n, 0]]
+    for n in range(m.counts[BALLS]):
+        k, s = m.balls[n, 0], m.balls[n, 1]
+        m.q[k], m.q[k + 1], m.q[k + 2], m.q[k + 3] = q[k], q[k + 1], q[k + 2], q[k + 3]
+        m.y[s] = m.y[s + 1] = m.y[s + 2] = 0.0
+
+
+@njit(**OPTIONS)
+def _give(m):
+    """Coordinates of the current position, after :func:`rebase`."""
+    for n in range(m.counts[OWN]):
+        m.q[m.own[n, 0]] = m.y[m.own[n, 1]]
 
 
 @njit(**ENTRY)
-def place(m):
-    """Positions, axes and directions."""
-    place_nodes(m)
-    directions(m)
+def place(m, q):
+    """Positions, axes and directions, with the cuts' rows and their derivatives by all speeds at J."""
+    _take(m, q)
+    place_nodes(m, 0)
+    cut_rows(m)
+    n = m.plan[COORDINATES]
+    for k in range(m.plan[REACTIONS] * n):
+        m.J[k] = 0.0
+    for c in range(m.counts[CUTS]):
+        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
+            gradient(m, j, c, True, m.plan[GRADIENT] + n * j)
 
 
 @njit(**ENTRY)
-def close(m, c):
-    """See :func:`kaneflex.multibody.dynamics.spatial_dynamics.close`."""
-    return spatial_dynamics.close(m, c)
+def close(m, q):
+    """Close the loops by the dependent coordinates; False if they don't."""
+    _take(m, q)
+    closes = False
+    for _ in range(_TRIES):
+        closes = closes or loop_closure.close(m, 0.0)
+        rebase(m)
+    _give(m)
+    return closes
+
+
+@njit(**OPTIONS)
+def _stand(m, t):
+    """Closed loops with consistent speeds and, by those of independent coordinates, accelerations; the outcome."""
+    apart()
+    m.pivots[PASSING] = 1  # positions as exact as near change points, as readers take derivatives by differences
+    if not close_all(m, t) or (rebase(m) and not close_all(m, t)):
+        return OPEN
+    if m.plan[KEPT_ROWS] < m.plan[REACTIONS]:
+        for row in range(m.plan[REACTIONS]):
+            if not abs(m.rows[5 * row][0]) <= CLOSED * m.row_measure[row]:
+                return APART
+    return DONE
+
+
+@njit(**OPTIONS)
+def _project(m, t):
+    """The same with the accelerations of all coordinates and the reactions of the cuts."""
+    apart()
+    plan, w = m.plan, m.w
+    n = plan[COORDINATES]
+    for i in range(n):
+        w[plan[ACCEL] + i] = 0.0
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = 0.0
+    outcome = _stand(m, t)
+    if outcome != DONE:
+        return outcome
+    demand(m, t)
+    if not reduction.react(m):
+        return OPEN
+    if m.now[2] != 0.0:  # else drives prescribe everything: inertia does not matter
+        use(m, 0)
+        if not mend(m, t, m.real, 0.0, 1):
+            return MASSLESS
+    rebase(m)
+    _give(m)
+    for i in range(n):
+        if not abs(w[plan[ACCEL] + i]) < math.inf:
+            return INFINITE
+    return DONE
 
 
 @njit(**ENTRY)
-def project(m, c, t):
-    """State at t with accelerations; returns the outcome."""
-    outcome = spatial_instant.project(m, c, t)
+def project(m, t, q, u):
+    """State at t with accelerations and wrenches, near coordinates q with speeds u; returns the outcome."""
+    _take(m, q)
+    copy_to(m.u, u, m.plan[COORDINATES])
+    outcome = _project(m, t)
     if outcome == DONE:
-        spatial_instant.complete(m)
+        _complete(m, t)
     return outcome
 
 
-@njit(**ENTRY)
-def exert(m, c):
-    """See :func:`kaneflex.multibody.dynamics.spatial_dynamics.exerted`."""
-    return spatial_dynamics.exerted(m, c)
+@njit(**OPTIONS)
+def copy_to(out, of, count):
+    """Copy numbers."""
+    for k in range(count):
+        out[k] = of[k]
 
 
 @njit(**ENTRY)
 def pass_on(m):
-    """See :func:`kaneflex.multibody.dynamics.spatial_dynamics.pass_on`."""
-    spatial_dynamics.pass_on(m)
+    """Wrenches of the joints by multipliers of the cuts' rows alone."""
+    for n in range(m.counts[NODES]):
+        m.F[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    react(m)
+    sum_inwards(m)
 
 
 @njit(**ENTRY)
-def basis(m, c):
-    """See :func:`kaneflex.multibody.dynamics.spatial_dynamics.basis`."""
-    spatial_dynamics.basis(m, c)
+def basis(m, independent, count, out):
+    """Speeds for a unit of each independent one, (count, n), where the loops are closed."""
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    kept = plan[KEPT_ROWS]
+    for j in range(count):
+        B = after(out, n * j)
+        for s in range(n):
+            B[s] = 0.0
+        B[independent[j]] = 1.0
+        for r in range(kept):
+            w[plan[SIDE] + r] = -w[plan[GRADIENT] + n * r + independent[j]]
+        dense_lu.substitute(w, plan[LOOP], kept, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        for r in range(kept):
+            B[plan[plan[DEPENDENT] + r]] = w[plan[SIDE] + r]
 
 
 @njit(**ENTRY)
-def rates(m, c, out, works):
-    """Rates of the coordinates, and powers, after ``project``."""
-    coordinate_rates(m, m.q, m.u, out)
-    if c.counts[PRESCRIBED]:
-        reduced(m, c, m.h, c.step)
-    powers(m, c, c.step, works)
+def rates(m, out, works):
+    """Rates of the coordinates, and powers dissipated and supplied, after :func:`project`."""
+    plan, w = m.plan, m.w
+    for n in range(m.counts[OWN]):
+        out[m.own[n, 0]] = m.u[m.own[n, 1]]
+    for n in range(m.counts[BALLS]):  # 1/2 q (0, omega)
+        k, s = m.balls[n, 0], m.balls[n, 1]
+        a, b, c, d = m.q[k], m.q[k + 1], m.q[k + 2], m.q[k + 3]
+        x, y, z = m.u[s], m.u[s + 1], m.u[s + 2]
+        out[k], out[k + 1] = -0.5 * (b * x + c * y + d * z), 0.5 * (a * x + c * z - d * y)
+        out[k + 2], out[k + 3] = 0.5 * (a * y + d * x - b * z), 0.5 * (a * z + b * y - c * x)
+    powers(m)
+    works[0], works[1] = w[plan[POWER]], 0.0
+    for k in range(1, plan[WORKS]):
+        works[1] += w[plan[POWER] + k]
 
 
 @njit(**ENTRY)
 def advance(m, steps, count, out):
-    """Move rows of coordinates by rows of steps of the speeds."""
+    """Move rows of coordinates by rows of steps of the speeds: a ball turns by the rotation vector in its axes."""
     for i in range(count):
-        advanced_by(m, after(out, m.counts[COORDINATES] * i), after(steps, m.counts[SPEEDS] * i))
+        q, step = after(out, m.counts[ALL_COORDINATES] * i), after(steps, m.plan[COORDINATES] * i)
+        for n in range(m.counts[OWN]):
+            q[m.own[n, 0]] += step[m.own[n, 1]]
+        for n in range(m.counts[BALLS]):
+            s = m.balls[n, 1]
+            compose(q, m.balls[n, 0], step[s], step[s + 1], step[s + 2])
 
 
 @njit(**ENTRY)
@@ -102,37 +253,37 @@ def mass(m, unit):
 
 
 @njit(**OPTIONS)
-def _far(m, c, t):
+def _far(m, t):
     """Least number of steps from the drives' current position to that at t."""
     apart()
-    courses(m, t)
-    farthest = 0.0
-    for i in range(m.counts[DRIVEN]):
-        moved = abs(m.course[3 * i] - m.q[m.driven[i]])
-        farthest = larger(farthest, moved / c.measure[c.prescribed[i]])
+    plan, w, farthest = m.plan, m.w, 0.0
+    kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
+    for k in range(collocation.courses(m)):
+        i = plan[plan[PRESCRIBED] + k]
+        farthest = larger(farthest, abs(w[plan[COURSE] + 3 * k] - w[plan[Y] + i]) / w[plan[MEASURE] + i])
     return math.ceil(farthest / _FAR)
 
 
 @njit(**OPTIONS)
-def _grown(m, c):
+def _grown(m):
     """True if dependent speeds are large relative to the prescribed ones."""
     apart()
-    largest = driven = 0.0
-    for s in range(m.counts[SPEEDS]):
-        largest = larger(largest, abs(m.u[s]) / c.measure[s])
-    for i in range(c.counts[PRESCRIBED]):
-        s = c.prescribed[i]
-        driven = larger(driven, abs(m.u[s]) / c.measure[s])
+    plan, w, largest, driven = m.plan, m.w, 0.0, 0.0
+    for s in range(plan[COORDINATES]):
+        largest = larger(largest, abs(w[plan[RATE] + s]) / w[plan[MEASURE] + s])
+    for k in range(collocation.courses(m)):
+        s = plan[plan[PRESCRIBED] + k]
+        driven = larger(driven, abs(w[plan[RATE] + s]) / w[plan[MEASURE] + s])
     return driven > 0.0 and largest > _GROWTH * driven
 
 
 @njit(**OPTIONS)
-def _store(m, c, row):
-    """Complete an instant by velocities, accelerations and joint forces, and store it as a row."""
+def _complete(m, t):
+    """Complete an instant by the joints' wrenches and the energies of deforming bodies."""
     apart()
-    spatial_instant.complete(m)
-    spatial_dynamics.exerted(m, c)
-    _keep(m, row)
+    demand(m, t)
+    copy_to(m.along, m.h, m.plan[COORDINATES])
+    deforming(m)
 
 
 @njit(**OPTIONS)
@@ -143,7 +294,7 @@ def _keep(m, row):
 
 
 @njit(**ENTRY)
-def follow(m, c, times, count, out):
+def follow(m, times, count, out):
     """Rows at ascending times from the current position, with loops followed step by step.
 
     Returns their number; ``now`` has the last instant and its outcome: GROWN is valid, but the next ones need another
@@ -156,87 +307,85 @@ def follow(m, c, times, count, out):
         while not reached:
             if taken == _AT_ONCE:
                 return i
-            steps = _far(m, c, times[i])
+            steps = _far(m, times[i])
             reached = not steps > 1.0
             t = times[i] if reached else t + (times[i] - t) / steps
             taken += 1
-            m.now[0], m.now[1] = t, spatial_instant.project(m, c, t)
-            if m.now[1] == DONE and _grown(m, c):
+            m.now[0], m.now[1] = t, _project(m, t)
+            if m.now[1] == DONE and _grown(m):
                 m.now[1] = GROWN
             if m.now[1] != DONE:
                 return i
-        _store(m, c, after(out, m.counts[KEPT] * i))
+        _complete(m, t)
+        _keep(m, after(out, m.counts[KEPT] * i))
     return count
 
 
 @njit(**OPTIONS)
 def _given(m, given, width):
     """Set coordinates and speeds, and accelerations and inputs if they are given, too."""
-    q, u = m.counts[COORDINATES], m.counts[SPEEDS]
-    for j in range(q):
-        m.q[j] = given[j]
-    for j in range(u):
-        m.u[j] = given[q + j]
-    if width > q + u:
-        for j in range(u):
-            m.du[j] = given[q + u + j]
-        for j in range(m.counts[LOADS] + m.counts[DRIVEN]):
-            m.added[j] = given[q + 2 * u + j]
+    q, n = m.counts[ALL_COORDINATES], m.plan[COORDINATES]
+    _take(m, given)
+    copy_to(m.u, after(given, q), n)
+    if width > q + n:
+        copy_to(m.du, after(given, q + n), n)
+        copy_to(after(m.w, m.plan[INPUT]), after(given, q + 2 * n), width - q - 2 * n)
 
 
 @njit(**ENTRY)
-def near(m, c, times, count, given, width, out, whole):
+def near(m, times, count, given, width, out, whole):
     """Rows at times near given coordinates and speeds; returns their number; ``now`` as of :func:`follow`.
 
     Without ``whole`` accelerations and reactions are left out: their mass matrix takes most of the time.
     """
     for i in range(count):
+        t = times[i]
         _given(m, after(given, width * i), width)
-        m.now[0] = times[i]
-        m.now[1] = spatial_instant.project(m, c, times[i]) if whole else stand(m, c, times[i])
+        m.now[0], m.now[1] = t, _project(m, t) if whole else _stand(m, t)
         if m.now[1] != DONE:
             return i
-        row = after(out, m.counts[KEPT] * i)
-        if whole:
-            _store(m, c, row)
-        else:
-            move(m)
-            demand(m)  # springs have their energies by it
-            deforming(m)
-            _keep(m, row)
+        _give(m)
+        _complete(m, t)  # springs have their energies by it
+        _keep(m, after(out, m.counts[KEPT] * i))
     return count
 
 
 @njit(**ENTRY)
-def lacked(m, c, times, count, given, width, out):
+def lacked(m, independent, free, times, count, given, width, out):
     """Residuals of the independent speeds by given accelerations, then all speeds; otherwise as :func:`near`."""
-    free, speeds = c.counts[INDEPENDENT], m.counts[SPEEDS]
+    n = m.plan[COORDINATES]
     for i in range(count):
         _given(m, after(given, width * i), width)
-        m.now[0], m.now[1] = times[i], stand(m, c, times[i])
+        t, row = times[i], after(out, (free + n) * i)
+        for r in range(m.plan[REACTIONS]):
+            m.multipliers[r] = 0.0
+        m.now[0], m.now[1] = t, _stand(m, t)
         if m.now[1] != DONE:
             return i
-        row = after(out, (free + speeds) * i)
-        missed(m, c, False, row)
-        for j in range(speeds):
-            row[free + j] = m.u[j]
+        demand(m, t)
+        if not reduction.react(m):
+            m.now[1] = OPEN
+            return i
+        for j in range(free):
+            row[j] = m.h[independent[j]]
+        rebase(m)
+        for s in range(n):
+            row[free + s] = m.u[s]
     return count
-
-
-@njit(**ENTRY)
-def collocate(m, c, s, times, count, out, most, width):
-    """See :func:`kaneflex.multibody.time.spatial_collocation.collocate`."""
-    return spatial_collocation.collocate(m, c, s, times, count, out, most, width)
 
 
 RIGID_ENTRIES = {
-    place: void(SPACE), close: boolean(SPACE, CHOICE), project: int64(SPACE, CHOICE, float64),
-    exert: boolean(SPACE, CHOICE), pass_on: void(SPACE), basis: void(SPACE, CHOICE),
-    rates: void(SPACE, CHOICE, N, N), advance: void(SPACE, N, int64, N), mass: void(SPACE, N),
-    follow: int64(SPACE, CHOICE, N, int64, N), near: int64(SPACE, CHOICE, N, int64, N, int64, N, boolean),
-    lacked: int64(SPACE, CHOICE, N, int64, N, int64, N),
+    unfolding.courses_at: unfolding.ENTRIES[unfolding.courses_at],
+    unfolding.magnitudes_at: unfolding.ENTRIES[unfolding.magnitudes_at],
+    place: void(SPACE, N), close: boolean(SPACE, N), project: int64(SPACE, float64, N, N), pass_on: void(SPACE),
+    basis: void(SPACE, CPointer(int64), int64, N), rates: void(SPACE, N, N), advance: void(SPACE, N, int64, N),
+    mass: void(SPACE, N), follow: int64(SPACE, N, int64, N),
+    near: int64(SPACE, N, int64, N, int64, N, boolean),
+    lacked: int64(SPACE, CPointer(int64), int64, N, int64, N, int64, N),
 }  # fmt: skip
-ENTRIES = RIGID_ENTRIES | {collocate: int64(SPACE, CHOICE, STEPS, N, int64, N, int64, int64)}
-"""Functions called by Python, and their argument types; without ``collocate`` for bodies that do not deform."""
+ENTRIES = RIGID_ENTRIES | {
+    collocation.integrate: collocation.ENTRIES[collocation.integrate],
+}  # fmt: skip
+"""Functions called by Python, and their argument types; without ``integrate`` for bodies that do not deform."""
 NEAR, MOVED, LACKED = range(3)
 """Rows of :func:`near`, whole or not, or of :func:`lacked`."""

@@ -25,20 +25,36 @@ from kaneflex.multibody.dynamics.algebra import (
     twist_at,
 )
 from kaneflex.multibody.dynamics.spatial_bushings import FORCE, MOMENT, cushion
-from kaneflex.multibody.dynamics.spatial_kinematics import freedoms, relative
-from kaneflex.multibody.dynamics.spatial_work import BODIES, BUSHINGS, FORCES, NODES, SPEEDS, SPRINGS, TORQUES, TWISTS
-from kaneflex.multibody.model.layout import COUPLING, MODAL, OPTIONS, SQUARE, apart
+from kaneflex.multibody.dynamics.spatial_kinematics import freedoms, goes, relative, stands
+from kaneflex.multibody.dynamics.spatial_work import (
+    BODIES,
+    BUSHINGS,
+    CUTS,
+    FORCES,
+    LOADS,
+    NODES,
+    OBSERVED,
+    SPEEDS,
+    SPRINGS,
+    TORQUES,
+    TWISTS,
+)  # fmt: skip
+from kaneflex.multibody.model.layout import COUPLING, INPUT, MAGNITUDES, MODAL, OPTIONS, SIZE, SQUARE, X, apart, kernel
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.spatial_layout import (
     BODY,
-    COORDINATE,
+    COINCIDE,
     COUNT,
+    FIRST,
     KIND,
     PARENT,
+    ROW,
     ROW_OF,
+    SECOND,
     SHAPES,
     SPEED,
     STATION,
+    WHAT,
 )
 from kaneflex.support.inner import once
 
@@ -46,12 +62,29 @@ _OWN = len(laws.BODY)
 """Numbers of a rigid body, which precede those of its shapes."""
 
 
+@njit(**OPTIONS)
+def load_sizes(m, t):
+    """Magnitudes of the loads, which may depend on joint coordinates and their rates."""
+    apart()
+    plan, w = m.plan, m.w
+    for i in range(m.counts[OBSERVED]):
+        at, node = plan[X] + m.observed[i, 0], m.observed[i, 1]
+        w[at], w[at + 1] = stands(m, node), goes(m, node, m.u)
+    kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
+    for i in range(m.counts[LOADS]):
+        m.sizes[i] += w[plan[INPUT] + i]
+
+
 @once
 @njit(**OPTIONS)
-def demand(m):
-    """Fill F, the bodies' inertia forces less loads and springs, and h, all of them along the speeds."""
+def demand(m, t):
+    """Residual of the equations of motion along every coordinate of the tree, h, and the joints' wrenches.
+
+    The bodies' inertia forces less loads, springs and reactions of the cuts, F, are summed inwards.
+    """
     apart()
     x = m.x
+    load_sizes(m, t)
     for s in range(m.counts[SPEEDS]):
         m.h[s] = 0.0
     for n in range(m.counts[NODES]):
@@ -59,18 +92,36 @@ def demand(m):
         m.F[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if own < 0:
             continue
-        w, e = turned_back(m.R, 3 * n, m.w[n]), turned_back(m.R, 3 * n, m.e[n])
+        w, e = turned_back(m.R, 3 * n, m.omega[n]), turned_back(m.R, 3 * n, m.e[n])
         a = turned_back(m.R, 3 * n, minus(m.a[n], m.gravity[0]))
         m.x3[0], m.x3[1], m.x3[2] = w, a, e
-        laws.demand(m.p, own, x, 0, x, 9)
+        laws.demand(m.block, own, x, 0, x, 9)
         if m.nodes[n, KIND] == SHAPES:
-            q, u, shapes = m.nodes[n, COORDINATE], m.nodes[n, SPEED], m.nodes[n, COUNT]
-            shape_laws.shaped_demand(m.p, own + _OWN, shapes, x, 0, m.q, q, m.u, u, m.du, x, 9, m.h, u, x, 15)
+            u, shapes = m.nodes[n, SPEED], m.nodes[n, COUNT]
+            shape_laws.shaped_demand(m.block, own + _OWN, shapes, x, 0, m.y, u, m.u, u, m.du, x, 9, m.h, u, x, 15)
         m.F[n] = joined(turned(m.R, 3 * n, m.x3[3]), turned(m.R, 3 * n, m.x3[4]))
     _act(m)
+    react(m)
+    pass_on(m)
+
+
+@njit(**OPTIONS)
+def react(m):
+    """Subtract the reactions of the cuts from the bodies' inertia forces."""
+    apart()
+    for c in range(m.counts[CUTS]):
+        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
+            push(m, m.cuts[c, FIRST], joined(m.rows[5 * j + 1], m.rows[5 * j + 2]), m.multipliers[j])
+            push(m, m.cuts[c, SECOND], joined(m.rows[5 * j + 3], m.rows[5 * j + 4]), m.multipliers[j])
+
+
+@njit(**OPTIONS)
+def pass_on(m):
+    """Wrenches of the joints, from the bodies' residuals F."""
+    apart()
     for n in range(m.counts[NODES]):
-        m.felt[n] = m.F[n]
-    gather(m, m.felt, m.h)
+        m.wrenches[n] = m.F[n]
+    gather(m, m.wrenches, m.h)
 
 
 @njit(**OPTIONS)
@@ -95,11 +146,11 @@ def _own_inertia(m, n):
         for i in range(36):
             m.x[i] = 0.0
         return
-    laws.inertia(m.p, m.nodes[n, BODY], m.x, 0)
+    laws.inertia(m.block, m.nodes[n, BODY], m.x, 0)
     if m.nodes[n, KIND] == SHAPES:
-        shapes, q = m.nodes[n, COUNT], m.nodes[n, COORDINATE]
+        shapes, q = m.nodes[n, COUNT], m.nodes[n, SPEED]
         room = 36 + (6 + shapes) * shapes
-        shape_laws.shaped_inertia(m.p, m.nodes[n, BODY] + _OWN, shapes, m.q, q, m.x, 0, m.x, room)
+        shape_laws.shaped_inertia(m.block, m.nodes[n, BODY] + _OWN, shapes, m.y, q, m.x, 0, m.x, room)
 
 
 @njit(**OPTIONS)
@@ -129,19 +180,19 @@ def inertias(m):
 
 @njit(**OPTIONS)
 def momenta(m, u, out):
-    """Generalised momenta M u of all speeds, for the ``inertias`` and directions of the place of m; fills felt."""
+    """Generalised momenta M u of all speeds, for the ``inertias`` and directions of the place of m; fills F."""
     apart()
     for s in range(m.counts[SPEEDS]):
         out[s] = 0.0
     for n in range(m.counts[NODES]):
         parent, twist = m.nodes[n, PARENT], relative(m, n, u)
         if parent >= 0:
-            twist = plus(twist, twist_at(m.felt[parent], minus(m.r[n], m.r[parent])))
-        m.felt[n] = twist
+            twist = plus(twist, twist_at(m.F[parent], minus(m.r[n], m.r[parent])))
+        m.F[n] = twist
     for n in range(m.counts[NODES]):  # from twists to momenta
-        twist, b = m.felt[n], m.nodes[n, ROW_OF]
+        twist, b = m.F[n], m.nodes[n, ROW_OF]
         if m.nodes[n, KIND] == STATION or m.frames[b, 0] != n:
-            m.felt[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            m.F[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             continue
         momentum, E, shapes = times(after(m.I, 6 * b), twist), after(m.E, m.bodies[b, COUPLING]), m.bodies[b, COUNTED]
         s, L = m.bodies[b, MODAL], after(m.L, m.bodies[b, SQUARE])
@@ -150,8 +201,8 @@ def momenta(m, u, out):
             out[s + j] += dot(E[j], twist)
             for k in range(shapes):
                 out[s + j] += L[shapes * j + k] * u[s + k]
-        m.felt[n] = momentum
-    gather(m, m.felt, out)
+        m.F[n] = momentum
+    gather(m, m.F, out)
 
 
 @njit(**OPTIONS)
@@ -175,11 +226,11 @@ def deforming(m):
     for n in range(m.counts[NODES]):
         if m.nodes[n, KIND] != SHAPES:
             continue
-        shapes, q, u = m.nodes[n, COUNT], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
+        shapes, u = m.nodes[n, COUNT], m.nodes[n, SPEED]
         weight = turned_back(m.R, 3 * n, m.gravity[0])
-        m.x3[0], m.x3[1], m.x3[2] = turned_back(m.R, 3 * n, m.v[n]), turned_back(m.R, 3 * n, m.w[n]), weight
+        m.x3[0], m.x3[1], m.x3[2] = turned_back(m.R, 3 * n, m.v[n]), turned_back(m.R, 3 * n, m.omega[n]), weight
         m.x3[3] = m.x3[4] = 0.0, 0.0, 0.0
-        shape_laws.shaped_energy(m.p, m.nodes[n, BODY] + _OWN, shapes, x, 0, m.q, q, m.u, u, x, 9)
+        shape_laws.shaped_energy(m.block, m.nodes[n, BODY] + _OWN, shapes, x, 0, m.y, u, m.u, u, x, 9)
         m.deforming[0] += x[9]
         m.deforming[1] += x[10]
         m.deforming[2] -= dot(weight, m.x3[4])
@@ -204,7 +255,8 @@ def _act(m):
     for n in range(m.counts[FORCES]):
         push(m, m.forces[n, 0], joined(m.axes[m.forces[n, 1]], nothing), m.sizes[m.forces[n, 2]])
     for n in range(m.counts[SPRINGS]):
-        (k, c, free), at = m.stiffness[n], 7 * n
+        k, c, free = m.stiffness[n]
+        at = 7 * n
         laws.pull(numbers_of(sections), m.spring_ends[n, 0], m.spring_ends[n, 1], k, c, free, m.springs, at)
         wrench = m.springs[at + 2], m.springs[at + 3], m.springs[at + 4], 0.0, 0.0, 0.0
         push(m, m.spring_ends[n, 1], wrench, 1.0)
@@ -214,7 +266,8 @@ def _act(m):
         push(m, m.torques[n, 1], moment, size)
         push(m, m.torques[n, 0], moment, -size)
     for n in range(m.counts[TWISTS]):
-        (k, c, free), one, two = m.torsion[n], m.twist_ends[n, 0], m.twist_ends[n, 1]
+        k, c, free = m.torsion[n]
+        one, two = m.twist_ends[n, 0], m.twist_ends[n, 1]
         axis, at = m.axes[m.twist_ends[n, 2]], 4 * n
         angle, rate = m.twists[at] - free, dot(axis, minus(sections[5 * two + 3], sections[5 * one + 3]))
         torque = k * angle + c * rate
@@ -224,10 +277,10 @@ def _act(m):
     for n in range(m.counts[BUSHINGS]):
         cushion(m, n)
         one, two, at, axes = m.bushing_ends[n, 0], m.bushing_ends[n, 1], 9 * n, m.bushing_ends[n, 2]
-        force = moment = nothing
+        force = about = nothing
         for j in range(3):
             force = axpy(m.bushings[at + FORCE + j], m.axes[axes + j], force)
-            moment = axpy(m.bushings[at + MOMENT + j], m.axes[axes + j], moment)
-        wrench = joined(force, moment)
+            about = axpy(m.bushings[at + MOMENT + j], m.axes[axes + j], about)
+        wrench = joined(force, about)
         push(m, two, wrench, -1.0)
         push(m, one, force_at(wrench, minus(sections[5 * two], sections[5 * one])), 1.0)

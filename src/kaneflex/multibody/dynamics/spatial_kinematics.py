@@ -29,8 +29,8 @@ from kaneflex.multibody.dynamics.algebra import (
     turned_back,
     twist_at,
 )
-from kaneflex.multibody.dynamics.spatial_work import AXES, BODIES, CUTS, NODES, SECTION, SECTIONS, SPEEDS, TWISTS
-from kaneflex.multibody.model.layout import OPTIONS, PARENT_BODY, apart
+from kaneflex.multibody.dynamics.spatial_work import AXES, CUTS, NODES, SECTION, SECTIONS, TWISTS
+from kaneflex.multibody.model.layout import OPTIONS, apart
 from kaneflex.multibody.model.spatial_layout import (
     AT,
     AXIS_1,
@@ -56,6 +56,8 @@ from kaneflex.support.inner import once
 
 _NUMBERS, _PLACE, _AXIS, _SHIFT = 6, 3, 4, 5
 """Vectors of a node's numbers, and the places of its joint's point, axis, and the joint's point in its own axes."""
+_TERMS = 16
+"""Terms of power series: those left out are below rounding up to an angle of a turn."""
 
 
 @njit(**OPTIONS)
@@ -72,35 +74,84 @@ def _turn(m, n, w, x, y, z, two):
 
 
 @njit(**OPTIONS)
-def _beyond(m, n, of, what):
-    """Angle theta or rate theta' of the section at a node whose axes follow their body's mean rotation: its shapes are
-    the next node, whose coordinates (of q) or speeds (of u) begin at COORDINATE or SPEED. Zero for other nodes."""
+def beyond(m, n, of):
+    """Angle theta (of y) or rate theta' (of speeds) of the section at a node whose axes follow their body's mean
+    rotation: its shapes are the next node. Zero for other nodes."""
     found = 0.0
     for i in range(m.nodes[n, COUNT]):
-        found += m.p[m.nodes[n, AT] + i] * of[m.nodes[n + 1, what] + i]
+        found += m.block[m.nodes[n, AT] + i] * of[m.nodes[n + 1, SPEED] + i]
     return found
 
 
 @njit(**OPTIONS)
-def stands(m, n, q):
+def stands(m, n):
     """Coordinate of a joint by its node, including the section's rotation 2 atan(theta / 2)."""
-    return q[m.nodes[n, COORDINATE]] + 2.0 * math.atan(0.5 * _beyond(m, n, q, COORDINATE))
+    return m.y[m.nodes[n, SPEED]] + 2.0 * math.atan(0.5 * beyond(m, n, m.y))
 
 
 @njit(**OPTIONS)
-def goes(m, n, q, u):
+def goes(m, n, u):
     """Rate of that coordinate."""
-    theta = _beyond(m, n, q, COORDINATE)
-    return u[m.nodes[n, SPEED]] + _beyond(m, n, u, SPEED) / (1.0 + 0.25 * theta**2)
+    theta = beyond(m, n, m.y)
+    return u[m.nodes[n, SPEED]] + beyond(m, n, u) / (1.0 + 0.25 * theta**2)
 
 
 @njit(**OPTIONS)
-def place(m):
-    """Axes and origins of all nodes, then sections and axes."""
+def turning(theta):
+    """Coefficients b, c of a rotation vector's rate, and of their own rates.
+
+    In its axes the angular velocity is omega = theta' - b theta x theta' + c theta x (theta x theta') with b = (1 - cos
+    |theta|) / |theta|^2, c = (|theta| - sin |theta|) / |theta|^3 (Sola, Deray & Atchuthan 2018, arXiv:1812.01537, eq.
+    143); the rates of b and c are the other two times theta . theta'. By their power series, to rounding up to a turn.
+    """
     apart()
-    q = m.q
+    square, b, c, b_rate, c_rate = dot(theta, theta), 1.0, 1.0, 0.0, 0.0
+    for k in range(_TERMS, 0, -1):
+        r_b = 1.0 / ((2.0 * k + 1.0) * (2.0 * k + 2.0))
+        r_c = 1.0 / ((2.0 * k + 2.0) * (2.0 * k + 3.0))
+        b_rate, c_rate = -r_b * (b + square * b_rate), -r_c * (c + square * c_rate)
+        b, c = 1.0 - r_b * square * b, 1.0 - r_c * square * c
+    return b / 2.0, c / 6.0, b_rate, c_rate / 3.0
+
+
+@njit(**OPTIONS)
+def _spun(theta, b, c, x):
+    """x - b theta x x + c theta x (theta x x)."""
+    inside()
+    first_ = cross(theta, x)
+    return axpy(c, cross(theta, first_), axpy(-b, first_, x))
+
+
+@njit(**OPTIONS)
+def spin(m, s):
+    """Angular velocity of a ball relative to its parent in its axes, and its rate by these axes; its speeds begin at
+    s."""
+    apart()
+    theta, rate = (m.y[s], m.y[s + 1], m.y[s + 2]), (m.u[s], m.u[s + 1], m.u[s + 2])
+    b, c, b_rate, c_rate = turning(theta)
+    along_, turned_ = dot(theta, rate), cross(theta, rate)
+    faster = axpy(c, cross(rate, turned_), scaled(-b_rate * along_, turned_))
+    faster = axpy(c_rate * along_, cross(theta, turned_), faster)
+    accelerated = _spun(theta, b, c, (m.du[s], m.du[s + 1], m.du[s + 2]))
+    return _spun(theta, b, c, rate), plus(accelerated, faster)
+
+
+@njit(**OPTIONS)
+def _turn_by(m, n, x, y, z):
+    """Rotate the axes of a node by a rotation vector in them."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle > 0.0:
+        share = math.sin(0.5 * angle) / angle
+        _turn(m, n, math.cos(0.5 * angle), share * x, share * y, share * z, 2.0)
+
+
+@njit(**OPTIONS)
+def place(m, first_body):
+    """Axes and origins of all nodes, then sections and axes, and twists for a unit of every speed."""
+    apart()
+    y, q = m.y, m.q
     for n in range(m.counts[NODES]):
-        kind, parent, own, k = m.nodes[n, KIND], m.nodes[n, PARENT], _NUMBERS * n, m.nodes[n, COORDINATE]
+        kind, parent, own, s = m.nodes[n, KIND], m.nodes[n, PARENT], _NUMBERS * n, m.nodes[n, SPEED]
         P = m.numbers[own + _PLACE]
         if parent >= 0:
             for i in range(3):
@@ -110,25 +161,28 @@ def place(m):
             for i in range(3):
                 m.R[3 * n + i] = m.numbers[own + i]
         if kind == SLIDE:
-            P = axpy(q[k], turned(m.R, 3 * n, m.numbers[own + _AXIS]), P)
+            P = axpy(y[s], turned(m.R, 3 * n, m.numbers[own + _AXIS]), P)
         elif kind == TURN:
-            x, y, z = scaled(math.sin(0.5 * q[k]), m.numbers[own + _AXIS])
-            _turn(m, n, math.cos(0.5 * q[k]), x, y, z, 2.0)
+            a, b, c = scaled(math.sin(0.5 * y[s]), m.numbers[own + _AXIS])
+            _turn(m, n, math.cos(0.5 * y[s]), a, b, c, 2.0)
         elif kind == BALL:
-            w, x, y, z = q[k], q[k + 1], q[k + 2], q[k + 3]
-            _turn(m, n, w, x, y, z, 2.0 / (w * w + x * x + y * y + z * z))
+            k = m.nodes[n, COORDINATE]
+            w, a, b, c = q[k], q[k + 1], q[k + 2], q[k + 3]
+            _turn(m, n, w, a, b, c, 2.0 / (w * w + a * a + b * b + c * c))
+            _turn_by(m, n, y[s], y[s + 1], y[s + 2])
         elif kind == STATION:
             P = plus(P, _deform(m, n))
         m.P[n] = P
         m.r[n] = minus(P, turned(m.R, 3 * n, m.numbers[own + _SHIFT]))
     for n in range(m.counts[TWISTS]):
-        m.twists[4 * n] = stands(m, m.twist_ends[n, 3], q)
+        m.twists[4 * n] = stands(m, m.twist_ends[n, 3])
     for n in range(m.counts[AXES]):
         on = m.axis_on[n]
         m.axes[n] = turned(m.R, 3 * on, m.axis_at[n]) if on >= 0 else m.axis_at[n]
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
         m.sections[5 * n] = plus(turned(m.R, 3 * on, m.at[n]), m.r[on]) if on >= 0 else m.at[n]
+    _directions(m)
 
 
 @once
@@ -139,9 +193,9 @@ def _shaped(m, n, row, q):
     count, o = m.nodes[n, COUNT], m.nodes[n, AT] + m.nodes[n, COUNT] * row
     x = y = z = 0.0
     for s in range(count):
-        x += m.p[o + s] * q[s]
-        y += m.p[o + count + s] * q[s]
-        z += m.p[o + 2 * count + s] * q[s]
+        x += m.block[o + s] * q[s]
+        y += m.block[o + count + s] * q[s]
+        z += m.block[o + 2 * count + s] * q[s]
     return x, y, z
 
 
@@ -154,7 +208,7 @@ def _bent(m, n, u):
     for i in range(count):
         for j in range(i + 1):  # G is symmetric
             at, share = o + count * i + j, (1.0 if i == j else 2.0) * u[i] * u[j]
-            x = axpy(share, (m.p[at], m.p[at + square], m.p[at + 2 * square]), x)
+            x = axpy(share, (m.block[at], m.block[at + square], m.block[at + 2 * square]), x)
     return x
 
 
@@ -181,7 +235,7 @@ def _deform(m, n):
     Its velocity for a unit of every shape, as G is symmetric N_j + G_jk q_k, is stored in the body's axes.
     """
     apart()
-    count, o, q, base = m.nodes[n, COUNT], m.nodes[n, AT], after(m.q, m.nodes[n, COORDINATE]), 3 * m.nodes[n, PARENT]
+    count, o, q, base = m.nodes[n, COUNT], m.nodes[n, AT], after(m.y, m.nodes[n, SPEED]), 3 * m.nodes[n, PARENT]
     _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
     for i in range(3):
         a, b, c = m.R[base + i]
@@ -190,10 +244,10 @@ def _deform(m, n):
     square, phi, nothing = count * count, after(m.phi, m.nodes[n, ROW_OF]), (0.0, 0.0, 0.0)
     moved = nothing
     for j in range(count):
-        N = v = m.p[o + j], m.p[o + count + j], m.p[o + 2 * count + j]
+        N = v = m.block[o + j], m.block[o + count + j], m.block[o + 2 * count + j]
         for s in range(count):
             at = o + count * (6 + j) + s
-            v = axpy(q[s], (m.p[at], m.p[at + square], m.p[at + 2 * square]), v)
+            v = axpy(q[s], (m.block[at], m.block[at + square], m.block[at + 2 * square]), v)
         phi[j] = joined(v, nothing)
         moved = axpy(0.5 * q[j], plus(N, v), moved)
     return turned(m.R, base, moved)
@@ -204,16 +258,16 @@ def _station_twists(m, n):
     """Global twist of a station for a unit of every shape of its body, after :func:`_deform`; of rotations T psi_j."""
     apart()
     count, o, base, phi = m.nodes[n, COUNT], m.nodes[n, AT], 3 * m.nodes[n, PARENT], after(m.phi, m.nodes[n, ROW_OF])
-    _section(m, _shaped(m, n, 3, after(m.q, m.nodes[n, COORDINATE])), (0.0, 0.0, 0.0))
+    _section(m, _shaped(m, n, 3, after(m.y, m.nodes[n, SPEED])), (0.0, 0.0, 0.0))
     for j in range(count):
         at = o + 3 * count + j
-        omega = _of_x(m, 15, (m.p[at], m.p[at + count], m.p[at + 2 * count]))
+        omega = _of_x(m, 15, (m.block[at], m.block[at + count], m.block[at + 2 * count]))
         phi[j] = joined(turned(m.R, base, first(phi[j])), turned(m.R, base, omega))
 
 
 @njit(**OPTIONS)
-def directions(m):
-    """Twists of all nodes for a unit of every speed relative to the parent, and J of the cuts, after ``place``."""
+def _directions(m):
+    """Twists of all nodes for a unit of every speed relative to the parent."""
     apart()
     for n in range(m.counts[NODES]):
         kind, s, arm = m.nodes[n, KIND], m.nodes[n, SPEED], minus(m.r[n], m.P[n])
@@ -223,21 +277,19 @@ def directions(m):
             axis = turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS])
             m.S[s] = joined(cross(axis, arm), axis)
         elif kind == BALL:
-            (a, b, c), (d, e, f), (g, h, i) = m.R[3 * n], m.R[3 * n + 1], m.R[3 * n + 2]
-            m.S[s] = joined(cross((a, d, g), arm), (a, d, g))
-            m.S[s + 1] = joined(cross((b, e, h), arm), (b, e, h))
-            m.S[s + 2] = joined(cross((c, f, i), arm), (c, f, i))
+            theta = m.y[s], m.y[s + 1], m.y[s + 2]
+            b, c, _, _ = turning(theta)
+            _ball_axis(m, n, s, arm, _spun(theta, b, c, (1.0, 0.0, 0.0)))
+            _ball_axis(m, n, s + 1, arm, _spun(theta, b, c, (0.0, 1.0, 0.0)))
+            _ball_axis(m, n, s + 2, arm, _spun(theta, b, c, (0.0, 0.0, 1.0)))
         elif kind == STATION:
             _station_twists(m, n)
-    rows(m)
-    J, speeds = m.J, m.counts[SPEEDS]
-    for c in range(m.counts[CUTS]):
-        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
-            row = after(J, speeds * j)
-            for s in range(speeds):
-                row[s] = 0.0
-            along(m, m.cuts[c, FIRST], joined(m.rows[5 * j + 1], m.rows[5 * j + 2]), 1.0, row)
-            along(m, m.cuts[c, SECOND], joined(m.rows[5 * j + 3], m.rows[5 * j + 4]), 1.0, row)
+
+
+@njit(**OPTIONS)
+def _ball_axis(m, n, s, arm, omega):
+    axis = turned(m.R, 3 * n, omega)
+    m.S[s] = joined(cross(axis, arm), axis)
 
 
 @njit(**OPTIONS)
@@ -245,23 +297,6 @@ def freedoms(m, n):
     """Number of speeds of a joint's node."""
     kind = m.nodes[n, KIND]
     return 3 if kind == BALL else 1 if kind == TURN or kind == SLIDE else 0
-
-
-@njit(**OPTIONS)
-def geometry(m):
-    """Places of the bodies and axes of their joints at their origins, for factors, after ``directions``."""
-    apart()
-    for b in range(m.counts[BODIES]):
-        n, on = m.frames[b, 0], m.frames[b, 1]
-        if on >= 0:
-            m.place[b] = minus(m.r[on], m.r[m.frames[m.bodies[b, PARENT_BODY], 0]])
-            m.arm[b] = minus(m.r[n], m.r[on])
-    for n in range(m.counts[NODES]):
-        count = freedoms(m, n)
-        if count:
-            arm = minus(m.r[m.frames[m.nodes[n, ROW_OF], 0]], m.r[n])
-            for j in range(m.nodes[n, SPEED], m.nodes[n, SPEED] + count):
-                m.joint_axes[j] = twist_at(m.S[j], arm)
 
 
 @once
@@ -288,7 +323,7 @@ def along(m, section, wrench, share, out):
 
 
 @njit(**OPTIONS)
-def rows(m):
+def cut_rows(m):
     """Residuals of the cuts, their rates and Jacobians by the sections' twists."""
     apart()
     sections, axes, out = numbers_of(m.sections), numbers_of(m.axes), numbers_of(m.rows)
@@ -316,33 +351,33 @@ def relative(m, n, u):
 
 
 @njit(**OPTIONS)
-def move(m):
-    """Velocities of all nodes and sections, after ``directions``."""
+def move(m, first_body):
+    """Velocities of all nodes and sections, after ``place``."""
     apart()
     for n in range(m.counts[NODES]):
         parent, twist = m.nodes[n, PARENT], relative(m, n, m.u)
         if parent >= 0:
-            twist = plus(twist, twist_at(joined(m.v[parent], m.w[parent]), minus(m.r[n], m.r[parent])))
-        m.v[n], m.w[n] = first(twist), last(twist)
+            twist = plus(twist, twist_at(joined(m.v[parent], m.omega[parent]), minus(m.r[n], m.r[parent])))
+        m.v[n], m.omega[n] = first(twist), last(twist)
     nothing = 0.0, 0.0, 0.0
     for n in range(m.counts[SECTIONS]):
         on, at = m.on[n], 5 * n
         m.sections[at + 1] = m.sections[at + 2] = m.sections[at + 3] = m.sections[at + 4] = nothing
         if on >= 0:
-            m.sections[at + 1] = plus(m.v[on], cross(m.w[on], minus(m.sections[at], m.r[on])))
-            m.sections[at + 3] = m.w[on]
+            m.sections[at + 1] = plus(m.v[on], cross(m.omega[on], minus(m.sections[at], m.r[on])))
+            m.sections[at + 3] = m.omega[on]
 
 
 @njit(**OPTIONS)
-def accelerate(m):
-    """Accelerations of all nodes and sections, and the cuts' rows with their second rates, after ``move``."""
+def accelerate(m, first_body):
+    """Accelerations of all nodes and sections, after ``move``."""
     apart()
     u, du = m.u, m.du
     for n in range(m.counts[NODES]):
         kind, parent, s = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED]
         a = e = w = arm = 0.0, 0.0, 0.0
         if parent >= 0:
-            e, w = m.e[parent], m.w[parent]
+            e, w = m.e[parent], m.omega[parent]
             a = plus(m.a[parent], _centripetal(w, e, minus(m.P[n], m.r[parent])))
         if kind == SLIDE:
             axis = first(m.S[s])
@@ -351,20 +386,20 @@ def accelerate(m):
             axis = last(m.S[s])
             e = plus(axpy(du[s], axis, e), cross(w, scaled(u[s], axis)))
         elif kind == BALL:
-            e = plus(e, turned(m.R, 3 * n, (du[s], du[s + 1], du[s + 2])))
-            e = plus(e, cross(w, turned(m.R, 3 * n, (u[s], u[s + 1], u[s + 2]))))
+            slow, fast = spin(m, s)
+            e = plus(e, turned(m.R, 3 * n, fast))
+            e = plus(e, cross(w, turned(m.R, 3 * n, slow)))
         elif kind == STATION:
-            moved, faster, turning, e_turning = _station_accelerations(m, n)
+            moved, faster, turned_on, e_turned = _station_accelerations(m, n)
             a = plus(plus(a, faster), cross(w, scaled(2.0, moved)))
-            e = plus(plus(e, e_turning), cross(w, turning))
+            e = plus(plus(e, e_turned), cross(w, turned_on))
         arm = minus(m.r[n], m.P[n])
-        m.a[n], m.e[n] = plus(a, _centripetal(m.w[n], e, arm)), e
+        m.a[n], m.e[n] = plus(a, _centripetal(m.omega[n], e, arm)), e
     for n in range(m.counts[SECTIONS]):
         on, at = m.on[n], 5 * n
         if on >= 0:
-            m.sections[at + 2] = plus(m.a[on], _centripetal(m.w[on], m.e[on], minus(m.sections[at], m.r[on])))
+            m.sections[at + 2] = plus(m.a[on], _centripetal(m.omega[on], m.e[on], minus(m.sections[at], m.r[on])))
             m.sections[at + 4] = m.e[on]
-    rows(m)
 
 
 @njit(**OPTIONS)
@@ -373,7 +408,7 @@ def _station_accelerations(m, n):
     apart()
     u, base = after(m.u, m.nodes[n, SPEED]), 3 * m.nodes[n, PARENT]
     twist, faster = relative(m, n, m.u), relative(m, n, m.du)
-    _section(m, _shaped(m, n, 3, after(m.q, m.nodes[n, COORDINATE])), _shaped(m, n, 3, u))
+    _section(m, _shaped(m, n, 3, after(m.y, m.nodes[n, SPEED])), _shaped(m, n, 3, u))
     growing = turned(m.R, base, _bent(m, n, u)), turned(m.R, base, (m.x[24], m.x[25], m.x[26]))
     return first(twist), plus(first(faster), growing[0]), last(twist), plus(last(faster), growing[1])
 

@@ -3,89 +3,62 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass, fields
 
 import numpy as np
-from numba.types import CPointer, float64, int64
+from numba.types import float64
 
 from kaneflex.multibody.compile.values import Vectors
-from kaneflex.multibody.model.layout import Fixed, Handed, N
-from kaneflex.multibody.model.spatial_layout import COUNT, KIND, STATION, Tables
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.interactions import Numbers
+from kaneflex.multibody.model.layout import PARTS, Fixed, Handed, N
+from kaneflex.multibody.model.places import Counts, assign
+from kaneflex.multibody.model.spatial_layout import Tables
 
 SECTION = 15
-"""Numbers of a section."""
+"""Numbers of a section, and of a cut's row."""
 (
     NODES, SPEEDS, COORDINATES, SECTIONS, AXES, CUTS, ROWS, FORCES, TORQUES, SPRINGS, TWISTS, BUSHINGS, LOADS, BODIES,
-    KEPT, DRIVEN, OBSERVED, PHI, SHAPES_OF_ALL, SQUARES,
-) = range(20)  # fmt: skip
+    KEPT, DRIVEN, OBSERVED, PHI, SHAPES_OF_ALL, SQUARES, GEOMETRY, BALLS, OWN,
+) = range(23)  # fmt: skip
 """Places of ``counts``; KEPT: numbers of a row; OBSERVED: joints whose coordinates occur in magnitudes; PHI,
-SHAPES_OF_ALL, SQUARES: lengths of phi, E and L."""
+SHAPES_OF_ALL, SQUARES: lengths of phi, E and L; GEOMETRY: place in ``w`` of the first of four geometries of factors,
+of the middle of a step and of its stages; BALLS, OWN: lengths of the tables of coordinates."""
 
 _V, _W = Vectors(float64, 3), Vectors(float64, 6)
-_PARTS = {
-    "counts": Fixed(1), "nodes": Fixed(8), "numbers": _V, "bodies": Fixed(8), "frames": Fixed(2), "p": N,
-    "on": Fixed(1), "at": _V, "axis_on": Fixed(1), "axis_at": _V, "cuts": Fixed(6), "forces": Fixed(3),
-    "torques": Fixed(4), "spring_ends": Fixed(2), "stiffness": _V, "twist_ends": Fixed(4), "torsion": _V,
-    "bushing_ends": Fixed(4), "cushions": _V, "gravity": _V,
+_TABLES = {
+    "counts": Fixed(1), "nodes": Fixed(8), "numbers": _V, "frames": Fixed(2), "block": N, "on": Fixed(1), "at": _V,
+    "axis_on": Fixed(1), "axis_at": _V, "cuts": Fixed(6), "forces": Fixed(3), "torques": Fixed(4),
+    "spring_ends": Fixed(2), "stiffness": _V, "twist_ends": Fixed(4), "torsion": _V, "bushing_ends": Fixed(4),
+    "cushions": _V, "gravity": _V, "observed": Fixed(2), "K": N, "C": N, "lent": N, "row_measure": N,
+    "balls": Fixed(2), "own": Fixed(2),
 }  # fmt: skip
 _WORK = {
-    "kept": N, "q": N, "u": N, "du": N, "sizes": N, "R": _V, "r": _V, "v": _V, "w": _V, "a": _V, "e": _V,
+    "kept": N, "q": N, "u": N, "du": N, "sizes": N, "R": _V, "r": _V, "v": _V, "omega": _V, "a": _V, "e": _V,
     "wrenches": _W, "multipliers": N, "along": N, "rows": _V, "springs": N, "twists": N, "bushings": N, "deforming": N,
-    "P": _V, "S": _W, "phi": _W, "place": _V, "arm": _V, "sections": _V, "axes": _V, "J": N, "M": N, "h": N, "F": _W,
-    "felt": _W, "joint_axes": _W, "I": _W, "E": _W, "L": N, "x": N, "x3": _V,
+    "y": N, "J": N, "h": N, "I": _W, "E": _W, "L": N, "P": _V, "S": _W, "phi": _W, "sections": _V, "axes": _V, "M": N,
+    "F": _W, "alpha": N, "x": N, "x3": _V, "now": N, "mass_0": N, "mass_1": N, "mass_2": N,
 }  # fmt: skip
-_LAWS = {
-    "kernels": CPointer(int64), "law_p": N, "driven": Fixed(1), "observed": Fixed(2), "law_x": N, "course": N, "now": N,
-    "added": N, "K": N, "C": N,
-}  # fmt: skip
-SPACE = Handed("Mechanism in space", **_PARTS, **_WORK, **_LAWS)
-"""All numbers of a mechanism in space for compiled code: its tables, working arrays and laws."""
+SPACE = Handed("Mechanism in space", 6, **PARTS | {"bodies": Fixed(8)} | _TABLES | _WORK)
+"""All numbers of a mechanism in space for compiled code: those of every mechanism, its tables and working arrays.
+
+``balls``: places of every ball's quaternion in q, and of its rotation vector in y; ``own``: of all other coordinates.
+"""
 
 
-class Laws(NamedTuple):
-    """Arguments of a structure's own kernels, and the progress of rows.
+@dataclass(eq=False)
+class Instants:
+    """Stored arrays of an instant, n nodes, s speeds; of many instants, which are then the first axis.
 
     Attributes
     ----------
-    kernels : ndarray (2,)
-        Addresses of those of :data:`kaneflex.multibody.model.layout.STRUCTURE_KERNELS`.
-    p : ndarray
-        Their parameters.
-    driven : ndarray (n_driven,)
-        Coordinates of the prescribed drives.
-    observed : ndarray (n_observed, 2)
-        Place in ``x`` and node of every joint whose coordinate occurs in magnitudes.
-    x, course : ndarray
-        Input of magnitudes, and output of courses.
-    now : ndarray (2,)
-        Last instant of rows [s], and its outcome.
-    added : ndarray (n_loads + n_driven,)
-        Additions to the sizes of the loads and to the accelerations of the prescribed drives.
-    """
-
-    kernels: np.ndarray
-    p: np.ndarray
-    driven: np.ndarray
-    observed: np.ndarray
-    x: np.ndarray
-    course: np.ndarray
-    now: np.ndarray
-    added: np.ndarray
-
-
-class Work(NamedTuple):
-    """Arrays filled by the compiled functions, n nodes, b bodies, s speeds.
-
-    Attributes
-    ----------
-    kept : ndarray
-        Stored part of an instant: the following arrays, up to ``deforming``.
     q, u, du : ndarray
-        Coordinates, speeds, and rates of these.
+        Coordinates, speeds, and rates of these. A ball's four coordinates are the unit quaternion of its axes where
+        its rotation vector in ``y`` is zero.
     sizes : ndarray (n_loads,)
     R, r : ndarray (n, 3, 3), (n, 3)
         Axes and origins.
-    v, w, a, e : ndarray (n, 3)
+    v, omega, a, e : ndarray (n, 3)
         Velocity of the origin, angular velocity, acceleration of the origin, angular acceleration.
     wrenches : ndarray (n, 6)
         Force and moment about its origin that a node's joint exerts on it.
@@ -101,32 +74,8 @@ class Work(NamedTuple):
         Force and moment, energy, dissipated power, angle, see :mod:`kaneflex.multibody.dynamics.spatial_bushings`.
     deforming : ndarray (4,)
         Kinetic energy, strain energy, that of the weight [J], and dissipated power [W] of shapes.
-    P : ndarray (n, 3)
-        Position of the joint's point.
-    S : ndarray (s, 6)
-        Twist of its node's origin for a unit of every speed of a joint.
-    phi : ndarray (n_phi, 6)
-        Twist of a station for a unit of every shape of its body.
-    place, arm : ndarray (b, 3)
-        Station that a body hangs on from its parent's origin; the body's origin from there.
-    sections : ndarray (n_sections, 15)
-    axes : ndarray (n_axes, 3)
-    J : ndarray (n_rows, s)
-        Rates of the rows by the speeds.
-    M, h : ndarray (s, s), (s,)
-        Mass matrix, filled on request; generalised inertia forces less applied ones.
-    F, felt : ndarray (n, 6)
-        Inertia force and moment about its origin of a node's body, less applied ones; the same with all nodes beyond.
-    joint_axes : ndarray (s, 6)
-        S at the origins of the bodies.
-    I, E, L : ndarray (6 b, 6), (n_shapes, 6), (n_square,)
-        Inertia of every body, coupling to its shapes, and the shapes' own, see
-        :mod:`kaneflex.multibody.dynamics.articulated`.
-    x, x3 : ndarray
-        Numbers of one body or station at hand; the same by three.
     """
 
-    kept: np.ndarray
     q: np.ndarray
     u: np.ndarray
     du: np.ndarray
@@ -134,48 +83,7 @@ class Work(NamedTuple):
     R: np.ndarray
     r: np.ndarray
     v: np.ndarray
-    w: np.ndarray
-    a: np.ndarray
-    e: np.ndarray
-    wrenches: np.ndarray
-    multipliers: np.ndarray
-    along: np.ndarray
-    rows: np.ndarray
-    springs: np.ndarray
-    twists: np.ndarray
-    bushings: np.ndarray
-    deforming: np.ndarray
-    P: np.ndarray
-    S: np.ndarray
-    phi: np.ndarray
-    place: np.ndarray
-    arm: np.ndarray
-    sections: np.ndarray
-    axes: np.ndarray
-    J: np.ndarray
-    M: np.ndarray
-    h: np.ndarray
-    F: np.ndarray
-    felt: np.ndarray
-    joint_axes: np.ndarray
-    I: np.ndarray
-    E: np.ndarray
-    L: np.ndarray
-    x: np.ndarray
-    x3: np.ndarray
-
-
-class Instants(NamedTuple):
-    """Stored arrays of :class:`Work` for many instants, which are the first axis."""
-
-    q: np.ndarray
-    u: np.ndarray
-    du: np.ndarray
-    sizes: np.ndarray
-    R: np.ndarray
-    r: np.ndarray
-    v: np.ndarray
-    w: np.ndarray
+    omega: np.ndarray
     a: np.ndarray
     e: np.ndarray
     wrenches: np.ndarray
@@ -191,28 +99,106 @@ class Instants(NamedTuple):
     def of(cls, rows: np.ndarray, work: Work) -> Instants:
         """Views of rows that are each like the ``kept`` of a work."""
         parts, first = list[np.ndarray](), 0
-        for name in cls._fields:
-            one = getattr(work, name)
+        for each in fields(Instants):
+            one = getattr(work, each.name)
             parts.append(rows[:, first : first + one.size].reshape(len(rows), *one.shape))
             first += one.size
-        return cls(*parts)
+        return Instants(*parts)
 
 
-def work_of(tables: Tables, coordinates: int, speeds: int, rows: int, loads: int) -> Work:
-    """Working arrays of a mechanism."""
-    n, b, sections, axes = len(tables.nodes), len(tables.bodies), len(tables.on), len(tables.axis_on)
-    kept = ((coordinates,), (speeds,), (speeds,), (loads,), (n, 3, 3), *((n, 3),) * 5, (n, 6), (rows,), (speeds,),
-            (rows, SECTION), (len(tables.springs), 7), (len(tables.twists), 4),
-            (len(tables.bushings), 9), (4,))  # fmt: skip
-    counts = tables.bodies[:, 0]
-    phi, most = int(tables.nodes[tables.nodes[:, KIND] == STATION, COUNT].sum()), int(counts.max(initial=0))
-    rest = ((n, 3), (speeds, 6), (phi, 6), (b, 3), (b, 3), (sections, SECTION), (axes, 3), (rows, speeds),
-            (speeds, speeds), (speeds,), (n, 6), (n, 6), (speeds, 6), (6 * b, 6), (int(counts.sum()), 6),
-            (int((counts**2).sum()),), (max(64, (6 + most) ** 2),))  # fmt: skip
-    row, first = np.zeros(sum(map(math.prod, kept))), 0
-    parts = list[np.ndarray]()
-    for shape in kept:
-        parts.append(row[first : first + math.prod(shape)].reshape(shape))
-        first += math.prod(shape)
-    made = [np.zeros(shape) for shape in rest]
-    return Work(*[row, *parts, *made, made[-1]])
+@dataclass(eq=False)
+class Work(Instants):
+    """Arrays filled by the compiled functions, b bodies. Most are views of the tables' numbers w.
+
+    Attributes
+    ----------
+    kept : ndarray
+        All that is stored of an instant.
+    y : ndarray (s,)
+        Coordinates whose rates are the speeds: of a ball its rotation vector from the axes of its quaternion.
+    J : ndarray (n_rows, s)
+        Rates of the rows by the speeds, filled on request.
+    h : ndarray (s,)
+        Generalised inertia forces less applied ones and those of the cuts.
+    I, E, L : ndarray (6 b, 6), (n_shapes, 6), (n_square,)
+        Inertia of every body, coupling to its shapes, and the shapes' own, see
+        :mod:`kaneflex.multibody.dynamics.articulated`.
+    P : ndarray (n, 3)
+        Position of the joint's point.
+    S : ndarray (s, 6)
+        Twist of its node's origin for a unit of every speed of a joint.
+    phi : ndarray (n_phi, 6)
+        Twist of a station for a unit of every shape of its body.
+    sections : ndarray (n_sections, 15)
+    axes : ndarray (n_axes, 3)
+    M : ndarray (s, s)
+        Mass matrix, filled on request.
+    F : ndarray (n, 6)
+        Inertia force and moment about its origin of a node's body, less applied ones.
+    alpha : ndarray (3 s,)
+        Angular accelerations of balls in their axes at the stages of a step.
+    x, x3 : ndarray
+        Numbers of one body or station at hand; the same by three.
+    now : ndarray (3,)
+        Last instant of rows [s], its outcome, and the number of independent speeds.
+    """
+
+    kept: np.ndarray
+    y: np.ndarray
+    J: np.ndarray
+    h: np.ndarray
+    I: np.ndarray
+    E: np.ndarray
+    L: np.ndarray
+    P: np.ndarray
+    S: np.ndarray
+    phi: np.ndarray
+    sections: np.ndarray
+    axes: np.ndarray
+    M: np.ndarray
+    F: np.ndarray
+    alpha: np.ndarray
+    x: np.ndarray
+    x3: np.ndarray
+    now: np.ndarray
+
+
+def arrays_of(
+    tables: Tables, counts: Counts, coordinates: int
+) -> tuple[np.ndarray, np.ndarray, Work, dict[str, int], int]:
+    """Plan, numbers w and working arrays of a mechanism; places in w of the factors' geometries and of springs'
+    stiffness and damping; length of factors."""
+    n, b, s, rows = len(tables.nodes), counts.bodies, counts.coordinates, counts.joint_rows
+    parts = {
+        "q": (coordinates,), "u": (s,), "du": (s,), "sizes": (counts.loads,), "R": (n, 3, 3),
+        **dict.fromkeys(("r", "v", "omega", "a", "e"), (n, 3)), "wrenches": (n, 6), "multipliers": (rows,),
+        "along": (s,), "rows": (rows, SECTION), "springs": (len(tables.springs), 7), "twists": (len(tables.twists), 4),
+        "bushings": (len(tables.bushings), 9), "deforming": (4,),
+    }  # fmt: skip
+    numbers = Numbers()
+    plan, size = assign(counts, numbers)
+    lengths = [math.prod(shape) for shape in parts.values()]
+    first = numbers.room(sum(lengths))
+    places = dict(zip(parts, np.cumsum([first, *lengths]).tolist(), strict=False))
+    for what, name in ((at.RATE, "u"), (at.ACCEL, "du"), (at.SIZE, "sizes"), (at.NOW, "multipliers"), (at.CUT, "rows")):
+        plan[what] = places[name]
+    plan[at.MEASURE] = numbers.room(s)
+    springs = numbers.room(2 * (counts.ranges[5] - counts.ranges[4]))
+    geometry = numbers.room(4 * (s * (6 + rows) + 6 * counts.twists + 6 * b))
+    w = np.concatenate(numbers.parts)
+
+    def view(where: int, *shape: int) -> np.ndarray:
+        return w[where : where + math.prod(shape)].reshape(shape)
+
+    found = {name: view(places[name], *shape) for name, shape in parts.items()}
+    x = np.zeros(max(64, (6 + counts.most) ** 2))
+    found |= {
+        "y": view(plan[at.Y], s), "J": view(plan[at.GRADIENT], rows, s), "h": view(plan[at.DEMAND], s),
+        "I": view(plan[at.INERTIAS], 6 * b, 6), "E": view(plan[at.COUPLINGS], counts.coupling, 6),
+        "L": view(plan[at.MASSES], counts.square), "P": np.zeros((n, 3)), "S": np.zeros((s, 6)),
+        "phi": np.zeros((counts.twists, 6)), "sections": np.zeros((len(tables.on), SECTION)),
+        "axes": np.zeros((len(tables.axis_on), 3)), "M": np.zeros((s, s)), "F": np.zeros((n, 6)),
+        "alpha": np.zeros(3 * s), "x": x, "x3": x, "now": np.zeros(3),
+    }  # fmt: skip
+    work = Work(kept=view(first, sum(lengths)), **found)
+    return plan, w, work, {"geometry": geometry, "springs": springs}, size

@@ -13,16 +13,17 @@ from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.dynamics.forces import rests
 from kaneflex.multibody.unilateral.contacts import stand_closed
 from kaneflex.multibody.dynamics.loop_condition import orientation
-from kaneflex.multibody.dynamics.loop_closure import bent, follow, gradient, project_now, stand
+from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
 from kaneflex.multibody.time.state_record import give, row_size, standing, stands, take, works_at
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSES, CUT, CUTS, DRIVES,
-    ELASTIC, ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, LAST,
-    LAW, LOCAL, LOSING, MAGNITUDES, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC,
-    PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y,
-    apart, kernel, shifted, turned,
+    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSES, CUT, CUTS, DRIVES, ELASTIC,
+    ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, LAST, LAW, LOCAL,
+    LOSING, MAGNITUDES, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE,
+    REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y, apart, kernel, shifted,
+    turned,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.kinematics import cut_rows, deform, demand, place, prescribe
+from kaneflex.multibody.dynamics.courses import prescribe
+from kaneflex.multibody.dynamics.dimensions import bent, cut_rows, deform, demand, gradient, place
 
 
 @njit(**ENTRY)

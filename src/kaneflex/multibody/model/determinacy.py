@@ -174,7 +174,7 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
                 raise _missing(system, layout.bodies[b], own, None)
             continue
         joint = system.mechanism.joints[hung]
-        if joint.kind != "weld" and row[at.COURSE_OF] < 0:
+        if joint.kind != "weld" and tables.plan[tables.plan[at.FREED] + row[at.FIRST]]:
             axis = _axis(joint, child, placement, here)
             resists = own @ axis
             if axis @ resists <= least * (size if joint.kind == "revolute" else 1.0) ** 2:

@@ -34,18 +34,18 @@ IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
 SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE = 9, 11, 9, 6, 44
-"""Sizes of entries. A section: x, y, theta and two rates. A frame: x, y, phi, cos, sin, then two rates of x, y, phi. A
-cut's row: residual, two rates, Jacobian by the two twists. A spring: see :mod:`kaneflex.generated.joints`. A
-contact: see :mod:`kaneflex.multibody.unilateral.contacts`."""
+"""Sizes of entries in the plane. A section: x, y, theta and two rates. A frame: x, y, phi, cos, sin, then two rates of
+x, y, phi. A cut's row: residual, two rates, Jacobian by the two twists. A spring: see
+:mod:`kaneflex.generated.joints`. A contact: see :mod:`kaneflex.multibody.unilateral.contacts`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
 """First columns of ``bodies``, in the order of the tree: number of shapes n, and of coordinates of the joint; first
 coordinate of the joint, and of the shapes; the parent, or -1; first row in ``phi`` of the section of the parent that
 the body hangs on, or -1 where no shape moves it; first row in ``E``; place in ``L``. See
 :mod:`kaneflex.multibody.dynamics.articulated`."""
-BLOCK, JOINT, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, NUMBERS, DAMPED = range(8, 18)
+BLOCK, JOINT, PARENT, INBOARD, SECTIONS, LAST, ROW, NUMBERS, DAMPED = range(8, 17)
 """Further columns in the plane: place of its block of numbers; kind of its joint; the parent's section at its joint and
-its own there; the course that prescribes its joint, or -1; its first section and the one after its last; its first row
+its own there; its first section and the one after its last; its first row
 in forces over all bodies' speeds; its joint's numbers: sign, angle, and direction in the parent section's axes; place
 of its shapes' damping matrix."""
 OWNER, POINT, PHI_ROW = range(3)
@@ -125,8 +125,9 @@ them."""
     INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
     STAGE_H, LAST_A, LAST_R, RESISTING, WAYS, SLOPES, VARIED, TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X,
     TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
-    WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PLAN,
-) = range(101)  # fmt: skip
+    WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PRESCRIBED, RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS,
+    MASS_ROWS, PLAN,
+) = range(107)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
 works, kept rows; 1 if shapes are among the dependent coordinates; number of bodies, the first ones, that no
@@ -150,7 +151,10 @@ loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factor
 of its bodies, working space, coordinates by unit reactions of the kept rows and in the last row the answer, the
 reactions' effect on the cuts, reactions, required accelerations of holds, responses to a unit of each load and
 spring with slopes, their matrix, their forces. In ``plan``: 1 for every coordinate that no course prescribes, the
-pivots of either factors, those loads and springs, the pivots of their matrices."""
+pivots of either factors, those loads and springs, the pivots of their matrices, the coordinate that each course
+prescribes, or -1 if it is that of a cut. In space: in ``w`` residuals of the stages as reactions, in factors
+accelerations and reactions given for the right-hand side, in ``plan`` pivots of the stages' mass matrices, and the
+number of their rows."""
 
 
 class Tables(NamedTuple):
@@ -278,10 +282,13 @@ def kernel(typing, kernels, which):
 
 
 class Handed(types.Type):
-    """Type of a word passed to compiled code, the address of a table of addresses: attributes of these types."""
+    """Type of a word passed to compiled code, the address of a table of addresses: attributes of these types.
 
-    def __init__(self, name: str, **parts: types.Type) -> None:
-        self.parts = parts
+    ``size``: D of a mechanism, 3 in the plane, 6 in space.
+    """
+
+    def __init__(self, name: str, size: int = 0, **parts: types.Type) -> None:
+        self.parts, self.d = parts, size
         super().__init__(name)
 
 
@@ -306,12 +313,12 @@ def _part(context, builder, handed, value, name):
 
 
 Z = CPointer(complex128)
-_PARTS = {
-    "plan": Fixed(1), "bodies": Fixed(18), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
+PARTS = {
+    "plan": Fixed(1), "bodies": Fixed(17), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
     "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
 }  # fmt: skip
 MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
-    Handed(name, **_PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
+    Handed(name, 3, **PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
 )
 """All numbers of a mechanism for compiled code. ``pivots``: the plan once more, writable; ``kernels``: addresses of
 those of the structure, see :func:`kernel`; ``p``: the parameters of the structure's

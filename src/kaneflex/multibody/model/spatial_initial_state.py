@@ -8,10 +8,10 @@ from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.model.determinacy import self_equilibrated
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
+from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.multibody.time.spatial_revolutions import angle_about
-from kaneflex.multibody.time.spatial_steps import Choice
 from kaneflex.scene.spatial_check import START_SPEEDS
 from kaneflex.support.errors import SceneError
 
@@ -116,7 +116,7 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
             f"drives.{free[0]}", "free", "joints and drives leave the mechanism no degree of freedom",
             "Leave a joint or a drive out, or check their axes",
         )  # fmt: skip
-    held = np.concatenate([choice.prescribed, named])
+    held = np.concatenate([system.driven_speeds, named])
     selected = np.zeros((len(held), system.speeds))
     selected[np.arange(len(held)), held] = 1.0
     left = self_equilibrated(np.vstack([system.work.J[choice.rows] * system.measure, selected]).T)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
-from kaneflex.multibody.compile.addresses import by_address, compiling, kernel_address, kernel_of_c
-from kaneflex.multibody.compile.spatial_library import library
+from kaneflex.multibody.compile.addresses import compiling
 from kaneflex.multibody.dynamics import spatial_entries
-from kaneflex.multibody.dynamics.spatial_entries import LACKED, NEAR
-from kaneflex.multibody.dynamics.spatial_instant import DONE, check
-from kaneflex.multibody.dynamics.spatial_work import Instants, Laws, Work, work_of
+from kaneflex.multibody.dynamics.spatial_entries import DONE, LACKED, NEAR, check
+from kaneflex.multibody.dynamics.spatial_work import Instants, Work
+from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.determinacy import virtual_inertia
-from kaneflex.multibody.model.layout import STRUCTURE_KERNELS, Handle
 from kaneflex.multibody.model.module_loading import bind_parameters
+from kaneflex.multibody.model.spatial_engine import Choice, SpatialEngine, spatial_engine
 from kaneflex.multibody.model.spatial_layout import (
     AXIS,
     BALL,
@@ -42,7 +41,6 @@ from kaneflex.multibody.model.spatial_layout import (
 )  # fmt: skip
 from kaneflex.multibody.model.spatial_topology import build_tables
 from kaneflex.multibody.time.spatial_revolutions import ball_about
-from kaneflex.multibody.time.spatial_steps import Choice, Steps, blocks_of
 from kaneflex.scene import Scene
 
 _LIGHT = 1e-9
@@ -94,13 +92,12 @@ class SpatialSystem:
 
     def place(self, q: np.ndarray) -> None:
         """Positions, axes and directions in ``work``."""
-        self.work.q[:] = q
-        self._call(spatial_entries.place)
+        self.engine.call(spatial_entries.place, np.ascontiguousarray(q))
 
     def close(self, q: np.ndarray, choice: Choice) -> bool:
         """Close the loops by the dependent coordinates, in place; True if they close."""
-        self.work.q[:] = q
-        closes = self._call(spatial_entries.close, choice)
+        self.engine.choose_speeds(choice)
+        closes = self.engine.call(spatial_entries.close, q)
         q[:] = self.work.q
         return bool(closes)
 
@@ -114,8 +111,8 @@ class SpatialSystem:
         ArithmeticError
             If a loop does not close, or the rates are not determined; it says which.
         """
-        self.work.q[:], self.work.u[:] = q, u
-        check(self._call(spatial_entries.project, choice, t))
+        self.engine.choose_speeds(choice)
+        check(self.engine.call(spatial_entries.project, t, np.ascontiguousarray(q), np.ascontiguousarray(u)))
         return self.state(t, choice)
 
     def state(self, t: float, choice: Choice) -> State:
@@ -127,9 +124,10 @@ class SpatialSystem:
         """Rows of :class:`Instants` at ascending ``times`` [s] from the position of ``work`` at ``begin`` [s], by
         :func:`kaneflex.multibody.dynamics.spatial_entries.follow`; returns their number, the time of ``work`` then, and
         its outcome."""
-        self._laws.now[:] = begin, DONE
-        count = self._call(spatial_entries.follow, choice, np.ascontiguousarray(times, float), len(times), out)
-        t, outcome = self._laws.now.tolist()
+        self.engine.choose_speeds(choice)
+        self.work.now[:2] = begin, DONE
+        count = self.engine.call(spatial_entries.follow, np.ascontiguousarray(times, float), len(times), out)
+        t, outcome, _ = self.work.now.tolist()
         return count, t, int(outcome)
 
     def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray, what: int = NEAR) -> None:
@@ -141,27 +139,27 @@ class SpatialSystem:
         ArithmeticError
             As :meth:`project` does; it has the time for a second argument.
         """
+        self.engine.choose_speeds(choice)
         times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
         asked = times, len(times), given, given.shape[1], out
         try:
             if what == LACKED:
-                count = self._call(spatial_entries.lacked, choice, *asked)
+                count = self.engine.call(spatial_entries.lacked, choice.independent, len(choice.independent), *asked)
             else:
-                count = self._call(spatial_entries.near, choice, *asked, what == NEAR)
+                count = self.engine.call(spatial_entries.near, *asked, what == NEAR)
         finally:
             if given.shape[1] > self.coordinates + self.speeds:
                 self.inputs[:] = 0.0
         if count < len(times):
-            t, outcome = self._laws.now.tolist()
+            t, outcome, _ = self.work.now.tolist()
             check(int(outcome), t)
 
-    def collocate(self, choice: Choice, steps: Steps, times: np.ndarray, out: np.ndarray) -> int:
-        """See :func:`kaneflex.multibody.time.spatial_collocation.collocate`."""
-        return self._call(spatial_entries.collocate, choice, steps.handle, times, len(times), out, *out.shape)
+    def works_at(self, row: np.ndarray) -> int:
+        """Place of the works in a row of the integration."""
+        return len(row) - self.engine.count(at.WORKS)
 
-    def row(self, state: State) -> np.ndarray:
+    def row(self) -> np.ndarray:
         """Row of an instant, ``work`` being as left by :meth:`project`, (n,)."""
-        self._call(spatial_entries.exert, state.choice)
         return self.work.kept.copy()
 
     def instants(self, rows: np.ndarray) -> Instants:
@@ -174,71 +172,42 @@ class SpatialSystem:
 
     def passed_on(self, multipliers: np.ndarray) -> Instants:
         """Joint forces of multipliers of the rows alone, at the position of ``work``."""
-        self.work.F[:] = 0.0  # no inertia forces
         self.work.multipliers[:] = multipliers
-        self._call(spatial_entries.pass_on)
+        self.engine.call(spatial_entries.pass_on)
         return self.instants(self.work.kept[None])
 
     def mass(self) -> np.ndarray:
         """Mass matrix of all speeds at the position of ``work``, (speeds, speeds)."""
-        self._call(spatial_entries.mass, np.zeros(self.speeds))
+        self.engine.call(spatial_entries.mass, np.zeros(self.speeds))
         return self.work.M
 
-    def rates(self, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
+    def rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Rates q', and powers [W] dissipated by dampers and supplied by loads and prescribed drives, ``work`` being
         as left by :meth:`project`."""
         rates, powers = np.zeros(self.coordinates), np.zeros(2)
-        self._call(spatial_entries.rates, choice, rates, powers)
+        self.engine.call(spatial_entries.rates, rates, powers)
         return rates, powers
 
     def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Coordinates (n, coordinates) of q moved by steps (n, speeds) of the speeds; a ball turns in its axes."""
         out = np.tile(q, (len(steps), 1))
-        self._call(spatial_entries.advance, np.ascontiguousarray(steps), len(steps), out)
+        self.engine.call(spatial_entries.advance, np.ascontiguousarray(steps), len(steps), out)
         return out
 
     @property
     def inputs(self) -> np.ndarray:
         """Additions to the sizes of the loads and then to the accelerations of the prescribed drives."""
-        return self._laws.added
+        return self.engine.numbers(at.INPUT, self.engine.inputs)
 
     def basis(self, choice: Choice) -> np.ndarray:
         """Speeds for a unit of each independent one, (independent, speeds), where the loops are closed."""
-        self._call(spatial_entries.basis, choice)
-        return choice.basis
-
-    def _call(self, function: Any, *values: Any) -> Any:
-        """Call a library entry with this system's handle; arrays, choices and handles are passed by address."""
-        given = [by_address(value.handle if isinstance(value, Choice) else value) for value in values]
-        return library(self.coupled)[function](self._handle.address, *given)
-
-    @cached_property
-    def _handle(self) -> Handle:
-        """All arrays for compiled code, see :data:`kaneflex.multibody.dynamics.spatial_work.SPACE`."""
-        m, k, laws = self.tables, self.work, self._laws
-        counts = [
-            len(m.nodes), self.speeds, self.coordinates, len(m.on), len(m.axis_on), len(m.cuts), self.row_count,
-            len(m.forces), len(m.torques), len(m.springs), len(m.twists), len(m.bushings), len(self.mechanism.loads),
-            len(m.bodies), len(k.kept), len(self.driven), len(laws.observed), len(k.phi), len(k.E), len(k.L),
-        ]  # fmt: skip
-        return Handle(np.array(counts), *m, *k, *laws, *blocks_of(self.layout))
+        found = np.zeros((len(choice.independent), self.speeds))
+        self.engine.call(spatial_entries.basis, choice.independent, len(choice.independent), found)
+        return found
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses, which belong to one process."""
-        return {name: value for name, value in vars(self).items() if name not in ("_handle", "_laws", "_kernels")}
-
-    @cached_property
-    def _laws(self) -> Laws:
-        """Kernels of the module with their arguments; addresses are valid in this process only."""
-        reads = 3 * len(self.known_joints)  # coordinates and speeds, then accelerations
-        loads = len(self.mechanism.loads)
-        kernels = [kernel_address(getattr(self.module, name), of) for name, of in STRUCTURE_KERNELS.items()]
-        where = [[2 * self.known_joints.index(name), self.node(name)] for name in self.told_joints]
-        return Laws(
-            np.array(kernels), np.ascontiguousarray(self.parameters, float), self.driven_coordinates,
-            np.array(where, int).reshape(-1, 2), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
-            np.zeros(loads + len(self.driven)),
-        )  # fmt: skip
+        return {name: value for name, value in vars(self).items() if name != "engine"}
 
     def choice_of(self, rows: np.ndarray, dependent: np.ndarray, independent: np.ndarray) -> Choice:
         """Choice of the given rows and speeds at the position of ``work``."""
@@ -247,8 +216,7 @@ class SpatialSystem:
         if len(dependent) and self._has_light_bodies:
             free = np.isin(np.arange(self.speeds), self.open_speeds)
             lent = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
-        measures = self.measure, self.row_measure
-        return Choice(rows, dependent, self.driven_speeds, independent, lent, *measures, self.tables, self.work)
+        return Choice(rows, dependent, independent, lent)
 
     @cached_property
     def _has_light_bodies(self) -> bool:
@@ -284,9 +252,26 @@ class SpatialSystem:
         return int(sum(ROWS[what] for what in self.tables.cuts[:, WHAT]))
 
     @cached_property
+    def engine(self) -> SpatialEngine:
+        return spatial_engine(self)
+
+    @property
     def work(self) -> Work:
         """Working arrays of this system."""
-        return work_of(self.tables, self.coordinates, self.speeds, self.row_count, len(self.mechanism.loads))
+        return self.engine.work
+
+    @property
+    def has_slopes(self) -> bool:
+        """True if springs, or loads by the motion of joints, add to a step's matrix."""
+        return bool(self.mechanism.springs or (self.mechanism.loads and self.told_joints))
+
+    def state_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and speeds of a row of the integration."""
+        q, n, last, parts = np.zeros(self.coordinates), self.speeds, self.works_at(row), self.engine.parts
+        balls, (own, speeds) = parts["balls"], parts["own"].T
+        q[own] = row[1 + speeds]
+        q[balls[:, :1] + np.arange(4)] = row[last - 4 * len(balls) : last].reshape(-1, 4)
+        return q, row[1 + n : 1 + 2 * n].copy()
 
     @cached_property
     def driven(self) -> tuple[str, ...]:
@@ -337,25 +322,13 @@ class SpatialSystem:
 
     def courses(self, t: float) -> np.ndarray:
         """Coordinate, speed and acceleration of every prescribed drive, (drives, 3)."""
-        out = np.zeros(3 * len(self.driven))
-        self._kernels["courses"](t, self._laws.p.ctypes.data, out.ctypes.data, 0)
-        return out.reshape(-1, 3)
+        return self.engine.courses(np.array([t])).reshape(-1, 3)
 
     def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Sizes of all loads at many instants, (n_times, loads)."""
-        x, out = (np.zeros((len(times), n)) for n in (len(self._laws.x), len(self.mechanism.loads)))
-        where = self._laws.observed[:, 0]
+        x, where = np.zeros((len(times), 3 * len(self.known_joints))), self.engine.parts["observed"][:, 0]
         x[:, where], x[:, where + 1] = coordinates, speeds
-        kernel, p = self._kernels["magnitudes"], self._laws.p.ctypes.data
-        told, sizes = x.ctypes.data, out.ctypes.data
-        for k, t in enumerate(times.tolist()):
-            kernel(t, told + k * x.strides[0], 0, p, sizes + k * out.strides[0], 0)
-        return out
-
-    @cached_property
-    def _kernels(self) -> dict[str, Callable[..., None]]:
-        """The module's as Python calls them."""
-        return {name: kernel_of_c(getattr(self.module, name), of) for name, of in STRUCTURE_KERNELS.items()}
+        return self.engine.magnitudes(times, x, len(self.mechanism.loads))
 
     @cached_property
     def told_joints(self) -> tuple[str, ...]:

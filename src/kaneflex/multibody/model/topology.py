@@ -15,7 +15,7 @@ from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.interactions import KINDS, ROWS, Branch, Numbers, key_of, lend, list_acts
-from kaneflex.multibody.unilateral.complementarity import room_of
+from kaneflex.multibody.model.places import Counts, assign
 
 
 @dataclass(frozen=True)
@@ -70,85 +70,28 @@ def build_tables(
     index = {key: k for k, key in enumerate(_sections(mechanism, order))}
     prescribed, numbers = [name for name, drive in mechanism.drives.items() if not drive.free], Numbers()
     found = _build_bodies(mechanism, order, index, counts, blocks, numbers)
-    bodies, sections, coordinates, hold, row, square, coupling, _ = found
+    bodies, sections, coordinates, hold, row, square, coupling, twists, driven = found
     lent = lend(mechanism, order, index, bodies, numbers.parts, measure)
     acts, ranges, cut_names = list_acts(mechanism, order, bodies, index, prescribed, numbers, lent, switches)
-    plan = np.zeros(at.PLAN, np.int64)
-    n, cut_rows = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
-    touching, holds = len(mechanism.contacts) + switches, int(ranges[2] - ranges[1])
-    rigid = touching * any(contact.law == "newton" for contact in mechanism.contacts.values())
-    works = 1 + len(mechanism.loads) + len(prescribed) + holds + touching
-    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.WORKS, at.JOINT_ROWS]] = len(order), n, row, works, cut_rows
-    cut_rows += holds
-    plan[[at.REACTIONS, at.CUT_ROWS, at.RIGID]] = cut_rows + rigid, cut_rows, rigid
-    plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = ranges
-    for what, count in _lengths(plan, mechanism, found, switches).items():
-        plan[what] = numbers.room(count)
-    plan[at.CONTACT] += at.CONTACT_SIZE * holds
+    counted = Counts(
+        3, len(order), len(coordinates), len(sections), row, coupling, square, twists, int(bodies[:, at.SHAPES].max()),
+        tuple(ranges), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT]), len(mechanism.loads),
+        driven, switches, any(contact.law == "newton" for contact in mechanism.contacts.values()),
+    )  # fmt: skip
+    plan, size = assign(counted, numbers)
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
-    rows, pulls = cut_rows + touching, int(ranges[5] - ranges[3])
-    size = _in_turn(plan, 0, {
-        at.TREE_I: 9 * len(order), at.TREE_E: 3 * coupling, at.TREE_L: square, at.TREE_U: 3 * n, at.TREE_D: n,
-        at.TREE_X: 3 * len(order), at.TREE_ROOM: 3 * bodies[:, at.SHAPES].max(), at.COLUMNS: (rows + 1) * n,
-        at.SCHUR: rows**2, at.REACTION: rows, at.WANTED: 2 * holds, at.SLOPE_COLUMNS: (n + rows) * pulls,
-        at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls,
-    })  # fmt: skip
-    of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), cut_rows + rigid)
-    of_rows |= {at.FREED: n, at.TOUCHING: 3 * touching + 5 * holds} | dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS), rows)
-    of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
-    plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
     places, w = [_ground(mechanism, name) for owner, name in index if owner == GROUND], np.concatenate(numbers.parts)
-    _lay_out(plan, bodies, sections, w, places)
+    _lay_out(plan, sections, w, places)
     held = tuple((None if joint is None else joint.name, child) for _, joint, child in order)
     layout = Layout(tuple(body for body, *_ in order), held, index, *map(tuple, (cut_names, coordinates, prescribed)))
     return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
 
 
-def _lengths(plan: np.ndarray, mechanism: NumericMechanism, of: _Bodies, switches: int) -> dict[int, int]:
-    """Numbers of the motion at each place of ``plan``, whose counts are known."""
-    sections = len(of.sections)
-    bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
-    touching, loads = len(mechanism.contacts) + switches, len(mechanism.loads)
-    pulls = loads + len(mechanism.springs)
-    rows = int(plan[at.CUT_ROWS]) + touching
-    holds = int(plan[at.DRIVES] - plan[at.HOLDS])
-    joints = len(mechanism.drives) + len(mechanism.observed)
-    courses = sum(not drive.free for drive in mechanism.drives.values())
-    return {
-        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * sections, at.LOCAL: at.SEC * sections,
-        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * (rows + 1),
-        at.COURSE: 3 * courses, at.X: 3 * joints + switches, at.SIZE: loads + 2 * switches,
-        at.INPUT: loads + courses,
-        at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
-        at.JOINTS: 3 * bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
-        at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
-        at.LOOP: reactions**2, at.SIDE: reactions, at.PHI_NOW: 3 * of.twists,
-        at.INERTIAS: 9 * bodies, at.COUPLINGS: 3 * of.coupling, at.MASSES: of.square, at.AXES: 3 * n,
-        at.PHI: 3 * of.twists, at.PLACES: 3 * bodies, at.ARMS: 3 * bodies,
-        at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * rows, at.STAGE_A: 3 * n,
-        at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
-        at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
-        at.STAGE_H: 3 * holds, at.CONTACT: at.CONTACT_SIZE * (holds + touching),
-        at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: loads + 2 * switches,
-        at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,
-        at.TOUCH: at.SHARED + n * (touching + holds),
-        at.COMPLEMENT: room_of(touching, holds) * bool(plan[at.RIGID]),
-        at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + touching) * (touching > 0),
-    }  # fmt: skip
-
-
-def _in_turn(plan: np.ndarray, first: int, counts: Mapping[int, int]) -> int:
-    """Assign consecutive places from the first; returns the place after them."""
-    for what, count in counts.items():
-        plan[what], first = first, first + count
-    return first
-
-
 class _Bodies(NamedTuple):
     """Rows of bodies and sections, coordinates with stiffness and damping; numbers of speeds of all bodies, of entries
-    of L, of rows of E and of phi."""
+    of L, of rows of E and of phi; coordinate of every prescribed drive, or -1 in a cut."""
 
     bodies: np.ndarray
     sections: np.ndarray
@@ -158,6 +101,7 @@ class _Bodies(NamedTuple):
     square: int
     coupling: int
     twists: int
+    driven: list[int]
 
 
 def _build_bodies(
@@ -172,7 +116,7 @@ def _build_bodies(
     bodies = np.zeros((len(order), at.DAMPED + 1), np.int64)
     sections = np.full((len(names), 3), -1, np.int64)
     hold: list[tuple[float, float]] = []
-    row = square = coupling = twists = 0
+    row, square, coupling, twists, driven = 0, 0, 0, 0, [-1] * len(prescribed)
     for k, (body, joint, child) in enumerate(order):
         axial, transverse = counts.get(body, (0, 0))[:2]
         shapes, own = axial + transverse, [n for n, (owner, _) in enumerate(names) if owner == body]
@@ -181,24 +125,25 @@ def _build_bodies(
             twists += shapes
         stiffness, damping = blocks.elastic(body)
         if joint is None:
-            kind, units, inboard, parent, course = at.FREE, ("m", "m", "rad"), (body, "start"), 0, -1
+            kind, units, inboard, parent = at.FREE, ("m", "m", "rad"), (body, "start"), 0
             joint_numbers, held = (1.0, 0.0, 1.0, 0.0), [(0.0, 0.0)] * 3
         else:
             kind, inboard, parent = KINDS[joint.kind], key_of(joint.sides[child]), index[key_of(joint.sides[1 - child])]
             units = {at.WELD: (), at.REVOLUTE: ("rad",), at.PRISMATIC: ("m",)}[kind]
-            course = prescribed.index(joint.name) if joint.name in prescribed else -1
+            if joint.name in prescribed:
+                driven[prescribed.index(joint.name)] = len(coordinates)
             joint_numbers, held = _tree_joint(joint, child), [_holding(mechanism, joint)] * len(units)
         first, (base, _, phi) = len(coordinates), sections[parent].tolist()
         moves = base >= 0 and bodies[base, at.SHAPES] and parent != bodies[base, at.INBOARD]
         bodies[k] = (
             shapes, len(units), first, first + len(units), base, phi if moves else -1, coupling, square,
-            numbers.put(blocks.body(body)), kind, parent, index[inboard], course, own[0], own[-1] + 1, row,
+            numbers.put(blocks.body(body)), kind, parent, index[inboard], own[0], own[-1] + 1, row,
             numbers.put(joint_numbers), numbers.put(damping.ravel()),
         )  # fmt: skip
         hold += [*held, *zip(stiffness.tolist(), np.diag(damping).tolist(), strict=True)]
         coordinates += _named(body, joint, units, axial, transverse)
         row, square, coupling = row + 3 + shapes, square + shapes**2, coupling + shapes
-    return _Bodies(bodies, sections, coordinates, hold, row, square, coupling, twists)
+    return _Bodies(bodies, sections, coordinates, hold, row, square, coupling, twists, driven)
 
 
 def _from(base: str, joints: Sequence[Joint], openness: Callable[[Joint], int]) -> list[tuple[str, Joint, int]]:
@@ -220,14 +165,12 @@ def _named(
 
 
 def _lay_out(
-    plan: np.ndarray, bodies: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequence[tuple[float, float]]
+    plan: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequence[tuple[float, float]]
 ) -> None:
-    """Fill constants: free coordinates, sections of the ground, and points of bodies without shapes in their axes.
+    """Fill constants: sections of the ground, and points of bodies without shapes in their axes.
 
     Frames begin with the cosine of their initial angle, 0.
     """
-    plan[plan[at.FREED] : plan[at.FREED] + plan[at.COORDINATES]] = 1
-    plan[plan[at.FREED] + bodies[bodies[:, at.COURSE_OF] >= 0, at.FIRST]] = 0
     w[plan[at.FRAME] + 3 : plan[at.FORCE] : at.FRAME_SIZE] = 1.0
     for k, place in enumerate(ground):
         w[plan[at.SECTION] + at.SEC * k : plan[at.SECTION] + at.SEC * k + 2] = place

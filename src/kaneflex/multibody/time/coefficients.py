@@ -61,8 +61,3 @@ def basis(c, x, i):
     """Lagrange polynomial i of three nodes at x."""
     j, k = (i + 1) % 3, (i + 2) % 3
     return (x - c[j]) * (x - c[k]) / ((c[i] - c[j]) * (c[i] - c[k]))
-
-
-def integrals(table: Table, x: np.ndarray) -> np.ndarray:
-    """Integrals from 0 to x (n,) of the nodes' Lagrange polynomials, (3, n)."""
-    return _integrals(table.nodes, x).T

@@ -23,23 +23,24 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64
 
+from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics import change_points, load_derivatives
-from kaneflex.multibody.time import event_location
+from kaneflex.multibody.time import event_location, stage_residuals
 from kaneflex.multibody.unilateral import contact_linearisation, contacts, dry_friction, lugre_step, stick_slip
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.time.coefficients import TABLE, basis
 from kaneflex.multibody.dynamics.loop_condition import worn
-from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follow, follow_on, mend, middle, project_now
+from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follow, follow_on, mend, project_now
 from kaneflex.multibody.dynamics.powers import losses
-from kaneflex.multibody.time.state_record import copy, give, row_size, works_at
+from kaneflex.multibody.time.state_record import give, row_size, works_at
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACCEL_SCALE, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
-    DEMAND, DRIVES, ENTRY, FIRST, HOLDS, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, MODAL, N, NOW, OPTIONS,
-    PAIR_PIVOTS, PIVOTS, RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SLOPED,
-    SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING,
-    apart, larger, shifted, smaller,
+    ACCEL, ACCEL_SCALE, ACTS, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, ENTRY, FREED, HOLDS,
+    KEPT, LAST_A, LAST_R, LOADS, MECHANISM, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE, RATE_SCALE,
+    REACTION, REACTIONS, ROW_AT, ROW_OF, SCALE, SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C,
+    STAGE_P, STAGE_R, WORKS, Y, YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.kinematics import courses, demand, prescribe
+from kaneflex.multibody.dynamics.courses import courses, prescribe
+from kaneflex.multibody.dynamics.dimensions import assemble, demand, resist
 
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED, STRAYED = range(11)
 """Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed
@@ -89,7 +90,7 @@ def _factors(m, table, t, h, here, A, B, sloped):
     m.pivots[SLOPED] = 0
     if sloped:
         load_derivatives.find(m, t + 0.5 * h, h, here)
-    middle(m)
+    assemble(m)
     one, two = h * table.real[0], h * table.pair[0]
     if not (factorise_closed(m, one, A, plan[PIVOTS]) and factorise_closed(m, two, B, plan[PAIR_PIVOTS])):
         return False
@@ -149,30 +150,27 @@ def _improve(m, table, h, A, B):
     The drives' powers are updated, since their forces are part of the solution.
     """
     apart()
-    plan, w, into = m.plan, m.w, table.into
+    plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
     answer = plan[COLUMNS] + count * n
-    for k in range(n):
-        j = plan[RESISTING] + k
-        r_0, r_1, r_2 = w[j], w[j + n], w[j + 2 * n]
-        A[answer + k] = -(into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
-        B[answer + k] = -(into[3] * r_0 + into[4] * r_1 + into[5] * r_2)
-    dry_friction.ask(m, into, A, B)
+    stage_residuals.ask(m, table, h, A, B)
+    dry_friction.ask(m, table.into, A, B)
     solve_closed(m, A, plan[PIVOTS])
     solve_closed(m, B, plan[PAIR_PIVOTS])
     if m.pivots[SLOPED]:
         load_derivatives.correct(m, h * table.real[0], A, plan[SLOPE_PIVOTS])
         load_derivatives.correct(m, h * table.pair[0], B, plan[SLOPE_PAIR_PIVOTS])
+    stage_residuals.answered(m, A)
+    stage_residuals.answered(m, B)
     change = 0.0
     for i in range(3):
         one, two = table.out[i].real, 2.0 * table.out[3 + i]
-        for b in range(plan[BODIES]):
-            first, course = m.bodies[b, FIRST], m.bodies[b, COURSE_OF]
-            if course >= 0:
-                force = one * A[answer + first] + (two * B[answer + first]).real
-                _drive(m, i, course, force)
-                first = m.bodies[b, MODAL]
-            for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
+        for course in range(courses(m)):
+            k = plan[plan[PRESCRIBED] + course]
+            if k >= 0:
+                _drive(m, i, course, one * A[answer + k] + (two * B[answer + k]).real)
+        for k in range(n):
+            if plan[plan[FREED] + k] != 0:
                 d = one * A[answer + k] + (two * B[answer + k]).real
                 w[plan[STAGE_A] + n * i + k] += d
                 change = larger(change, h * h * abs(d) / w[plan[SCALE] + k])
@@ -194,16 +192,14 @@ def _improve(m, table, h, A, B):
 def _iterate(m, table, t, h, here, replayed, counts, A, B):
     """Solve the stage equations; return True if converged."""
     apart()
-    before, size = 0.0, m.plan[COORDINATES]
-    plan = m.plan
+    before, plan = 0.0, m.plan
     touches = plan[HOLDS] < plan[DRIVES] or plan[CONTACTS] < plan[ACTS]
     enough = _CLOSE if replayed or touches or table.ends[0] == 0.0 else _NEAR
     for iteration in range(30 if replayed else 10):
         counts[2] += 1
         for i in range(3):
-            if not _stage(m, table, t, h, i, here):
+            if not (_stage(m, table, t, h, i, here) and stage_residuals.keep(m, i, iteration == 0)):
                 return False
-            copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + size * i, size)
             if iteration > 0:
                 losses(m, m.plan[STAGE_P] + m.plan[WORKS] * i)
         lugre_step.bend(m, table, h, here)
@@ -247,7 +243,7 @@ def _error(m, table, h, here, A):
     error = 1e-12
     for k in range(n):
         error = _also(error, abs(w[at + k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
-        A[answer + k] = -step * (w[plan[DAMPING] + k] + step * w[plan[STIFFNESS] + k]) * w[at + k]
+    resist(m, step, shifted(w, at), A, answer)
     if m.pivots[YIELDING]:
         contact_linearisation.resist_defect(m, step, A, answer)
     if m.pivots[SLOPED]:
@@ -256,9 +252,8 @@ def _error(m, table, h, here, A):
     solve_closed(m, A, plan[PIVOTS])
     if m.pivots[SLOPED]:
         load_derivatives.correct(m, step, A, plan[SLOPE_PIVOTS])
-    for b in range(plan[BODIES]):
-        first = m.bodies[b, MODAL] if m.bodies[b, COURSE_OF] >= 0 else m.bodies[b, FIRST]
-        for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
+    for k in range(n):
+        if plan[plan[FREED] + k] != 0:
             missed = abs(w[at + k] + A[answer + k])
             error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
             error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
@@ -300,6 +295,7 @@ def _finish(m, table, h, end, here, A):
             here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
     copy(w, plan[STAGE_A], plan[LAST_A], 3 * n)
     copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
+    stage_residuals.settle(m)
     give(m, end, here)
     return DONE
 
@@ -316,7 +312,7 @@ def project(m, t):
 
 
 @njit(**ENTRY)
-def integrate(m, table, control, here, given, fixed, times, count, rows, counts, ends):
+def integrate(m, table, control, here, given, fixed, times, count, rows, counts, ends, wide):
     """Fill rows 1, 2, ... of a table at ``times`` [s], starting from ``here``; a step ends at each of them.
 
     ``control``: [next step, longest step, most steps to try, last row filled, steps taken, length of the last one or 0,
@@ -325,8 +321,8 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
     t, then coordinates, rates, accelerations, reactions of cut joints and holds, states of contacts and holds, works.
     ``given``: ends [s] of the ``fixed`` steps to take, including the ``times``; none for error control. Works are time
     integrals of powers (dissipation, loads, drives, holds, contacts). ``counts``: accepted and rejected steps, Newton
-    iterations, factorisations. ``ends``: ends of the steps taken. The row before a change lies behind the table's last
-    one. Returns an outcome.
+    iterations, factorisations. ``ends``: the first ``wide`` numbers of the rows at the ends of the steps taken. The row
+    before a change lies behind the table's last one. Returns an outcome.
     """
     A, B, width, touching = m.real, m.pair, row_size(m), event_location.searched(m)
     trial, found = 0.0, event_location.PASSED
@@ -401,8 +397,9 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
         solved = event_location.back(m, here) if at_once else finished == DONE
         if not at_once:
             counts[0] += 1
-            length, ends[taken] = h, end
-            taken += 1
+            for k in range(wide):
+                ends[wide * taken + k] = here[k]
+            length, taken = h, taken + 1
         if control[8] != 0.0 and found != event_location.PASSED:
             control[8] = 2.0
             for k in range(width):
@@ -432,6 +429,6 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
 
 ENTRIES = {
     project: boolean(MECHANISM, float64),
-    integrate: int64(MECHANISM, TABLE, N, N, N, int64, N, int64, N, N, N),
+    integrate: int64(MECHANISM, TABLE, N, N, N, int64, N, int64, N, N, N, int64),
 }
 """Functions called by Python, and their argument types."""

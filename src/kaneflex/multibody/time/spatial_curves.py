@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from kaneflex.mechanism.rigid_motion import not_integrated
-from kaneflex.multibody.dynamics.spatial_instant import GROWN, check
+from kaneflex.multibody.dynamics.spatial_entries import GROWN, check
 from kaneflex.multibody.model.independent_speeds import choose_anew
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.support.errors import SceneError
@@ -49,8 +49,8 @@ class Standing(Curve):
         start = self.start
         for t in times[times != start.t].tolist():
             raise not_integrated(t)
-        state = self.system.project(start.t, start.q, start.u, start.choice)
-        return np.tile(self.system.row(state), (len(times), 1))
+        self.system.project(start.t, start.q, start.u, start.choice)
+        return np.tile(self.system.row(), (len(times), 1))
 
 
 class Followed(Curve):

@@ -17,29 +17,31 @@ import numpy as np
 
 from kaneflex.integrate.by_scipy import IMPLICIT, SLOW, Pace, jacobian_of
 from kaneflex.mechanism.energy import Energy, of_bodies
+from kaneflex.multibody.dynamics.load_derivatives import DAMPED
 from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.dynamics.spatial_entries import MOVED, NEAR
-from kaneflex.multibody.dynamics.spatial_instant import DONE, GROWN, OVERTURNED, REASONS
 from kaneflex.multibody.model.independent_speeds import choose_anew
+from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
-from kaneflex.multibody.time.coefficients import RADAU, integrals
-from kaneflex.multibody.time.spatial_collocation import EVALUATIONS, GROWTH, LONGEST, OUTCOME, ROW, WANTED
+from kaneflex.multibody.time import collocation
+from kaneflex.multibody.time.run import TABLES, first_step
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.spatial_passing import EXACT, Passing
-from kaneflex.multibody.time.spatial_steps import Choice, step_size, steps_of
+from kaneflex.multibody.time.step_curves import Steps
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
 Share = Callable[[float], None]
-_GROWTH = 10.0
+_GROWTH = 8.0
 """Largest dependent speed per independent one, in their measures, before another choice is tried."""
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
 """Advice if a coupled motion cannot continue: equations of the second order in the shapes fail for large bending."""
-_PIECE = 256
-"""Steps per call of compiled code, after which a run can be interrupted."""
+_PIECE, _PATIENT = 256, 16
+"""Steps per call of compiled code, after which a run can be interrupted; the same with a choice of speeds that should
+be replaced but for which there is no better one."""
 
 
 class Run(Curve):
@@ -52,11 +54,12 @@ class Run(Curve):
         self.system, self.options, self.start = system, options, start
         self.pace, self.method = Pace(options.duration), options.forward_method
         self.ends: list[float] = []  # of the curves
-        self.curves: list[tuple[Callable[[Any], np.ndarray], State]] = []
+        self.curves: list[tuple[Any, State]] = []
         self.knots: list[float] = []  # ends of the steps
         self.first: float | None = None  # step to begin with
         self.growth = _GROWTH  # beyond which other speeds are tried
         self.works = [np.zeros(2)]
+        self.done = np.zeros(1 + len(system.inputs))  # works of dampers, loads and drives
         self.passing = Passing(system, options.forward_method, options.forward_tolerance)
         self.reason = ""  # for which the rates were not known somewhere
         self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
@@ -69,43 +72,61 @@ class Run(Curve):
 
     def _collocated(self, state: State) -> State:
         """State at the end, or where another choice of speeds is better."""
-        system, options, choice = self.system, self.options, state.choice
+        system, engine, options, choice = self.system, self.system.engine, self.options, state.choice
         scale = options.tolerance * system.measure
-        steps = steps_of(system.tables, choice, system.coordinates, scale, len(state.sizes))
         times = options.duration / options.steps * np.arange(1, options.steps + 1)
         times[-1] = options.duration
-        control = steps.control
-        control[[GROWTH, LONGEST]] = self.growth, times[0]
-        control[ROW] = np.searchsorted(times, state.t, side="right")
-        begin = state.q, state.u, state.du, self.works[-1]
-        for part, value in zip((steps.q, steps.u, steps.du, steps.works), begin, strict=True):
-            part[:] = value
-        steps.t[:] = state.t
-        largest = (abs(state.du[choice.independent]) / steps.scale[choice.independent]).max(initial=0.0)
-        control[WANTED] = min(self.first or np.inf, np.sqrt(20.0 / largest) if largest else np.inf)
-        while steps.t[0] < options.duration:
-            rows = np.zeros((_PIECE, step_size(system.coordinates, system.speeds)))
-            rows = rows[: system.collocate(choice, steps, times, rows)].copy()
-            self.pace.evaluations += int(control[EVALUATIONS])
-            control[EVALUATIONS] = 0.0
-            if len(rows):
-                self.ends.append(steps.t[0])
-                self.knots += rows[:, 1].tolist()
-                self.works += list(rows[:, 2:4])
-                self.curves.append((_Piece(rows, choice, system.coordinates), state))
-            self.share(float(steps.t[0]) / options.duration)
-            outcome = int(control[OUTCOME])
-            if outcome not in (DONE, GROWN):
-                raise self._stopped(float(steps.t[0]), REASONS[outcome], outcome == OVERTURNED)
-            if self.pace.too_slow(float(steps.t[0])):
-                raise self._stopped(float(steps.t[0]))
-            if outcome == GROWN:
-                found, self.first = system.project(float(steps.t[0]), steps.q, steps.u, choice), control[WANTED]
+        system.project(state.t, state.q, state.u, choice)
+        engine.bound(scale, system.mechanism.size)
+        here = engine.row(state.t)
+        last = system.works_at(here)
+        here[last:] = self.done
+        wanted = self.first or first_step(state.du[choice.independent], scale[choice.independent], times[0])
+        sloped = DAMPED if system.has_slopes else 0.0
+        control = np.array([wanted, times[0], _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 0.0])
+        counts, steps = np.zeros(5), np.zeros((_PIECE, len(here)))
+        while here[0] < options.duration:
+            before, left = here.copy(), times[np.searchsorted(times, here[0], side="right") :][:_PIECE]
+            aims, rows = np.concatenate([here[:1], left]), np.zeros((len(left) + 2, len(here)))
+            control[2:5] = _PATIENT if control[6] else _PIECE, 0.0, 0.0
+            engine.choose_speeds(choice)
+            ended = engine.integrate(
+                TABLES["radau"], control, here, here[:0], aims, rows, counts, steps, wide=len(here)
+            )  # fmt: skip
+            taken = steps[: int(control[4])]
+            self.pace.evaluations, counts[2] = self.pace.evaluations + 3 * int(counts[2]), 0.0
+            if len(taken):
+                self.ends.append(float(here[0]))
+                self.knots += taken[:, 0].tolist()
+                self.done = here[last:].copy()
+                self.works += [np.array([row[0], row[1:].sum()]) for row in taken[:, last:]]
+                self.curves.append((Steps(system, np.vstack([before, taken])), state))
+            self.share(float(here[0]) / options.duration)
+            control[6] = float(ended == collocation.TURNED)
+            if ended == collocation.TURNED:
+                found, self.first = self._now(here, choice), control[0]
                 better = self._better(found)
                 if better is not found:
                     return better
-                control[GROWTH] = self.growth
-        return system.project(options.duration, steps.q, steps.u, choice)
+            elif ended not in (collocation.DONE, collocation.PAUSED):
+                far = overturned(system.mechanism, system.work.bushings)  # in the last attempt
+                raise self._stopped(float(here[0]), self._reason(here, choice), far)
+            if self.pace.too_slow(float(here[0])):
+                raise self._stopped(float(here[0]))
+        return self._now(here, choice)
+
+    def _now(self, here: np.ndarray, choice: Choice) -> State:
+        """State of a row of the integration."""
+        q, u = self.system.state_of(here)
+        return self.system.project(float(here[0]), q, u, choice)
+
+    def _reason(self, here: np.ndarray, choice: Choice) -> str:
+        """Reason for which steps from a row fail."""
+        try:
+            self._now(here, choice)
+        except ArithmeticError as reason:
+            return str(reason)
+        return "the step size tends to zero"
 
     def _by_scipy(self, state: State) -> State:
         """As :meth:`_collocated`, for rigid bodies."""
@@ -153,7 +174,8 @@ class Run(Curve):
             self.curves.append((curve, state))
             self.works.append(solver.y[-2:].copy())
             self.passing.foresee(solver, state.choice, curve)
-            found = self._at(solver.t, solver.y, state)
+            (q,), (u,) = self._unpacked(solver.y[None], state)
+            found = self._at(solver.t, q, u, state)
             better = self._better(found)
             if better is not found or self.passing.step:
                 return better
@@ -181,34 +203,41 @@ class Run(Curve):
         def rates(t: float, y: np.ndarray) -> np.ndarray:
             self.pace.evaluations += 1
             try:
-                found = self._projected(t, y, state)
+                (q,), (u,) = self._unpacked(y[None], state)
+                found = self.system.project(t, q, u, state.choice)
                 if far := overturned(self.system.mechanism, self.system.work.bushings):
                     raise ArithmeticError(far[1])
             except ArithmeticError as reason:  # a shorter step may still find its way
                 if np.isfinite(y).all():
                     self.reason = str(reason)
                 return np.full(len(y), np.nan)
-            moved, powers = self.system.rates(found.choice)
+            moved, powers = self.system.rates()
             return np.concatenate([moved, found.du[found.choice.independent], powers])
 
         return rates
 
-    def _projected(self, t: float, y: np.ndarray, like: State) -> State:
-        """State of an integrator's vector."""
-        u = np.zeros(self.system.speeds)
-        u[like.choice.independent] = y[self.system.coordinates : -2]
-        return self.system.project(t, y[: self.system.coordinates], u, like.choice)
+    def _unpacked(self, y: np.ndarray, like: State) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and speeds of scipy's vectors, (n_times, .) each."""
+        u = np.zeros((len(y), self.system.speeds))
+        u[:, like.choice.independent] = y[:, self.system.coordinates : -2]
+        return y[:, : self.system.coordinates], u
 
-    def _at(self, t: float, y: np.ndarray, like: State) -> State:
+    def _states(self, curve: Callable, like: State, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and speeds of a curve, (n_times, .) each; dependent ones follow from these."""
+        if isinstance(curve, Steps):
+            return curve(times)
+        return self._unpacked(curve(times).T, like)
+
+    def _at(self, t: float, q: np.ndarray, u: np.ndarray, like: State) -> State:
         try:
-            return self._projected(t, y, like)
+            return self.system.project(t, q, u, like.choice)
         except ArithmeticError as reason:
             raise self._stopped(t, str(reason)) from None
 
     def __call__(self, t: float) -> State:
-        k = self._steps_of(np.array([t]))[0]
-        curve, like = self.curves[k]
-        return self._at(t, curve(t), like)
+        curve, like = self.curves[self._steps_of(np.array([t]))[0]]
+        (q,), (u,) = self._states(curve, like, np.array([t]))
+        return self._at(t, q, u, like)
 
     @property
     def evaluations(self) -> int:
@@ -227,9 +256,7 @@ class Run(Curve):
         begins = np.flatnonzero(np.diff(steps, prepend=-1))
         for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
             curve, like = self.curves[steps[first]]
-            y = curve(times[first:last])
-            given[first:last, :n] = y[:n].T
-            given[first:last, n + like.choice.independent] = y[n:-2].T
+            given[first:last, :n], given[first:last, n:] = self._states(curve, like, times[first:last])
             try:
                 system.near(like.choice, times[first:last], given[first:last], out[first:last], what)
             except ArithmeticError as reason:
@@ -252,8 +279,7 @@ class Run(Curve):
         kinetic, weight = kinetic + found["kinetic energy"], weight + found["weight energy"]
         return Energy(kinetic, found["strain energy"], weight, *np.array(self.works).T)
 
-    def _stopped(self, t: float, message: str = "", by_bushing: bool = False) -> SceneError:
-        far = overturned(self.system.mechanism, self.system.work.bushings) if by_bushing else None
+    def _stopped(self, t: float, message: str = "", far: tuple[str, str] | None = None) -> SceneError:
         if far:
             reason = f"the motion can't continue after t = {t:.6g} s: {far[1]}"
             return SceneError(f"springs.{far[0]}.bushing", None, reason, "Turn it less, or use a torque with a law")
@@ -270,28 +296,6 @@ class Run(Curve):
         if len(self.system.modal_speeds):
             cure = f"{BENT_FAR}, or use preset stiffened"
         return SceneError(key, None, reason, cure)
-
-
-class _Piece:
-    """Steps of the compiled integration as scipy's dense output: coordinates and independent speeds by the polynomials
-    of the stages, and works at the ends of steps."""
-
-    def __init__(self, rows: np.ndarray, choice: Choice, coordinates: int) -> None:
-        n, speeds = coordinates, rows.shape[1] // 4 - 1 - coordinates
-        self.begins, self.lengths, self.works = rows[:, 0], rows[:, 1] - rows[:, 0], rows[:, 2:4]
-        known = [*range(n), *(n + choice.independent)]
-        self.start, *self.stages = rows[:, 4:].reshape(len(rows), 4, n + speeds).transpose(1, 0, 2)[:, :, known]
-
-    def __call__(self, t: float | np.ndarray) -> np.ndarray:
-        """Columns at ``t`` [s]."""
-        times = np.atleast_1d(np.asarray(t, float))
-        k = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, None)
-        shares = integrals(RADAU, (times - self.begins[k]) / self.lengths[k])
-        found = self.start[k]
-        for stage, share in zip(self.stages, shares, strict=True):
-            found = found + (share * self.lengths[k])[:, None] * stage[k]
-        found = np.hstack([found, self.works[k]]).T
-        return found if np.ndim(t) else found[:, 0]
 
 
 def _largest(system: SpatialSystem, choice: Choice) -> float:

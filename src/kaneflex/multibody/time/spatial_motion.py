@@ -180,7 +180,7 @@ class SpatialKinematics(RigidKinematics):
         found, mechanism = system.instants(rows), system.mechanism
         nodes = [system.layout.node_of[name] for name in mechanism.bodies]
         bodies = (found.r[:, nodes], found.R[:, nodes].reshape(count, len(nodes), 9),
-                  *(part[:, nodes] for part in (found.v, found.w, found.a, found.e)))  # fmt: skip
+                  *(part[:, nodes] for part in (found.v, found.omega, found.a, found.e)))  # fmt: skip
         columns = [self._coordinate(name, found.q) for name in module.coordinates]
         wrenches = joint_wrenches(system, found).values()
         twists, between = (iter(each[:, :, 1:2].transpose(1, 2, 0)) for each in (found.twists, found.springs))

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from kaneflex.multibody.model.independent_speeds import least_singular_values
+from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time.coefficients import RADAU
-from kaneflex.multibody.time.spatial_steps import Choice
 
 EXACT = 1e-10
 """Least relative tolerance of a step over a singular position: below it, rounding leads to ever shorter steps

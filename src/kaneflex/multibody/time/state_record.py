@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.compile.values import by_size
+from kaneflex.multibody.dynamics import spatial_tree
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, BEGUN_AT, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, DRIVES, HOLDS, NOW, OPTIONS, RATE, REACTIONS,
@@ -14,7 +16,8 @@ from kaneflex.multibody.model.layout import (
 @njit(**OPTIONS)
 def row_size(m):
     """Length of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and holds, modes
-    of the holds, BEGUN_AT of the contacts, positions of stuck holds, works."""
+    of the holds, BEGUN_AT of the contacts, positions of stuck holds, in space quaternions of balls in place of these,
+    works."""
     return works_at(m) + m.plan[WORKS]
 
 
@@ -31,6 +34,30 @@ def standing(m):
 
 
 @njit(**OPTIONS)
+def stands(m, row):
+    """Set the modes of contacts and holds from a row."""
+    plan, w = m.plan, m.w
+    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
+    for k in range(held + touching):
+        w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT] = row[k]
+    dry_friction.taken(m, row, held + touching)
+
+
+@njit(**OPTIONS)
+def stored(m, row):
+    """Store the modes of contacts and holds in a row."""
+    plan, w = m.plan, m.w
+    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
+    for k in range(held + touching):
+        row[k] = w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT]
+    dry_friction.given(m, row, held + touching)
+
+
+standing, stored = by_size(standing, spatial_tree.standing), by_size(stored, spatial_tree.stored)
+stands = by_size(stands, spatial_tree.stands)
+
+
+@njit(**OPTIONS)
 def take(m, row):
     """Set the motion from a row."""
     apart()
@@ -43,16 +70,6 @@ def take(m, row):
 
 
 @njit(**OPTIONS)
-def stands(m, row):
-    """Set the modes of contacts and holds from a row."""
-    plan, w = m.plan, m.w
-    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
-    for k in range(held + touching):
-        w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT] = row[k]
-    dry_friction.taken(m, row, held + touching)
-
-
-@njit(**OPTIONS)
 def give(m, t, row):
     """Store the motion in a row, without works."""
     apart()
@@ -62,14 +79,4 @@ def give(m, t, row):
         row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
     for r in range(plan[REACTIONS]):
         row[1 + 3 * n + r] = w[plan[NOW] + r]
-    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
-    for k in range(held + touching):
-        row[1 + 3 * n + plan[REACTIONS] + k] = w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT]
-    dry_friction.given(m, row, 1 + 3 * n + plan[REACTIONS] + held + touching)
-
-
-@njit(**OPTIONS)
-def copy(w, of, into, count):
-    """Copy numbers of the tables."""
-    for k in range(count):
-        w[into + k] = w[of + k]
+    stored(m, shifted(row, 1 + 3 * n + plan[REACTIONS]))

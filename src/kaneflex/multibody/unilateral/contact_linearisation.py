@@ -13,14 +13,14 @@ from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction, lugre_step
 from kaneflex.multibody.dynamics.forces import lean, meet
 from kaneflex.multibody.unilateral.contact_numbers import EPS, at, extent, gradient_at, product, rigid
-from kaneflex.multibody.dynamics.loop_closure import bent, gradient
+from kaneflex.multibody.dynamics.courses import leave_out
+from kaneflex.multibody.dynamics.dimensions import bent, deform, gradient, move
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, COURSE_OF, DRIVES, FIRST, GAP, GAP_RATE, HOLDS, JAMS,
+    ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, DRIVES, GAP, GAP_RATE, HOLDS, JAMS,
     KEPT, LAW, NUMBERS_AT, OPTIONS, PIVOTS, RATE, REACTION, ROW_AT, SCHUR, SPEEDS, SPEED_SIZE, STIFF, TOUCHING, VISCOUS,
     YIELDING, apart, larger, shifted,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.kinematics import deform, move
 
 _NO_JAM = 1e-9
 """Share of a contact's compliance that counts as rounding."""
@@ -43,9 +43,7 @@ def along(m, c):
     for i in range(n):
         w[out + i] = 0.0
     gradient(m, row, act, plan[SPEEDS] > 3 * plan[BODIES], out)
-    for b in range(plan[BODIES]):
-        if m.bodies[b, COURSE_OF] >= 0:
-            w[out + m.bodies[b, FIRST]] = 0.0
+    leave_out(m, out)
     return out
 
 

@@ -20,12 +20,13 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.unilateral import stick_slip
+from kaneflex.multibody.dynamics.dimensions import assemble, bent
 from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.unilateral.contact_numbers import (
     EPS, at, copy_into, depth_of, extent, near, product, rigid, switches, tolerance,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.loop_closure import bent, mend, middle
+from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.compile.stand_ins import of_contacts
 from kaneflex.multibody.unilateral.discontinuous_loads import pass_zero, take_place
@@ -133,7 +134,7 @@ def change(m, here, A, wanted):
     if still:
         w[shared + FLIGHT] = wanted
     if closing:
-        middle(m)
+        assemble(m)
         m.pivots[YIELDING] = 0
         if plan[SPEEDS] > 3 * plan[BODIES]:
             bent(m)

@@ -18,7 +18,9 @@ import math
 
 from numba import njit
 
+from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.unilateral import rigid_friction
+from kaneflex.multibody.dynamics.dimensions import assemble
 from kaneflex.multibody.dynamics.forces import acceleration, lean, meet
 from kaneflex.multibody.unilateral.complementarity import (
     ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, WANTED, complement, listed, vector,
@@ -26,8 +28,8 @@ from kaneflex.multibody.unilateral.complementarity import (
 from kaneflex.multibody.unilateral.contact_numbers import EPS, at, no_force, rigid, tolerance
 from kaneflex.multibody.unilateral.contacts import LETS_GO, part
 from kaneflex.multibody.unilateral.impulse_response import answer, share, weigh
-from kaneflex.multibody.dynamics.loop_closure import follow, mend, middle
-from kaneflex.multibody.time.state_record import copy, give, works_at
+from kaneflex.multibody.dynamics.loop_closure import follow, mend
+from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.compile.stand_ins import of_contacts
 from kaneflex.multibody.model.layout import (
     ACTS, ALLOWED, APPROACH, AT, BEGAN_X, BEGAN_Y, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DRIVES, DUE,
@@ -161,7 +163,7 @@ def _jump(m, here, A, count, slips):
     apart()
     plan, w, n, rows, W = m.plan, m.w, m.plan[COORDINATES], count + slips, m.plan[COMPLEMENT]
     old, new, p = vector(m, OLD), vector(m, NEW), vector(m, IMPULSES)
-    middle(m)
+    assemble(m)
     rigid_friction.begin(m, count, slips)
     if not weigh(m, A, rows):
         return -1.0

@@ -10,11 +10,12 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.unilateral import dry_friction, lugre_step
+from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.loop_factors import column, reach
 from kaneflex.multibody.unilateral.complementarity import listed
 from kaneflex.multibody.model.layout import (
-    BODIES, COMPLEMENT, COURSE, COURSE_AT, COURSE_OF, CUT_OF, DOF, FIRST, KEPT, LOADS, MODAL, OPTIONS, POWER, RATE,
-    REACTION, SCHUR, SHAPES, SPRINGS, TOUCHING, WORKS, YIELDING, apart,
+    COMPLEMENT, COORDINATES, COURSE, COURSE_AT, CUT_OF, FREED, KEPT, LOADS, OPTIONS, POWER, PRESCRIBED, RATE,
+    REACTION, SCHUR, SPRINGS, TOUCHING, WORKS, YIELDING, apart,
 )  # fmt: skip
 
 
@@ -86,15 +87,12 @@ def share(m, A):
         w[plan[POWER] + k] = 0.0
     for r in range(m.pivots[KEPT] + m.pivots[YIELDING]):
         of = column(m, r)
-        for b in range(plan[BODIES]):
-            first, course = m.bodies[b, FIRST], m.bodies[b, COURSE_OF]
-            if course >= 0:
-                w[drives + course] += A[of + first] * A[x + r] * w[plan[COURSE] + 3 * course + 1]
-                continue
-            for k in range(first, first + m.bodies[b, DOF]):
-                w[plan[RATE] + k] += A[of + k] * A[x + r]
-        for b in range(plan[BODIES]):
-            for k in range(m.bodies[b, MODAL], m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
+        for course in range(courses(m)):
+            k = plan[plan[PRESCRIBED] + course]
+            if k >= 0:
+                w[drives + course] += A[of + k] * A[x + r] * w[plan[COURSE] + 3 * course + 1]
+        for k in range(plan[COORDINATES]):
+            if plan[plan[FREED] + k] != 0:
                 w[plan[RATE] + k] += A[of + k] * A[x + r]
         if r < m.pivots[KEPT]:
             course = m.acts[plan[plan[CUT_OF] + r], COURSE_AT]

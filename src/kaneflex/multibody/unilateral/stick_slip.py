@@ -12,11 +12,12 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.unilateral import lugre
+from kaneflex.multibody.dynamics.dimensions import assemble
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.unilateral.dry_friction import (
     BENDS, FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, stuck_rows,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.loop_closure import follow, hold_now, mend, middle
+from kaneflex.multibody.dynamics.loop_closure import follow, hold_now, mend
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
     ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, BORE, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT,
@@ -156,7 +157,7 @@ def put_back(m, t, A, level):
     apart()
     plan, w, of = m.plan, m.w, m.plan[RATE] if level else m.plan[Y]
     hold_now(m)
-    middle(m)
+    assemble(m)
     m.pivots[YIELDING] = stuck_rows(m, 0)
     if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
         return False

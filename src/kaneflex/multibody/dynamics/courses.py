@@ -1,0 +1,55 @@
+"""Prescribed courses of drives, as coordinates of the tree."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody.model.layout import (
+    ACCEL,
+    ACTS,
+    CONTACTS,
+    COURSE,
+    COURSES,
+    DRIVES,
+    HOLDS,
+    INPUT,
+    LOADS,
+    OPTIONS,
+    PRESCRIBED,
+    RATE,
+    SPRINGS,
+    WORKS,
+    Y,
+    apart,
+    kernel,
+)  # fmt: skip
+
+
+@njit(**OPTIONS)
+def courses(m):
+    """Number of drives with a prescribed course."""
+    plan = m.plan
+    acting = plan[SPRINGS] - plan[LOADS] + plan[DRIVES] - plan[HOLDS] + plan[ACTS] - plan[CONTACTS]
+    return plan[WORKS] - 1 - acting
+
+
+@njit(**OPTIONS)
+def prescribe(m, t):
+    """Set the coordinates that drives prescribe, with their rates."""
+    apart()
+    plan, w = m.plan, m.w
+    kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
+    loads = plan[SPRINGS] - plan[LOADS]
+    for k in range(courses(m)):
+        i, at = plan[plan[PRESCRIBED] + k], plan[COURSE] + 3 * k
+        w[at + 2] += w[plan[INPUT] + loads + k]
+        if i >= 0:
+            w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = w[at], w[at + 1], w[at + 2]
+
+
+@njit(**OPTIONS)
+def leave_out(m, gradient):
+    """Set a gradient's derivatives by prescribed coordinates to zero."""
+    for k in range(courses(m)):
+        if m.plan[m.plan[PRESCRIBED] + k] >= 0:
+            m.w[gradient + m.plan[m.plan[PRESCRIBED] + k]] = 0.0

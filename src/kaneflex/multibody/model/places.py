@@ -1,0 +1,145 @@
+"""Places of a mechanism's numbers in its tables, from their counts, in the plane and in space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.interactions import Numbers
+from kaneflex.multibody.unilateral.complementarity import room_of
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Counts of a mechanism.
+
+    Attributes
+    ----------
+    d : int
+        Numbers of a twist: 3 in the plane, 6 in space.
+    bodies, coordinates, sections : int
+        Bodies; coordinates of the tree; sections with nine numbers each, in the plane alone.
+    speeds, coupling, square, twists, most : int
+        In the plane speeds of all bodies; rows of E, numbers of L, rows of phi; shapes of the body with most.
+    ranges : sequence of int
+        First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, and the end.
+    joint_rows, loads, switches : int
+        Rows of the cuts; loads; switches of their laws.
+    driven : sequence of int
+        The coordinate that each course prescribes, or -1 for that of a cut.
+    rigid : bool
+        True if contacts are by Newton's law.
+    """
+
+    d: int
+    bodies: int
+    coordinates: int
+    sections: int
+    speeds: int
+    coupling: int
+    square: int
+    twists: int
+    most: int
+    ranges: tuple[int, ...]
+    joint_rows: int
+    loads: int
+    driven: Sequence[int]
+    switches: int
+    rigid: bool
+
+    @property
+    def holds(self) -> int:
+        return self.ranges[2] - self.ranges[1]
+
+    @property
+    def touching(self) -> int:
+        """Contacts and switches."""
+        return self.ranges[6] - self.ranges[5]
+
+    @property
+    def cut_rows(self) -> int:
+        """Rows of cuts and holds."""
+        return self.joint_rows + self.holds
+
+    @property
+    def courses(self) -> int:
+        return len(self.driven)
+
+    @property
+    def reactions(self) -> int:
+        return self.cut_rows + self.touching * self.rigid
+
+    @property
+    def works(self) -> int:
+        return 1 + self.loads + self.courses + self.holds + self.touching
+
+
+def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, int]:
+    """Plan with counts and places, with room in ``numbers``; length of the arrays of factors."""
+    plan = np.zeros(at.PLAN, np.int64)
+    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.WORKS]] = c.bodies, c.coordinates, c.speeds, c.works
+    plan[[at.REACTIONS, at.CUT_ROWS, at.JOINT_ROWS]] = c.reactions, c.cut_rows, c.joint_rows
+    plan[at.RIGID] = c.touching * c.rigid
+    plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = c.ranges
+    for what, count in _of_motion(c).items():
+        plan[what] = numbers.room(count)
+    plan[at.CONTACT] += at.CONTACT_SIZE * c.holds
+    n, d, pulls, in_space = c.coordinates, c.d, c.ranges[5] - c.ranges[3], c.d == 6
+    rows = c.cut_rows + c.touching + c.cut_rows * in_space  # in space rows may also remove virtual inertia
+    plan[at.MASS_ROWS] = rows
+    size = _in_turn(plan, 0, {
+        at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
+        at.TREE_X: d * c.bodies, at.TREE_ROOM: d * c.most, at.COLUMNS: (rows + 1) * n, at.SCHUR: rows**2,
+        at.REACTION: rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls, at.SLOPE_SQUARE: pulls**2,
+        at.SLOPE_FORCES: pulls, at.GIVEN: n * in_space, at.GIVEN_REACTION: c.reactions * in_space,
+    })  # fmt: skip
+    of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), c.reactions)
+    of_rows |= {at.FREED: n, at.PRESCRIBED: c.courses, at.MASS_PIVOTS: 3 * rows * in_space}
+    of_rows[at.TOUCHING] = 3 * c.touching + 5 * c.holds + c.cut_rows * in_space
+    of_rows |= dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS), rows)
+    of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
+    plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
+    plan[plan[at.FREED] : plan[at.FREED] + n] = 1
+    for k in filter(lambda each: each >= 0, c.driven):
+        plan[plan[at.FREED] + k] = 0
+    plan[plan[at.PRESCRIBED] : plan[at.PRESCRIBED] + c.courses] = c.driven
+    return plan, size
+
+
+def _of_motion(c: Counts) -> dict[int, int]:
+    """Numbers of the motion at each place of the plan."""
+    n, d, reactions, works, joints = c.coordinates, c.d, c.reactions, c.works, c.ranges[3] - c.ranges[2]
+    pulls, springs, rows = c.ranges[5] - c.ranges[3], c.ranges[5] - c.ranges[4], c.cut_rows + c.touching
+    row_size = 3 + 2 * d
+    return {
+        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * c.sections, at.LOCAL: at.SEC * c.sections,
+        at.FRAME: at.FRAME_SIZE * c.bodies * (d == 3), at.FORCE: c.speeds, at.CUT: row_size * (rows + 1),
+        at.COURSE: 3 * c.courses, at.X: 3 * joints + c.switches, at.SIZE: c.loads + 2 * c.switches,
+        at.INPUT: c.loads + c.courses,
+        at.SPRING: at.SPRING_SIZE * springs, at.SUMS: 9, at.NOW: reactions,
+        at.JOINTS: d * c.bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
+        at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
+        at.LOOP: reactions**2, at.SIDE: reactions, at.PHI_NOW: d * c.twists,
+        at.INERTIAS: d * d * c.bodies, at.COUPLINGS: d * c.coupling, at.MASSES: c.square, at.AXES: d * n,
+        at.PHI: d * c.twists, at.PLACES: 3 * c.bodies, at.ARMS: 3 * c.bodies,
+        at.MIDDLE: at.SEC * c.sections, at.MIDDLE_CUT: row_size * rows, at.STAGE_A: 3 * n,
+        at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * c.courses, at.LAST_A: 3 * n,
+        at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
+        at.STAGE_H: 3 * c.holds, at.RESISTING_R: 3 * reactions * (d == 6),
+        at.CONTACT: at.CONTACT_SIZE * (c.holds + c.touching),
+        at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: c.loads + 2 * c.switches,
+        at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,
+        at.TOUCH: at.SHARED + n * (c.touching + c.holds),
+        at.COMPLEMENT: room_of(c.touching, c.holds) * c.rigid,
+        at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + c.touching) * (c.touching > 0),
+    }  # fmt: skip
+
+
+def _in_turn(plan: np.ndarray, first: int, counts: Mapping[int, int]) -> int:
+    """Assign consecutive places from the first; returns the place after them."""
+    for what, count in counts.items():
+        plan[what], first = first, first + count
+    return first

@@ -1,0 +1,175 @@
+"""Engine of a mechanism in space: its arrays for compiled code, and the current choice of independent speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from kaneflex.multibody.compile import spatial_library
+from kaneflex.multibody.dynamics.spatial_tree import ABOUT_AXIS, ALONG_AXIS, POINTS, TWIST
+from kaneflex.multibody.dynamics.spatial_work import SPACE, Work, arrays_of
+from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.layout import STRUCTURE_KERNELS, Handle
+from kaneflex.multibody.model.places import Counts
+from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW, SPEED, STATION, Tables
+from kaneflex.multibody.model.topology import Layout as PlanarLayout
+
+_NO_NAMES = PlanarLayout((), (), {}, (), (), ())
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Independent rows of the cuts, and as many dependent speeds, with independent speeds.
+
+    Attributes
+    ----------
+    rows, dependent, independent : ndarray
+        Numbers of the rows and speeds.
+    lent : ndarray (s,)
+        Virtual inertia of speeds that nothing but the loops gives any, else 0.
+    """
+
+    rows: np.ndarray
+    dependent: np.ndarray
+    independent: np.ndarray
+    lent: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialEngine(Engine):
+    """Engine of a mechanism in space.
+
+    Attributes
+    ----------
+    parts : mapping
+        Arrays by their names in :data:`kaneflex.multibody.dynamics.spatial_work.SPACE`.
+    work : Work
+        Those that compiled functions fill.
+    deforming : bool
+        True if it uses the library of deforming bodies.
+    chosen : list
+        The current choice.
+    """
+
+    parts: Mapping[str, np.ndarray] = field(default_factory=dict)
+    work: Work = None  # type: ignore[assignment]
+    deforming: bool = False
+    chosen: list[Choice | None] = field(default_factory=lambda: [None])
+
+    def choose_speeds(self, choice: Choice) -> None:
+        """Make a choice that of the compiled functions."""
+        if self.chosen[0] is choice:
+            return
+        plan, kept = self.tables.plan, len(choice.rows)
+        cuts = np.searchsorted(self.parts["cuts"][:, ROW], choice.rows, side="right") - 1
+        for where, numbers in ((at.ROW_OF, choice.rows), (at.CUT_OF, cuts), (at.DEPENDENT, choice.dependent)):
+            plan[plan[where] : plan[where] + kept] = numbers
+        lending = np.flatnonzero(choice.lent)
+        plan[[at.KEPT, at.BENDS, at.LED, at.YIELDING]] = kept, 1, 0, len(lending)
+        plan[plan[at.TOUCHING] : plan[at.TOUCHING] + len(lending)] = lending
+        self.parts["lent"][:], self.work.now[2] = choice.lent, len(choice.independent)
+        self.chosen[0] = choice
+
+    def bound(self, scale: np.ndarray, extent: float) -> None:
+        """Prepare an integration with errors allowed in all coordinates; ``extent``: size of the mechanism [m]."""
+        self.numbers(at.SCALE, self.size)[:] = scale
+        for rates in (at.RATE_SCALE, at.ACCEL_SCALE):
+            self.numbers(rates, self.size)[:] = np.inf
+        self.numbers(at.TOUCH, at.SHARED)[at.EXTENT] = extent
+        self.numbers(at.CROSSING, at.CHANGE_POINT)[:] = -np.inf, 0.0, 0.0, -np.inf
+
+    def row(self, t: float) -> np.ndarray:
+        quaternions = self.work.q[self.parts["balls"][:, :1] + np.arange(4)].ravel()
+        return np.concatenate([[t], *self.motion, quaternions, np.zeros(self.count(at.WORKS))])
+
+    def call(self, function: Any, *values: Any) -> Any:
+        """Call an entry of :mod:`kaneflex.multibody.dynamics.spatial_entries`."""
+        return self._call(function, *values)
+
+    @cached_property
+    def _entries(self) -> Mapping[Any, Callable[..., Any]]:  # type: ignore[override]
+        return spatial_library.library(self.deforming)
+
+    @cached_property
+    def _handle(self) -> Handle:  # type: ignore[override]
+        t, kernels = self.tables, self._kernel_addresses
+        own = t._asdict() | {"pivots": t.plan, "kernels": kernels, "p": self.p, "real": self.real, "pair": self.pair}
+        every = own | dict(self.parts)
+        return Handle(*(every[name] for name in SPACE.parts))
+
+
+def spatial_engine(system: Any) -> SpatialEngine:
+    """Engine of a :class:`kaneflex.multibody.model.spatial_system.SpatialSystem`; at rest, loops not closed."""
+    m, layout, counts = system.tables, system.layout, _counts(system)
+    plan, w, work, places, size = arrays_of(m, counts, system.coordinates)
+    for place, numbers in ((plan[at.MEASURE], system.measure), (places["springs"], _springs(m))):
+        w[place : place + len(numbers)] = numbers
+    in_order = sorted(layout.shapes.items(), key=lambda each: layout.node_of[each[0]])
+    K, C = (np.concatenate([np.zeros(0), *(getattr(shapes, of).ravel() for _, shapes in in_order)])
+            for of in ("stiffness", "damping"))  # fmt: skip
+    where = [[2 * system.known_joints.index(name), system.node(name)] for name in system.told_joints]
+    balls = m.nodes[m.nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]]
+    free = (np.arange(size) for size in (system.coordinates, system.speeds))
+    own = np.column_stack([np.setdiff1d(every, first[:, None] + np.arange(wide))
+                           for every, first, wide in zip(free, balls.T, (4, 3), strict=True)])  # fmt: skip
+    real, *masses = (np.zeros(size) for _ in range(4))
+    parts = m._asdict() | vars(work) | {
+        "counts": None, "block": m.p, "axis_at": m.axes, "spring_ends": m.springs, "twist_ends": m.twists,
+        "bushing_ends": m.bushings, "observed": np.array(where, int).reshape(-1, 2), "K": K, "C": C,
+        "lent": np.zeros(system.speeds), "row_measure": system.row_measure, "own": own,
+        "balls": np.ascontiguousarray(balls),
+        **{f"mass_{i}": each for i, each in enumerate(masses)},
+    }  # fmt: skip
+    parts["counts"] = np.array([
+        len(m.nodes), system.speeds, system.coordinates, len(m.on), len(m.axis_on), len(m.cuts), system.row_count,
+        len(m.forces), len(m.torques), len(m.springs), len(m.twists), len(m.bushings), counts.loads, len(m.bodies),
+        len(work.kept), len(system.driven), len(where), len(work.phi), len(work.E), len(work.L), places["geometry"],
+        len(balls), len(own),
+    ])  # fmt: skip
+    del parts["p"], parts["bodies"]  # of the nodes; those of the engine have these names
+    tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), _acts(system, places["springs"]), w)
+    kernels = tuple(getattr(system.module, name) for name in STRUCTURE_KERNELS)
+    p = np.ascontiguousarray(system.parameters, float)
+    return SpatialEngine(
+        tables, _NO_NAMES, kernels, p, real, np.zeros(size, complex), SPACE, parts, work, system.coupled
+    )  # fmt: skip
+
+
+def _counts(system: Any) -> Counts:
+    m, shapes = system.tables, system.tables.bodies[:, at.SHAPES]
+    cuts, joints, loads = len(m.cuts), len(system.known_joints), len(system.mechanism.loads)
+    springs = len(m.springs) + len(m.twists) + 6 * len(m.bushings)
+    stations = m.nodes[m.nodes[:, KIND] == STATION, COUNT]
+    return Counts(
+        d=6, bodies=len(m.bodies), coordinates=system.speeds, sections=0, speeds=0, coupling=int(shapes.sum()),
+        square=int((shapes**2).sum()), twists=int(stations.sum()), most=int(shapes.max(initial=0)),
+        ranges=tuple(np.cumsum([0, cuts, 0, joints, loads, springs, 0]).tolist()), joint_rows=system.row_count,
+        loads=loads, driven=system.driven_speeds.tolist(), switches=0, rigid=False,
+    )  # fmt: skip
+
+
+def _springs(m: Tables) -> np.ndarray:
+    """Stiffness and damping of every row of a spring; of bushings along their axes, then about these."""
+    bushings = m.cushions.reshape(-1, 2, 6).transpose(0, 2, 1)
+    return np.concatenate([m.stiffness[:, :2].ravel(), m.torsion[:, :2].ravel(), bushings.ravel()])
+
+
+def _acts(system: Any, springs: int) -> np.ndarray:
+    """Cuts, joints in laws, loads and rows of springs, whose numbers begin at ``springs``: see ``acts`` in
+    :mod:`kaneflex.multibody.model.layout`."""
+    m = system.tables
+    found = [(what, first, second, -1, row, -1) for what, first, second, _, _, row in m.cuts.tolist()]
+    for name in system.known_joints:
+        slides = system.mechanism.joints[name].kind == "prismatic"
+        node = system.node(name) if name in system.told_joints else -1
+        found.append((at.SLIDE if slides else at.TURN, node, -1, -1, -1, -1))
+    found += [(0, -1, -1, -1, -1, -1)] * len(system.mechanism.loads)
+    rows = [(POINTS, n, 0) for n in range(len(m.springs))] + [(TWIST, n, 0) for n in range(len(m.twists))]
+    rows += [(kind, n, axis) for n in range(len(m.bushings)) for kind in (ALONG_AXIS, ABOUT_AXIS) for axis in range(3)]
+    found += [(*row, -1, -1, springs + 2 * k) for k, row in enumerate(rows)]
+    return np.array(found, np.int64).reshape(-1, 6)

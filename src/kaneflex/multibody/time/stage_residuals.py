@@ -1,0 +1,149 @@
+"""Residuals of a step's stages as right-hand sides of its Newton iteration
+
+    S x = M a,   S = M + h mu C + h^2 mu^2 K,
+
+with M a the residual of the equations of motion as forces. In the plane these forces are taken as they are. In space
+the mass matrix changes within a step, where shapes of twist have little inertia of their own: with the S of the step's
+middle the iteration diverges (links whose pins alternate between two axes need 1,574 steps instead of 313). There a
+follows by the mass matrix of each stage, factorised at its first iteration, and
+
+    x = a - S^-1 (h mu C + h^2 mu^2 K) a.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody.compile.values import by_size, copy, inside
+from kaneflex.multibody.dynamics import load_derivatives, spatial_tree
+from kaneflex.multibody.dynamics.dimensions import assemble, resist
+from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
+from kaneflex.multibody.dynamics.spatial_bushings import ANGLE, MOST
+from kaneflex.multibody.dynamics.spatial_work import BUSHINGS
+from kaneflex.multibody.model.layout import (
+    COLUMNS,
+    COORDINATES,
+    DEMAND,
+    GIVEN,
+    GIVEN_REACTION,
+    KEPT,
+    MASS_PIVOTS,
+    MASS_ROWS,
+    OPTIONS,
+    REACTION,
+    RESISTING,
+    RESISTING_R,
+    SLOPED,
+    apart,
+    shifted,
+)  # fmt: skip
+
+
+@njit(**OPTIONS)
+def keep(m, i, first):
+    """Keep the residual of stage i; False if that of space is not defined. ``first``: in the first iteration."""
+    copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + m.plan[COORDINATES] * i, m.plan[COORDINATES])
+    return True
+
+
+@njit(**OPTIONS)
+def _mass(m, i):
+    """Factors of the mass matrix of a stage."""
+    inside()
+    return m.mass_0 if i == 0 else m.mass_1 if i == 1 else m.mass_2
+
+
+@njit(**OPTIONS)
+def _keep_accelerations(m, i, first):
+    """Keep it as accelerations and reactions; False: singular, or a bushing or a ball is turned too far."""
+    apart()
+    plan, w, A = m.plan, m.w, _mass(m, i)
+    for n in range(m.counts[BUSHINGS]):
+        if not m.bushings[9 * n + ANGLE] <= MOST:
+            return False
+    if not spatial_tree.note_turns(m, i):
+        return False
+    n, kept, pivots = plan[COORDINATES], plan[KEPT], plan[MASS_PIVOTS] + plan[MASS_ROWS] * i
+    spatial_tree.use(m, i + 1)
+    if first:
+        assemble(m)
+        if not factorise_closed(m, 0.0, A, pivots):
+            return False
+    answer = plan[COLUMNS] + kept * n
+    for k in range(n):
+        A[answer + k] = -w[plan[DEMAND] + k]
+    solve_closed(m, A, pivots)
+    for k in range(n):
+        w[plan[RESISTING] + n * i + k] = A[answer + k]
+    for r in range(kept):
+        w[plan[RESISTING_R] + kept * i + r] = A[plan[REACTION] + r]
+    spatial_tree.use(m, 0)
+    return True
+
+
+@njit(**OPTIONS)
+def ask(m, table, h, A, B):
+    """Right-hand sides of the real and the complex system of the stages."""
+    plan, w, into = m.plan, m.w, table.into
+    n = plan[COORDINATES]
+    answer = plan[COLUMNS] + plan[KEPT] * n
+    for k in range(n):
+        j = plan[RESISTING] + k
+        r_0, r_1, r_2 = w[j], w[j + n], w[j + 2 * n]
+        A[answer + k] = -(into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
+        B[answer + k] = -(into[3] * r_0 + into[4] * r_1 + into[5] * r_2)
+
+
+@njit(**OPTIONS)
+def _combine(w, into, of, count, A, B, out):
+    """Stages' numbers, ``count`` each, as those of the two systems."""
+    apart()
+    for k in range(count):
+        r_0, r_1, r_2 = w[of + k], w[of + count + k], w[of + 2 * count + k]
+        A[out + k] = into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2
+        B[out + k] = into[3] * r_0 + into[4] * r_1 + into[5] * r_2
+
+
+@njit(**OPTIONS)
+def _ask_by_accelerations(m, table, h, A, B):
+    apart()
+    plan, n = m.plan, m.plan[COORDINATES]
+    _combine(m.w, table.into, plan[RESISTING], n, A, B, plan[GIVEN])
+    _combine(m.w, table.into, plan[RESISTING_R], plan[KEPT], A, B, plan[GIVEN_REACTION])
+    resist_given(m, h * table.real[0], A)
+    resist_given(m, h * table.pair[0], B)
+
+
+@njit(**OPTIONS)
+def resist_given(m, h, A):
+    """Forces -(h C + h^2 K) a of given accelerations."""
+    answer, given = m.plan[COLUMNS] + m.plan[KEPT] * m.plan[COORDINATES], shifted(A, m.plan[GIVEN])
+    resist(m, h, given, A, answer)
+    if m.pivots[SLOPED]:
+        load_derivatives.resist_defect(m, h, given, A, answer)
+
+
+@njit(**OPTIONS)
+def answered(m, A):
+    """Complete the answer."""
+    inside()
+
+
+@njit(**OPTIONS)
+def _add_given(m, A):
+    plan, n = m.plan, m.plan[COORDINATES]
+    answer = plan[COLUMNS] + plan[KEPT] * n
+    for k in range(n):
+        A[answer + k] += A[plan[GIVEN] + k]
+    for r in range(plan[KEPT]):
+        A[plan[REACTION] + r] += A[plan[GIVEN_REACTION] + r]
+
+
+@njit(**OPTIONS)
+def settle(m):
+    """Prepare the next step at the end of one."""
+    inside()
+
+
+keep, ask = by_size(keep, _keep_accelerations), by_size(ask, _ask_by_accelerations)
+answered, settle = by_size(answered, _add_given), by_size(settle, spatial_tree.settle)
