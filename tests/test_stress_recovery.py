@@ -176,7 +176,8 @@ def test_section_forces_in_space_are_those_of_the_beam(tmp_path):
     }  # fmt: skip
     sensors = "\n".join(f"{name} = {sensor}" for name, sensor in kinds.items())
     pushed = SPATIAL.replace("axis = [0, 0, 1]", "axis = [0.98, 0, 0.199]")
-    pushed = pushed.replace("8 rad/s", "4 rad/s").replace('[0.1, 0.6, 0.8], value = "1 N"', '[1, 0.3, 0.4], law = "4e5*t**2"')
+    pushed = pushed.replace("8 rad/s", "4 rad/s")
+    pushed = pushed.replace('[0.1, 0.6, 0.8], value = "1 N"', '[1, 0.3, 0.4], law = "4e5*t**2"')
     beam = 'length = "1 m", beam = {material = "aluminium", section = {rectangle = ["42 mm", "30 mm"]}, elements = 8}'
     (tmp_path / "beam.toml").write_text(pushed.format(of=beam, sensors=sensors))
     assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
