@@ -7,7 +7,7 @@ import inspect
 from numba import typeof
 from numba.extending import intrinsic
 
-from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM
+from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM
 
 
 def of_contacts(otherwise):
@@ -22,6 +22,11 @@ def of_contacts(otherwise):
 def of_holds(otherwise):
     """As :func:`of_contacts`, for mechanisms with holds."""
     return _where(otherwise, (HOLD_MECHANISM,))
+
+
+def of_plane(otherwise):
+    """As :func:`of_contacts`, for mechanisms in the plane."""
+    return _where(otherwise, (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM))
 
 
 def _where(otherwise, mechanisms):

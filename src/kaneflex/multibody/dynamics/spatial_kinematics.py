@@ -145,6 +145,7 @@ def _turn_by(m, n, x, y, z):
         _turn(m, n, math.cos(0.5 * angle), share * x, share * y, share * z, 2.0)
 
 
+@once
 @njit(**OPTIONS)
 def place(m, first_body):
     """Axes and origins of all nodes, then sections and axes, and twists for a unit of every speed."""
@@ -350,6 +351,7 @@ def relative(m, n, u):
     return twist
 
 
+@once
 @njit(**OPTIONS)
 def move(m, first_body):
     """Velocities of all nodes and sections, after ``place``."""
@@ -368,6 +370,7 @@ def move(m, first_body):
             m.sections[at + 3] = m.omega[on]
 
 
+@once
 @njit(**OPTIONS)
 def accelerate(m, first_body):
     """Accelerations of all nodes and sections, after ``move``."""

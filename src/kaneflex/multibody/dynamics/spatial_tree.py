@@ -37,6 +37,7 @@ POINTS, TWIST, ALONG_AXIS, ABOUT_AXIS = range(4)
 """Kinds of springs' rows: between two points, at a joint, of a bushing along or about one of its axes."""
 
 
+@once
 @njit(**OPTIONS)
 def use(m, i):
     """Make the geometry of the middle of a step (0) or of one of its stages (1 to 3) that of the factors."""
