@@ -197,7 +197,7 @@ def test_a_coordinate_too_many_in_a_loop_is_named(tmp_path):
     path = tmp_path / "four_bar.toml"
     asked = "".join(f'coil_{name} = {{torsional_at = "{name}", stiffness = 1}}\n' for name in ("knee", "wrist", "foot"))
     path.write_text(FOUR_BAR.replace("[solve]", f"[springs]\n{asked}[solve]"))
-    with pytest.raises(SceneError, match=r"joints\..*use the coordinates of all joints of the loop that it closes"):
+    with pytest.raises(SceneError, match=r"joints\..*use the coordinates of all joints of its loop"):
         load(read_scene(path))
 
 

@@ -184,7 +184,7 @@ class Model:
 
     @property
     def bare(self) -> bool:
-        """True if the coupled equations have no linear ones beside them, see
+        """True if a coupled model has no linear elastic equations, see
         :func:`kaneflex.solve.loading.has_elastic_stage`."""
         return self.coupled is not None and not self.equations.size
 
@@ -318,7 +318,7 @@ class Model:
     def kept_parts(self) -> dict[str, Affine]:
         """:func:`sums` of the integrated equations, with the term groups that the options keep.
 
-        Terms that are zero by structure are not in: those of a link whose motion has no such scalar, though others do.
+        Terms that are zero by structure are left out: those of a link whose motion lacks a scalar.
         """
         return keep_terms(self.reduced.fixed(self.module.CONSTANTS), self.options)
 

@@ -210,7 +210,7 @@ class RigidTwin:
             between = np.maximum(1.0, np.ceil(np.nan_to_num(moved.max(axis=1, initial=0.0)) / _FAR))
             if between.sum() > _MOST_PLACES:
                 name = list(self.mechanism.drives)[int(moved.max(axis=0).argmax())]
-                far = f"it moves so far that the loops would have to be closed at {between.sum():.3g} positions"
+                far = f"it turns so often that the loops would have to be closed at {between.sum():.3g} positions"
                 raise SceneError(f"drives.{name}.speed", None, far, "Give a lower speed or a shorter duration")
             steps = between.astype(int)
         ends = np.cumsum(steps) - 1

@@ -170,7 +170,7 @@ def build_tables(
         if not hangs and name in mechanism.asked:
             raise SceneError(
                 f"joints.{name}", None,
-                "drives, laws or springs use the coordinates of all joints of the loop that it closes",
+                "drives, laws or springs use the coordinates of all joints of its loop",
                 "Use one coordinate of this loop less: leave out a drive, a spring or a coordinate of a law",
             )  # fmt: skip
         found = _cut(maker, joint, rows, hangs)
