@@ -25,6 +25,7 @@ from kaneflex.multibody.dynamics import (
     loop_factors,
     powers,
     reduction,
+    rotation_vectors,
     spatial_bushings,
     spatial_entries,
     spatial_forces,
@@ -46,10 +47,10 @@ _made_of_parts = made_of(
     laws.__file__, shape_laws.__file__, addresses.__file__, algebra.__file__, articulated.__file__,
     change_points.__file__, coefficients.__file__, collocation.__file__, courses.__file__, dense_lu.__file__,
     dimensions.__file__, inner.__file__, layout.__file__, load_derivatives.__file__, loop_closure.__file__,
-    loop_condition.__file__, loop_factors.__file__, powers.__file__, reduction.__file__, spatial_bushings.__file__,
-    spatial_entries.__file__, spatial_forces.__file__, spatial_kinematics.__file__, spatial_layout.__file__,
-    spatial_tree.__file__, spatial_work.__file__, stage_residuals.__file__, state_record.__file__, tree.__file__,
-    unfolding.__file__, values.__file__,
+    loop_condition.__file__, loop_factors.__file__, powers.__file__, reduction.__file__, rotation_vectors.__file__,
+    spatial_bushings.__file__, spatial_entries.__file__, spatial_forces.__file__, spatial_kinematics.__file__,
+    spatial_layout.__file__, spatial_tree.__file__, spatial_work.__file__, stage_residuals.__file__,
+    state_record.__file__, tree.__file__, unfolding.__file__, values.__file__,
 )  # fmt: skip
 _rigid, _deforming = (entered(SPACE, entries) for entries in (RIGID_ENTRIES, ENTRIES))
 

@@ -17,9 +17,10 @@ from kaneflex.multibody.dynamics.dimensions import place as place_nodes
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.powers import powers
+from kaneflex.multibody.dynamics.rotation_vectors import compose
 from kaneflex.multibody.dynamics.spatial_forces import deforming, mass_matrix, react
 from kaneflex.multibody.dynamics.spatial_forces import pass_on as sum_inwards
-from kaneflex.multibody.dynamics.spatial_tree import compose, rebase, use
+from kaneflex.multibody.dynamics.spatial_tree import rebase, use
 from kaneflex.multibody.dynamics.spatial_work import BALLS, CUTS, KEPT, NODES, OWN, SPACE
 from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.model.layout import (

@@ -29,6 +29,7 @@ from kaneflex.multibody.dynamics.algebra import (
     turned_back,
     twist_at,
 )
+from kaneflex.multibody.dynamics.rotation_vectors import spin, spun, turning
 from kaneflex.multibody.dynamics.spatial_work import AXES, CUTS, NODES, SECTION, SECTIONS, TWISTS
 from kaneflex.multibody.model.layout import OPTIONS, apart
 from kaneflex.multibody.model.spatial_layout import (
@@ -56,8 +57,6 @@ from kaneflex.support.inner import once
 
 _NUMBERS, _PLACE, _AXIS, _SHIFT = 6, 3, 4, 5
 """Vectors of a node's numbers, and the places of its joint's point, axis, and the joint's point in its own axes."""
-_TERMS = 16
-"""Terms of power series: those left out are below rounding up to an angle of a turn."""
 
 
 @njit(**OPTIONS)
@@ -94,46 +93,6 @@ def goes(m, n, u):
     """Rate of that coordinate."""
     theta = beyond(m, n, m.y)
     return u[m.nodes[n, SPEED]] + beyond(m, n, u) / (1.0 + 0.25 * theta**2)
-
-
-@njit(**OPTIONS)
-def turning(theta):
-    """Coefficients b, c of a rotation vector's rate, and of their own rates.
-
-    In its axes the angular velocity is omega = theta' - b theta x theta' + c theta x (theta x theta') with b = (1 - cos
-    |theta|) / |theta|^2, c = (|theta| - sin |theta|) / |theta|^3 (Sola, Deray & Atchuthan 2018, arXiv:1812.01537, eq.
-    143); the rates of b and c are the other two times theta . theta'. By their power series, to rounding up to a turn.
-    """
-    apart()
-    square, b, c, b_rate, c_rate = dot(theta, theta), 1.0, 1.0, 0.0, 0.0
-    for k in range(_TERMS, 0, -1):
-        r_b = 1.0 / ((2.0 * k + 1.0) * (2.0 * k + 2.0))
-        r_c = 1.0 / ((2.0 * k + 2.0) * (2.0 * k + 3.0))
-        b_rate, c_rate = -r_b * (b + square * b_rate), -r_c * (c + square * c_rate)
-        b, c = 1.0 - r_b * square * b, 1.0 - r_c * square * c
-    return b / 2.0, c / 6.0, b_rate, c_rate / 3.0
-
-
-@njit(**OPTIONS)
-def _spun(theta, b, c, x):
-    """x - b theta x x + c theta x (theta x x)."""
-    inside()
-    first_ = cross(theta, x)
-    return axpy(c, cross(theta, first_), axpy(-b, first_, x))
-
-
-@njit(**OPTIONS)
-def spin(m, s):
-    """Angular velocity of a ball relative to its parent in its axes, and its rate by these axes; its speeds begin at
-    s."""
-    apart()
-    theta, rate = (m.y[s], m.y[s + 1], m.y[s + 2]), (m.u[s], m.u[s + 1], m.u[s + 2])
-    b, c, b_rate, c_rate = turning(theta)
-    along_, turned_ = dot(theta, rate), cross(theta, rate)
-    faster = axpy(c, cross(rate, turned_), scaled(-b_rate * along_, turned_))
-    faster = axpy(c_rate * along_, cross(theta, turned_), faster)
-    accelerated = _spun(theta, b, c, (m.du[s], m.du[s + 1], m.du[s + 2]))
-    return _spun(theta, b, c, rate), plus(accelerated, faster)
 
 
 @njit(**OPTIONS)
@@ -280,9 +239,9 @@ def _directions(m):
         elif kind == BALL:
             theta = m.y[s], m.y[s + 1], m.y[s + 2]
             b, c, _, _ = turning(theta)
-            _ball_axis(m, n, s, arm, _spun(theta, b, c, (1.0, 0.0, 0.0)))
-            _ball_axis(m, n, s + 1, arm, _spun(theta, b, c, (0.0, 1.0, 0.0)))
-            _ball_axis(m, n, s + 2, arm, _spun(theta, b, c, (0.0, 0.0, 1.0)))
+            _ball_axis(m, n, s, arm, spun(theta, b, c, (1.0, 0.0, 0.0)))
+            _ball_axis(m, n, s + 1, arm, spun(theta, b, c, (0.0, 1.0, 0.0)))
+            _ball_axis(m, n, s + 2, arm, spun(theta, b, c, (0.0, 0.0, 1.0)))
         elif kind == STATION:
             _station_twists(m, n)
 

@@ -13,9 +13,10 @@ from numba import njit
 from kaneflex.multibody.compile.values import after, copy_vectors, twists, vectors
 from kaneflex.multibody.dynamics.algebra import dot, joined, minus, scaled, twist_at
 from kaneflex.multibody.dynamics.courses import leave_out
+from kaneflex.multibody.dynamics.rotation_vectors import compose, spin
 from kaneflex.multibody.dynamics.spatial_bushings import POWER
 from kaneflex.multibody.dynamics.spatial_forces import inertias
-from kaneflex.multibody.dynamics.spatial_kinematics import along, beyond, freedoms, spin
+from kaneflex.multibody.dynamics.spatial_kinematics import along, beyond, freedoms
 from kaneflex.multibody.dynamics.spatial_work import (
     BALLS,
     BUSHINGS,
@@ -235,22 +236,6 @@ def rebase(m):
             for j in range(3):
                 m.y[s + j], m.u[s + j], m.du[s + j] = 0.0, omega[j], faster[j]
     return turned
-
-
-@njit(**OPTIONS)
-def compose(q, k, x, y, z):
-    """The quaternion at q[k] times that of a rotation vector, of unit length again."""
-    apart()
-    angle = math.sqrt(x * x + y * y + z * z)
-    share = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
-    w, x, y, z = math.cos(0.5 * angle), share * x, share * y, share * z
-    a, b, c, d = q[k], q[k + 1], q[k + 2], q[k + 3]
-    w, x, y, z = (
-        a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y,
-        a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w,
-    )  # fmt: skip
-    length = math.sqrt(w * w + x * x + y * y + z * z)
-    q[k], q[k + 1], q[k + 2], q[k + 3] = w / length, x / length, y / length, z / length
 
 
 @njit(**OPTIONS)

@@ -18,12 +18,12 @@ from kaneflex.multibody.model.spatial_layout import Tables
 SECTION = 15
 """Numbers of a section, and of a cut's row."""
 (
-    NODES, SPEEDS, COORDINATES, SECTIONS, AXES, CUTS, ROWS, FORCES, TORQUES, SPRINGS, TWISTS, BUSHINGS, LOADS, BODIES,
-    KEPT, DRIVEN, OBSERVED, PHI, SHAPES_OF_ALL, SQUARES, GEOMETRY, BALLS, OWN,
-) = range(23)  # fmt: skip
-"""Places of ``counts``; KEPT: numbers of a row; OBSERVED: joints whose coordinates occur in magnitudes; PHI,
-SHAPES_OF_ALL, SQUARES: lengths of phi, E and L; GEOMETRY: place in ``w`` of the first of four geometries of factors,
-of the middle of a step and of its stages; BALLS, OWN: lengths of the tables of coordinates."""
+    NODES, SPEEDS, COORDINATES, SECTIONS, AXES, CUTS, FORCES, TORQUES, SPRINGS, TWISTS, BUSHINGS, LOADS, BODIES, KEPT,
+    OBSERVED, PHI, GEOMETRY, BALLS, OWN,
+) = range(19)  # fmt: skip
+"""Places of ``counts``; KEPT: numbers of a row; OBSERVED: joints whose coordinates occur in magnitudes; PHI: rows of
+phi; GEOMETRY: place in ``w`` of the first of four geometries of factors, of the middle of a step and of its stages;
+BALLS, OWN: lengths of the tables of coordinates."""
 
 _V, _W = Vectors(float64, 3), Vectors(float64, 6)
 _TABLES = {

@@ -126,10 +126,9 @@ def spatial_engine(system: Any) -> SpatialEngine:
         **{f"mass_{i}": each for i, each in enumerate(masses)},
     }  # fmt: skip
     parts["counts"] = np.array([
-        len(m.nodes), system.speeds, system.coordinates, len(m.on), len(m.axis_on), len(m.cuts), system.row_count,
-        len(m.forces), len(m.torques), len(m.springs), len(m.twists), len(m.bushings), counts.loads, len(m.bodies),
-        len(work.kept), len(system.driven), len(where), len(work.phi), len(work.E), len(work.L), places["geometry"],
-        len(balls), len(own),
+        len(m.nodes), system.speeds, system.coordinates, len(m.on), len(m.axis_on), len(m.cuts), len(m.forces),
+        len(m.torques), len(m.springs), len(m.twists), len(m.bushings), counts.loads, len(m.bodies), len(work.kept),
+        len(where), len(work.phi), places["geometry"], len(balls), len(own),
     ])  # fmt: skip
     del parts["p"], parts["bodies"]  # of the nodes; those of the engine have these names
     tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), _acts(system, places["springs"]), w)
