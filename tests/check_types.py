@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 2,
     "fem": 28,
-    "integrate": 40,
+    "integrate": 14,
     "mechanism": 24,
     "multibody": 40,
     "peers": 23,

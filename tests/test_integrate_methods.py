@@ -1,9 +1,12 @@
 """Order, stability, damping and conservation of the integrators, each measured."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from integrate_cases import affine, constant
 
+from kaneflex.integrate import stepping
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, integrate
@@ -64,6 +67,37 @@ def test_measured_order(method):
     coarse, fine = error_of(Manufactured(), method, 120), error_of(Manufactured(), method, 240)
     for before, after in zip(coarse, fine, strict=True):  # z, v and a alike
         assert np.log2(before / after) == pytest.approx(order, abs=0.15)
+
+
+@pytest.mark.parametrize("method", ["newmark", "generalised-alpha"])
+def test_newmark_steps_are_those_of_the_formulas(method):
+    """Arnold and Bruels 2007, section 2, with dense matrices in NumPy."""
+    case, step, rho = Manufactured(), 0.05, 0.6
+    alpha_m, alpha_f = ((2 * rho - 1) / (rho + 1), rho / (rho + 1)) if method == "generalised-alpha" else (0.0, 0.0)
+    gamma = 0.5 - alpha_m + alpha_f
+    beta = 0.25 * (0.5 + gamma) ** 2
+    z, v, _ = (each[0] for each in case.motion(np.zeros(1)))
+    run = integrate(Run(case.system, case.table, 0.0, step, 20, method, start=(z, v), rho_infinity=rho))
+    at = [[case.system.dense(name, row) for name in "MCKF"] for row in case.table(run.times)]
+    M, C, K, F = at[0]
+    q = a = np.linalg.solve(M, F - C @ v - K @ z)
+    for k, (M, C, K, F) in enumerate(at[1:], 1):
+        known, kappa = (alpha_f * q - alpha_m * a) / (1 - alpha_m), (1 - alpha_f) / (1 - alpha_m)
+        z = z + step * v + step**2 * ((0.5 - beta) * a + beta * known)
+        v = v + step * ((1 - gamma) * a + gamma * known)
+        matrix = M + gamma * step * kappa * C + beta * step**2 * kappa * K
+        q = np.linalg.solve(matrix, F - C @ v - K @ z)
+        z, v, a = z + beta * step**2 * kappa * q, v + gamma * step * kappa * q, known + kappa * q
+        for found, wanted in ((run.z[k], z), (run.v[k], v), (run.a[k], q)):
+            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * np.abs(wanted).max())
+
+
+def test_the_time_of_a_step_is_that_of_the_loop_by_the_steps(monkeypatch):
+    """By a clock that goes on by a millisecond whenever it is read: two readings for 20 steps make 50 us a step."""
+    readings, case, none = iter(range(1000)), Manufactured(), np.zeros(6)
+    monkeypatch.setattr(stepping, "time", SimpleNamespace(perf_counter=lambda: 1e-3 * next(readings)))
+    run = Run(case.system, case.table, 0.0, 0.01, 20, "newmark", start=(none, none))
+    assert integrate(run).ns_per_step == pytest.approx(5e4)
 
 
 @pytest.mark.parametrize("method", COMPILED)

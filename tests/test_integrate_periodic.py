@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from integrate_cases import affine, constant, parametric
 
-from kaneflex.integrate import periodic
-from kaneflex.integrate.by_steps import cycle_map, periodic_near
-from kaneflex.integrate.methods import METHODS, tableau
+from kaneflex.integrate.by_steps import cycle_map, periodic_near, set_up
+from kaneflex.integrate.methods import tableau
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import _verdict
 from kaneflex.integrate.run import Run, integrate
@@ -62,25 +61,43 @@ def test_a_periodic_state_is_found_from_one_near_it(method):
     assert periodic_near(Run(system, lambda t: 0.0 * table(t), 0.3, CYCLE / 200, 200, method, (still, still))) is None
 
 
+@pytest.mark.parametrize("method", ["newmark", "gauss", "radau"])
+@pytest.mark.parametrize("n", [4, 13])
+def test_the_map_of_a_cycle_moves_any_state_as_a_run_does(method, n):
+    """2 n + 1 states go side by side, in one register and in several; the run has one."""
+    random = np.random.default_rng(n)
+    draw = [random.normal(size=(n, n)) for _ in range(2)]
+    terms = {"M": [3.0 * np.eye(n), None], "C": [0.4 * np.eye(n), draw[0]], "K": [30.0 * np.eye(n), draw[1]]}
+    system = affine(n, n - 1, terms, random.normal(size=(n, 2)))
+
+    def table(t):
+        return np.stack((np.ones_like(t), np.cos(t)), axis=1)
+
+    z, v = random.normal(size=(2, n))
+    cycle = cycle_map(system, table, 0.3, CYCLE, 27, method)
+    run = integrate(Run(system, table, 0.3, CYCLE / 27, 27, method, start=(z, v)))
+    scales = set_up(Run(system, table, 0.3, CYCLE / 27, 27, method)).scales
+    scale = np.repeat(scales[:2], n)
+    moved = (cycle.monodromy @ (scale * np.concatenate((z, v))) + cycle.forced) / scale
+    np.testing.assert_allclose(moved, np.concatenate((run.z[-1], run.v[-1])), rtol=0, atol=1e-11 * abs(moved).max())
+
+
 @pytest.mark.parametrize("method", COMPILED)
-@pytest.mark.parametrize(("steps", "every"), [(200, 1), (203, 4), (9, 2), (7, 1)])
-def test_stretches_side_by_side_are_the_cycle_in_one_piece(method, steps, every, monkeypatch):
+@pytest.mark.parametrize(("steps", "every"), [(203, 4), (7, 1), (9, 11)])
+def test_a_periodic_run_repeats_its_cycle(method, steps, every):
     system, table = coupled()
-    arguments = (system, table, 0.3, CYCLE / steps, 2 * steps + 3, method)
-    options = {"start": "periodic", "period_steps": steps, "every": every}
-    cut = integrate(Run(*arguments, **options))
-    monodromy = cycle_map(system, table, 0.3, CYCLE, steps, method).monodromy
-    monkeypatch.setattr(periodic, "_MOST_NUMBERS", 0)
-    whole = integrate(Run(*arguments, **options))
-    exact = cycle_map(system, table, 0.3, CYCLE, steps, method).monodromy
-    np.testing.assert_allclose(monodromy, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
-    np.testing.assert_allclose(cut.times, whole.times, rtol=1e-15)
-    for found, expected in zip((cut.z, cut.v, cut.a), (whole.z, whole.v, whole.a), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+    arguments = (system, table, 0.3, CYCLE / steps)
+    run = integrate(Run(*arguments, 2 * steps + 3, method, start="periodic", period_steps=steps, every=every))
+    cycle = integrate(Run(*arguments, steps, method, start="periodic", period_steps=steps))
+    at = every * np.arange((2 * steps + 3) // every + 1)
+    np.testing.assert_allclose(run.times, 0.3 + CYCLE / steps * at, rtol=1e-15)
+    for found, expected in zip((run.z, run.v, run.a), (cycle.z, cycle.v, cycle.a), strict=True):
+        np.testing.assert_array_equal(found, expected[at % steps])
+        np.testing.assert_allclose(expected[-1], expected[0], rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
-def test_what_goes_wrong_in_a_stretch_is_told_by_the_cycle_in_one_piece():
-    """M vanishes at the middle of the cycle, where the fifth of eight stretches begins."""
+def test_a_singular_step_in_a_cycle_is_named_with_its_time():
+    """M vanishes at the middle of the cycle."""
     system, _ = coupled()
     run = integrate(Run(
         system, lambda t: np.stack([(t != 0.5) * 1.0] * 3, axis=1), 0.0, 0.125, 8, start="periodic", period_steps=8)
@@ -241,7 +258,7 @@ def test_a_cycle_is_asked_for_once_and_every_thins_the_output():
     np.testing.assert_array_equal(thin.times, full.times[::7])
 
 
-@pytest.mark.parametrize("method", [name for name in METHODS if METHODS[name].lanes])
+@pytest.mark.parametrize("method", COMPILED)
 def test_pieces_change_nothing(method, monkeypatch):
     """A run in many calls of the compiled loop equals the run in one, with a cycle and without."""
     system, table = coupled()

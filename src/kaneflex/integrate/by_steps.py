@@ -9,9 +9,9 @@ import numpy as np
 
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import LEFT, Outcome, Progress, Run, Table, Trajectory, check_arguments, steps_of_cycle
-from kaneflex.integrate.periodic import Beginning, Cycle, corrected_state, over_a_cycle, periodic_state, repeated
+from kaneflex.integrate.periodic import Beginning, Cycle, corrected_state, over_a_cycle, periodic_state
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
-from kaneflex.integrate.streams import CoefficientStream, one_after_the_other
+from kaneflex.integrate.streams import CoefficientStream
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
 
@@ -25,15 +25,15 @@ def by_steps(run: Run, progress: Progress | None = None) -> Trajectory:
 
         return solve_ivp_run(system, stream, run.n_steps, run.every, given_state(run), run.scipy_method, progress)
     setup = set_up(run, progress)
-    if run.start == "periodic":
-        found = _naming_the_steps(periodic_state(setup, steps_of_cycle(run)), run)
-    else:
-        found = _started(setup, *given_state(run))
-    if found.state is None:
-        empty = np.zeros((0, system.n))
-        ended = (found.outcome, found.message, found.multipliers)
-        return Trajectory(np.zeros(0), empty, empty, empty, *ended, ns_per_step=0.0)
-    return _run(setup, found, run.n_steps, run.every)
+    if run.start != "periodic":
+        return _run(setup, _started(setup, *given_state(run)), run.n_steps, run.every)
+    period = steps_of_cycle(run)
+    found = _run(setup, _naming_the_steps(periodic_state(setup, period), run), min(period, run.n_steps), 1)
+    steps = run.every * np.arange(run.n_steps // run.every + 1)
+    if len(found.times) <= min(period, run.n_steps):  # it stopped before
+        steps = steps[steps < len(found.times)]
+    z, v, a = (each[steps % period] for each in (found.z, found.v, found.a))
+    return replace(found, times=run.t0 + run.step * steps, z=z, v=v, a=a)
 
 
 def periodic_start(run: Run, progress: Progress | None = None) -> Beginning:
@@ -84,14 +84,11 @@ def _naming_the_steps(found: Beginning, run: Run) -> Beginning:
 def set_up(run: Run, progress: Progress | None = None) -> Setup:
     """Setup of a run with fixed steps; raises UserError as `integrate` does."""
     method, system = method_named(run.method), run.system
-    if method.lanes:
-        read, constant = partial(one_after_the_other, nodes=len(method.nodes)), None
-    else:
+    stream = CoefficientStream(run.table, system.n_scalars, run.t0, run.step, method.nodes, run.period_steps)
+    if not method.varying:
         from kaneflex.integrate.modal import constants, forces
 
-        read, constant = partial(forces, system), constants(system)
-    times = (run.t0, run.step, method.nodes, run.period_steps)
-    stream = CoefficientStream(run.table, system.n_scalars, *times, read, constant)
+        stream.read, stream.constant = partial(forces, system), constants(system)
     row = stream.first_row()
     coefficients = np.array(method.coefficients(system, row, run.step, run.rho_infinity))
     return Setup(system, method, stream, coefficients, _scales(system, row, run.step, method.state_vectors), progress)
@@ -121,17 +118,15 @@ def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
 
 
 def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int) -> Trajectory:
+    if beginning.state is None:
+        empty = np.zeros((0, setup.system.n))
+        ended = (beginning.outcome, beginning.message, beginning.multipliers)
+        return Trajectory(np.zeros(0), empty, empty, empty, *ended, ns_per_step=0.0)
     outcome, message = beginning.outcome, beginning.message + LEFT
     if outcome is Outcome.COMPLETED:
         message = "; ".join(filter(None, (outcome.value, beginning.message)))
     t0, step = setup.stream.t0, setup.stream.step
     rows = n_steps // every + 1
-    cycle = repeated(setup, beginning)
-    if cycle is not None:
-        motion, ns_per_step = cycle
-        steps = every * np.arange(rows)
-        ended = (outcome, message, beginning.multipliers)
-        return Trajectory(t0 + step * steps, *(each[steps % len(each)] for each in motion), *ended, ns_per_step)
     state = beginning.state
     setup.consistent(state, np.ones(1))
     stored = Stored.of(state, rows)

@@ -8,7 +8,7 @@ import operator
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils, errors
+from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
@@ -107,28 +107,6 @@ def store(typing, array, place, value):
         return context.get_dummy_value()
 
     return types.void(array, place, value), lower
-
-
-@intrinsic
-def lane(typing, array, place, which):
-    """Lane `which` of those that `load` reads there."""
-
-    def lower(context, builder, sig, args):
-        first = builder.bitcast(address(context, builder, sig.args[:2], *args[:2]), ir.PointerType(ir.DoubleType()))
-        return builder.load(builder.gep(first, [args[2]]))
-
-    return types.float64(array, place, which), lower
-
-
-@intrinsic
-def load_run(typing, array, start):
-    """LANES numbers of a contiguous array from a place on: an index, or (row, index)."""
-
-    def lower(context, builder, sig, args):
-        place = address(context, builder, sig.args, *args)
-        return builder.load(builder.bitcast(place, ir.PointerType(VECTOR)), align=8)
-
-    return _lanes(array, start), lower
 
 
 @intrinsic
@@ -252,87 +230,3 @@ def everywhere(typing, true):
         return builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1))
 
     return types.boolean(true), lower
-
-
-def _transposed(builder, rows, columns):
-    """A square of numbers, its rows at these addresses, transposed to those by three rounds of swaps."""
-    vectors = [builder.load(row, align=8) for row in rows]
-    for half in (4, 2, 1):  # swap the off-diagonal blocks of this size
-        low = [k if not k & half else LANES + k - half for k in range(LANES)]
-        high = [k + half if not k & half else LANES + k for k in range(LANES)]
-        for k in (k for k in range(LANES) if not k & half):
-            pair = vectors[k], vectors[k + half]
-            vectors[k], vectors[k + half] = (_shuffle(builder, *pair, order) for order in (low, high))
-    for vector, column in zip(vectors, columns, strict=True):
-        builder.store(vector, column, align=8)
-
-
-def _places_of_square(context, builder, kinds, args):
-    """Addresses of its rows in an array (slots, LANES) from `start` on, and in one (LANES, slots) at `place`."""
-    lanes, start, rows, to = args
-    values = context.make_array(kinds[2])(context, builder, rows)
-    width = builder.extract_value(values.shape, 1)
-    slots, numbers = [], []
-    for k in range(LANES):
-        slots.append(address(context, builder, kinds[:2], lanes, builder.add(start, start.type(k))))
-        place = builder.gep(values.data, [builder.add(builder.mul(width, width.type(k)), to)])
-        numbers.append(builder.bitcast(place, ir.PointerType(VECTOR)))
-    return slots, numbers
-
-
-@intrinsic
-def transpose(typing, lanes, start, rows, place):
-    """Square of an array (slots, LANES), transposed, to a place of an array (LANES, slots)."""
-
-    def lower(context, builder, sig, args):
-        slots, numbers = _places_of_square(context, builder, sig.args, args)
-        _transposed(builder, slots, numbers)
-        return context.get_dummy_value()
-
-    return types.void(lanes, start, rows, place), lower
-
-
-@intrinsic
-def eliminate_row(typing, band, place, above, row, width):
-    """Row of a band in lanes from `place` on, A = L D U with unit triangles, without pivoting; returns the pivot.
-
-    In place: the shares of the rows above, the reciprocal pivot, and the pivot's row divided by it.
-
-    above: the rows above as they are to be used, row k from ``k * (half bandwidth + 1)`` on: the reciprocal pivot and
-    what is right of it; `row` is written, too
-    width: 2 half bandwidth + 1, a literal
-    """
-    if not isinstance(width, types.IntegerLiteral):
-        raise errors.RequireLiteralValue("width must be a literal")
-    half = width.literal_value // 2
-
-    def lower(context, builder, sig, args):
-        (lanes, first, upper, own, _), kinds = args, sig.args
-        flags = sorted(FASTMATH)
-
-        def pointer(which, start, offset):
-            kind, array = (kinds[0], lanes) if which == "band" else (kinds[2], upper)
-            return address(context, builder, (kind, types.uint64), array, builder.add(start, start.type(offset)))
-
-        begin = builder.mul(own, own.type(half + 1))
-        numbers = [builder.load(pointer("band", first, k), align=8) for k in range(2 * half + 1)]
-        for k in range(half):
-            over = (k - half) * (half + 1)
-            share = builder.fmul(numbers[k], builder.load(pointer("above", begin, over), align=8), flags=flags)
-            numbers[k] = share
-            for right in range(1, half + 1):
-                known = builder.load(pointer("above", begin, over + right), align=8)
-                product = builder.fmul(share, known, flags=flags)
-                numbers[k + right] = builder.fsub(numbers[k + right], product, flags=flags)
-        pivot = numbers[half]
-        reciprocal = builder.fdiv(ir.Constant(VECTOR, [1.0] * LANES), pivot, flags=flags)
-        builder.store(reciprocal, pointer("above", begin, 0), align=8)
-        for right in range(1, half + 1):
-            builder.store(numbers[half + right], pointer("above", begin, right), align=8)
-            numbers[half + right] = builder.fmul(numbers[half + right], reciprocal, flags=flags)
-        numbers[half] = reciprocal
-        for k, number in enumerate(numbers):
-            builder.store(number, pointer("band", first, k), align=8)
-        return pivot
-
-    return _lanes(band, place, above, row, width), lower

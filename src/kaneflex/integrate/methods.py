@@ -26,7 +26,7 @@ class Method:
     stepper: name of its compiled loop in `kaneflex.integrate.steppers`, or None
     coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes
     still: of those coefficients, the ones of a step of no length: z and v stay, the true accelerations are found
-    lanes: whether that loop goes in lanes, too
+    varying: whether M, C and K may vary in time
     stages: of the loop `collocation`; 0 where there are none
     """
 
@@ -38,7 +38,7 @@ class Method:
     stepper: str | None
     coefficients: Callable[[AffineSystem, np.ndarray, float, float], object] | None
     still: Callable[[np.ndarray], np.ndarray] | None
-    lanes: bool = False
+    varying: bool = False
     stages: int = 0
 
 

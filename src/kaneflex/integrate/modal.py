@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.integrate.conventions import LANES
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
 
 
 def transition(system: AffineSystem, row: np.ndarray, step: float) -> np.ndarray:
-    """Coefficients of one exact step of m z'' + c z' + k z = F, F linear within the step; shape (11, n) `in_lanes`.
+    """Coefficients of one exact step of m z'' + c z' + k z = F, F linear within the step; shape (11, n).
 
     Rows: z_1 = (0) z_0 + (1) v_0 + (2) F_0 + (3) F_1, v_1 the same with rows 4 to 7, and
     z'' = (8) F - (9) v - (10) z.
@@ -42,21 +41,12 @@ def transition(system: AffineSystem, row: np.ndarray, step: float) -> np.ndarray
         coefficients[first + 2] = scale * force * (flow[:, line, 2] - flow[:, line, 3])
         coefficients[first + 3] = scale * force * flow[:, line, 3]
     coefficients[8:] = 1.0 / mass, rate, square
-    return in_lanes(coefficients)
-
-
-def in_lanes(rows: np.ndarray) -> np.ndarray:
-    """Rows of n numbers, LANES in a block, the last one filled up with zeros: shape (rows, blocks, LANES)."""
-    count, n = rows.shape
-    blocks = -(-n // LANES)
-    filled = np.zeros((count, blocks * LANES))
-    filled[:, :n] = rows
-    return filled.reshape(count, blocks, LANES)
+    return coefficients
 
 
 def forces(system: AffineSystem, rows: np.ndarray) -> np.ndarray:
-    """F at rows of the table, shape (rows, n) `in_lanes`: all that the loop `exact_modal` reads."""
-    return in_lanes((system.F @ rows.T).T)
+    """F at rows of the table, shape (rows, n): all that the loop `exact_modal` reads."""
+    return np.ascontiguousarray((system.F @ rows.T).T)
 
 
 def constants(system: AffineSystem) -> np.ndarray:

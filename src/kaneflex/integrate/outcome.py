@@ -79,7 +79,6 @@ def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
 
 LEFT = "; the result is the unstable periodic motion"
 """Message about a periodic motion whose disturbances grow."""
-LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
 Progress = Callable[[float], None]
 """Called with the finished share of the work, 0 to 1, a few times a second."""
 Table = Callable[[np.ndarray], np.ndarray]

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import reduce
+from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.integrate.conventions import LANES
-from kaneflex.integrate.outcome import LONGEST_STEP, Outcome, leading
+from kaneflex.integrate.outcome import Outcome, leading
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
-from kaneflex.integrate.streams import TimeSegments
 from kaneflex.support.errors import SceneError
-
-Maps = tuple[TimeSegments, np.ndarray, np.ndarray]
-"""Segments of a cycle, and the map x -> A x + b of each: shapes (LANES, size, size), (LANES, size)."""
 
 _GROWS = 1e6  # in a cycle, of which rounding becomes 1e-10
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
-_MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
 _FOR_A_STEP, _MOST_OPERATIONS = 300, 1.5e12  # by n^2: of all 2 n states (engine: 4e10 in 6.5 s of a core); of a cycle
 _SHARE, _MOST_CYCLES = 1e-4, 100
 """Relative residual of the periodic state after its correction, and largest number of cycles for it."""
@@ -28,29 +21,23 @@ _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the roo
 @dataclass(frozen=True, eq=False)
 class Beginning:
     """State at the start of a run, without accelerations (None if there is none), Floquet multipliers, and message.
-
-    segments: of a periodic motion, if its cycle was cut
     """
 
     state: State | None
     multipliers: np.ndarray | None
     outcome: Outcome
     message: str
-    segments: Maps | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
     """Monodromy matrix of a cycle, contribution of the loads (None if it stopped), and message.
-
-    segments: of a divided cycle
     """
 
     monodromy: np.ndarray | None
     forced: np.ndarray | None
     outcome: Outcome
     message: str
-    segments: Maps | None = None
 
 
 def periodic_state(setup: Setup, period_steps: int) -> Beginning:
@@ -75,7 +62,7 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
     if outcome is not Outcome.COMPLETED and not unstable:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(cycle.forced)) - cycle.monodromy, cycle.forced)
-    return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message, cycle.segments)
+    return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message)
 
 
 def corrected_state(
@@ -112,17 +99,7 @@ def corrected_state(
 
 
 def over_a_cycle(setup: Setup, period_steps: int) -> Cycle:
-    """Final states of a cycle from every unit state and from zero, with one factorisation per step.
-
-    If possible, segments of the cycle run side by side and their matrices are multiplied. After a failure in a segment
-    the whole cycle runs in one piece, which gives the time of the failure.
-    """
-    if can_be_cut(setup, period_steps):
-        segments = TimeSegments(setup.stream.cycle(), len(setup.method.nodes), setup.stream.step)
-        maps = _segment_maps(replace(setup, stream=segments))
-        if maps is not None:
-            monodromy, forced = reduce(_after, zip(*maps, strict=True))
-            return Cycle(monodromy, forced, Outcome.COMPLETED, "", (segments, *maps))
+    """Final states of a cycle from every unit state and from zero, with one factorisation per step."""
     state, load_factor = unit_states(setup)
     if not setup.consistent(state, load_factor):
         outcome = Outcome.SINGULAR
@@ -136,75 +113,18 @@ def over_a_cycle(setup: Setup, period_steps: int) -> Cycle:
     return Cycle(ends[:-1].T, ends[-1], advanced.outcome, "")
 
 
-def repeated(setup: Setup, beginning: Beginning) -> tuple[Stored, float] | None:
-    """One cycle of a periodic motion by its segments, side by side: rows 0 to period_steps - 1, and ns per step.
-
-    None if the cycle was not divided, or a segment fails.
-    """
-    if beginning.segments is None:
-        return None
-    segments, moved, forced = beginning.segments
-    x = [vectors_of(setup, beginning.state)[0]]
-    for lane in range(LANES - 1):
-        x.append(moved[lane] @ x[-1] + forced[lane])
-    lanes = replace(setup, stream=segments)
-    state = states_of(setup, np.stack(x, axis=-1)[None])
-    if not lanes.consistent(state, np.ones(1)):
-        return None
-    stored = Stored.of(state, segments.most + 1)
-    advanced = advance(lanes, state, np.ones(1), segments.most, 1, stored, False)
-    if advanced.outcome is not Outcome.COMPLETED:
-        return None
-    return Stored(*map(segments.joined, stored)), advanced.ns_per_step * segments.most / segments.period_steps
-
-
-def _segment_maps(lanes: Setup) -> tuple[np.ndarray, np.ndarray] | None:
-    """Maps of all segments, shapes (LANES, size, size) and (LANES, size); None if one fails."""
-    segments = lanes.stream
-    state, load_factor = unit_states(lanes, LANES)
-    if not lanes.consistent(state, load_factor):
-        return None
-    ends = None
-    for steps in (segments.least, segments.most - segments.least):
-        if steps:
-            done = 0 if ends is None else segments.least
-            advanced = advance(lanes, state, load_factor, steps, segments.most + 1, Stored.of(state, 1), False, done)
-            if advanced.outcome is not Outcome.COMPLETED:
-                return None
-            now = vectors_of(lanes, state)
-            ends = now if ends is None else np.where(np.arange(LANES) < segments.longer, now, ends)
-    return ends[:-1].transpose(2, 1, 0), ends[-1].T
-
-
-def _after(first: tuple[np.ndarray, np.ndarray], then: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Composition of two segments, each x -> A x + b."""
-    return then[0] @ first[0], then[0] @ first[1] + then[1]
-
-
-def can_be_cut(setup: Setup, period_steps: int) -> bool:
-    """True if the method supports lanes, there is a step for each, and all unit states of all lanes fit into memory.
-
-    With steps many times longer than the fastest vibrations, the segments' matrices would be mostly rounding.
-    """
-    numbers = 2 * len(State._fields) * setup.system.n**2 * LANES
-    fits = setup.method.lanes and period_steps >= LANES and numbers <= _MOST_NUMBERS
-    return fits and setup.stream.step <= LONGEST_STEP * setup.scales[1]
-
-
-def unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
+def unit_states(setup: Setup) -> tuple[State, np.ndarray]:
     """Columns of all unit states x without loads, and of zero with loads; and the load factors."""
     size = setup.system.n * len(setup.scales)
-    x = np.zeros((size + 1, size))
-    x[:size] = np.eye(size)
     load_factor = np.zeros(size + 1)
     load_factor[size] = 1.0
-    return states_of(setup, np.broadcast_to(x.reshape(*x.shape, *(1 for _ in lanes)), (*x.shape, *lanes))), load_factor
+    return states_of(setup, np.eye(size + 1, size)), load_factor
 
 
 def states_of(setup: Setup, x: np.ndarray) -> State:
-    """States of the vectors x, shape (columns, size), optionally with lanes; without accelerations."""
+    """States of the vectors x, shape (columns, size); without accelerations."""
     n = setup.system.n
-    state = State(*(np.zeros((x.shape[0], n, *x.shape[2:])) for _ in State._fields))
+    state = State.zeros(x.shape[0], n)
     for part, scale in enumerate(setup.scales):
         state[part][:] = x[:, part * n : (part + 1) * n] / scale
     return state

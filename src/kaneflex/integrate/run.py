@@ -12,7 +12,6 @@ import numpy as np
 from kaneflex.integrate.conventions import LANES, aligned
 from kaneflex.integrate.outcome import (
     LEFT,
-    LONGEST_STEP,
     Floquet,
     Outcome,
     Progress,
@@ -25,6 +24,8 @@ from kaneflex.integrate.outcome import (
 from kaneflex.integrate.spectral import Grid, Orbit, periodic_orbit
 from kaneflex.support.machine_code import Kernel
 
+_LONGEST_STEP = 1e4
+"""Times the fastest vibration's 1 / omega, of steps that tell something about stability."""
 _CLEAR, _SQUARED = 0.5, 4
 """Smallest growth per cycle for which piecewise constant equations do not decide on stability; number of squarings of
 the monodromy matrix."""
@@ -81,7 +82,7 @@ def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome,
     faster than the steps, as in a machine that hardly moves.
     """
     steps, grid = steps_of_cycle(run), orbit.grid
-    if run.step * steps / FEWEST * grid.fastest > LONGEST_STEP:
+    if run.step * steps / FEWEST * grid.fastest > _LONGEST_STEP:
         return Outcome.COMPLETED, "the stability is unknown: the steps are too long", None
     moved = monodromy(grid)
     if dies_away(moved):

@@ -1,30 +1,24 @@
-"""Compiled loops. One specialisation of each serves every scene, a second one eight segments of time at once.
+"""Compiled loops over the steps of a run; their parts are in `kaneflex.integrate.matrices`.
 
-Their parts are in `kaneflex.integrate.matrices` and `kaneflex.integrate.lanes`. Faster loops of Newmark's steps for
-small systems and for long chains are in `kaneflex.integrate.dense` and `kaneflex.integrate.banded`.
+Arguments of the loops:
 
-Arguments of the loops `newmark`, `collocation` and `exact_modal`:
-
-packed        the system, :class:`kaneflex.integrate.system.Packed`
-scalars       table of the motion, see below
-period        steps in the table; it is read again from its start after the last one
-position      steps already taken in this table
-n_steps       steps to take
-coefficients  numbers of the method, see `kaneflex.integrate.methods`
-load_factor   shape (columns,): factor on F for each column (1 for a motion, 0 for a free one)
-state         z, v, a, q, each of shape (columns, n): displacements, velocities, the method's own and the true
-              accelerations; overwritten. Several columns share one factorisation a step.
-done, every   steps taken before this call; the first column is stored after every `every` steps
-bound         largest permitted sum of squares of z
-stored        z, v, true accelerations, each of shape (rows, n): row k belongs to step k * every
+layout, terms  of the system: :class:`kaneflex.integrate.system.Layout`, `AffineSystem.sums`
+scalars        table: of each step a row at its start and at its stages, if there are any, and the end of the last step
+period         steps in the table; it is read again from its start after the last one
+position       steps already taken in this table
+n_steps        steps to take
+coefficients   numbers of the method, see `kaneflex.integrate.methods`
+load_factor    shape (columns,): factor on F for each column (1 for a motion, 0 for a free one)
+state          z, v, a, q, each of shape (columns, n): displacements, velocities, the method's own and the true
+               accelerations; overwritten. Several columns share one factorisation a step.
+done, every    steps taken before this call; the first column is stored after every `every` steps
+bound          largest permitted sum of squares of z
+stored         z, v, true accelerations, each of shape (rows, n): row k belongs to step k * every
 
 They return the number of completed steps and a status.
 
-Lanes. Matrices are added up and factorised for LANES steps at once, a number of each in one register, read by `load`
-and written by `store`. So the table of `newmark` and `collocation` has the shape (blocks * nodes, n_scalars, LANES):
-step LANES * b + l is in block b, lane l, with its scalars at the stages, if there are any, and at its end. The steps
-themselves follow one another. Where `state` and `stored` have an axis of LANES more, each lane is a motion of its own,
-takes the step of its lane in every block, and all go side by side; they stop where any lane would.
+Matrices are added up and factorised for LANES steps at once, a number of each in one register, read by `load` and
+written by `store`; then the steps follow one another, each for LANES columns at once.
 """
 
 import numpy as np
@@ -38,57 +32,50 @@ from kaneflex.integrate.matrices import (
     THREE,
     TWO,
     ZERO,
-    affine_sum,
+    affine_sums,
     compiled,
-    empty_lanes,
     factor,
-    hand_over,
-    inlined,
-    mass_matrices,
+    in_lanes,
+    out_of_lanes,
+    read_steps,
     residual,
-    rows_read,
     solve,
-    step_place,
-    true_accelerations,
-    weights,
-)  # fmt: skip
+)
 from kaneflex.support.fingerprint import made_of
 
-# Compiled in one piece, with as many lines and parameters as a step needs: a step in a function of its own would be
-# called once a step, which costs as much as a small solve.
+# numba hands over and types tuples of arrays one by one, and every number of a run by itself: hence the parameters.
 _made_of_parts = made_of(conventions.__file__, lanes.__file__, matrices.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 
-@inlined
+@compiled
 def _store_row(stored, out, z, v, q):
-    """Store the first column in row `out`."""
+    """Store the first column of states in lanes in row `out`."""
     out_z, out_v, out_a = stored
     for i in range(z.shape[1]):
-        store(out_z, (out, i), load(z, (0, i)))
-        store(out_v, (out, i), load(v, (0, i)))
-        store(out_a, (out, i), load(q, (0, i)))
+        out_z[out, i], out_v[out, i], out_a[out, i] = z[0, i, 0], v[0, i, 0], q[0, i, 0]
 
 
 @compiled
-def _newmark_matrices(packed, scalars, row, c_weight, k_weight, sums, lu, scale, good):
-    """Compute all sums, and factorise M + c_weight C + k_weight K."""
-    layout = packed.layout
-    n_slots = layout.n_slots
-    affine_sum(packed, scalars, row, sums, ZERO)
-    for i in range(n_slots):
-        stiffness = load(sums, n_slots + n_slots + i)
-        store(lu, i, load(sums, i) + c_weight * load(sums, n_slots + i) + k_weight * stiffness)
+def _newmark_matrices(layout, sums, begin, c_weight, k_weight, lu, scale, good):
+    """Factorise M + c_weight C + k_weight K of LANES steps, of the sums from `begin` on."""
+    damping = begin + layout.n_slots
+    stiffness = damping + layout.n_slots
+    for i in range(layout.n_slots):
+        damped = load(sums, begin + i) + c_weight * load(sums, damping + i)
+        store(lu, i, damped + k_weight * load(sums, stiffness + i))
     for i in range(layout.n):
         m = layout.base[i] + i
-        c_part, k_part = c_weight * load(sums, n_slots + m), k_weight * load(sums, n_slots + n_slots + m)
-        store(scale, i, absolute(load(sums, m)) + absolute(c_part) + absolute(k_part))
+        c_part, k_part = c_weight * load(sums, damping + m), k_weight * load(sums, stiffness + m)
+        store(scale, i, absolute(load(sums, begin + m)) + absolute(c_part) + absolute(k_part))
     factor(layout, lu, scale, good)
 
 
 @_cached
 @_made_of_parts
-def newmark(packed, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored):
+def newmark(
+    layout, terms, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored
+):
     """Newmark's family with weighted accelerations, unknown: the true acceleration q at the end of the step.
 
     With p = (alpha_f q_0 - alpha_m a_0) / (1 - alpha_m), known, and kappa = (1 - alpha_f) / (1 - alpha_m):
@@ -101,82 +88,77 @@ def newmark(packed, scalars, period, position, n_steps, coefficients, load_facto
     where v_p and z_p are v_1 and z_1 without their share of q_1 (Arnold and Bruels 2007, section 2, whose
     accelerations satisfy the equation of motion; for constant M it is the method of Chung and Hulbert 1993).
     """
-    layout, (z, v, a, q) = packed.layout, state
-    n, n_slots = layout.n, layout.n_slots
-    step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = weights(coefficients)
-    sums, lu, scale, good = empty_lanes(THREE * n_slots + n), empty_lanes(n_slots), empty_lanes(n), empty_lanes(1)
-    sums_rows, lu_rows, good_rows = rows_read(z, sums), rows_read(z, lu), rows_read(z, good)
-    due = every - done % every
-    out = done // every + 1
-    for count in range(n_steps):
-        block, row = step_place(z, position)
-        if row == 0 or count == 0:
-            _newmark_matrices(packed, scalars, block, c_weight, k_weight, sums, lu, scale, good)
-            hand_over(sums, sums_rows)
-            hand_over(lu, lu_rows)
-            hand_over(good, good_rows)
-        if not everywhere(less(0.0, load(good_rows, (row, 0)))):
-            return count, SINGULAR
-        for column in range(z.shape[0]):
-            for i in range(n):
-                here = (column, i)
-                before, speed = load(a, here), load(v, here)
-                known = from_q * load(q, here) + from_a * before
-                store(z, here, load(z, here) + step * speed + z_start * before + z_known * known)
-                store(v, here, speed + v_start * before + v_known * known)
-                store(a, here, known)
-            for i in range(n):
-                rest = residual(layout, sums_rows, row, ZERO, load_factor[column], z, column, v, column, i)
-                store(q, (column, i), rest)
-            solve(layout, lu_rows, row, q, column)
-            squares = 0.0 * load(z, (column, 0))
-            for i in range(n):
-                here = (column, i)
-                found = load(q, here)
-                moved = load(z, here) + k_weight * found
-                store(z, here, moved)
-                store(v, here, load(v, here) + c_weight * found)
-                store(a, here, load(a, here) + kappa * found)
+    z, v, a, q = in_lanes(state[0]), in_lanes(state[1]), in_lanes(state[2]), in_lanes(state[3])
+    loads = in_lanes(load_factor.reshape((-1, 1)))
+    step, from_q, from_a, kappa = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
+    c_weight, k_weight, v_start, v_known = coefficients[4], coefficients[5], coefficients[6], coefficients[7]
+    z_start, z_known = coefficients[8], coefficients[9]
+    sums, now = np.empty((THREE * layout.n_slots + layout.n, LANES)), np.empty((scalars.shape[1], LANES))
+    lu, scale, good = np.empty((layout.n_slots, LANES)), np.empty((layout.n, LANES)), np.empty((1, LANES))
+    taken, status = 0, COMPLETED
+    while taken < n_steps and status == COMPLETED:
+        lane = taken % LANES
+        if lane == 0:
+            read_steps(scalars, position + taken, period, 1, 1, now)
+            affine_sums(terms, now, sums, ZERO)
+            _newmark_matrices(layout, sums, ZERO, c_weight, k_weight, lu, scale, good)
+        if not good[0, lane] > 0.0:
+            status = SINGULAR
+            break
+        for block in range(len(z)):
+            z_own, v_own, a_own, q_own = z[block], v[block], a[block], q[block]
+            for i in range(layout.n):
+                before, speed = load(a_own, i), load(v_own, i)
+                known = from_q * load(q_own, i) + from_a * before
+                store(z_own, i, load(z_own, i) + step * speed + z_start * before + z_known * known)
+                store(v_own, i, speed + v_start * before + v_known * known)
+                store(a_own, i, known)
+            residual(layout, sums, ZERO, lane, load(loads[block], 0), z_own, v_own, q_own, ZERO, ONE)
+            solve(layout, lu, lane, q_own)
+            squares = 0.0 * load(z_own, 0)
+            for i in range(layout.n):
+                found = load(q_own, i)
+                moved = load(z_own, i) + k_weight * found
+                store(z_own, i, moved)
+                store(v_own, i, load(v_own, i) + c_weight * found)
+                store(a_own, i, load(a_own, i) + kappa * found)
                 squares += moved * moved
             if not everywhere(less(squares, bound)):
-                return count + 1, UNBOUNDED
-        position += 1
-        if position == period:
-            position = 0
-        due -= 1
-        if due == 0:
-            due = every
-            _store_row(stored, out, z, v, q)
-            out += 1
-    return n_steps, COMPLETED
+                status = UNBOUNDED
+        taken += 1
+        if status == COMPLETED and (done + taken) % every == 0:
+            _store_row(stored, (done + taken) // every, z, v, q)
+    out_of_lanes(z, state[0])
+    out_of_lanes(v, state[1])
+    out_of_lanes(a, state[2])
+    out_of_lanes(q, state[3])
+    return taken, status
 
 
 @compiled
-def _stage_matrices(packed, stages, order, scalars, row, coefficients, sums, matrix, scale, good):
-    """All sums at the stages; delta_sr M_s + h a_sr C_s + h^2 e_sr K_s at row (i, s), column (j, r), factorised."""
-    layout, count = packed.layout, np.uint64(len(order))
+def _stage_matrices(layout, stages, count, coefficients, sums, matrix, scale, good):
+    """delta_sr M_s + h a_sr C_s + h^2 e_sr K_s of LANES steps at row (i, s), column (j, r), factorised.
+
+    sums: at one stage after the other
+    """
     n_slots = layout.n_slots
     apart = THREE * n_slots + layout.n
-    for s in range(count):
-        affine_sum(packed, scalars, row + s, sums, s * apart)
     a_weights = ONE + count
     e_weights = a_weights + count * count
     for i in range(layout.n):
-        base = layout.base[i]
-        for j in range(layout.first[i], layout.last[i]):
-            for s in range(count):
-                m = s * apart + base + j
-                c, k = load(sums, m + n_slots), load(sums, m + n_slots + n_slots)
+        for s in range(count):
+            row = s * apart + layout.base[i]
+            for j in range(layout.first[i], layout.last[i]):
+                c, k = load(sums, row + j + n_slots), load(sums, row + j + TWO * n_slots)
                 slot = stages.base[count * i + s] + count * j
                 for r in range(count):
                     place = s * count + r
-                    both = load(coefficients, a_weights + place) * c + load(coefficients, e_weights + place) * k
+                    both = coefficients[a_weights + place] * c + coefficients[e_weights + place] * k
                     store(matrix, slot + r, both)
-                store(matrix, slot + s, load(matrix, slot + s) + load(sums, m))
-        for s in range(count):
-            m, place = s * apart + base + i, s * count + s
-            c, k = load(sums, m + n_slots), load(sums, m + n_slots + n_slots)
-            c, k = load(coefficients, a_weights + place) * c, load(coefficients, e_weights + place) * k
+                store(matrix, slot + s, load(matrix, slot + s) + load(sums, row + j))
+            m, place = row + i, s * (count + ONE)
+            c, k = load(sums, m + n_slots), load(sums, m + TWO * n_slots)
+            c, k = coefficients[a_weights + place] * c, coefficients[e_weights + place] * k
             store(scale, count * i + s, absolute(c) + absolute(k) + absolute(load(sums, m)))
     factor(stages, matrix, scale, good)
 
@@ -184,10 +166,10 @@ def _stage_matrices(packed, stages, order, scalars, row, coefficients, sums, mat
 @_cached
 @_made_of_parts
 def collocation(
-    packed, stages, order, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound,
+    layout, terms, stages, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound,
     stored,
 ):  # fmt: skip
-    """Implicit Runge-Kutta methods of two or three stages, that many numbers in `order`, of which none matters.
+    """Implicit Runge-Kutta methods of two or three stages.
 
     Unknowns are the accelerations x_s in M_s x_s + C_s v_s + K_s z_s = F_s at t + c_s h, with the tableau's a_sr and
     b_s (Hairer and Wanner 1996, section IV.5) and e = a a:
@@ -202,140 +184,94 @@ def collocation(
     its x_s is the acceleration there, and satisfies the equation of motion. Two stages leave that equation to be
     solved for the acceleration, which takes what the step did not resolve at its stiffness.
     """
-    layout, (z, v, _, q) = packed.layout, state
-    n, n_slots, count_s = layout.n, layout.n_slots, np.uint64(len(order))
-    apart = THREE * n_slots + n
-    step = load(coefficients, 0)
-    v_weights = ONE + count_s + count_s * count_s + count_s * count_s
+    z, v, q = in_lanes(state[0]), in_lanes(state[1]), in_lanes(state[3])
+    loads = in_lanes(load_factor.reshape((-1, 1)))
+    n, count_s = layout.n, stages.n // layout.n
+    apart, step = THREE * layout.n_slots + n, coefficients[0]
+    v_weights = ONE + count_s + TWO * count_s * count_s
     z_weights = v_weights + count_s
-    sums, matrix = empty_lanes(THREE * apart), empty_lanes(stages.n_slots)
-    scale, good = empty_lanes(count_s * n), empty_lanes(1)
-    mass, good_mass = empty_lanes(n_slots), empty_lanes(1)
-    sums_rows, matrix_rows, good_rows = rows_read(z, sums), rows_read(z, matrix), rows_read(z, good)
-    mass_rows, good_mass_rows = rows_read(z, mass), rows_read(z, good_mass)
-    at_stage, x = np.empty((1, *z.shape[1:])), np.empty((1, len(order) * z.shape[1], *z.shape[2:]))
-    due = every - done % every
-    out = done // every + 1
-    for count in range(n_steps):
-        block, row = step_place(z, position)
-        if row == 0 or count == 0:
-            _stage_matrices(packed, stages, order, scalars, 3 * block, coefficients, sums, matrix, scale, good)
-            if count_s == TWO and due <= good_rows.shape[0]:
-                mass_matrices(packed, scalars, 3 * block + 2, sums, TWO * apart, mass, scale, good_mass)
-                hand_over(mass, mass_rows)
-                hand_over(good_mass, good_mass_rows)
-            hand_over(sums, sums_rows)
-            hand_over(matrix, matrix_rows)
-            hand_over(good, good_rows)
-        if not everywhere(less(0.0, load(good_rows, (row, 0)))):
-            return count, SINGULAR
-        for column in range(z.shape[0]):
+    sums, now = np.empty((THREE * apart, LANES)), np.empty((scalars.shape[1], LANES))
+    matrix, scale, good = np.empty((stages.n_slots, LANES)), np.empty((stages.n, LANES)), np.empty((1, LANES))
+    mass, good_mass = np.empty((layout.n_slots, LANES)), np.empty((1, LANES))
+    at_stage, x = np.empty((n, LANES)), np.empty((stages.n, LANES))
+    taken, status = 0, COMPLETED
+    while taken < n_steps and status == COMPLETED:
+        lane = taken % LANES
+        if lane == 0:
+            for s in range(3):
+                read_steps(scalars, position + taken, period, 3, s + 1, now)
+                affine_sums(terms, now, sums, np.uint64(s) * apart)
+            _stage_matrices(layout, stages, count_s, coefficients, sums, matrix, scale, good)
+            if count_s == TWO:
+                _newmark_matrices(layout, sums, TWO * apart, 0.0, 0.0, mass, scale, good_mass)
+        if not good[0, lane] > 0.0:
+            status = SINGULAR
+            break
+        for block in range(len(z)):
+            z_own, v_own, q_own = z[block], v[block], q[block]
             for s in range(count_s):
-                ahead = load(coefficients, ONE + s)
+                ahead = coefficients[ONE + s]
                 for i in range(n):
-                    store(at_stage, (0, i), load(z, (column, i)) + ahead * load(v, (column, i)))
-                for i in range(n):
-                    rest = residual(layout, sums_rows, row, s * apart, load_factor[column], at_stage, 0, v, column, i)
-                    store(x, (0, count_s * i + s), rest)
-            solve(stages, matrix_rows, row, x, 0)
-            squares = 0.0 * load(z, (column, 0))
+                    store(at_stage, i, load(z_own, i) + ahead * load(v_own, i))
+                residual(layout, sums, s * apart, lane, load(loads[block], 0), at_stage, v_own, x, s, count_s)
+            solve(stages, matrix, lane, x)
+            squares = 0.0 * load(z_own, 0)
             for i in range(n):
-                here = (column, i)
-                faster = 0.0 * squares
-                moved = step * load(v, here)
+                faster, moved = 0.0 * squares, load(z_own, i) + step * load(v_own, i)
                 for s in range(count_s):
-                    found = load(x, (0, count_s * i + s))
-                    faster += load(coefficients, v_weights + s) * found
-                    moved += load(coefficients, z_weights + s) * found
-                moved += load(z, here)
-                store(z, here, moved)
-                store(v, here, load(v, here) + faster)
-                store(q, here, load(x, (0, count_s * i + count_s - ONE)))
+                    found = load(x, count_s * i + s)
+                    faster += coefficients[v_weights + s] * found
+                    moved += coefficients[z_weights + s] * found
+                store(z_own, i, moved)
+                store(v_own, i, load(v_own, i) + faster)
+                store(q_own, i, load(x, count_s * i + count_s - ONE))
                 squares += moved * moved
             if not everywhere(less(squares, bound)):
-                return count + 1, UNBOUNDED
-        position += 1
-        if position == period:
-            position = 0
-        due -= 1
-        if due == 0:
-            due = every
+                status = UNBOUNDED
+        if status == COMPLETED and (done + taken + 1) % every == 0:
             if count_s == TWO:
-                if not everywhere(less(0.0, load(good_mass_rows, (row, 0)))):
-                    return count, SINGULAR
-                true_accelerations(layout, sums_rows, mass_rows, row, TWO * apart, load_factor, z, v, q, 0)
-            _store_row(stored, out, z, v, q)
-            out += 1
-    return n_steps, COMPLETED
-
-
-@compiled
-def _gathered(part, column, block):
-    """LANES numbers of a column from the block's first one on, shape (1, LANES); zeros beyond the last."""
-    lanes = np.zeros((1, LANES))
-    for i in range(min(LANES, part.shape[1] - block * LANES)):
-        lanes[0, i] = part[column, block * LANES + i]
-    return lanes
-
-
-@compiled
-def _scattered(numbers, lanes, part, row, block):
-    """Inverse of `_gathered`; `lanes` is empty_lanes for it."""
-    store(lanes, 0, numbers)
-    for i in range(min(LANES, part.shape[1] - block * LANES)):
-        part[row, block * LANES + i] = lanes[0, i]
+                if not good_mass[0, lane] > 0.0:
+                    status = SINGULAR
+                    break
+                residual(layout, sums, TWO * apart, lane, load(loads[0], 0), z[0], v[0], q[0], ZERO, ONE)
+                solve(layout, mass, lane, q[0])
+            _store_row(stored, (done + taken + 1) // every, z, v, q)
+        taken += 1
+    out_of_lanes(z, state[0])
+    out_of_lanes(v, state[1])
+    out_of_lanes(q, state[3])
+    return taken, status
 
 
 @_cached
 @_made_of_parts
 def exact_modal(
-    packed, forces, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored
+    layout, terms, forces, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored
 ):
     """Decoupled modes m z'' + c z' + k z = F, the paper's eq. (143) and damping; exact for F linear in t.
 
-    LANES modes are in a register for the whole run. coefficients, forces: shapes (11, blocks, LANES) and (period + 1,
-    blocks, LANES), of `kaneflex.integrate.modal`; the forces are those at the steps. `bound` is that of each square.
+    coefficients, forces: shapes (11, n) and (period + 1, n), of `kaneflex.integrate.modal`; the forces are those at
+    the steps. `bound` is that of each square.
     """
     z, v, _, q = state
-    out_z, out_v, out_a = stored
-    status = COMPLETED
-    for block in range(forces.shape[1]):
-        z_z, z_v, z_0, z_1 = (
-            load(coefficients, (0, block)), load(coefficients, (1, block)), load(coefficients, (2, block)),
-            load(coefficients, (3, block)),
-        )  # fmt: skip
-        v_z, v_v, v_0, v_1 = (
-            load(coefficients, (4, block)), load(coefficients, (5, block)), load(coefficients, (6, block)),
-            load(coefficients, (7, block)),
-        )  # fmt: skip
-        mobility, rate, square = (
-            load(coefficients, (8, block)), load(coefficients, (9, block)), load(coefficients, (10, block))
-        )  # fmt: skip
+    w = coefficients
+    for count in range(n_steps):
+        row = (position + count) % period
         for column in range(z.shape[0]):
-            lanes = _gathered(v, column, block)
-            moved, speed = load(_gathered(z, column, block), 0), load(lanes, 0)
-            place, due, out = position, every - done % every, done // every + 1
-            before = load_factor[column] * load(forces, (place, block))
-            for count in range(n_steps):
-                place += 1
-                now = load_factor[column] * load(forces, (place, block))
-                here = z_z * moved + z_v * speed + (z_0 * before + z_1 * now)
-                speed = v_z * moved + v_v * speed + (v_0 * before + v_1 * now)
-                moved, before = here, now
-                if not everywhere(less(moved * moved, bound)):
-                    n_steps, status = count + 1, UNBOUNDED
-                    break
-                if place == period:
-                    place = 0
-                due -= 1
-                if due == 0 and column == 0:
-                    _scattered(moved, lanes, out_z, out, block)
-                    _scattered(speed, lanes, out_v, out, block)
-                    _scattered(mobility * now - rate * speed - square * moved, lanes, out_a, out, block)
-                    out += 1
-                if due == 0:
-                    due = every
-            _scattered(moved, lanes, z, column, block)
-            _scattered(speed, lanes, v, column, block)
-            _scattered(mobility * before - rate * speed - square * moved, lanes, q, column, block)
-    return n_steps, status
+            factor, bounded = load_factor[column], True
+            for i in range(layout.n):
+                moved, speed = z[column, i], v[column, i]
+                before, now = factor * forces[row, i], factor * forces[row + 1, i]
+                there = w[0, i] * moved + w[1, i] * speed + (w[2, i] * before + w[3, i] * now)
+                speed = w[4, i] * moved + w[5, i] * speed + (w[6, i] * before + w[7, i] * now)
+                z[column, i], v[column, i] = there, speed
+                q[column, i] = w[8, i] * now - w[9, i] * speed - w[10, i] * there
+                bounded = bounded and there * there < bound
+            if not bounded:
+                return count + 1, UNBOUNDED
+        if (done + count + 1) % every == 0:
+            out_z, out_v, out_a = stored
+            out = (done + count + 1) // every
+            for i in range(layout.n):
+                out_z[out, i], out_v[out, i], out_a[out, i] = z[0, i], v[0, i], q[0, i]
+    return n_steps, COMPLETED

@@ -10,19 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate.banded_slices import BAND, BandedSystem, banded_system
-from kaneflex.integrate.conventions import COMPLETED, LANES, SINGULAR, UNBOUNDED
+from kaneflex.integrate.conventions import COMPLETED, SINGULAR, UNBOUNDED
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome, Progress
-from kaneflex.integrate.streams import CoefficientStream, TimeSegments
+from kaneflex.integrate.streams import CoefficientStream
 from kaneflex.integrate.system import AffineSystem, Layout, layout_of
 from kaneflex.support.machine_code import Kernel
 
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
 _RUNAWAY = 1e12  # times the largest displacement that the forces could cause on the free masses
 _LARGEST = 1e150  # its square is still a number
-_LONG = 48  # coordinates from which a chain is worth a loop of its own
-_FULL = 1.0  # numbers that its runs may hold for one of the matrices: links with scalars of their own leave them empty
 
 _OUTCOMES = {
     COMPLETED: Outcome.COMPLETED,
@@ -30,11 +27,10 @@ _OUTCOMES = {
     UNBOUNDED: Outcome.UNSTABLE,
 }
 _STEPPERS = {name: Kernel("integrate.steppers", name) for name in ("newmark", "collocation", "exact_modal")}
-_BANDED, _DENSE = Kernel("integrate.banded", "newmark_banded"), Kernel("integrate.dense", "newmark")
 
 
 class State(NamedTuple):
-    """Columns of states, each array of shape (columns, n); in lanes (columns, n, LANES).
+    """Columns of states, each array of shape (columns, n).
 
     Displacements, velocities, the method's own accelerations and those of the equation of motion.
     """
@@ -50,7 +46,7 @@ class State(NamedTuple):
 
 
 class Stored(NamedTuple):
-    """Stored steps of the first column, each array of shape (n_out, n); in lanes (n_out, n, LANES)."""
+    """Stored steps of the first column, each array of shape (n_out, n)."""
 
     z: np.ndarray
     v: np.ndarray
@@ -75,7 +71,7 @@ class Advance(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """All that does not change during a run, or during segments of one in each lane.
+    """All that does not change during a run.
 
     coefficients: numbers of the method
     scales: factors of z, v and, where the method carries accelerations of its own, a, that make their sizes alike
@@ -84,35 +80,21 @@ class Setup:
 
     system: AffineSystem
     method: Method
-    stream: CoefficientStream | TimeSegments
+    stream: CoefficientStream
     coefficients: np.ndarray
     scales: tuple[float, ...]
     progress: Progress | None = None
-
-    @cached_property
-    def banded(self) -> BandedSystem | None:
-        """System in the storage of the loop for long chains; None if that loop does not take it, or not faster."""
-        if self.method.stepper != "newmark" or self.system.n < _LONG or self.system.half_bandwidth > BAND:
-            return None
-        found = banded_system(self.system, *self.coefficients[4:6])
-        return found if found.numbers < _FULL * self.system.packed.data.size else None
 
     @property
     def stages(self) -> Layout:
         """Size of the matrix that a step factorises: every coordinate once per stage of the method."""
         return layout_of(self.system.n, self.system.half_bandwidth, max(self.method.stages, 1))
 
-    def loop(self, state: State, coefficients: np.ndarray) -> Callable[..., tuple[int, int]]:
-        """The compiled loop that takes these states furthest in a second, with what it reads of the system."""
-        one_after_the_other = state.z.ndim == 2
-        if one_after_the_other and self.method.stepper == "newmark" and self.system.n <= LANES:
-            return partial(_DENSE, (0.0,) * self.system.n, self.system.packed)
-        if one_after_the_other and self.banded is not None:
-            own = coefficients is self.coefficients
-            system = self.banded if own else banded_system(self.system, *coefficients[4:6])
-            return partial(_BANDED, system)
-        loop = partial(_STEPPERS[self.method.stepper], self.system.packed)
-        return partial(loop, self.stages, (1.0,) * self.method.stages) if self.method.stages else loop
+    @cached_property
+    def loop(self) -> Callable[..., tuple[int, int]]:
+        """The method's compiled loop, with what it reads of the system."""
+        loop = partial(_STEPPERS[self.method.stepper], self.system.layout, self.system.sums)
+        return partial(loop, self.stages) if self.method.stages else loop
 
     def consistent(self, state: State, load_factor: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
@@ -120,22 +102,17 @@ class Setup:
         They are the method's own, too, if it carries none of its own. A step of no length finds them, of as many
         columns as the method's steps read: no other loop has to be compiled.
         """
-        row, method = self.stream.first_row(), self.method
-        if method.lanes:
-            every_lane = row if row.ndim == 2 else row[:, None]
-            scalars = np.array(np.broadcast_to(every_lane, (len(method.nodes), len(row), LANES)), order="C")
-        else:
-            scalars = self.stream.read(np.array((row, row)))
-        still = method.still(self.coefficients)
+        still = self.method.still(self.coefficients)
+        scalars = self.stream.read(np.tile(self.stream.first_row(), (len(self.method.nodes) + 1, 1)))
         rest = (still, load_factor, state, 0, 1, np.inf, Stored.of(state, 2))
-        _, status = self.loop(state, still)(scalars, 1, 0, 1, *rest)
+        _, status = self.loop(scalars, 1, 0, 1, *rest)
         return status != SINGULAR
 
     def free_acceleration(self, table: np.ndarray) -> float:
         """Largest of free masses under the forces of a table, as the loop reads it."""
-        if not self.method.lanes:
+        if not self.method.varying:
             return float(np.abs(table * self.coefficients[8]).max())
-        return _free_acceleration(self.system, table.transpose(0, 2, 1).reshape(-1, table.shape[1]))
+        return _free_acceleration(self.system, table)
 
 
 def advance(
@@ -147,7 +124,7 @@ def advance(
     load_factor: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
     masses; else only where its square is no longer a number.
     """
-    loop = setup.loop(state, setup.coefficients)
+    loop = setup.loop
     # one cycle of a unit state may well grow beyond what forces cause: it only has to stay a number
     bound = _Bound(setup, state, n_steps) if bounded else None
     most = _steps_of_a_call(setup, state.z.shape[0])
@@ -205,5 +182,5 @@ def _steps_of_a_call(setup: Setup, columns: int) -> int:
     n_slots, stages = int(setup.stages.n_slots), max(setup.method.stages, 1)
     factor = n_slots * stages * (setup.system.half_bandwidth + 1)
     # sums at every node of the table, the factorisation, and C v, K z and a solve in every column
-    work = len(setup.method.nodes) * setup.system.packed.data.size + factor + columns * 4 * n_slots
+    work = len(setup.method.nodes) * setup.system.sums[2].size + factor + columns * 4 * n_slots
     return max(1, int(_WORK_OF_A_CALL / work))

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 Rows: TypeAlias = "SparseRows | csr_array"
-_LONGEST_GAP = 4  # zeros worth adding up rather than starting a new run of slots
 _MATRICES = ("M", "C", "K")
 
 
@@ -26,22 +25,6 @@ class Layout(NamedTuple):
     base: np.ndarray
     first: np.ndarray
     last: np.ndarray
-
-
-class Packed(NamedTuple):
-    """An :class:`AffineSystem` as the compiled steppers read it.
-
-    One vector holds the slots of M, then C, then K, then F. A row (scalar, start, length, offset) of ``runs`` says:
-    add that scalar times `length` numbers of ``data`` from `offset` on to the slots from `start` on. A scalar of a
-    motion touches the coordinates of one link, which are neighbours, so the runs are few and long. Where several
-    scalars run over the same slots, four of them are a row (scalars, start, length, offset) of ``quads``, with four
-    numbers a slot: a sum is then stored once, not four times.
-    """
-
-    layout: Layout
-    quads: np.ndarray
-    runs: np.ndarray
-    data: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,39 +95,10 @@ class AffineSystem:
         what = np.concatenate([matrix.indices for matrix in matrices]).astype(np.uint64)
         return ends, what, np.concatenate([matrix.data for matrix in matrices])
 
-    @cached_property
-    def packed(self) -> Packed:
-        """The same numbers, in the layout of the compiled steppers."""
-        n, layout = self.n, layout_of(self.n, self.half_bandwidth, 1)
-        scalars, slots, values = self.entries(layout)
-        # M before C before K before F, then by scalar, then by slot; far apart where a run must end
-        block = np.minimum(slots // int(layout.n_slots), len(_MATRICES))
-        far = len(_MATRICES) * int(layout.n_slots) + n + _LONGEST_GAP + 1
-        keys, places = np.unique((block * self.n_scalars + scalars) * far + slots, return_inverse=True)
-        begins = np.concatenate(([True], np.diff(keys) > _LONGEST_GAP + 1))[: len(keys)]
-        starts = np.flatnonzero(begins)
-        run = np.cumsum(begins) - 1
-        lengths = keys[np.append(starts[1:], len(keys)) - 1] - keys[starts] + 1 if len(keys) else starts
-        offsets = np.cumsum(lengths) - lengths
-        numbers = np.zeros(int(lengths.sum()))
-        np.add.at(numbers, (offsets - keys[starts])[run][places] + keys[places], values)
-        found = np.stack((keys[starts] // far % self.n_scalars, keys[starts] % far, lengths, offsets), axis=1)
-        return Packed(layout, *_grouped(found, numbers))
-
-    def entries(self, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Scalar, slot in the vector of M, C, K and F, and value of everything that is not zero."""
-        scalars, slots, values = [], [], []
-        for block, name in enumerate((*_MATRICES, "F")):
-            matrix = getattr(self, name)
-            used = matrix.data != 0.0
-            slot = rows_of(matrix)[used]
-            if name != "F":
-                rows, columns = self._places(slot)
-                slot = layout.base[rows].astype(np.int64) + columns
-            scalars.append(matrix.indices[used])
-            slots.append(block * int(layout.n_slots) + slot)
-            values.append(matrix.data[used])
-        return np.concatenate(scalars), np.concatenate(slots), np.concatenate(values)
+    @property
+    def layout(self) -> Layout:
+        """Layout of M, C and K."""
+        return layout_of(self.n, self.half_bandwidth, 1)
 
     def _places(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width = 2 * self.half_bandwidth + 1
@@ -152,34 +106,11 @@ class AffineSystem:
         return rows, slots % width + rows - self.half_bandwidth
 
 
-def _grouped(runs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Quads, runs and data of :class:`Packed` from runs alone: fours, or what is left of them, over the same slots."""
-    spans, span = np.unique(runs[:, 1:3], axis=0, return_inverse=True)
-    quads, single, data, size = [], [], [], 0
-    for k, (start, length) in enumerate(spans.tolist()):
-        members = runs[span.ravel() == k]
-        for first in range(0, len(members), 4):
-            four = members[first : first + 4]
-            places = four[:, 3, None] + np.arange(length)
-            if len(four) == 1:
-                single.append((four[0, 0], start, length, size))
-                data.append(numbers[places[0]])
-            else:
-                block = np.zeros((length, 4))
-                block[:, : len(four)] = numbers[places].T
-                quads.append((*np.resize(four[:, 0], 4), start, length, size))
-                data.append(block.ravel())
-            size += len(data[-1])
-    tables = (np.array(rows, dtype=np.uint64).reshape(-1, width) for rows, width in ((quads, 7), (single, 4)))
-    return *tables, np.concatenate(data) if data else numbers
-
-
 def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
-    """Layout of a band with every coordinate `copies` times, side by side; nothing beyond the matrix."""
-    blocks = np.repeat(np.arange(n, dtype=np.int64), copies)
+    """Layout of a band with every coordinate `copies` times, side by side; zeros beyond the matrix are stored, too."""
+    rows, blocks = np.arange(n * copies), np.repeat(np.arange(n), copies)
+    width = (2 * half_bandwidth + 1) * copies
     first = np.maximum(blocks - half_bandwidth, 0) * copies
     last = (np.minimum(blocks + half_bandwidth, n - 1) + 1) * copies
-    lengths = last - first
-    starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
-    places = (np.asarray(each, dtype=np.uint64) for each in (starts - first, first, last))
-    return Layout(np.uint64(n * copies), np.uint64(lengths.sum()), *places)
+    places = (each.astype(np.uint64) for each in (rows * width - (blocks - half_bandwidth) * copies, first, last))
+    return Layout(np.uint64(n * copies), np.uint64(n * copies * width), *places)

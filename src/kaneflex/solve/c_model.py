@@ -154,7 +154,7 @@ def shared_texts(names: Iterable[str]) -> dict[str, str]:
 def method_in_c(model: Model) -> Method:
     """Integrator of the run if it has fixed steps, else radau."""
     method = METHODS[model.options.integrator]
-    return method if method.lanes else METHODS["radau"]
+    return method if method.varying else METHODS["radau"]
 
 
 def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:

@@ -150,7 +150,7 @@ def step_limits(model: Model, multipliers: Multipliers) -> tuple[StepLimit, ...]
     """
     own = np.log(max(1.0, multipliers.radius))
     allowed = float(np.exp((1.0 + _SHARE) * own + _SPURIOUS))
-    names = [name for name, method in METHODS.items() if method.lanes]
+    names = [name for name, method in METHODS.items() if method.varying]
     return tuple(_limit(model, name, multipliers.period, allowed) for name in names)
 
 
