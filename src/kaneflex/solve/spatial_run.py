@@ -12,7 +12,7 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
-from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, taken_turns
+from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.multibody.time.shooting import COMPLETED, Verdict
@@ -26,8 +26,6 @@ from kaneflex.solve.slow_start import slow_state
 from kaneflex.solve.spatial_loading import check_stage, given_state, with_open_reactions
 
 Share = Callable[[float], None]
-_LOOKED_AT = 200
-"""Instants of a run at which the deformation is checked."""
 _REPEATS = 1e-6
 """Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 
@@ -56,15 +54,14 @@ def integrated_in_space(model: Model, share: Share, closer: float = 1.0) -> Mode
 
 def _with_run(model: Model, motion: SpatialKinematics, energy: Energy, run: Run) -> Model:
     """Model in space along an integrated motion, with the warnings of its run."""
-    scene, options, turns = model.scene, model.options, list[str]()
+    scene, options = model.scene, model.options
     if isinstance(motion, CoupledKinematics):
         reference = reference_instant(scene, options, motion)[0] if model.motion.is_start else model.reference_time
         found = replace(model, motion=motion, reference_time=reference, energy=energy)
-        turns = taken_turns(motion, np.linspace(0.0, options.duration, _LOOKED_AT))
     else:
         found = moving(model, motion, energy)
         check_stage(found)
-    return replace(found, warnings=(*found.warnings, *run.passing.warnings, *turns))
+    return replace(found, warnings=(*found.warnings, *run.passing.warnings))
 
 
 def _first(system: SpatialSystem, options: Options) -> State:

@@ -25,7 +25,7 @@ from kaneflex.multibody.dynamics.algebra import (
     twist_at,
 )
 from kaneflex.multibody.dynamics.spatial_bushings import FORCE, MOMENT, cushion
-from kaneflex.multibody.dynamics.spatial_kinematics import freedoms, goes, relative, stands
+from kaneflex.multibody.dynamics.spatial_kinematics import freedoms, relative
 from kaneflex.multibody.dynamics.spatial_work import (
     BODIES,
     BUSHINGS,
@@ -47,13 +47,13 @@ from kaneflex.multibody.model.spatial_layout import (
     COUNT,
     FIRST,
     KIND,
+    OWNER,
     PARENT,
     ROW,
     ROW_OF,
     SECOND,
     SHAPES,
     SPEED,
-    STATION,
     WHAT,
 )
 from kaneflex.support.inner import once
@@ -69,7 +69,7 @@ def load_sizes(m, t):
     plan, w = m.plan, m.w
     for i in range(m.counts[OBSERVED]):
         at, node = plan[X] + m.observed[i, 0], m.observed[i, 1]
-        w[at], w[at + 1] = stands(m, node), goes(m, node, m.u)
+        w[at], w[at + 1] = m.y[m.nodes[node, SPEED]], m.u[m.nodes[node, SPEED]]
     kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
     for i in range(m.counts[LOADS]):
         m.sizes[i] += w[plan[INPUT] + i]
@@ -132,7 +132,7 @@ def gather(m, felt, h):
         wrench, s, parent = felt[n], m.nodes[n, SPEED], m.nodes[n, PARENT]
         for j in range(s, s + freedoms(m, n)):
             h[j] += dot(wrench, m.S[j])
-        if m.nodes[n, KIND] == STATION:
+        if m.nodes[n, ROW_OF] >= 0:
             for j in range(m.nodes[n, COUNT]):
                 h[s + j] += dot(wrench, m.phi[m.nodes[n, ROW_OF] + j])
         if parent >= 0:
@@ -190,8 +190,8 @@ def momenta(m, u, out):
             twist = plus(twist, twist_at(m.F[parent], minus(m.r[n], m.r[parent])))
         m.F[n] = twist
     for n in range(m.counts[NODES]):  # from twists to momenta
-        twist, b = m.F[n], m.nodes[n, ROW_OF]
-        if m.nodes[n, KIND] == STATION or m.frames[b, 0] != n:
+        twist, b = m.F[n], m.nodes[n, OWNER]
+        if m.frames[b, 0] != n:
             m.F[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             continue
         momentum, E, shapes = times(after(m.I, 6 * b), twist), after(m.E, m.bodies[b, COUPLING]), m.bodies[b, COUNTED]

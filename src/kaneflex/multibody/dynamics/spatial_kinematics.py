@@ -73,29 +73,6 @@ def _turn(m, n, w, x, y, z, two):
 
 
 @njit(**OPTIONS)
-def beyond(m, n, of):
-    """Angle theta (of y) or rate theta' (of speeds) of the section at a node whose axes follow their body's mean
-    rotation: its shapes are the next node. Zero for other nodes."""
-    found = 0.0
-    for i in range(m.nodes[n, COUNT]):
-        found += m.block[m.nodes[n, AT] + i] * of[m.nodes[n + 1, SPEED] + i]
-    return found
-
-
-@njit(**OPTIONS)
-def stands(m, n):
-    """Coordinate of a joint by its node, including the section's rotation 2 atan(theta / 2)."""
-    return m.y[m.nodes[n, SPEED]] + 2.0 * math.atan(0.5 * beyond(m, n, m.y))
-
-
-@njit(**OPTIONS)
-def goes(m, n, u):
-    """Rate of that coordinate."""
-    theta = beyond(m, n, m.y)
-    return u[m.nodes[n, SPEED]] + beyond(m, n, u) / (1.0 + 0.25 * theta**2)
-
-
-@njit(**OPTIONS)
 def _turn_by(m, n, x, y, z):
     """Rotate the axes of a node by a rotation vector in them."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -132,10 +109,12 @@ def place(m, first_body):
             _turn_by(m, n, y[s], y[s + 1], y[s + 2])
         elif kind == STATION:
             P = plus(P, _deform(m, n))
+        elif m.nodes[n, AT] >= 0:
+            _turn_back(m, n)
         m.P[n] = P
         m.r[n] = minus(P, turned(m.R, 3 * n, m.numbers[own + _SHIFT]))
     for n in range(m.counts[TWISTS]):
-        m.twists[4 * n] = stands(m, m.twist_ends[n, 3])
+        m.twists[4 * n] = y[m.nodes[m.twist_ends[n, 3], SPEED]]
     for n in range(m.counts[AXES]):
         on = m.axis_on[n]
         m.axes[n] = turned(m.R, 3 * on, m.axis_at[n]) if on >= 0 else m.axis_at[n]
@@ -214,6 +193,29 @@ def _deform(m, n):
 
 
 @njit(**OPTIONS)
+def _turn_back(m, n):
+    """Rotate the axes of a node of shapes back from the section of its joint."""
+    apart()
+    _section(m, _shaped(m, n, 0, after(m.y, m.nodes[n, SPEED])), (0.0, 0.0, 0.0))
+    for i in range(3):
+        a, b, c = m.R[3 * n + i]
+        m.R[3 * n + i] = (m.x[6] * a + m.x[7] * b + m.x[8] * c, m.x[9] * a + m.x[10] * b + m.x[11] * c,
+                          m.x[12] * a + m.x[13] * b + m.x[14] * c)  # fmt: skip
+
+
+@njit(**OPTIONS)
+def _back_twists(m, n, arm):
+    """Global twist of the axes of a node of shapes for a unit of every shape: of rotations -T psi_j."""
+    apart()
+    count, o, phi = m.nodes[n, COUNT], m.nodes[n, AT], after(m.phi, m.nodes[n, ROW_OF])
+    _section(m, _shaped(m, n, 0, after(m.y, m.nodes[n, SPEED])), (0.0, 0.0, 0.0))
+    for j in range(count):
+        psi = m.block[o + j], m.block[o + count + j], m.block[o + 2 * count + j]
+        omega = turned(m.R, 3 * n, scaled(-1.0, _of_x(m, 15, psi)))
+        phi[j] = joined(cross(omega, arm), omega)
+
+
+@njit(**OPTIONS)
 def _station_twists(m, n):
     """Global twist of a station for a unit of every shape of its body, after :func:`_deform`; of rotations T psi_j."""
     apart()
@@ -244,6 +246,8 @@ def _directions(m):
             _ball_axis(m, n, s + 2, arm, spun(theta, b, c, (0.0, 0.0, 1.0)))
         elif kind == STATION:
             _station_twists(m, n)
+        elif m.nodes[n, AT] >= 0:
+            _back_twists(m, n, arm)
 
 
 @njit(**OPTIONS)
@@ -270,13 +274,12 @@ def along(m, section, wrench, share, out):
         return
     wrench = force_at(scaled(share, wrench), minus(m.sections[5 * section], m.r[n]))
     while n >= 0:
-        kind, s, parent = m.nodes[n, KIND], m.nodes[n, SPEED], m.nodes[n, PARENT]
-        if kind == STATION:
+        s, parent = m.nodes[n, SPEED], m.nodes[n, PARENT]
+        if m.nodes[n, ROW_OF] >= 0:
             for j in range(m.nodes[n, COUNT]):
                 out[s + j] += dot(m.phi[m.nodes[n, ROW_OF] + j], wrench)
-        else:
-            for j in range(s, s + freedoms(m, n)):
-                out[j] += dot(m.S[j], wrench)
+        for j in range(s, s + freedoms(m, n)):
+            out[j] += dot(m.S[j], wrench)
         if parent >= 0:
             wrench = force_at(wrench, minus(m.r[n], m.r[parent]))
         n = parent
@@ -302,7 +305,7 @@ def relative(m, n, u):
     """Twist of a node relative to its parent, by speeds."""
     apart()
     s, twist = m.nodes[n, SPEED], (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    if m.nodes[n, KIND] == STATION:
+    if m.nodes[n, ROW_OF] >= 0:
         for j in range(m.nodes[n, COUNT]):
             twist = axpy(u[s + j], m.phi[m.nodes[n, ROW_OF] + j], twist)
     for j in range(s, s + freedoms(m, n)):
@@ -355,6 +358,8 @@ def accelerate(m, first_body):
             moved, faster, turned_on, e_turned = _station_accelerations(m, n)
             a = plus(plus(a, faster), cross(w, scaled(2.0, moved)))
             e = plus(plus(e, e_turned), cross(w, turned_on))
+        elif m.nodes[n, AT] >= 0:
+            e = plus(e, _back_acceleration(m, n))
         arm = minus(m.r[n], m.P[n])
         m.a[n], m.e[n] = plus(a, _centripetal(m.omega[n], e, arm)), e
     for n in range(m.counts[SECTIONS]):
@@ -373,6 +378,16 @@ def _station_accelerations(m, n):
     _section(m, _shaped(m, n, 3, after(m.y, m.nodes[n, SPEED])), _shaped(m, n, 3, u))
     growing = turned(m.R, base, _bent(m, n, u)), turned(m.R, base, (m.x[24], m.x[25], m.x[26]))
     return first(twist), plus(first(faster), growing[0]), last(twist), plus(last(faster), growing[1])
+
+
+@njit(**OPTIONS)
+def _back_acceleration(m, n):
+    """Angular acceleration of the axes of a node of shapes less that of the section from which they turn back."""
+    apart()
+    v = m.nodes[n, SPEED]
+    _section(m, _shaped(m, n, 0, after(m.y, v)), _shaped(m, n, 0, after(m.u, v)))
+    growing = turned(m.R, 3 * n, (m.x[24], m.x[25], m.x[26]))
+    return minus(plus(last(relative(m, n, m.du)), cross(m.omega[n], last(relative(m, n, m.u)))), growing)
 
 
 @njit(**OPTIONS)

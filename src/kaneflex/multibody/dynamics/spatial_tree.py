@@ -11,12 +11,13 @@ import math
 from numba import njit
 
 from kaneflex.multibody.compile.values import after, copy_vectors, twists, vectors
-from kaneflex.multibody.dynamics.algebra import dot, joined, minus, scaled, twist_at
+from kaneflex.multibody.dynamics.algebra import dot, force_at, joined, minus, plus, scaled, times, twist_at
+from kaneflex.multibody.dynamics.articulated import transport
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.rotation_vectors import compose, spin
 from kaneflex.multibody.dynamics.spatial_bushings import POWER
 from kaneflex.multibody.dynamics.spatial_forces import inertias
-from kaneflex.multibody.dynamics.spatial_kinematics import along, beyond, freedoms
+from kaneflex.multibody.dynamics.spatial_kinematics import along, freedoms
 from kaneflex.multibody.dynamics.spatial_work import (
     BALLS,
     BUSHINGS,
@@ -30,8 +31,8 @@ from kaneflex.multibody.dynamics.spatial_work import (
     TWISTS,
 )  # fmt: skip
 from kaneflex.multibody.model import layout as of
-from kaneflex.multibody.model.layout import OPTIONS, PARENT_BODY, apart, shifted
-from kaneflex.multibody.model.spatial_layout import AT, COUNT, ROW_OF, SPEED
+from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, PARENT_BODY, apart, shifted
+from kaneflex.multibody.model.spatial_layout import COUNT, KIND, OWNER, PARENT, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
 
 POINTS, TWIST, ALONG_AXIS, ABOUT_AXIS = range(4)
@@ -58,20 +59,46 @@ def assemble(m):
     inertias(m)
     place, arm = vectors(shifted(w, pivots[of.PLACES])), vectors(shifted(w, pivots[of.ARMS]))
     for b in range(m.plan[of.BODIES]):
-        node, on = m.frames[b, 0], m.frames[b, 1]
+        node, on = m.frames[b, 2], m.frames[b, 1]
         if on >= 0:
-            place[b] = minus(m.r[on], m.r[m.frames[m.bodies[b, PARENT_BODY], 0]])
+            place[b] = minus(m.r[on], m.r[m.frames[m.bodies[b, PARENT_BODY], 2]])
             arm[b] = minus(m.r[node], m.r[on])
     S = twists(m, shifted(w, pivots[of.AXES]))
     for node in range(m.counts[NODES]):
         count = freedoms(m, node)
         if count:
-            away = minus(m.r[m.frames[m.nodes[node, ROW_OF], 0]], m.r[node])
+            away = minus(m.r[m.frames[m.nodes[node, OWNER], 2]], m.r[node])
             for j in range(m.nodes[node, SPEED], m.nodes[node, SPEED] + count):
                 S[j] = twist_at(m.S[j], away)
-    copy_vectors(m.phi, twists(m, shifted(w, pivots[of.PHI])), m.counts[PHI])
+    phi = twists(m, shifted(w, pivots[of.PHI]))
+    copy_vectors(m.phi, phi, m.counts[PHI])
+    for node in range(m.counts[NODES]):
+        up = m.nodes[node, PARENT]
+        if m.nodes[node, KIND] == STATION and m.nodes[up, ROW_OF] >= 0:
+            back, own = after(phi, m.nodes[up, ROW_OF]), after(phi, m.nodes[node, ROW_OF])
+            for j in range(m.nodes[node, COUNT]):
+                own[j] = plus(own[j], twist_at(back[j], minus(m.r[node], m.r[up])))
+    for b in range(m.plan[of.BODIES]):
+        if m.frames[b, 2] != m.frames[b, 0]:
+            _move_inertia(m, b, after(phi, m.nodes[m.frames[b, 0], ROW_OF]))
     for k in range(n * m.plan[of.KEPT]):
         w[pivots[of.MIDDLE] + k] = w[m.plan[of.GRADIENT] + k]
+
+
+@njit(**IN_ORDER)
+def _move_inertia(m, b, back):
+    """Move matrices I, E and L of a body from its axes, whose twists by shapes are ``back``, to its joint's section."""
+    apart()
+    count, L = m.bodies[b, of.SHAPES], m.bodies[b, of.SQUARE]
+    I, E = after(m.I, 6 * b), after(m.E, m.bodies[b, of.COUPLING])
+    arm = minus(m.r[m.frames[b, 0]], m.r[m.frames[b, 2]])
+    for j in range(count):
+        moved = plus(E[j], times(I, back[j]))
+        for l in range(count):
+            m.L[L + count * j + l] += dot(back[j], E[l]) + dot(moved, back[l])
+    for j in range(count):
+        E[j] = force_at(plus(E[j], times(I, back[j])), arm)
+    transport(I, arm)
 
 
 @njit(**OPTIONS)
@@ -178,9 +205,6 @@ def fill_ways(m):
         node, out = m.acts[act, of.AT], plan[of.WAYS] + n * (act - plan[of.DRIVES])
         if node >= 0:
             m.w[out + m.nodes[node, SPEED]] = 1.0
-            theta = beyond(m, node, m.y)
-            for i in range(m.nodes[node, COUNT]):
-                m.w[out + m.nodes[node + 1, SPEED] + i] = m.block[m.nodes[node, AT] + i] / (1.0 + 0.25 * theta**2)
             leave_out(m, out)
     ways = after(m.w, plan[of.WAYS] + n * (plan[of.LOADS] - plan[of.DRIVES]))
     for l in range(m.counts[FORCES]):

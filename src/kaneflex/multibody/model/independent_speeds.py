@@ -28,25 +28,12 @@ def given_speeds(system: SpatialSystem) -> dict[int, float]:
         elif joint.kind != "spherical":
             values = (drive.initial_speed,) if joint.freedoms == 1 else drive.initial_speeds or ()
             given = {f"{name}.{move}": value for (move, _), value in zip(joint.moves, values, strict=False)}
-            if given and name in system.layout.kept:
-                omega = _as_ball(system, joint, _turning(system, joint, values))
-                given |= {f"{name}.omega_{axis}": value for axis, value in zip("xyz", omega, strict=True)}
             found |= {number[each]: value for each, value in given.items() if each in number}
     for body in system.mechanism.floating:
         free, R = system.scene.floating[body], system.mechanism.bodies[body].rotation
         turn = R.T @ np.zeros(3) if free.angular_velocity is None else R.T @ np.asarray(free.angular_velocity)
         found |= dict(zip(system.speeds_of(body), [*system.scene.vector(free.velocity), *turn], strict=True))
     return found
-
-
-def _turning(system: SpatialSystem, joint: SpatialJoint, speeds: Sequence[float]) -> np.ndarray:
-    """Angular velocity of a joint's second body against its first, in the second's axes, by the speeds of its moves."""
-    first, second = _standing(system, joint)
-    omega, now = np.zeros(3), {False: second.T @ first, True: system.mechanism.relative(joint).T}
-    for (move, axis), speed in zip(joint.moves, speeds, strict=True):
-        if move.startswith("angle"):
-            omega += speed * now[move == "angle_2"] @ axis  # the second of two goes along with the second body
-    return omega
 
 
 def _as_ball(system: SpatialSystem, joint: SpatialJoint, omega: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -13,17 +13,13 @@ from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.shape_bases import spatial_shapes
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, SPEED, Deformable, Flexible, Place
+from kaneflex.multibody.model.spatial_layout import Deformable, Flexible, Place
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.multibody.time.shooting import Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
-from kaneflex.multibody.time.spatial_sections import sections
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
-
-_BENT = 0.02
-"""Largest modal coordinate, as a share of its link's length, without a warning of shapes that resemble a rotation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +67,7 @@ def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> 
 def before_run(module: SpatialModule, first: State) -> CoupledKinematics:
     """Motion of a coupled system, at ``first`` at the start, as far as it is known before a run."""
     system = module.system
-    alone = build_spatial_system(system.scene, system.module, coupled=True, balls=system.layout.kept)
+    alone = build_spatial_system(system.scene, system.module, coupled=True)
     start = start_of(alone)
     rigid = SpatialKinematics(SpatialModule(alone), alone.parameters, Followed(alone, start))
     freedoms = len(first.choice.independent)
@@ -109,44 +105,4 @@ class _Beside(Curve):
     def _given(self, times: np.ndarray) -> np.ndarray:
         of = self.coupled.module.system
         found = of.instants(self.coupled.curve.rows(times))
-        q, u = found.q.copy(), found.u.copy()
-        for joint, (body, turn) in of.layout.freed.items():  # a joint stands as its section does, not as the axes
-            last, shapes = (of.tables.nodes[node] for node in (of.layout.tree[joint][0][-1], of.layout.node_of[body]))
-            theta, rate = (moved[:, shapes[what] : shapes[what] + shapes[COUNT]] @ turn.T
-                           for moved, what in ((q, COORDINATE), (u, SPEED)))  # fmt: skip
-            if last[KIND] == BALL:
-                _turn_on(q[:, last[COORDINATE] :][:, :4], u[:, last[SPEED] :][:, :3], theta, rate)
-            else:
-                q[:, last[COORDINATE]] += 2.0 * np.arctan(0.5 * theta)
-                u[:, last[SPEED]] += rate / (1.0 + 0.25 * theta**2)
-        return np.ascontiguousarray(np.hstack([q[:, self.q], u[:, self.u]]))
-
-
-def _turn_on(q: np.ndarray, u: np.ndarray, theta: np.ndarray, rate: np.ndarray) -> None:
-    """Rotate quaternions (n, 4) and angular velocities in their axes (n, 3) on to sections at theta there."""
-    from scipy.spatial.transform import Rotation
-
-    R, T, _ = sections(theta, rate)
-    turned = Rotation.from_quat(np.roll(q, -1, axis=1)) * Rotation.from_matrix(R)
-    q[:] = np.roll(turned.as_quat(), 1, axis=1)
-    u[:] = np.einsum("nji,nj->ni", R, u + np.einsum("nij,nj->ni", T, rate))
-
-
-def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
-    """Warnings about bodies with large bending at a joint whose rotation their shapes can represent as well, though a
-    law or a spring uses the joint's angle."""
-    system, seen, found = motion.module.system, motion.moved(times), list[str]()
-    mechanism, layout = system.mechanism, system.layout
-    for name, (_, child) in layout.tree.items():
-        joint = mechanism.joints[name]
-        body = joint.sides[1 if child > 0 else 0].body
-        turns = any(move.startswith("angle") for move, _ in joint.moves)
-        if body not in layout.shapes or not turns or name in mechanism.prescribed or name in layout.freed:
-            continue
-        bent = max(abs(seen[f"{body}.shape_{k}"]).max() for k in range(layout.shapes[body].count))
-        if bent > _BENT * (system.scene.bodies[body].length or np.inf):
-            found.append(
-                f"{body} bends by {bent:.2g} m, and its shapes can represent the rotation of {name} as well: "
-                "compare with fewer solve.modes, or divide it into several welded bodies"
-            )
-    return found
+        return np.ascontiguousarray(np.hstack([found.q[:, self.q], found.u[:, self.u]]))

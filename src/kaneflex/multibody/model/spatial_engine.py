@@ -16,7 +16,7 @@ from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import STRUCTURE_KERNELS, Handle
 from kaneflex.multibody.model.places import Counts
-from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW, SPEED, STATION, Tables
+from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW, ROW_OF, SPEED, Tables
 from kaneflex.multibody.model.topology import Layout as PlanarLayout
 
 _NO_NAMES = PlanarLayout((), (), {}, (), (), ())
@@ -143,10 +143,10 @@ def _counts(system: Any) -> Counts:
     m, shapes = system.tables, system.tables.bodies[:, at.SHAPES]
     cuts, joints, loads = len(m.cuts), len(system.known_joints), len(system.mechanism.loads)
     springs = len(m.springs) + len(m.twists) + 6 * len(m.bushings)
-    stations = m.nodes[m.nodes[:, KIND] == STATION, COUNT]
+    twists = m.nodes[m.nodes[:, ROW_OF] >= 0, COUNT]
     return Counts(
         d=6, bodies=len(m.bodies), coordinates=system.speeds, sections=0, speeds=0, coupling=int(shapes.sum()),
-        square=int((shapes**2).sum()), twists=int(stations.sum()), most=int(shapes.max(initial=0)),
+        square=int((shapes**2).sum()), twists=int(twists.sum()), most=int(shapes.max(initial=0)),
         ranges=tuple(np.cumsum([0, cuts, 0, joints, loads, springs, 0]).tolist()), joint_rows=system.row_count,
         loads=loads, driven=system.driven_speeds.tolist(), switches=0, rigid=False,
     )  # fmt: skip

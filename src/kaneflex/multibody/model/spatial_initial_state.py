@@ -11,7 +11,6 @@ from kaneflex.multibody.model.independent_speeds import choose, given_speeds, na
 from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
-from kaneflex.multibody.time.spatial_revolutions import angle_about
 from kaneflex.scene.spatial_check import START_SPEEDS
 from kaneflex.support.errors import SceneError
 
@@ -74,8 +73,7 @@ def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
     system.place(q)
     off = system.gaps()
     if off.max(initial=0.0) > 1e-7:
-        held = {**system.layout.cuts, **system.layout.kept}
-        joint = next(name for name, rows in held.items() if rows.start <= off.argmax() < rows.stop)
+        joint = next(name for name, rows in system.layout.cuts.items() if rows.start <= off.argmax() < rows.stop)
         raise SceneError(
             f"joints.{joint}", None, "the loop that it closes can't close where the drives start: "
             f"a gap of {off.max():.1e} of the mechanism's size, or of 1 rad, remains",
@@ -89,8 +87,7 @@ def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
         field = next((field for field in ("angle", "position") if field in drive.model_fields_set), None)
         if drive.kind != "free" or field is None:
             continue
-        k = int(system.columns([name], COORDINATE)[0])
-        stands = angle_about(system.pin(name), q[k : k + 4]) if name in system.layout.kept else float(q[k])
+        stands = float(q[system.columns([name], COORDINATE)[0]])
         if abs(stands - drive.start) > 1e-9 * max(1.0, abs(drive.start)):
             raise SceneError(
                 f"drives.{name}.{field}", drive.start, f"the loops don't close there, but nearby at {stands:.9g}",

@@ -2,11 +2,10 @@
 
 Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball, or
 is fixed: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a free body has three that
-slide and a ball. The last node of a chain carries the body. A deforming body has a further node for its modal
-coordinates and a *station* for each place with a joint, spring or load, which moves with the section there. If a
-deforming body's axes follow its mean rotation, its joint ends in a ball, and elementary constraints *keep* the joint's
-axes at the section, except for a rotation about one body axis alone. Joints outside the tree are *cuts*, which close
-its loops by such constraints.
+slide and a ball. The last node of a chain carries the body: a deforming one by its section at the joint. A further node
+has its axes and modal coordinates: where the axes follow the body's mean rotation, its shapes turn them back from that
+section. A *station* for each place with a joint, spring or load moves with the section there. Joints outside the tree
+are *cuts*, which close its loops by elementary constraints.
 """
 
 from __future__ import annotations
@@ -20,15 +19,15 @@ import numpy as np
 from kaneflex.mechanism.spatial import Side
 
 FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
-KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF = range(8)
-"""Columns of ``nodes``; ROW_OF: of a station the first of its rows in ``phi``, of another node its body's number in
-``bodies``; BODY: where the numbers of a body that has mass begin in ``p``, else -1. COUNT: shapes of a
-body that deforms, whose coordinates and speeds begin at COORDINATE and SPEED; AT: where the numbers of a station begin
-in ``p``, N and psi, (3, COUNT) each, then G, (3, COUNT, COUNT); those of a node that turns axes which follow their
-body's mean turn: how far each of its shapes turns the section beyond them, (COUNT,)."""
+KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF, OWNER = range(9)
+"""Columns of ``nodes``; OWNER: number in ``bodies`` of a node's body; BODY: where the numbers of a body that has mass
+begin in ``p``, else -1. COUNT: shapes of a body that deforms, whose coordinates and speeds begin at COORDINATE and
+SPEED; AT: where the numbers of a station begin in ``p``, N and psi, (3, COUNT) each, then G, (3, COUNT, COUNT); of a
+node of shapes psi of the section from which they turn the axes back, -1 if there is none; ROW_OF: first row in ``phi``
+of a node that shapes move, else -1."""
 ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
-"""Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis (of a ball
-that of the pin which it stands for) and the joint's point in its own."""
+"""Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis, and the joint's point
+in its own."""
 COINCIDE, PERPENDICULAR, ON_PLANE = range(3)
 ROWS = (3, 1, 1)
 """Rows of an elementary constraint."""
@@ -44,11 +43,12 @@ class Tables(NamedTuple):
 
     Attributes
     ----------
-    nodes, numbers : ndarray (n_nodes, 8), (n_nodes, 18)
+    nodes, numbers : ndarray (n_nodes, 9), (n_nodes, 18)
     bodies : ndarray (n_bodies, 8)
         Bodies with their joints of the tree, see :mod:`kaneflex.multibody.dynamics.articulated`.
-    frames : ndarray (n_bodies, 2)
-        Node of every body, and the one that it hangs on, or -1.
+    frames : ndarray (n_bodies, 3)
+        Node of every body's axes, the one that it hangs on, or -1, and the one whose twist is the body's for
+        :mod:`kaneflex.multibody.dynamics.articulated`: the last of its joint where shapes turn the axes back from it.
     p : ndarray
         Numbers of the bodies, ten each, see ``kaneflex.generated.spatial.BODY``, behind them those of shapes, see
         ``kaneflex.generated.spatial_shapes``; numbers of stations.
@@ -159,12 +159,6 @@ class Layout:
         Joint of the tree -> its nodes, and -1 where the tree goes through it from its second body to its first.
     cuts : mapping
         Joint that closes a loop -> its rows.
-    kept : mapping
-        Joint of the tree that ends in a ball although it has axes -> its rows.
-    freed : mapping
-        Joint of the tree whose last node turns axes that follow their body in the mean -> the body, and how far each of
-        its shapes turns the section at the joint beyond them: about the node's axis (count,), of a ball about x, y, z
-        (3, count) [rad/m].
     speeds : tuple of str
         What every generalised speed is called, like ``shaft.angle`` or ``ball.omega_x``.
     """
@@ -174,8 +168,6 @@ class Layout:
     shapes: Mapping[str, Deformable]
     tree: Mapping[str, tuple[tuple[int, ...], int]]
     cuts: Mapping[str, slice]
-    kept: Mapping[str, slice]
-    freed: Mapping[str, tuple[str, np.ndarray]]
     speeds: tuple[str, ...]
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:

@@ -50,7 +50,7 @@ def joint_wrenches(system: SpatialSystem, found: Instants) -> dict[str, np.ndarr
     arms[:, held] = found.r[:, of.nodes[held]] - found.r[:, on] - (found.R[:, on] @ of.at[held][:, :, None])[..., 0]
     wrenches[..., 3:] += cross(arms, wrenches[..., :3])
     by_name = {name: wrenches[:, k] for k, name in enumerate(system.layout.tree)}
-    for name, rows in {**system.layout.cuts, **system.layout.kept}.items():
+    for name, rows in system.layout.cuts.items():
         by_name[name] = by_name.get(name, 0.0) + (found.multipliers[:, None, rows] @ found.rows[:, rows, 9:15])[:, 0]
     return {name: by_name[name] for name in system.mechanism.joints}
 

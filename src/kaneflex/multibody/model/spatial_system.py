@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -20,7 +20,6 @@ from kaneflex.multibody.model.determinacy import virtual_inertia
 from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.multibody.model.spatial_engine import Choice, SpatialEngine, spatial_engine
 from kaneflex.multibody.model.spatial_layout import (
-    AXIS,
     BALL,
     COORDINATE,
     COORDINATES,
@@ -29,7 +28,6 @@ from kaneflex.multibody.model.spatial_layout import (
     RIGID,
     ROWS,
     SHAPES,
-    SHIFT,
     SLIDE,
     SPEED,
     SPEEDS,
@@ -40,7 +38,6 @@ from kaneflex.multibody.model.spatial_layout import (
     Tables,
 )  # fmt: skip
 from kaneflex.multibody.model.spatial_topology import build_tables
-from kaneflex.multibody.time.spatial_revolutions import ball_about
 from kaneflex.scene import Scene
 
 _LIGHT = 1e-9
@@ -290,10 +287,6 @@ class SpatialSystem:
             return nodes[0 if sign > 0 else -1]
         return next(node for node in nodes if self.tables.nodes[node, KIND] != SLIDE)
 
-    def pin(self, joint: str) -> np.ndarray:
-        """Axis of the pin for which a joint's ball stands, in its node's axes, (3,)."""
-        return self.tables.numbers[self.node(joint), AXIS:SHIFT]
-
     def columns(self, names: Sequence[str], what: int) -> np.ndarray:
         """Places of the first coordinates (COORDINATE) or speeds (SPEED) of joints."""
         return np.array([self.tables.nodes[self.node(name), what] for name in names], int)
@@ -356,9 +349,7 @@ class SpatialSystem:
         q[nodes[nodes[:, KIND] == BALL, COORDINATE]] = 1.0
         for name, drive in self.scene.drives.items():
             if drive.kind == "free" and self.mechanism.joints[name].freedoms == 1:
-                k = int(self.columns([name], COORDINATE)[0])
-                stands = ball_about(self.pin(name), drive.start) if name in self.layout.kept else [drive.start]
-                q[k : k + len(stands)] = stands
+                q[self.columns([name], COORDINATE)[0]] = drive.start
         for body in self.mechanism.floating:
             first = self.speeds_of(body)[0]
             place = nodes[:, COORDINATE][nodes[:, SPEED] == first][0]
@@ -372,10 +363,9 @@ class SpatialSystem:
 
 
 def build_spatial_system(
-    scene: Scene, module: ModuleType, flexible: Flexible = RIGID, coupled: bool = False, balls: Collection[str] = ()
+    scene: Scene, module: ModuleType, flexible: Flexible = RIGID, coupled: bool = False
 ) -> SpatialSystem:
-    """Bind a scene to its module; ``flexible``: shapes of the deforming bodies; ``balls``: joints of the tree that are
-    modelled as balls in any case."""
+    """Bind a scene to its module; ``flexible``: shapes of the deforming bodies."""
     mechanism = spatial_mechanism_of(scene)
-    tables, layout = build_tables(mechanism, flexible, balls)
+    tables, layout = build_tables(mechanism, flexible)
     return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout, coupled)

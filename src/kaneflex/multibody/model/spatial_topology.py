@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 import numpy as np
@@ -23,6 +23,7 @@ from kaneflex.multibody.model.spatial_layout import (
     FIXED,
     KIND,
     ON_PLANE,
+    OWNER,
     PARENT,
     PERPENDICULAR,
     PLACE,
@@ -55,11 +56,10 @@ _ALIGNED = 1e-9
 class _Maker:
     """Rows of the tables in construction."""
 
-    def __init__(self, mechanism: SpatialMechanism, flexible: Flexible, balls: Collection[str]) -> None:
-        self.mechanism, self.flexible, self.balls = mechanism, flexible, set(balls)
+    def __init__(self, mechanism: SpatialMechanism, flexible: Flexible) -> None:
+        self.mechanism, self.flexible = mechanism, flexible
         self.shapes: dict[str, Deformable] = {}
         self.stations: dict[tuple[str, Place], int] = {}
-        self.freed: dict[str, tuple[str, np.ndarray]] = {}
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
         self.p: list[np.ndarray] = []
@@ -75,14 +75,17 @@ class _Maker:
         row[ROTATION:PLACE] = np.eye(3).ravel() if rotation is None else np.ravel(rotation)
         row[PLACE:AXIS] = 0.0 if place is None else place
         row[AXIS:SHIFT] = 0.0 if axis is None else axis
-        self.nodes.append([kind, parent, self.coordinates, len(self.speeds), -1, 0, -1, -1])
+        self.nodes.append([kind, parent, self.coordinates, len(self.speeds), -1, 0, -1, -1, -1])
         self.numbers.append(row)
         self.coordinates += COORDINATES[kind]
         self.speeds += names
         return len(self.nodes) - 1
 
     def body(self, name: str, node: int, at: Sequence[float], freed: str = "") -> None:
-        """Add the body of the last node of a chain, joined at a point in its axes."""
+        """Add the body of the last node of a chain, joined at a point in its axes.
+
+        ``freed``: its axes about which it follows its mean rotation, like "z".
+        """
         self.numbers[node][SHIFT:] = at
         if name in self.flexible:
             node = self.deforming(name, node, None if name in self.mechanism.floating else tuple(map(float, at)), freed)
@@ -93,10 +96,16 @@ class _Maker:
             self.nodes[node][BODY] = self.stored(np.concatenate([[body.mass], body.centre, body.inertia, shapes]))
 
     def deforming(self, name: str, frame: int, held: Place | None, freed: str) -> int:
-        """Add the node of a body's modal coordinates, in its axes."""
+        """Add the node of a body's axes and modal coordinates, joined at the place of its axes that is held."""
         shapes = self.shapes[name] = self.flexible[name](held, freed)
         node = self.node(SHAPES, frame, [f"{name}.shapes.{k}" for k in range(shapes.count)])
         self.nodes[node][COUNT] = shapes.count
+        if held is not None:
+            place = shapes.carrier(held)
+            self.numbers[frame][SHIFT:] -= place
+            self.numbers[node][SHIFT:] = place
+            if freed:
+                self.nodes[node][AT] = self.stored(shapes.at(place)[0][3:6].ravel())
         self.coordinates += shapes.count
         return node
 
@@ -144,19 +153,15 @@ class _Maker:
         return len(self.axes) - 1
 
 
-def build_tables(
-    mechanism: SpatialMechanism, flexible: Flexible = RIGID, balls: Collection[str] = ()
-) -> tuple[Tables, Layout]:
-    """Tables of a mechanism at rest with open loops; ``flexible``: shapes of its deforming bodies; ``balls``: joints
-    of the tree that are modelled as balls in any case.
+def build_tables(mechanism: SpatialMechanism, flexible: Flexible = RIGID) -> tuple[Tables, Layout]:
+    """Tables of a mechanism at rest with open loops; ``flexible``: shapes of its deforming bodies.
 
     Raises
     ------
     SceneError
         If a body is not connected, its initial position is given twice, or too many coordinates of a loop are used.
     """
-    maker, tree, cuts = _Maker(mechanism, flexible, balls), {}, []
-    closing, kept = dict[str, slice](), dict[str, slice]()
+    maker, tree, cuts, closing = _Maker(mechanism, flexible), {}, [], dict[str, slice]()
     for name, child in spanning_tree(mechanism):
         if child < 0:
             _float(maker, name)
@@ -164,21 +169,20 @@ def build_tables(
             tree[name] = (_hang(maker, mechanism.joints[name], child), 1 if child == 1 else -1)
     rows = 0
     for name, joint in mechanism.joints.items():
-        hangs = name in maker.balls
-        if name in tree and not hangs:
+        if name in tree:
             continue
-        if not hangs and name in mechanism.asked:
+        if name in mechanism.asked:
             raise SceneError(
                 f"joints.{name}", None,
                 "drives, laws or springs use the coordinates of all joints of its loop",
                 "Use one coordinate of this loop less: leave out a drive, a spring or a coordinate of a law",
             )  # fmt: skip
-        found = _cut(maker, joint, rows, hangs)
+        found = _cut(maker, joint, rows)
         cuts += found
-        (kept if hangs else closing)[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
+        closing[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
     tables = _tables(maker, cuts, tree)
     nodes = {name: node for name, node in maker.node_of.items() if name != GROUND}
-    return tables, Layout(nodes, maker.stations, maker.shapes, tree, closing, kept, maker.freed, tuple(maker.speeds))
+    return tables, Layout(nodes, maker.stations, maker.shapes, tree, closing, tuple(maker.speeds))
 
 
 def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
@@ -239,17 +243,11 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
     inner, outer = joint.sides[1 - child], joint.sides[child]
     relative = maker.mechanism.stands(inner.body).T @ bodies[outer.body].rotation
     own = np.eye(3) if child == 0 else relative.T  # from the first body's axes into the outer one's, at zero
-    deforms, mechanism = outer.body in maker.flexible, maker.mechanism
+    mechanism = maker.mechanism
     moves = [(TURN if name.startswith("angle") else BALL if name == "rotation" else SLIDE, name, own @ axis)
              for name, axis in joint.moves]  # fmt: skip
     if child == 0:
         moves = [(kind, name, -axis) for kind, name, axis in reversed(moves)]
-    turns = any(kind == TURN for kind, *_ in moves)
-    if deforms and turns and not _turned_about(moves) and joint.name not in mechanism.known:
-        maker.balls.add(joint.name)  # joints in laws and springs keep their coordinates
-    if joint.name in maker.balls:
-        pin = next((axis for _, name, axis in moves if name == "angle"), np.zeros(3))
-        moves = [*(move for move in moves if move[0] == SLIDE), (BALL, "rotation", pin)]
     parent, at = maker.on(inner)
     nodes = list[int]()
     for k, (kind, name, axis) in enumerate(moves or [(FIXED, "", np.zeros(3))]):
@@ -257,31 +255,18 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
         first = {"rotation": relative, "place": at} if k == 0 else {}
         parent = maker.node(kind, parent, names, axis=axis, **first)
         nodes.append(parent)
-    freed = _turned_about(moves) if deforms and joint.name not in mechanism.prescribed else ""
-    maker.body(outer.body, parent, outer.at, freed)
-    if freed:
-        shapes = maker.shapes[outer.body]
-        turned = shapes.at(shapes.carrier(outer.at))[0][3:6]
-        if len(freed) == 1:
-            turned = moves[-1][2] @ turned
-            maker.nodes[parent][COUNT], maker.nodes[parent][AT] = shapes.count, maker.stored(turned)
-        maker.freed[joint.name] = outer.body, turned
+    maker.body(outer.body, parent, outer.at, "" if joint.name in mechanism.prescribed else _turned_about(moves))
     return tuple(nodes)
 
 
 def _turned_about(moves: Sequence[tuple[int, str, np.ndarray]]) -> str:
-    """Axes of its body about which a joint's last node rotates it: one alone, or all of a ball.
-
-    Shapes rotate a section by bending first and twist then: about an axis that is not one of the body's, or that
-    changes with the joint, fixed shapes can't.
-    """
-    if moves and moves[-1][0] == BALL:
-        return "xyz"
+    """Axes of its body about which the body follows its mean rotation where a joint turns it: one axis of the body
+    alone, or all if it turns about several, or about another one."""
     turns = [axis for kind, _, axis in moves if kind == TURN]
-    if len(turns) != 1 or moves[-1][0] != TURN:
-        return ""
+    if len(turns) != 1:
+        return "xyz" if turns or any(kind == BALL for kind, *_ in moves) else ""
     about = [name for name, along in zip("xyz", turns[0], strict=True) if abs(along) > _ALIGNED]
-    return about[0] if len(about) == 1 else ""
+    return about[0] if len(about) == 1 else "xyz"
 
 
 def _speed_names(owner: str, kind: int, name: str) -> list[str]:
@@ -300,9 +285,8 @@ def _float(maker: _Maker, name: str) -> None:
     maker.body(name, node, (0.0, 0.0, 0.0))
 
 
-def _cut(maker: _Maker, joint: SpatialJoint, row: int, hangs: bool) -> list[tuple[int, ...]]:
-    """Elementary constraints of a joint that closes a loop, beginning with row ``row``; if a body ``hangs`` on it as
-    on a ball, those of rotations."""
+def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
+    """Elementary constraints of a joint that closes a loop, beginning with row ``row``."""
     first, second = (maker.section(side) for side in joint.sides)
     bodies, found = [side.body for side in joint.sides], list[tuple[int, ...]]()
 
@@ -317,9 +301,7 @@ def _cut(maker: _Maker, joint: SpatialJoint, row: int, hangs: bool) -> list[tupl
         row += ROWS[what]
 
     across, parallel = joint.across, joint.parallel
-    if hangs:
-        pass
-    elif across is None:
+    if across is None:
         add(COINCIDE)
     else:
         for axis in axes(across, 0):
@@ -359,7 +341,7 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
             torsion.append(spring.numbers)
     bodies, frames = _bodies(maker)
     return Tables(
-        _whole(maker.nodes, 8), np.array(maker.numbers).reshape(-1, 18), bodies, frames,
+        _whole(maker.nodes, 9), np.array(maker.numbers).reshape(-1, 18), bodies, frames,
         np.concatenate([*maker.p, np.zeros(0)]),
         np.array([node for node, _ in maker.sections], int), np.array([at for _, at in maker.sections]).reshape(-1, 3),
         np.array([node for node, _ in maker.axes], int), np.array([axis for _, axis in maker.axes]).reshape(-1, 3),
@@ -371,31 +353,34 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
 
 
 def _bodies(maker: _Maker) -> tuple[np.ndarray, np.ndarray]:
-    """Bodies with their joints, and their nodes with those that they hang on. Sets ROW_OF of all nodes."""
+    """Bodies with their joints, and their nodes. Sets ROW_OF and OWNER of all nodes."""
     rows, frames, phi = list[list[int]](), list[list[int]](), 0
     coupling = square = 0
     begins, last = True, set(maker.node_of.values())
     for n, node in enumerate(maker.nodes):
         parent = node[PARENT]
-        if node[KIND] == STATION:
+        if node[KIND] == STATION or node[AT] >= 0:
             node[ROW_OF], phi = phi, phi + node[COUNT]
+        if node[KIND] == STATION:
+            node[OWNER] = maker.nodes[parent][OWNER]
             continue
         if begins:
             up, outboard = -1, -1
             if parent >= 0:
-                station = maker.nodes[parent][KIND] == STATION
-                outboard = maker.nodes[parent][ROW_OF] if station else -1
-                up = maker.nodes[maker.nodes[parent][PARENT] if station else parent][ROW_OF]
+                outboard = maker.nodes[parent][ROW_OF] if maker.nodes[parent][KIND] == STATION else -1
+                up = maker.nodes[parent][OWNER]
             rows.append([0, 0, node[SPEED], node[SPEED], up, outboard, coupling, square])
-            frames.append([n, parent])
-        node[ROW_OF] = len(rows) - 1
+            frames.append([n, parent, n])
+        node[OWNER] = len(rows) - 1
         shapes = node[COUNT] if node[KIND] == SHAPES else 0
         rows[-1][DOF] += SPEEDS[node[KIND]]
         if shapes:
             rows[-1][COUNTED], rows[-1][MODAL] = shapes, node[SPEED]
             coupling, square = coupling + shapes, square + shapes**2
+        if node[AT] < 0:
+            frames[-1][2] = n
         frames[-1][0], begins = n, n in last
-    return _whole(rows, 8), _whole(frames, 2)
+    return _whole(rows, 8), _whole(frames, 3)
 
 
 def _whole(rows: Sequence, columns: int) -> np.ndarray:

@@ -14,7 +14,7 @@ from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.dynamics.spatial_bushings import ENERGY
 from kaneflex.multibody.model.independent_speeds import least_singular_values
-from kaneflex.multibody.model.spatial_layout import COORDINATE, COUNT
+from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time.spatial_curves import Curve, Standing
@@ -112,11 +112,8 @@ class SpatialModule:
 
     @cached_property
     def closing(self) -> tuple[str, ...]:
-        """Joints whose coordinates follow from the bodies: those that close loops, and balls that stand for a joint or
-        whose body's axes follow its mean rotation."""
-        layout, joints = self.system.layout, self.system.mechanism.joints
-        balls = {*layout.kept, *(name for name in layout.freed if joints[name].kind == "spherical")}
-        return tuple(name for name in self.coordinates if name in layout.cuts or name in balls)
+        """Joints whose coordinates follow from the bodies: those that close loops."""
+        return tuple(name for name in self.coordinates if name in self.system.layout.cuts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,17 +228,12 @@ class SpatialKinematics(RigidKinematics):
 
     def _coordinate(self, joint: str, q: np.ndarray) -> np.ndarray:
         system = self.module.system
-        layout, nodes = system.layout, system.tables.nodes
         if joint in self.module.closing:
             return np.zeros(len(q))  # known when the bodies' rows are
         first = int(system.columns([joint], COORDINATE)[0])
         if system.mechanism.joints[joint].kind == "spherical":
             return 2.0 * np.arctan2(np.linalg.norm(q[:, first + 1 : first + 4], axis=1), abs(q[:, first]))
-        if joint not in layout.freed:
-            return q[:, first]
-        body, turn = layout.freed[joint]  # the section at the joint turns beyond the axes
-        shapes = nodes[layout.node_of[body]]
-        return q[:, first] + 2.0 * np.arctan(0.5 * q[:, shapes[COORDINATE] :][:, : shapes[COUNT]] @ turn)
+        return q[:, first]
 
     def acting(self, times: np.ndarray, seen: RigidMotion) -> SpatialMotion:
         """Sizes of the loads alone at ``times`` [s], with joint coordinates interpolated from known instants, as

@@ -11,16 +11,6 @@ _FAR = 1.0
 """Largest change of an angle in a step [rad], by the rate at either end, for a reliable count of turns."""
 
 
-def ball_about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Quaternion (4,) of a rotation by an angle [rad] about a unit vector."""
-    return np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * axis)])
-
-
-def angle_about(axis: np.ndarray, ball: np.ndarray) -> float:
-    """Angle [rad] of a quaternion's rotation about a unit vector, from -pi to pi."""
-    return 2.0 * math.remainder(math.atan2(axis @ ball[1:], ball[0]), math.pi)
-
-
 class Counts:
     """Counts of the turns of several angles from t = 0, in steps too short for a whole turn.
 
