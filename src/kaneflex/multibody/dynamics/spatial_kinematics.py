@@ -47,6 +47,7 @@ from kaneflex.multibody.model.spatial_layout import (
     ROW,
     ROW_OF,
     SECOND,
+    SHAPES,
     SLIDE,
     SPEED,
     STATION,
@@ -109,10 +110,11 @@ def place(m, first_body):
             _turn_by(m, n, y[s], y[s + 1], y[s + 2])
         elif kind == STATION:
             P = plus(P, _deform(m, n))
-        elif m.nodes[n, AT] >= 0:
+        elif kind == SHAPES and m.nodes[n, AT] >= 0:
             _turn_back(m, n)
         m.P[n] = P
         m.r[n] = minus(P, turned(m.R, 3 * n, m.numbers[own + _SHIFT]))
+        _direct(m, n, kind)
     for n in range(m.counts[TWISTS]):
         m.twists[4 * n] = y[m.nodes[m.twist_ends[n, 3], SPEED]]
     for n in range(m.counts[AXES]):
@@ -121,7 +123,6 @@ def place(m, first_body):
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
         m.sections[5 * n] = plus(turned(m.R, 3 * on, m.at[n]), m.r[on]) if on >= 0 else m.at[n]
-    _directions(m)
 
 
 @once
@@ -142,12 +143,12 @@ def _shaped(m, n, row, q):
 def _bent(m, n, u):
     """Vector G u u of a station."""
     apart()
-    count, x = m.nodes[n, COUNT], (0.0, 0.0, 0.0)
-    o, square = m.nodes[n, AT] + 6 * count, count * count
-    for i in range(count):
-        for j in range(i + 1):  # G is symmetric
-            at, share = o + count * i + j, (1.0 if i == j else 2.0) * u[i] * u[j]
-            x = axpy(share, (m.block[at], m.block[at + square], m.block[at + 2 * square]), x)
+    x, at = (0.0, 0.0, 0.0), m.nodes[n, AT] + 6 * m.nodes[n, COUNT]
+    for _ in range(int(m.block[at])):
+        i, j = int(m.block[at + 1]), int(m.block[at + 2])
+        share = (1.0 if i == j else 2.0) * u[i] * u[j]
+        x = axpy(share, (m.block[at + 3], m.block[at + 4], m.block[at + 5]), x)
+        at += 5
     return x
 
 
@@ -171,7 +172,7 @@ def _of_x(m, k, a):
 def _deform(m, n):
     """Rotate a station by theta = psi q, and return its displacement N q + 1/2 G q q.
 
-    Its velocity for a unit of every shape, as G is symmetric N_j + G_jk q_k, is stored in the body's axes.
+    Its twists for a unit of every shape are, as G is symmetric, N_j + G_jk q_k and T psi_j in the body's axes.
     """
     apart()
     count, o, q, base = m.nodes[n, COUNT], m.nodes[n, AT], after(m.y, m.nodes[n, SPEED]), 3 * m.nodes[n, PARENT]
@@ -180,16 +181,36 @@ def _deform(m, n):
         a, b, c = m.R[base + i]
         m.R[3 * n + i] = (a * m.x[6] + b * m.x[9] + c * m.x[12], a * m.x[7] + b * m.x[10] + c * m.x[13],
                           a * m.x[8] + b * m.x[11] + c * m.x[14])  # fmt: skip
-    square, phi, nothing = count * count, after(m.phi, m.nodes[n, ROW_OF]), (0.0, 0.0, 0.0)
-    moved = nothing
+    _turn_rates(m, base)
+    phi, at, moved = after(m.phi, m.nodes[n, ROW_OF]), o + 6 * count, (0.0, 0.0, 0.0)
     for j in range(count):
-        N = v = m.block[o + j], m.block[o + count + j], m.block[o + 2 * count + j]
-        for s in range(count):
-            at = o + count * (6 + j) + s
-            v = axpy(q[s], (m.block[at], m.block[at + square], m.block[at + 2 * square]), v)
-        phi[j] = joined(v, nothing)
-        moved = axpy(0.5 * q[j], plus(N, v), moved)
-    return turned(m.R, base, moved)
+        v = turned(m.R, base, (m.block[o + j], m.block[o + count + j], m.block[o + 2 * count + j]))
+        phi[j] = joined(v, _of_psi(m, n, 3, j))
+        moved = axpy(q[j], v, moved)
+    for _ in range(int(m.block[at])):
+        i, j = int(m.block[at + 1]), int(m.block[at + 2])
+        g = turned(m.R, base, (m.block[at + 3], m.block[at + 4], m.block[at + 5]))
+        phi[i] = joined(axpy(q[j], g, first(phi[i])), last(phi[i]))
+        if i != j:
+            phi[j] = joined(axpy(q[i], g, first(phi[j])), last(phi[j]))
+        moved = axpy((0.5 if i == j else 1.0) * q[i] * q[j], g, moved)
+        at += 5
+    return moved
+
+
+@njit(**OPTIONS)
+def _turn_rates(m, base):
+    """Matrix T at x[15] in global axes."""
+    for k in range(15, 18):
+        m.x[k], m.x[k + 3], m.x[k + 6] = turned(m.R, base, (m.x[k], m.x[k + 3], m.x[k + 6]))
+
+
+@njit(**OPTIONS)
+def _of_psi(m, n, row, j):
+    """T psi_j of a station, or of the section from which shapes turn axes back, with T at x[15]."""
+    inside()
+    at, count = m.nodes[n, AT] + m.nodes[n, COUNT] * row + j, m.nodes[n, COUNT]
+    return _of_x(m, 15, (m.block[at], m.block[at + count], m.block[at + 2 * count]))
 
 
 @njit(**OPTIONS)
@@ -204,50 +225,27 @@ def _turn_back(m, n):
 
 
 @njit(**OPTIONS)
-def _back_twists(m, n, arm):
-    """Global twist of the axes of a node of shapes for a unit of every shape: of rotations -T psi_j."""
+def _direct(m, n, kind):
+    """Twists of a joint's node, or of axes turned back by shapes, for a unit of every speed relative to the parent."""
     apart()
-    count, o, phi = m.nodes[n, COUNT], m.nodes[n, AT], after(m.phi, m.nodes[n, ROW_OF])
-    _section(m, _shaped(m, n, 0, after(m.y, m.nodes[n, SPEED])), (0.0, 0.0, 0.0))
-    for j in range(count):
-        psi = m.block[o + j], m.block[o + count + j], m.block[o + 2 * count + j]
-        omega = turned(m.R, 3 * n, scaled(-1.0, _of_x(m, 15, psi)))
-        phi[j] = joined(cross(omega, arm), omega)
-
-
-@njit(**OPTIONS)
-def _station_twists(m, n):
-    """Global twist of a station for a unit of every shape of its body, after :func:`_deform`; of rotations T psi_j."""
-    apart()
-    count, o, base, phi = m.nodes[n, COUNT], m.nodes[n, AT], 3 * m.nodes[n, PARENT], after(m.phi, m.nodes[n, ROW_OF])
-    _section(m, _shaped(m, n, 3, after(m.y, m.nodes[n, SPEED])), (0.0, 0.0, 0.0))
-    for j in range(count):
-        at = o + 3 * count + j
-        omega = _of_x(m, 15, (m.block[at], m.block[at + count], m.block[at + 2 * count]))
-        phi[j] = joined(turned(m.R, base, first(phi[j])), turned(m.R, base, omega))
-
-
-@njit(**OPTIONS)
-def _directions(m):
-    """Twists of all nodes for a unit of every speed relative to the parent."""
-    apart()
-    for n in range(m.counts[NODES]):
-        kind, s, arm = m.nodes[n, KIND], m.nodes[n, SPEED], minus(m.r[n], m.P[n])
-        if kind == SLIDE:
-            m.S[s] = joined(turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS]), (0.0, 0.0, 0.0))
-        elif kind == TURN:
-            axis = turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS])
-            m.S[s] = joined(cross(axis, arm), axis)
-        elif kind == BALL:
-            theta = m.y[s], m.y[s + 1], m.y[s + 2]
-            b, c, _, _ = turning(theta)
-            _ball_axis(m, n, s, arm, spun(theta, b, c, (1.0, 0.0, 0.0)))
-            _ball_axis(m, n, s + 1, arm, spun(theta, b, c, (0.0, 1.0, 0.0)))
-            _ball_axis(m, n, s + 2, arm, spun(theta, b, c, (0.0, 0.0, 1.0)))
-        elif kind == STATION:
-            _station_twists(m, n)
-        elif m.nodes[n, AT] >= 0:
-            _back_twists(m, n, arm)
+    s, arm = m.nodes[n, SPEED], minus(m.r[n], m.P[n])
+    if kind == SLIDE:
+        m.S[s] = joined(turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS]), (0.0, 0.0, 0.0))
+    elif kind == TURN:
+        axis = turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS])
+        m.S[s] = joined(cross(axis, arm), axis)
+    elif kind == BALL:
+        theta = m.y[s], m.y[s + 1], m.y[s + 2]
+        b, c, _, _ = turning(theta)
+        _ball_axis(m, n, s, arm, spun(theta, b, c, (1.0, 0.0, 0.0)))
+        _ball_axis(m, n, s + 1, arm, spun(theta, b, c, (0.0, 1.0, 0.0)))
+        _ball_axis(m, n, s + 2, arm, spun(theta, b, c, (0.0, 0.0, 1.0)))
+    elif kind == SHAPES and m.nodes[n, AT] >= 0:
+        phi = after(m.phi, m.nodes[n, ROW_OF])
+        _turn_rates(m, 3 * n)
+        for j in range(m.nodes[n, COUNT]):
+            omega = scaled(-1.0, _of_psi(m, n, 0, j))
+            phi[j] = joined(cross(omega, arm), omega)
 
 
 @njit(**OPTIONS)
@@ -358,7 +356,7 @@ def accelerate(m, first_body):
             moved, faster, turned_on, e_turned = _station_accelerations(m, n)
             a = plus(plus(a, faster), cross(w, scaled(2.0, moved)))
             e = plus(plus(e, e_turned), cross(w, turned_on))
-        elif m.nodes[n, AT] >= 0:
+        elif kind == SHAPES and m.nodes[n, AT] >= 0:
             e = plus(e, _back_acceleration(m, n))
         arm = minus(m.r[n], m.P[n])
         m.a[n], m.e[n] = plus(a, _centripetal(m.omega[n], e, arm)), e

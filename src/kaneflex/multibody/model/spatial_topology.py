@@ -129,7 +129,10 @@ class _Maker:
         node = self.node(STATION, frame, (), place=place)
         self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
         self.nodes[node][COUNT] = self.shapes[body].count
-        self.nodes[node][AT] = self.stored(np.concatenate([np.ravel(part) for part in numbers]))
+        rows, G = numbers
+        i, j = np.nonzero(np.tril(G.any(axis=0)))
+        of_G = np.column_stack([i, j, G[:, i, j].T]).ravel()
+        self.nodes[node][AT] = self.stored(np.concatenate([np.ravel(rows), [len(i)], of_G]))
         return node
 
     def section(self, side: Side) -> int:
