@@ -6,7 +6,8 @@ from runs import solved
 
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.time.cycle_map import PlanarCycles
+from kaneflex.multibody.time.cycles import PlanarCycles
+from kaneflex.multibody.time.planar_linear import prepare
 from kaneflex.solve import coupled
 
 
@@ -70,8 +71,9 @@ def test_a_cycle_whose_disturbances_grow_says_so(monkeypatch):
     assert found.multipliers[0] == pytest.approx(expected, rel=1e-3)
     # and by the nonlinear ones: a cycle beside it, in the direction that grows
     run = found.trajectory
-    start = run.q[0], run.v[0]
-    cycles = PlanarCycles(found.model.coupled, run.times, coupled.method_of(found.model), start)
+    equations = prepare(found.model.coupled, 0.0, run.q[0], run.v[0])
+    cycles = PlanarCycles(equations, run.times, coupled.method_of(found.model))
+    start = equations.at(0.0, run.q[0], run.v[0])
     values, directions = np.linalg.eig(cycles.monodromy(run))
     away = 1e-4 * directions[:, abs(values).argmax()].real / abs(directions).max()
     beside = cycles.run(cycles.moved(start, away))
@@ -114,4 +116,5 @@ def test_none_where_more_than_shapes_is_free():
     """A mechanism that its motor turns has no motion of its own to be given; nor have contacts, which remember."""
     model = kaneflex.load(kaneflex.read_scene("four-bar-motor"))
     q, v = coupled.beginning(model)
-    assert coupled.orbit_start(model.coupled, lambda times: (q[None], v[None]), 0.0, 1.0, 1e-6) is None
+    equations = prepare(model.coupled, 0.0, q, v)
+    assert coupled.orbit_start(equations, lambda times: [equations.at(0.0, q, v)], 0.0, 1.0, 1e-6) is None

@@ -1,5 +1,7 @@
 """The search for a motion that repeats, over maps of one number: each says how its start was found."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ class Halving(Cycles):
     """P(x) = 1 + x / 2, which repeats at 2; ``tangent`` stands for dP/dx, and no cycle from beyond ``goes_on`` ends."""
 
     def __init__(self, tangent, goes_on=np.inf):
-        super().__init__(1.0, 0.0, np.ones(1), np.zeros(1, bool))
+        super().__init__(1.0, 0.0, SimpleNamespace(measure=np.ones(1), shapes=np.zeros(1, bool)))
         self.tangent, self.goes_on = tangent, goes_on
 
     def run(self, start):
@@ -40,7 +42,7 @@ class Halving(Cycles):
     def end(self, cycle):
         return cycle[1]
 
-    deformation = matrices = None
+    deformation = along = None
 
 
 def test_newtons_method_needs_two_cycles_and_no_words():

@@ -17,9 +17,9 @@ from kaneflex.multibody.model import initial_rates
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.rigid_reference import FollowedKinematics, TwinKinematics
 from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
-from kaneflex.multibody.time.cycle_map import PlanarCycles, Start
-from kaneflex.multibody.time.harmonic_balance import orbit_start
-from kaneflex.multibody.time.planar_linear import prepare
+from kaneflex.multibody.time.cycles import PlanarCycles
+from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
+from kaneflex.multibody.time.planar_linear import Instant, PlanarEquations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -34,8 +34,8 @@ from kaneflex.solve.slow_start import slow_state
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
-_HARMONICS = 1e-6
-"""Tolerance of a periodic start by harmonics, as a share of the deformation."""
+Start = tuple[np.ndarray, np.ndarray]
+"""q and v (size,) of the bodies."""
 
 
 def simulate_coupled(
@@ -56,26 +56,30 @@ def simulate_coupled(
         return happens(as_result(model, part, 0.0), stops)
 
     if options.start == "periodic":
-        bare, period = partial(_undeformed, model, q), float(times[-1] - times[0])
-        start = orbit_start(system, bare, float(times[0]), period, _HARMONICS)
-        trajectory = repeated(model, times, start or (q, v), progress)
+        trajectory = repeated(model, times, (q, v), progress, by_harmonics=True)
     else:
         trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
     return until_stop(as_result(model, trajectory, time.perf_counter() - started))
 
 
 def repeated(
-    model: Model, times: np.ndarray, near: Start, progress: Callable[[float], None] | None = None, closer: float = 1.0
-) -> CoupledTrajectory:
-    """Periodic motion over ``times`` [s] near a start q, v.
+    model: Model, times: np.ndarray, near: Start, progress: Callable[[float], None] | None = None, closer: float = 1.0,
+    by_harmonics: bool = False,
+) -> CoupledTrajectory:  # fmt: skip
+    """Periodic motion over ``times`` [s] near a start q, v, or ``by_harmonics`` if these find one.
 
     ``closer``: factor on the tolerance of its change over the cycle; other than 1 for a cycle near a known one, whose
     stability is then not judged.
     """
-    system = model.coupled
+    system, t = model.coupled, float(times[0])
     assert system is not None
-    cycles = PlanarCycles(system, times, method_of(model), near, closer)
-    trajectory, verdict = cycles.repeated(near, progress)
+    system.compile()
+    equations, start = prepare(system, t, *near), None
+    cycles = PlanarCycles(equations, times, method_of(model), closer)
+    if by_harmonics and not cycles.touches:
+        bare = partial(_undeformed, model, equations, near[0])
+        start = orbit_start(equations, bare, t, cycles.period, HARMONICS)
+    trajectory, verdict = cycles.repeated(start or equations.at(t, *near), progress)
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
 
@@ -182,15 +186,13 @@ def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
     assert system is not None
     equations = prepare(system, t, q, rigid_state(system, rigid)[1])
     slow_state(equations, equations.now(t), model.options.duration)
-    state = system.unfold(equations.engine.row(t)[None])
-    return state.q[0], state.v[0]
+    return equations.bodies(equations.now(t))
 
 
-def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """States q and v (n_times, size) of the undeformed bodies, with as many full turns as in ``first`` (size,)."""
-    system = model.coupled
-    assert system is not None
+def _undeformed(model: Model, equations: PlanarEquations, first: np.ndarray, times: np.ndarray) -> list[Instant]:
+    """Instants of the undeformed bodies, with as many full turns as in ``first`` (size,)."""
+    system = equations.system
     q, v = rigid_states(system, model.motion.at(times))
     turns = [k + 2 for k in system.start.values()]
     q[:, turns] += whole_turns(first[turns] - q[0, turns])
-    return q, v
+    return [equations.at(*each) for each in zip(times.tolist(), q, v, strict=True)]

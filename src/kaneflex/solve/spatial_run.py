@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -12,11 +13,15 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
+from kaneflex.multibody.model.independent_speeds import choose_for_all
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
+from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.time.cycles import SpatialCycles
+from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.shooting import COMPLETED, Verdict
-from kaneflex.multibody.time.spatial_cycles import SpatialCycles
+from kaneflex.multibody.time.spatial_curves import Curve, Followed
 from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
@@ -26,6 +31,8 @@ from kaneflex.solve.slow_start import slow_state
 from kaneflex.solve.spatial_loading import check_stage, given_state, with_open_reactions
 
 Share = Callable[[float], None]
+_POSITIONS = 200
+"""Positions in a cycle at which independent shapes must not become dependent."""
 _REPEATS = 1e-6
 """Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 
@@ -80,13 +87,27 @@ def _cycle(
     Raises SceneError if drives or loads are not periodic, or the motion can't continue.
     """
     _check_repeats(system, start, options.duration)
+    equations, path, found = SpatialEquations(system, start.choice), Followed(system, start), None
+    if equations.shapes.all():
+        times = np.linspace(0.0, options.duration, _POSITIONS)
+        choice = choose_for_all(system, system.instants(path.rows(times)).q)
+        equations = SpatialEquations(system, choice)
+        start = system.project(0.0, start.q, start.u, choice)
+        found = orbit_start(equations, partial(_undeformed, path, choice), 0.0, options.duration, HARMONICS)
     # fast motion may have no equilibrium nearby
-    start = SpatialEquations(system, start.choice).equilibrium(start) or start
-    run, verdict = SpatialCycles(system, options, start, closer).repeated(start, share)
+    start = found or equations.equilibrium(start) or start
+    run, verdict = SpatialCycles(equations, options, closer).repeated(start, share)
     if verdict is None:
         assert run.stopped is not None
         raise run.stopped
     return run, verdict
+
+
+def _undeformed(path: Curve, choice: Choice, times: np.ndarray) -> list[State]:
+    """States of the undeformed mechanism at ``times`` [s]."""
+    found, none = path.system.instants(path.rows(times)), np.zeros(path.system.speeds)
+    states = zip(times.tolist(), found.q, found.u, strict=True)
+    return [State(t, q, u, none, path.start.sizes, choice) for t, q, u in states]
 
 
 def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None:

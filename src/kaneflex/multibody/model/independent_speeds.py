@@ -91,6 +91,27 @@ def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice
     return system.choice_of(kept, dependent, np.setdiff1d(free, dependent))
 
 
+def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
+    """Choice that is regular at several positions, if there is one, by QR with common pivots for all of them.
+
+    Joints' speeds come first, then the most compliant shapes, in units of equal strain energy. Each pivot is the column
+    that is largest where it is smallest.
+    """
+    first, free, modal = choose(system, positions[0], prefer=True), system.open_speeds, system.modal_speeds
+    stiffness = np.concatenate([np.zeros(0), *(np.diag(each.stiffness) for each in system.layout.shapes.values())])
+    unit = np.ones(system.speeds)
+    unit[modal] = 1e-4 * np.sqrt(stiffness.min(initial=1.0) / stiffness) * system.mechanism.size / system.measure[modal]
+    J = np.array([system.jacobian(q)[first.rows] * unit for q in positions])[:, :, free]
+    dependent = list[int]()
+    for _ in first.rows:
+        sizes = np.linalg.norm(J, axis=1)
+        pivot = int(sizes.min(axis=0).argmax())
+        dependent.append(int(free[pivot]))
+        q = J[:, :, pivot] / np.maximum(sizes[:, pivot], 1e-300)[:, None]
+        J -= q[:, :, None] * np.einsum("pr,prs->ps", q, J)[:, None, :]
+    return system.choice_of(first.rows, np.array(dependent, int), np.setdiff1d(free, dependent))
+
+
 def choose_anew(system: SpatialSystem, q: np.ndarray, choice: Choice) -> Choice:
     """Other speeds at a position if they keep the rank; else the given choice: near a singular position fewer rows
     would leave a freedom unconstrained."""

@@ -106,6 +106,22 @@ class Equations(ABC, Generic[At]):
         """Stiffness (n, n) by the strain of shapes, and every spring's relative displacements in unit motions of y,
         (n, parts), with their stiffnesses."""
 
+    @abstractmethod
+    def deformed(self, base: At, y: np.ndarray, v: np.ndarray, a: np.ndarray) -> At:
+        """Instant with other y, y' and y'' (n,), where all of y are shapes; loops are not closed yet."""
+
+    @abstractmethod
+    def lacking(self, states: Sequence[At]) -> np.ndarray:
+        """Residuals at the accelerations of instants, (k, n)."""
+
+    @abstractmethod
+    def apart(self, start: At, *others: At) -> np.ndarray:
+        """y and y' of other instants less those of a start, without whole turns, (k, 2 n)."""
+
+    @abstractmethod
+    def beside(self, start: At, x: np.ndarray) -> At:
+        """Start with y and y' changed by ``x`` (2 n,), on the constraints, with its accelerations by the equations."""
+
     def turning(self, base: At, by_y: np.ndarray) -> np.ndarray:
         """Change of the accelerations y'' by y where axes of y move, (n, n), from the derivatives by y of what
         :meth:`residuals` has beyond residuals (more, n)."""

@@ -2,54 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
 from kaneflex.multibody.time.linearisation import Equations, Linear, pulled
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 
+_FOLLOWED = 128
+"""Instants of a cycle, at most 3 degrees apart, from which on the loops of one are closed from those of the last."""
+
 
 @dataclass(frozen=True, eq=False)
 class Instant:
     """Independent coordinates with rates and accelerations (n,) at the time t [s]; ``row``: all of the engine's
-    nearby, from which loops are closed, if not those of its tables."""
+    nearby, from which loops are closed."""
 
     t: float
     y: np.ndarray
     v: np.ndarray
     a: np.ndarray
-    row: np.ndarray | None = None
+    row: np.ndarray
 
 
 def prepare(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> PlanarEquations:
     """Equations at a state of the bodies, with the coordinates of free drives independent if possible."""
-    engine = system.engine
     system.fold(q, v)
+    _choose(system.engine, t)
+    return PlanarEquations(system, system.engine.independent)
+
+
+def _choose(engine: Engine, t: float) -> None:
     drives = engine.tables.acts[engine.count(at.DRIVES) : engine.count(at.LOADS), at.COURSE_AT]
     engine.choose(t, drives[drives >= 0].tolist())
-    return PlanarEquations(engine)
 
 
 @dataclass(frozen=True, eq=False)
 class PlanarEquations(Equations[Instant]):
-    """Equations of an engine with its current independent coordinates; the tables keep the last instant."""
+    """Equations of a system in independent coordinates ``which`` of its engine, whose tables keep the last instant."""
 
-    engine: Engine
+    system: CoupledSystem
+    which: np.ndarray
+
+    @property
+    def engine(self) -> Engine:
+        return self.system.engine
 
     @cached_property
     def names(self) -> tuple[str, ...]:  # type: ignore[override]
-        return self.engine.names
-
-    @cached_property
-    def which(self) -> np.ndarray:
-        """Numbers of the independent coordinates."""
-        return self.engine.independent
+        return tuple(self.engine.layout.coordinates[k][0] for k in self.which)
 
     @cached_property
     def shapes(self) -> np.ndarray:  # type: ignore[override]
@@ -63,6 +70,21 @@ class PlanarEquations(Equations[Instant]):
         """Instant of the tables."""
         y, v, a = (part[self.which].copy() for part in self.engine.motion[:3])
         return Instant(t, y, v, a, self.engine.row(t))
+
+    def choose(self, base: Instant) -> None:
+        """Choose dependent coordinates again as at an instant."""
+        self.engine.stand(base.row)
+        _choose(self.engine, base.t)
+
+    def at(self, t: float, q: np.ndarray, v: np.ndarray) -> Instant:
+        """Instant at a state of the bodies."""
+        self.system.fold(q, v)
+        return self.now(t)
+
+    def bodies(self, state: Instant) -> tuple[np.ndarray, np.ndarray]:
+        """q and v (size,) of the bodies at an instant on the constraints."""
+        found = self.system.unfold(state.row[None])
+        return found.q[0], found.v[0]
 
     def scales(self, base: Instant) -> tuple[float, float, np.ndarray]:
         self.residuals(base, np.zeros((1, 0)))
@@ -78,8 +100,7 @@ class PlanarEquations(Equations[Instant]):
         rows[:, 1 : 1 + x.shape[1]] = x
         rows[:, 1 : 1 + 3 * len(self.which)] += np.concatenate([base.y, base.v, base.a])
         rows[:, 0] = base.t if times is None else times
-        if base.row is not None:
-            self.engine.stand(base.row)
+        self.engine.stand(base.row)
         return self.engine.demand(rows)
 
     def rates(self, base: Instant) -> tuple[np.ndarray, np.ndarray]:
@@ -89,6 +110,33 @@ class PlanarEquations(Equations[Instant]):
         self.residuals(base, x[None])
         y, v, a = np.split(x, 3)
         return Instant(base.t, base.y + y, base.v + v, base.a + a, self.engine.row(base.t))
+
+    def deformed(self, base: Instant, y: np.ndarray, v: np.ndarray, a: np.ndarray) -> Instant:
+        return Instant(base.t, y, v, a, base.row)
+
+    def lacking(self, states: Sequence[Instant]) -> np.ndarray:
+        # loops are followed from one instant to the next if these are near each other
+        count, found = len(states) if len(states) >= _FOLLOWED else 1, list[np.ndarray]()
+        for k in range(0, len(states), count):
+            self.engine.stand(states[k].row)
+            rows = [np.concatenate([[each.t], each.y, each.v, each.a]) for each in states[k : k + count]]
+            found.append(self.engine.demand(np.array(rows)))
+        return np.concatenate(found)
+
+    def apart(self, start: Instant, *others: Instant) -> np.ndarray:
+        turns = self.engine.turns[self.which]
+        found = np.array([[each.y - start.y, each.v - start.v] for each in others])
+        found[:, 0, turns] -= whole_turns(found[:, 0, turns])
+        return found.reshape(len(others), -1)
+
+    def beside(self, start: Instant, x: np.ndarray) -> Instant:
+        engine = self.engine
+        self.choose(start)
+        for part, move in zip(engine.motion, np.split(x, 2), strict=False):
+            part[self.which] += move
+        if not engine.project(start.t):
+            raise ArithmeticError(f"the loops don't close near t = {start.t:.6g} s")
+        return self.now(start.t)
 
     def mass(self, base: Instant) -> np.ndarray:
         n = len(self.which)
@@ -122,7 +170,8 @@ def probes(system: CoupledSystem, found: Linear[Instant]) -> tuple[CoupledTrajec
     Returns a trajectory with four states for each of these, their distances from the instant, and their weights in the
     derivative.
     """
-    engine, base, n, here = system.engine, found.instant, len(found.names), PlanarEquations(system.engine)
+    engine, base, n = system.engine, found.instant, len(found.names)
+    here = PlanarEquations(system, engine.independent)
     x, away, weights = here.neighbours(base, np.r_[: 2 * n, 3 * n : 3 * n + engine.inputs])
     middle, states = engine.row(base.t), list[Unfolded]()
     for row in x:

@@ -20,7 +20,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.time.linearisation import state_matrix
+from kaneflex.multibody.time.linearisation import At, Equations, state_matrix
 
 _CYCLES = 100
 """Largest number of cycles of the search."""
@@ -42,7 +42,6 @@ _APART, _BY_CYCLES = 1e-3, 1e-2
 modulus."""
 _UNKNOWN = "the stability is not known"
 
-Start = TypeVar("Start")
 Cycle = TypeVar("Cycle")
 
 
@@ -58,7 +57,7 @@ COMPLETED = Verdict(Outcome.COMPLETED, Outcome.COMPLETED.value, None)
 """Verdict of a run without search."""
 
 
-class Cycles(ABC, Generic[Start, Cycle]):
+class Cycles(ABC, Generic[At, Cycle]):
     """Cycles of a mechanism by their starts, in the plane or in space.
 
     Parameters
@@ -67,8 +66,8 @@ class Cycles(ABC, Generic[Start, Cycle]):
         Length of a cycle [s].
     tolerance : float
         Of the integration.
-    measure, shapes : ndarray (k,)
-        Unit of each independent coordinate, 1 rad or a length, and True for those of shapes.
+    equations : Equations
+        Of the coordinates of x; they hold between changes of contacts and friction.
     closer : float
         Factor on REPEATS; other than 1 for neighbours of a known cycle, whose stability is not determined.
     """
@@ -77,13 +76,14 @@ class Cycles(ABC, Generic[Start, Cycle]):
     """True with contacts or friction, whose changes the linearised equations between them don't include."""
 
     def __init__(
-        self, period: float, tolerance: float, measure: np.ndarray, shapes: np.ndarray, closer: float = 1.0
+        self, period: float, tolerance: float, equations: Equations[At], closer: float = 1.0
     ) -> None:
-        self.period, self.measure, self.shapes, self.judges = period, measure, shapes, closer == 1.0
-        self.left, self.error = closer * REPEATS, tolerance * measure
+        self.equations, self.period, self.judges = equations, period, closer == 1.0
+        self.measure, self.shapes = equations.measure, equations.shapes
+        self.left, self.error = closer * REPEATS, tolerance * self.measure
 
     @abstractmethod
-    def run(self, start: Start) -> Cycle:
+    def run(self, start: At) -> Cycle:
         """Cycle from a start, which may stop early."""
 
     @abstractmethod
@@ -91,29 +91,28 @@ class Cycles(ABC, Generic[Start, Cycle]):
         """True if the cycle is complete."""
 
     @abstractmethod
-    def states(self, cycle: Cycle, count: int) -> Iterable[Start]:
+    def states(self, cycle: Cycle, count: int) -> Iterable[At]:
         """States at equal distances, from the initial to the final one."""
 
     @abstractmethod
-    def apart(self, start: Start, *others: Start) -> np.ndarray:
-        """x of other states less that of a start, without whole turns, (n, 2 k)."""
-
-    @abstractmethod
-    def moved(self, start: Start, x: np.ndarray) -> Start:
-        """Start with x changed by ``x`` (2 k,). Raises as :meth:`matrices`."""
+    def along(self, cycle: Cycle, shares: np.ndarray) -> Iterable[At]:
+        """States at instants given as shares of a cycle, as the equations take them."""
 
     @abstractmethod
     def deformation(self, cycle: Cycle) -> float:
         """Largest coordinate of a shape in a cycle."""
 
     @abstractmethod
-    def matrices(self, cycle: Cycle, shares: np.ndarray) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """M, C and K (k, k) of the equations linearised at instants given as shares of a cycle. Raises ArithmeticError
-        or LinAlgError if equations are singular."""
-
-    @abstractmethod
-    def end(self, cycle: Cycle) -> Start:
+    def end(self, cycle: Cycle) -> At:
         """End of a cycle as a start."""
+
+    def apart(self, start: At, *others: At) -> np.ndarray:
+        """x of other states less that of a start, without whole turns, (n, 2 k)."""
+        return self.equations.apart(start, *others)
+
+    def moved(self, start: At, x: np.ndarray) -> At:
+        """Start with x changed by ``x`` (2 k,). Raises ArithmeticError or LinAlgError if equations are singular."""
+        return self.equations.beside(start, x)
 
     def missed(self, cycle: Cycle) -> np.ndarray:
         """Change P(x) - x, (2 k,)."""
@@ -142,9 +141,9 @@ class Cycles(ABC, Generic[Start, Cycle]):
 
     def monodromy(self, cycle: Cycle, pieces: int = PIECES) -> np.ndarray:
         """Monodromy matrix dP/dx (2 k, 2 k) by the equations linearised at the middle of each piece. Raises as
-        :meth:`matrices`."""
-        middles = (np.arange(pieces) + 0.5) / pieces
-        return propagated(self.period / pieces, map(state_matrix, *zip(*self.matrices(cycle, middles), strict=True)))
+        :meth:`moved`."""
+        middles = self.along(cycle, (np.arange(pieces) + 0.5) / pieces)
+        return propagated(self.period / pieces, (state_matrix(*self.equations.matrices(each)) for each in middles))
 
     def by_cycles(self, cycle: Cycle) -> np.ndarray:
         """Monodromy matrix dP/dx (2 k, 2 k) by central differences of neighbouring cycles.
@@ -161,7 +160,7 @@ class Cycles(ABC, Generic[Start, Cycle]):
                 ahead[:, k] = self.missed(found)
         return np.eye(len(steps)) + (ends[0] - ends[1]) / (2.0 * np.diag(steps))
 
-    def repeated(self, start: Start, progress: Callable[[float], None] | None = None) -> tuple[Cycle, Verdict | None]:
+    def repeated(self, start: At, progress: Callable[[float], None] | None = None) -> tuple[Cycle, Verdict | None]:
         """Run cycles until one repeats, each from the start that Newton's method predicts.
 
         The tangent is that of the first cycle, updated by every further one (Broyden 1965); if it fails or diverges,

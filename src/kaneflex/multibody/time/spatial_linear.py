@@ -11,15 +11,16 @@ Residuals M u' - f are computed without W' y, whose part M W' of K is added to i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from kaneflex.fem.spatial_bodies import skew
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.dynamics.spatial_entries import LACKED
-from kaneflex.multibody.model.spatial_layout import BALL, KIND, SPEED
+from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, KIND, SLIDE, SPEED, TURN
 from kaneflex.multibody.model.spatial_system import Choice, SpatialSystem, State
 from kaneflex.multibody.time.linearisation import Equations, pulled
 from kaneflex.multibody.time.spatial_curves import Curve
@@ -106,9 +107,11 @@ class SpatialEquations(Equations[State]):
 
     def residuals(self, base: State, x: np.ndarray, times: np.ndarray | None = None) -> np.ndarray:
         """Residuals, then all speeds, (k, n + speeds); these take no mass matrices."""
-        out = np.zeros((len(x), len(self.names) + self.system.speeds))
-        times = np.full(len(x), base.t) if times is None else times
-        self.system.near(self.choice, times, self.given(base, x), out, LACKED)
+        return self._lacked(np.full(len(x), base.t) if times is None else times, self.given(base, x))
+
+    def _lacked(self, times: np.ndarray, given: np.ndarray) -> np.ndarray:
+        out = np.zeros((len(times), len(self.names) + self.system.speeds))
+        self.system.near(self.choice, times, given, out, LACKED)
         return out
 
     def rates(self, base: State) -> tuple[np.ndarray, np.ndarray]:
@@ -122,6 +125,49 @@ class SpatialEquations(Equations[State]):
         q = self.system.advanced(base.q, (y @ self.system.basis(self.choice))[None])[0]
         found = self.system.project(base.t, q, u, self.choice)
         found.du[which] = base.du[which] + a
+        return found
+
+    def deformed(self, base: State, y: np.ndarray, v: np.ndarray, a: np.ndarray) -> State:
+        system, which = self.system, self.choice.independent
+        q, u, du = base.q.copy(), base.u.copy(), base.du.copy()
+        q[system.modal_coordinates[np.searchsorted(system.modal_speeds, which)]], u[which], du[which] = y, v, a
+        return replace(base, q=q, u=u, du=du)
+
+    def lacking(self, states: Sequence[State]) -> np.ndarray:
+        given = np.array([np.concatenate([each.q, each.u, each.du]) for each in states])
+        return self._lacked(np.array([each.t for each in states]), given)[:, : len(self.names)]
+
+    def apart(self, start: State, *others: State) -> np.ndarray:
+        which, (_, W), found = self.choice.independent, self._moving(start), []
+        for other in others:
+            y = self._turned(start.q, other.q)[which]
+            found.append(np.concatenate([y, (other.u - start.u)[which] - W @ y]))
+        return np.array(found)
+
+    def beside(self, start: State, x: np.ndarray) -> State:
+        which, (N, W), (y, rate) = self.choice.independent, self._moving(start), np.split(x, 2)
+        u = start.u.copy()
+        u[which] += rate + W @ y
+        return self.system.project(start.t, self.system.advanced(start.q, (y @ N)[None])[0], u, self.choice)
+
+    def _moving(self, start: State) -> tuple[np.ndarray, np.ndarray]:
+        """N and W of :meth:`spinning` at an instant."""
+        self._on(start)
+        return self.spinning(start)
+
+    def _turned(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Difference of coordinates as a step of all speeds, without whole turns, (speeds,)."""
+        from scipy.spatial.transform import Rotation
+
+        found = np.zeros(self.system.speeds)
+        for kind, k, s in self.system.tables.nodes[:, [KIND, COORDINATE, SPEED]].tolist():
+            if kind == BALL:
+                first, second = (Rotation.from_quat(np.roll(each[k : k + 4], -1)) for each in (q, other))
+                found[s : s + 3] = (first.inv() * second).as_rotvec()
+            elif kind in (TURN, SLIDE):
+                found[s] = other[k] - q[k]
+                found[s] -= whole_turns(found[s]) * (kind == TURN)
+        found[self.system.modal_speeds] = (other - q)[self.system.modal_coordinates]
         return found
 
     def mass(self, base: State) -> np.ndarray:

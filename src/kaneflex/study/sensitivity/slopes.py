@@ -18,11 +18,12 @@ import numpy as np
 from kaneflex.fem.links import mesh
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.time.cycle_map import PlanarCycles, Start
+from kaneflex.multibody.time.cycles import PlanarCycles
+from kaneflex.multibody.time.planar_linear import PlanarEquations, prepare
 from kaneflex.multibody.time.run import integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene.structure import structure_hash
-from kaneflex.solve.coupled import as_result, beginning, method_of
+from kaneflex.solve.coupled import Start, as_result, beginning, method_of
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.quasistatic import mechanism_modes
 from kaneflex.solve.run_result import RunResult
@@ -126,8 +127,10 @@ class Replay:
                     "solve.start", "periodic", "the periodic motion is not isolated: others exist nearby",
                     "Add damping, or start from zero or quasistatic",
                 )  # fmt: skip
-            beside = PlanarCycles(model.coupled, cycle.times, method_of(model), start, which=self._cycles.which)
-            start = beside.moved(start, -np.linalg.solve(self._returning, beside.missed(cycle)))
+            equations = PlanarEquations(model.coupled, self._cycles.equations.which)
+            beside = PlanarCycles(equations, cycle.times, method_of(model))
+            near = equations.at(float(cycle.times[0]), *start)
+            start = equations.bodies(beside.moved(near, -np.linalg.solve(self._returning, beside.missed(cycle))))
         return as_result(model, self._run(model, *start), 0.0)
 
     @property
@@ -149,15 +152,17 @@ class Replay:
     def _cycles(self) -> PlanarCycles:
         """Cycles from the start of the run."""
         own, model = self._own, self.solution.model
-        return PlanarCycles(model.coupled, own.times, method_of(model), (own.q[0], own.v[0]))
+        equations = prepare(model.coupled, float(own.times[0]), own.q[0], own.v[0])
+        return PlanarCycles(equations, own.times, method_of(model))
 
     @cached_property
     def _returning(self) -> np.ndarray:
         """Derivative of the change over a cycle with respect to the start, (2 k, 2 k): the monodromy matrix minus the
         identity."""
         own, model, cycles, columns = self._own, self.solution.model, self._cycles, []
+        first = next(iter(cycles.states(own, 2)))
         for unit in np.diag(cycles.sizes(own)):
-            starts = (cycles.moved((own.q[0], own.v[0]), share * _APART * unit) for share in SHARES)
+            starts = (cycles.equations.bodies(cycles.moved(first, share * _APART * unit)) for share in SHARES)
             gaps = [cycles.missed(self._run(model, *start)) for start in starts]
             columns.append(slope(gaps, _APART) / unit.max())
         return np.array(columns).T

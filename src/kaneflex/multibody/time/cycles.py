@@ -1,0 +1,94 @@
+"""Cycles of mechanisms in the plane and in space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.planar import whole_turns
+from kaneflex.multibody.model.spatial_system import State
+from kaneflex.multibody.time.dense_output import between
+from kaneflex.multibody.time.planar_linear import Instant, PlanarEquations
+from kaneflex.multibody.time.run import Method, integrate
+from kaneflex.multibody.time.shooting import LOOKS, Cycles
+from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.multibody.time.spatial_linear import SpatialEquations
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+
+
+class PlanarCycles(Cycles[Instant, CoupledTrajectory]):
+    """Cycles over ``times`` [s], by the coordinates of the equations."""
+
+    equations: PlanarEquations
+
+    def __init__(
+        self, equations: PlanarEquations, times: np.ndarray, method: Method, closer: float = 1.0
+    ) -> None:
+        self.times, self.method, engine = times, method, equations.engine
+        super().__init__(float(times[-1] - times[0]), method.tolerance, equations, closer)
+        self.touches = bool(len(engine.contacts) or len(engine.holds))
+
+    def run(self, start: Instant) -> CoupledTrajectory:
+        return integrate(self.equations.system, *self.equations.bodies(start), self.times, self.method)
+
+    def completed(self, cycle: CoupledTrajectory) -> bool:
+        return cycle.outcome is Outcome.COMPLETED
+
+    def states(self, cycle: CoupledTrajectory, count: int) -> Iterator[Instant]:
+        rows = np.linspace(0, len(cycle.times) - 1, count).round().astype(int)
+        return map(self.equations.at, cycle.times[rows].tolist(), cycle.q[rows], cycle.v[rows])
+
+    def along(self, cycle: CoupledTrajectory, shares: np.ndarray) -> Iterator[Instant]:
+        path = between(self.equations.system, cycle, self.times[0] + shares * self.period)
+        self.equations.choose(next(self.states(cycle, 2)))
+        for t, *state in zip(path.times.tolist(), path.q, path.v, strict=True):
+            self.equations.at(t, *state)
+            self.equations.engine.project(t)
+            yield self.equations.now(t)
+
+    def deformation(self, cycle: CoupledTrajectory) -> float:
+        return float(abs(cycle.q[:, list(self.equations.system.shape_columns)]).max(initial=0.0))
+
+    def end(self, cycle: CoupledTrajectory) -> Instant:
+        turns = np.array([k + 2 for k in self.equations.system.start.values()])
+        q = cycle.q[-1].copy()
+        q[turns] -= whole_turns(q[turns] - cycle.q[0, turns])
+        return self.equations.at(float(self.times[0]), q, cycle.v[-1])
+
+
+class SpatialCycles(Cycles[State, Run]):
+    """Cycles over the duration of ``options``, by the coordinates of the equations."""
+
+    equations: SpatialEquations
+
+    def __init__(self, equations: SpatialEquations, options: Options, closer: float = 1.0) -> None:
+        self.options = options
+        super().__init__(options.duration, options.tolerance, equations, closer)
+
+    def run(self, start: State) -> Run:
+        run = Run(self.equations.system, self.options, start)
+        try:
+            run.go()
+        except SceneError as stopped:
+            run.stopped = stopped
+        return run
+
+    def completed(self, cycle: Run) -> bool:
+        return cycle.stopped is None
+
+    def states(self, cycle: Run, count: int) -> Iterator[State]:
+        return self.along(cycle, np.linspace(0.0, 1.0, count))
+
+    def along(self, cycle: Run, shares: np.ndarray) -> Iterator[State]:
+        return map(cycle, (shares * self.period).tolist())
+
+    def deformation(self, cycle: Run) -> float:
+        shapes = self.equations.system.modal_coordinates
+        return float(max(abs(state.q[shapes]).max(initial=0.0) for state in self.states(cycle, LOOKS)))
+
+    def end(self, cycle: Run) -> State:
+        return self.equations.system.project(0.0, cycle.end.q, cycle.end.u, self.equations.choice)
