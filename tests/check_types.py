@@ -22,7 +22,7 @@ BASELINE = {
     "report": 5,
     "response": 40,
     "scene": 65,
-    "solve": 28,
+    "solve": 27,
     "study": 76,
     "support": 3,
 }

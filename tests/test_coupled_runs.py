@@ -250,7 +250,7 @@ def test_the_command_line_goes_on_from_a_result_folder(tmp_path, monkeypatch, pe
 
 
 def test_states_that_do_not_fit(tmp_path, pendulum):
-    with pytest.raises(SceneError, match="only coupled runs of planar scenes can be continued"):
+    with pytest.raises(SceneError, match="only coupled runs can be continued"):
         run("elastic-pendulum", "solve.preset=rigid", after=pendulum)
     with pytest.raises(SceneError, match=r"the state has no coordinate strip\.axial_1"):
         run("elastic-pendulum", "solve.modes=4", after=pendulum)

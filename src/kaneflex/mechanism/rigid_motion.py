@@ -29,6 +29,8 @@ class RigidKinematics:
 
     is_start = False
     """True before free joints are integrated: the motion is then known at its start only."""
+    begin = 0.0
+    """First instant of the run [s]."""
 
     @cached_property
     def column(self) -> dict[str, int]:

@@ -71,7 +71,7 @@ def _reach(model: Model) -> dict[str, str]:
     """Ranges of the joints in the rigid mechanism."""
     if model.scene.is_frame:
         return {}
-    times = instants(model.scene) if is_followed(model) else np.zeros(1)
+    times = model.motion.begin + (instants(model.scene) if is_followed(model) else np.zeros(1))
     if model.in_space is not None:
         return _ranges(model, model.in_space.bare.at(times))
     return reach_lines(model.scene, courses_of(model.scene, model.motion.at(times)))

@@ -93,7 +93,7 @@ def between_steps(model: Model) -> list[str]:
         return []  # the rigid mechanism moves differently
     within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
     steps = min(options.steps, _SAMPLES // within)
-    seen = model.motion.at(model.step * np.arange(steps + 1))
+    seen = model.motion.at(model.motion.begin + model.step * np.arange(steps + 1))
     found = []
     for name, drive in scene.drives.items():
         turned = abs(np.diff(seen[f"{name}.angle"])).max()
@@ -107,7 +107,7 @@ def between_steps(model: Model) -> list[str]:
     speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in seen}
     if not varying and not speeds:
         return found
-    spread = np.linspace(0.0, seen.times[-1], within * steps + 1)
+    spread = np.linspace(seen.times[0], seen.times[-1], within * steps + 1)
     instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted
     rigid = model.motion.acting(instants, seen)
     fastest = max((abs(rigid[name]).max() for name in speeds.values()), default=0.0)  # smaller ones may be rounding

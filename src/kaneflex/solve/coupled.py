@@ -25,7 +25,7 @@ from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
-from kaneflex.solve.coupled_state import State, check_closed
+from kaneflex.solve.coupled_state import State, check_closed, openings
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.forward import with_courses
 from kaneflex.solve.initial import given_start, laid_over, start_dimensions
@@ -47,8 +47,6 @@ def simulate_coupled(
     assert system is not None
     method = method_of(model)
     times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
-    if after is not None and options.start == "given":
-        raise SceneError("after", after.source, "the scene also gives an initial state", "Leave solve.start out")
     q, v = beginning(model) if after is None else after.fitted(system, method.length)
     stops = [event for event in model.scene.events.values() if event.stop]
 
@@ -124,7 +122,7 @@ def _given(
     given = [name for name in system.start if f"{name}.phi" in tables.displacements]
     q = unwrapped(scene, system, before, model.motion.at(0.0), given)
     check_closed(
-        system, 0.0, q, longest(scene), "solve.start", "a table of a state",
+        openings(system, 0.0, q, longest(scene)), "solve.start", "a table of a state",
         "Give the coordinates of all bodies, or shapes that leave the joints where they are",
     )  # fmt: skip
     check_turns_kept(scene, system, before, q, given)

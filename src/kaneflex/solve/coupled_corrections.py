@@ -91,7 +91,7 @@ def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) ->
 
 def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
     """Motion of a richer model in space at the compared instants."""
-    if options.start == "given":
+    if options.start == "given" or read.model.motion.begin != 0.0:
         raise Unknown("in space, a given initial state can't be transferred to other shapes")
     model = integrated(refined(read.model, scene, options), progress, _CLOSER)
     coupled = model.coupled_in_space

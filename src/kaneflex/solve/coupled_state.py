@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,17 +14,19 @@ from kaneflex.support.errors import Fault, SceneError
 from kaneflex.support.labelled import read_labelled
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.solve.run_result import RunResult
 
 _OF_STATE = ("state", "last_state", "last_rate")
+CONTINUE = "Continue with the lengths and drives of that run"
 _OPEN = 1e-3
 """Share of the longest body, or rad, by which a state may open joints."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All coordinates of a coupled system at one time.
+    """All coordinates of a coupled system at one time, of a ball in space the components of its unit quaternion.
 
     Attributes
     ----------
@@ -32,7 +35,8 @@ class State:
     t : float
         Time [s].
     names : tuple of str
-        Coordinates of the coupled system's bodies.
+        Coordinates of the coupled system's bodies; in space those of its joints and shapes, then the angles of joints
+        that close loops, which only count turns.
     q, v : ndarray (n,)
         Coordinates [m or rad] and their rates.
     """
@@ -48,8 +52,13 @@ class State:
 
         Raises SceneError if the system has other coordinates, or the state opens its joints.
         """
-        wanted = [name for name, _ in system.coordinates]
-        strange = sorted({*wanted} ^ {*self.names})
+        q, v = self.ordered([name for name, _ in system.coordinates])
+        check_closed(openings(system, self.t, q, length), "after", self.source, CONTINUE)
+        return q, v
+
+    def ordered(self, wanted: Sequence[str], others: Collection[str] = ()) -> tuple[np.ndarray, np.ndarray]:
+        """q and v of the wanted coordinates. Raises SceneError if one is missing, or there are more than ``others``."""
+        strange = sorted(({*wanted} ^ {*self.names}) - {*others})
         if strange:
             owner = "state" if strange[0] in wanted else "scene"
             raise SceneError(
@@ -57,31 +66,55 @@ class State:
                 "Continue with the scene and number of modes of that run",
             )  # fmt: skip
         order = [self.names.index(name) for name in wanted]
-        q, v = self.q[order], self.v[order]
-        check_closed(
-            system, self.t, q, length, "after", self.source,
-            "Continue with the lengths and drives of that run",
-        )  # fmt: skip
-        return q, v
+        return self.q[order], self.v[order]
 
 
-def check_closed(
-    system: CoupledSystem, t: float, q: np.ndarray, length: float, key: str, source: str, cure: str
-) -> None:
-    """Raise SceneError (of ``key``, ``source`` and ``cure``) if q opens the joints at the time t [s]."""
+def openings(system: CoupledSystem, t: float, q: np.ndarray, length: float) -> Iterator[tuple[str, float, float]]:
+    """Joints of a planar system, by how much q opens them at t [s] [m or rad], and the unit of that."""
     for name, gap in system.gaps(t, q).items():
-        if abs(gap) > _OPEN * (1.0 if name.endswith(("moment", "drive")) else length):
-            opens = f"the state opens joint {name.rpartition('.')[0]} by {gap:.3g} (m or rad)"
-            raise SceneError(key, source, opens, cure)
+        yield name.rpartition(".")[0], gap, 1.0 if name.endswith(("moment", "drive")) else length
+
+
+def check_closed(gaps: Iterable[tuple[str, float, float]], key: str, source: str, cure: str) -> None:
+    """Raise SceneError (of ``key``, ``source`` and ``cure``) if a state opens a joint."""
+    for joint, gap, unit in gaps:
+        if not abs(gap) <= _OPEN * unit:
+            raise SceneError(key, source, f"the state opens joint {joint} by {gap:.3g} (m or rad)", cure)
 
 
 def last_state(solution: RunResult) -> State:
     """Last state of a coupled solution. Raises SceneError if there is none."""
-    if solution.model.coupled is None:
+    from kaneflex.solve.initial import start_coordinates
+
+    model = solution.model
+    if model.options.dynamics != "coupled":
         raise _none(repr(solution))
-    trajectory = solution.trajectory
-    names = tuple(name for name, _ in solution.model.coupled.coordinates)
-    return State(repr(solution), float(trajectory.times[-1]), names, trajectory.q[-1], trajectory.v[-1])
+    t = float(solution.times[-1])
+    names, (q, v) = start_coordinates(model), (part[:, -1] for part in solution.motion.taken(np.array([-1])).state)
+    if model.in_space is not None:
+        names, q, v = _with_turns(names, q, v, model.in_space.turned(t))
+    return State(repr(solution), t, names, q, v)
+
+
+def first_state(model: Model) -> State | None:
+    """State from which a run in space continues another one; None if it starts as the scene does."""
+    from kaneflex.multibody.model.spatial_rates import rates_of
+    from kaneflex.solve.initial import start_coordinates
+
+    if model.in_space is None or model.in_space.curve.turned is None:
+        return None
+    start, turned = model.in_space.curve.start, model.in_space.curve.turned
+    rates = rates_of(model.in_space.module.system, start.q[None], start.u[None])[0]
+    turns = {name: (angle, 0.0) for name, angle in turned.items()}
+    return State(repr(model), start.t, *_with_turns(start_coordinates(model), start.q, rates, turns))
+
+
+def _with_turns(
+    names: tuple[str, ...], q: np.ndarray, v: np.ndarray, turned: Mapping[str, tuple[float, float]]
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, coordinates and rates of a state, with the angles of joints that close loops, and their rates."""
+    angles, rates = np.array([*turned.values()]).reshape(-1, 2).T
+    return (*names, *(f"{name}.angle" for name in turned)), np.append(q, angles), np.append(v, rates)
 
 
 @takes(path="path")

@@ -7,6 +7,7 @@ asks for it here.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from kaneflex.mechanism.closure import check_closure
 from kaneflex.mechanism.mechanism import mechanism_of
@@ -16,25 +17,31 @@ from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import silent
 
+if TYPE_CHECKING:
+    from kaneflex.solve.coupled_state import State
+
 Share = Callable[[float], None]
 _INTEGRATED: Kept[Model, Model] = Kept()
 
 
-def integrated(model: Model, share: Share = silent, closer: float = 1.0) -> Model:
+def integrated(
+    model: Model, share: Share = silent, closer: float = 1.0, after: State | None = None
+) -> Model:
     """The model with its motion over the run, integrated once per model; unchanged if the drives prescribe it.
 
-    ``share`` is called with the finished share, 0 to 1; ``closer``: factor on the tolerance of a cycle's change.
+    ``share`` is called with the finished share, 0 to 1; ``closer``: factor on the tolerance of a cycle's change;
+    ``after``: state of a coupled mechanism in space at which the run starts, in place of the scene's.
 
     Raises SceneError if the motion can't continue; it names the time.
     """
-    if not model.awaits_run:
+    if after is None and not model.awaits_run:
         return model
     if not model.scene.is_spatial:
         return _INTEGRATED.of(model, lambda: _in_plane(model, share))
     from kaneflex.solve.spatial_run import integrated_in_space
 
-    if closer != 1.0:
-        return integrated_in_space(model, share, closer)
+    if closer != 1.0 or after is not None:
+        return integrated_in_space(model, share, closer, after)
     return _INTEGRATED.of(model, lambda: integrated_in_space(model, share))
 
 

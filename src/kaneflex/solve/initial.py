@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from kaneflex.scene import Scene
 
 _AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")
-_RATES = {LENGTH: SPEED, ANGLE: ANGULAR_SPEED, _AMPLITUDE: _AMPLITUDE}
+_QUATERNION = Dimension("a component of a unit quaternion", "", "0.5")
+_RATES = {LENGTH: SPEED, ANGLE: ANGULAR_SPEED, _AMPLITUDE: _AMPLITUDE, _QUATERNION: _QUATERNION}
 _TURNING = ("theta", "turn")
 STATE = ("displacements", "velocities")
 """Tables of a state."""
@@ -41,7 +42,7 @@ def start_dimensions(model: Model) -> dict[str, Dimension]:
     if model.coupled is not None:
         return {name: ANGLE if unit == "rad" else LENGTH for name, unit in model.coupled.coordinates}
     if model.coupled_in_space is not None:
-        return shape_dimensions(model.coupled_in_space.module.system)
+        return dimensions_in_space(model.coupled_in_space.module.system)
     last = {name: name.rpartition(".")[2] for name in model.coordinates}
     return {
         name: _AMPLITUDE if what.startswith("mode_") else ANGLE if what in _TURNING else LENGTH
@@ -49,13 +50,22 @@ def start_dimensions(model: Model) -> dict[str, Dimension]:
     }
 
 
-def shape_dimensions(system: SpatialSystem) -> dict[str, Dimension]:
-    """Dimension of the shapes' amplitudes of bodies in space, in the system's order; angles for twist."""
-    return {
-        f"{body}.shape_{k}": ANGLE if twists else LENGTH
-        for body, shapes in system.layout.shapes.items()
-        for k, twists in enumerate(shapes.twisting)
-    }
+def dimensions_in_space(system: SpatialSystem) -> dict[str, Dimension]:
+    """Dimension of each coordinate of a mechanism in space, in the system's order."""
+    from kaneflex.multibody.model.spatial_layout import BALL, KIND, SHAPES, SLIDE, SPEED, TURN
+
+    body_of = {node: body for body, node in system.layout.node_of.items()}
+    found = dict[str, Dimension]()
+    for node, (kind, speed) in enumerate(system.tables.nodes[:, [KIND, SPEED]].tolist()):
+        if kind in (TURN, SLIDE):
+            found[system.layout.speeds[speed]] = ANGLE if kind == TURN else LENGTH
+        elif kind == BALL:
+            owner = system.layout.speeds[speed].rpartition(".")[0]
+            found |= {f"{owner}.quaternion_{part}": _QUATERNION for part in "wxyz"}
+        elif kind == SHAPES:
+            twisting = system.layout.shapes[body_of[node]].twisting
+            found |= {f"{body_of[node]}.shape_{k}": ANGLE if twists else LENGTH for k, twists in enumerate(twisting)}
+    return found
 
 
 def given_start(scene: Scene) -> Start:

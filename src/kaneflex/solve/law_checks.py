@@ -26,7 +26,7 @@ _MOST = 20_000
 def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
     """Raise SceneError, which names the law and the time, unless loads and prescribed motions are finite at every
     step."""
-    times = np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
+    times = motion.begin + np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
     free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
     free_bodies = options.dynamics == "coupled" and free
     rigid = motion.moved(times) if free_bodies else motion.at(times)
@@ -113,7 +113,7 @@ def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> No
         return
     from kaneflex.mechanism.springs import points_meet
 
-    rigid = motion.at(np.linspace(0.0, options.duration, SWEEP + 1))
+    rigid = motion.at(motion.begin + np.linspace(0.0, options.duration, SWEEP + 1))
     for name, spring in directed.items():
         start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)
         d = end - start

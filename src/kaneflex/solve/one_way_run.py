@@ -16,6 +16,7 @@ from kaneflex.solve.run_result import RunResult
 
 if TYPE_CHECKING:
     from kaneflex.integrate.run import Run
+    from kaneflex.solve.coupled_state import State
 
 Progress = Callable[[float], None]
 _REPEATS = 1e-6
@@ -24,11 +25,12 @@ _ROUNDING = 1e-12
 """Change over a cycle, relative to the largest value of the same unit, that counts as rounding."""
 
 
-def run_one_way(model: Model, progress: Progress | None = None) -> RunResult:
-    """Run of a model without planar coupled equations, up to the first event that stops it."""
+def run_one_way(model: Model, progress: Progress | None = None, after: State | None = None) -> RunResult:
+    """Run of a model without planar coupled equations, up to the first event that stops it; in space also from the
+    state ``after``."""
     started = time.perf_counter()
-    if model.awaits_run:
-        model, progress = _moved(model, progress or (lambda done: None))
+    if model.awaits_run or after is not None:
+        model, progress = _moved(model, progress or (lambda done: None), after)
     trajectory = _METHODS[model.options.dynamics](model, progress)
     found = RunResult(model, trajectory, time.perf_counter() - started)
     if not model.scene.events:
@@ -38,13 +40,13 @@ def run_one_way(model: Model, progress: Progress | None = None) -> RunResult:
     return until_stop(found)
 
 
-def _moved(model: Model, progress: Progress) -> tuple[Model, Progress]:
+def _moved(model: Model, progress: Progress, after: State | None) -> tuple[Model, Progress]:
     """Model with an integrated motion, which half of the work is if elastic equations follow, and the rest's progress.
     """
     from kaneflex.solve.free_motion import integrated
 
     part = 1.0 if model.options.dynamics in ("rigid", "coupled") else 0.5
-    found = integrated(model, lambda done: progress(part * done))
+    found = integrated(model, lambda done: progress(part * done), after=after)
     return found, lambda done: progress(part + (1.0 - part) * done)
 
 
@@ -53,7 +55,7 @@ def _instants(model: Model) -> np.ndarray:
 
 
 def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
-    times = _instants(model)
+    times = model.motion.begin + _instants(model)
     none = np.zeros((len(times), 0))
     coupled = model.coupled_in_space
     if coupled is not None and coupled.verdict is not None:

@@ -45,11 +45,12 @@ def labelled(solution: RunResult) -> Labelled:
         name: ("time", series.values, {"units": series.unit, "long_name": series.meaning})
         for name, series in solution.series.items()
     }
+    if model.options.dynamics == "coupled" and len(solution.times):
+        coordinates["state"], more = _last_state(solution)
+        variables |= more
     if model.coupled is not None and len(solution.times):
         from kaneflex.solve.touching import labelled_contacts, labelled_frictions
 
-        coordinates["state"], more = _last_state(solution)
-        variables |= more
         for names, found in (labelled_contacts(solution), labelled_frictions(solution)):
             coordinates |= names
             variables |= found

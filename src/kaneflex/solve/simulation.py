@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.read import SceneLike
-from kaneflex.solve.loading import model_from
+from kaneflex.solve.loading import load, model_from
 from kaneflex.solve.one_way_run import Progress, run_one_way
 from kaneflex.solve.solution import Solution
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import SceneError, ValidityWarning
+from kaneflex.support.errors import ValidityWarning, refuse
 
 if TYPE_CHECKING:
     from kaneflex.solve.coupled_state import State
@@ -55,13 +55,20 @@ def simulate(model: SceneLike, progress: Progress | None = None, after: Solution
 
 def solve(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
     """Like :func:`simulate`, without issuing the warnings."""
-    if model.coupled is not None:
-        from kaneflex.solve.coupled import simulate_coupled
+    if after is not None:
         from kaneflex.solve.coupled_state import last_state
 
-        state = last_state(after) if isinstance(after, Solution) else after
-        return Solution.of(simulate_coupled(model, progress, state))
-    if after is not None:
-        reason = "only coupled runs of planar scenes can be continued"
-        raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled of a planar scene")
-    return Solution.of(run_one_way(model, progress))
+        after = last_state(after) if isinstance(after, Solution) else after
+        refuse(
+            (model.options.dynamics != "coupled", "solve.preset", model.options.preset,
+             "only coupled runs can be continued", "Choose preset coupled"),
+            (model.options.start == "given", "after", after.source, "the scene also gives an initial state",
+             "Leave solve.start out"),
+        )  # fmt: skip
+    elif model.in_space is not None and model.in_space.curve.turned is not None:
+        model = load(model.given or model.scene)  # its motion is that of a run from another state
+    if model.coupled is None:
+        return Solution.of(run_one_way(model, progress, after))
+    from kaneflex.solve.coupled import simulate_coupled
+
+    return Solution.of(simulate_coupled(model, progress, after))

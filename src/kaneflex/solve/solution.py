@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from kaneflex.multibody.time.trajectory import CoupledTrajectory
     from kaneflex.scene import Scene
+    from kaneflex.solve.coupled_state import State
     from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.support.labelled import Labelled
 
@@ -53,7 +54,9 @@ class Solution(RunResult):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the scene, from which the model is loaded again."""
-        return _restored, (self.model.given, self.trajectory, self.seconds, self.whole)
+        from kaneflex.solve.coupled_state import first_state
+
+        return _restored, (self.model.given, self.trajectory, self.seconds, self.whole, first_state(self.model))
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -160,13 +163,14 @@ class Solution(RunResult):
 
 
 def _restored(
-    scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None
-) -> Solution:
+    scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None,
+    after: State | None,
+) -> Solution:  # fmt: skip
     """Solution from its pickled parts."""
     from kaneflex.solve.free_motion import integrated
     from kaneflex.solve.loading import load
 
-    model = integrated(load(scene))
+    model = integrated(load(scene), after=after)
     if isinstance(trajectory, Trajectory):
         return Solution(model, trajectory, seconds, whole)
     from kaneflex.solve.coupled import as_result

@@ -3,7 +3,7 @@ reactions are statically indeterminate because of redundant constraints."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from types import ModuleType
 from typing import TypeVar
@@ -11,15 +11,19 @@ from typing import TypeVar
 import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, reference_instant, rigid_model
 from kaneflex.multibody.model.determinacy import check_sensors
+from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.module_loading import find_spatial_module
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
 from kaneflex.multibody.model.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.model.spatial_initial_state import start_of
+from kaneflex.multibody.model.spatial_layout import KIND, TURN
+from kaneflex.multibody.model.spatial_rates import rates_of, speeds_of
 from kaneflex.multibody.model.spatial_reactions import open_reactions
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.multibody.time.spatial_curves import Followed, Standing
@@ -28,19 +32,21 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting, moves_with_links
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.initial import given_start, laid_over, shape_dimensions
+from kaneflex.solve.coupled_state import CONTINUE, check_closed
+from kaneflex.solve.coupled_state import State as Given
+from kaneflex.solve.initial import dimensions_in_space, given_start, laid_over
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by
-from kaneflex.support.units import ANGLE
+from kaneflex.support.units import ANGLE, LENGTH, Dimension
 
 Progress = Callable[[str], None]
 Moving = TypeVar("Moving", bound=SpatialKinematics)
 _ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
 """Shares of a run at which reactions are checked: its start, and others away from aligned positions."""
 _OPEN = 1e-3
-"""Change of given shapes by closing the loops that is accepted, as a share of the mechanism's size."""
+"""Change of a given state by closing the loops that is accepted, as a share of the mechanism's size, or in rad."""
 
 
 def load_spatial(
@@ -159,7 +165,7 @@ def with_open_reactions(motion: Moving, options: Options) -> Moving:
 
     Raises SceneError if bodies are rigid or coupled, and a sensor reads one.
     """
-    times = options.duration * (_ELSEWHERE[:1] if motion.is_start else _ELSEWHERE)
+    times = motion.begin + options.duration * (_ELSEWHERE[:1] if motion.is_start else _ELSEWHERE)
     lost = open_reactions(motion.module.system, map(motion.curve, times.tolist()))
     if options.dynamics in ("rigid", "coupled"):
         check_sensors(motion.module.system.scene, lost, _before if options.dynamics == "rigid" else None)
@@ -185,31 +191,88 @@ def _before(scene: Scene, sensor: Sensor) -> Iterator[str]:
 
 
 def given_state(system: SpatialSystem, start: State) -> State:
-    """Initial state with the shapes and rates that the scene gives.
+    """Initial state with the coordinates and rates that the scene gives; whole turns of drives are removed.
 
-    Raises SceneError as ``laid_over``, and for shapes that the loops change.
+    Raises SceneError as ``laid_over``, and for a state that the loops or drives change.
     """
-    q, u, at, rates = start.q.copy(), start.u.copy(), system.modal_coordinates, system.modal_speeds
-    q[at], u[rates] = laid_over(system.scene, shape_dimensions(system), q[at], u[rates])
+    names, scene, key, source = dimensions_in_space(system), system.scene, "solve.start", "a table of a state"
+    q = laid_over(scene, names, start.q, np.zeros(len(names)))[0]
+    _normalise(system, q, key, source)
+    driven, angles = system.driven_coordinates, system.courses(start.t)[:, 0]
+    turns = np.isin(system.tables.nodes[[system.node(name) for name in system.driven], KIND], TURN)
+    q[driven] -= turns * whole_turns(q[driven] - angles)
+    v = laid_over(scene, names, q, rates_of(system, q[None], start.u[None])[0])[1]
+    # a complete state may lie far from the start, where other speeds are independent
+    choice = choose(system, q, prefer=True) if set(names) <= set(given_start(scene).displacements) else start.choice
     try:
-        found = system.project(start.t, q, u, start.choice)
-        far, reason = abs(found.q - q)[at].max(initial=0.0), "the loops don't close with these shapes"
+        found = system.project(start.t, q, speeds_of(system, q[None], v[None])[0], choice)
+        far = abs(found.q - q) / np.array([system.mechanism.size if kind is LENGTH else 1.0 for kind in names.values()])
+        asked = [k for k, name in enumerate(names) if name in given_start(scene).displacements]
+        off = far[[*asked, *system.modal_coordinates]].max(initial=0.0)
+        reason = "joints or drives don't fit this state"
     except ArithmeticError as error:
-        far, reason = np.inf, f"in this state {error}"
-    if not far <= _OPEN * system.mechanism.size:
-        cure = "Give shapes that keep the joints closed, for example those of solution.state()"
-        raise SceneError("solve.start", "a table of a state", reason, cure)
-    _check_rates(system, u, found.u)
+        off, reason = np.inf, f"in this state {error}"
+    if not off <= _OPEN:
+        cure = "Give coordinates that keep the joints closed, for example those of solution.state()"
+        raise SceneError(key, source, reason, cure)
+    _check_rates(system, names, v, rates_of(system, found.q[None], found.u[None])[0])
     return found
 
 
-def _check_rates(system: SpatialSystem, asked: np.ndarray, found: np.ndarray) -> None:
-    """Raise SceneError if the loops change a given rate of a shape."""
-    given, largest = given_start(system.scene).velocities, abs(found / system.measure).max(initial=0.0)
-    for (name, dimension), k in zip(shape_dimensions(system).items(), system.modal_speeds, strict=True):
-        if name in given and abs(found[k] - asked[k]) > _OPEN * system.measure[k] * largest:
-            made = f"{found[k] + 0.0:.6g} {'rad/s' if dimension is ANGLE else 'm/s'}"
+def _normalise(system: SpatialSystem, q: np.ndarray, key: str, source: str) -> None:
+    """Scale the quaternions of a state to unit length, which it may miss by rounding.
+
+    Raises SceneError (of ``key`` and ``source``) if one misses it by more.
+    """
+    names = list(dimensions_in_space(system))
+    for k in system.engine.parts["balls"][:, 0].tolist():
+        length = float(np.linalg.norm(q[k : k + 4]))
+        if not abs(length - 1.0) <= _OPEN:
+            owner = names[k].rpartition(".")[0]
             raise SceneError(
-                f"solve.start.velocities.{name}", given[name], f"joints and drives make it {made}",
+                key, source, f"the quaternion of {owner} has length {length:.6g}, which is not 1",
+                f"Give {owner}.quaternion_w, _x, _y and _z with w^2 + x^2 + y^2 + z^2 = 1",
+            )  # fmt: skip
+        q[k : k + 4] /= length
+
+
+def _check_rates(system: SpatialSystem, names: Mapping[str, Dimension], asked: np.ndarray, found: np.ndarray) -> None:
+    """Raise SceneError if joints or drives change a given rate."""
+    given, size = given_start(system.scene).velocities, system.mechanism.size
+    measure = np.array([size if dimension is LENGTH else 1.0 for dimension in names.values()])
+    largest = abs(found / measure).max(initial=0.0)
+    for k, (name, dimension) in enumerate(names.items()):
+        if name in given and abs(found[k] - asked[k]) > _OPEN * measure[k] * largest:
+            unit = {LENGTH: "m/s", ANGLE: "rad/s"}.get(dimension, "1/s")
+            raise SceneError(
+                f"solve.start.velocities.{name}", given[name], f"joints and drives make it {found[k] + 0.0:.6g} {unit}",
                 "Give rates consistent with the joints, for example those of solution.state()",
             )  # fmt: skip
+
+
+def state_after(system: SpatialSystem, given: Given) -> tuple[State, dict[str, float]]:
+    """Initial state of a run that continues another one, and the angles of joints that close loops, with whole turns.
+
+    Raises SceneError if the state has other coordinates, opens joints, or has a quaternion that is not of unit length.
+    """
+    names, joints = list(dimensions_in_space(system)), {f"{name}.angle": name for name in system.mechanism.joints}
+    q, v = given.ordered(names, joints)
+    _normalise(system, q, "after", given.source)
+    system.place(q)
+    check_closed(_openings(system, given.t, q), "after", given.source, CONTINUE)
+    u = speeds_of(system, q[None], v[None])[0]
+    try:
+        found = system.project(given.t, q, u, choose(system, q))
+    except ArithmeticError as error:
+        raise SceneError("after", given.source, f"in this state {error}", CONTINUE) from None
+    known = zip(given.names, given.q.tolist(), strict=True)
+    return found, {joints[name]: angle for name, angle in known if name in joints and name not in names}
+
+
+def _openings(system: SpatialSystem, t: float, q: np.ndarray) -> Iterator[tuple[str, float, float]]:
+    """Joints, by how much the coordinates q, which ``work`` has, open them at t [s] [m or rad], and its unit."""
+    for name, rows in system.layout.cuts.items():
+        for row in range(rows.start, rows.stop):
+            yield name, float(system.work.rows[row, 0]), float(system.row_measure[row])
+    for name, k, course in zip(system.driven, system.driven_coordinates, system.courses(t), strict=True):
+        yield name, float(q[k] - course[0]), 1.0

@@ -26,9 +26,11 @@ from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.scene.options import Options
+from kaneflex.solve.coupled_state import State as Given
 from kaneflex.solve.law_checks import UNREPEATED, check_finite, check_springs, refuse_unrepeated
 from kaneflex.solve.slow_start import slow_state
-from kaneflex.solve.spatial_loading import check_stage, given_state, with_open_reactions
+from kaneflex.solve.spatial_loading import check_stage, given_state, state_after, with_open_reactions
+from kaneflex.support.errors import SceneError
 
 Share = Callable[[float], None]
 _POSITIONS = 200
@@ -37,12 +39,19 @@ _REPEATS = 1e-6
 """Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 
 
-def integrated_in_space(model: Model, share: Share, closer: float = 1.0) -> Model:
+def integrated_in_space(model: Model, share: Share, closer: float = 1.0, after: Given | None = None) -> Model:
     """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
     begun, coupled, options = model.in_space, model.coupled_in_space, model.options
     assert begun is not None
     system, verdict = begun.module.system, COMPLETED
-    if coupled is not None and options.start == "periodic":
+    if after is not None:
+        if options.start == "periodic":
+            reason = "in space a periodic motion is sought from the scene's start only"
+            raise SceneError("after", after.source, reason, "Start from zero, or leave after out")
+        start, turned = state_after(system, after)
+        run = Run(system, options, start, share, turned)
+        run.go()
+    elif coupled is not None and options.start == "periodic":
         run, verdict = _cycle(system, start_of(system), options, share, closer)
     else:
         start = begun.curve.start if coupled is None else _first(system, options)
@@ -63,7 +72,11 @@ def _with_run(model: Model, motion: SpatialKinematics, energy: Energy, run: Run)
     """Model in space along an integrated motion, with the warnings of its run."""
     scene, options = model.scene, model.options
     if isinstance(motion, CoupledKinematics):
-        reference = reference_instant(scene, options, motion)[0] if model.motion.is_start else model.reference_time
+        reference = model.reference_time
+        if run.turned is not None:
+            reference = run.begin
+        elif model.motion.is_start:
+            reference = reference_instant(scene, options, motion)[0]
         found = replace(model, motion=motion, reference_time=reference, energy=energy)
     else:
         found = moving(model, motion, energy)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from types import ModuleType
@@ -88,6 +89,14 @@ class _Beside(Curve):
         of = coupled.module.system
         self.q = np.setdiff1d(np.arange(of.coordinates), of.modal_coordinates)
         self.u = np.setdiff1d(np.arange(of.speeds), of.modal_speeds)
+
+    @property
+    def begin(self) -> float:
+        return self.coupled.curve.begin
+
+    @property
+    def turned(self) -> Mapping[str, float] | None:  # type: ignore[override]
+        return self.coupled.curve.turned
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         given, out = self._given(times), np.full((len(times), len(self.system.work.kept)), np.nan)

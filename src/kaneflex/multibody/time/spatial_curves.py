@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -22,6 +23,14 @@ class Curve(ABC):
 
     system: SpatialSystem
     start: State
+    turned: Mapping[str, float] | None = None
+    """Angles [rad] with whole turns at the start, of joints that close loops, from the run that this one continues;
+    None if it continues none."""
+
+    @property
+    def begin(self) -> float:
+        """First instant [s]."""
+        return self.start.t
 
     def __call__(self, t: float) -> State:
         """The state at t [s]."""

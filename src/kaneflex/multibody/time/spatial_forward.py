@@ -10,7 +10,7 @@ ones, as near a dead centre, the next step begins with another choice.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -45,13 +45,15 @@ be replaced but for which there is no better one."""
 
 
 class Run(Curve):
-    """Steps of an integration from a start, and the curves between them."""
+    """Steps of an integration from a start over the duration of the options, and the curves between them."""
 
     def __init__(
-        self, system: SpatialSystem, options: Options, start: State, share: Share = lambda done: None
-    ) -> None:
-        self.share = share
+        self, system: SpatialSystem, options: Options, start: State, share: Share = lambda done: None,
+        turned: Mapping[str, float] | None = None,
+    ) -> None:  # fmt: skip
+        self.share, self.turned = share, turned
         self.system, self.options, self.start = system, options, start
+        self.until = start.t + options.duration
         self.pace, self.method = Pace(options.duration), options.forward_method
         self.ends: list[float] = []  # of the curves
         self.curves: list[tuple[Any, State]] = []
@@ -67,25 +69,26 @@ class Run(Curve):
     def go(self) -> None:
         """Integrate to the end of the run. Raises SceneError if the motion can't continue."""
         state = self.start
-        while state.t < self.options.duration:
+        while state.t < self.until:
             state = self._collocated(state) if len(self.system.modal_speeds) else self._by_scipy(state)
 
     def _collocated(self, state: State) -> State:
         """State at the end, or where another choice of speeds is better."""
         system, engine, options, choice = self.system, self.system.engine, self.options, state.choice
         scale = options.tolerance * system.measure
-        times = options.duration / options.steps * np.arange(1, options.steps + 1)
-        times[-1] = options.duration
+        longest = options.duration / options.steps
+        times = self.start.t + longest * np.arange(1, options.steps + 1)
+        times[-1] = self.until
         system.project(state.t, state.q, state.u, choice)
         engine.bound(scale, system.mechanism.size)
         here = engine.row(state.t)
         last = system.works_at(here)
         here[last:] = self.done
-        wanted = self.first or first_step(state.du[choice.independent], scale[choice.independent], times[0])
+        wanted = self.first or first_step(state.du[choice.independent], scale[choice.independent], longest)
         sloped = DAMPED if system.has_slopes else 0.0
-        control = np.array([wanted, times[0], _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 0.0])
+        control = np.array([wanted, longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 0.0])
         counts, steps = np.zeros(5), np.zeros((_PIECE, len(here)))
-        while here[0] < options.duration:
+        while here[0] < self.until:
             before, left = here.copy(), times[np.searchsorted(times, here[0], side="right") :][:_PIECE]
             aims, rows = np.concatenate([here[:1], left]), np.zeros((len(left) + 2, len(here)))
             control[2:5] = _PATIENT if control[6] else _PIECE, 0.0, 0.0
@@ -101,7 +104,7 @@ class Run(Curve):
                 self.done = here[last:].copy()
                 self.works += [np.array([row[0], row[1:].sum()]) for row in taken[:, last:]]
                 self.curves.append((Steps(system, np.vstack([before, taken])), state))
-            self.share(float(here[0]) / options.duration)
+            self.share((float(here[0]) - self.start.t) / options.duration)
             control[6] = float(ended == collocation.TURNED)
             if ended == collocation.TURNED:
                 found, self.first = self._now(here, choice), control[0]
@@ -111,7 +114,7 @@ class Run(Curve):
             elif ended not in (collocation.DONE, collocation.PAUSED):
                 far = overturned(system.mechanism, system.work.bushings)  # in the last attempt
                 raise self._stopped(float(here[0]), self._reason(here, choice), far)
-            if self.pace.too_slow(float(here[0])):
+            if self.pace.too_slow(float(here[0]) - self.start.t):
                 raise self._stopped(float(here[0]))
         return self._now(here, choice)
 
@@ -132,7 +135,7 @@ class Run(Curve):
         """As :meth:`_collocated`, for rigid bodies."""
         import scipy.integrate
 
-        options, system, tolerance = self.options, self.system, self.passing.tolerance
+        system, tolerance = self.system, self.passing.tolerance
         y = np.concatenate([state.q, state.u[state.choice.independent], self.works[-1]])
         scale = np.concatenate([
             np.ones(system.coordinates), system.measure[state.choice.independent], [np.inf, np.inf]
@@ -140,11 +143,11 @@ class Run(Curve):
         rates, sizes = self._rates_of(state), np.where(np.isfinite(scale), scale, 0.0)
         jac = {"jac": jacobian_of(rates, sizes)} if self.method in IMPLICIT else {}
         solver = getattr(scipy.integrate, self.method)(
-            rates, state.t, y, options.duration, rtol=tolerance, atol=_ABSOLUTE * tolerance * scale,
+            rates, state.t, y, self.until, rtol=tolerance, atol=_ABSOLUTE * tolerance * scale,
             first_step=self.first, **jac,
         )  # fmt: skip
         state = self._steps(solver, sizes, state)
-        left = options.duration - state.t
+        left = self.until - state.t
         wanted = self.passing.step or solver.step_size or solver.h_abs
         self.first = min(wanted, left) if left > 0.0 else None
         return state
@@ -165,9 +168,9 @@ class Run(Curve):
                 message, solver.status = "", "failed"
             if solver.status == "failed" or not np.isfinite(solver.y).all():
                 raise self._stopped(before, self.reason or message or "the rates are not finite there")
-            if self.pace.too_slow(solver.t):
+            if self.pace.too_slow(solver.t - self.start.t):
                 raise self._stopped(solver.t)
-            self.share(float(solver.t) / self.options.duration)
+            self.share((float(solver.t) - self.start.t) / self.options.duration)
             self.ends.append(solver.t)
             self.knots.append(solver.t)
             curve = solver.dense_output()
@@ -267,12 +270,14 @@ class Run(Curve):
         return self.rows(times, MOVED)
 
     def _steps_of(self, times: np.ndarray) -> np.ndarray:
-        """Numbers of the curves on which times of the run [s] are."""
+        """Numbers of the curves on which times of the run [s] are. Raises SceneError for times before it."""
+        for t in times[times < self.start.t].tolist():
+            raise SceneError("t", t, f"the run starts at {self.start.t:.6g} s", "Choose an instant of the run")
         return np.minimum(np.searchsorted(self.ends, times), len(self.ends) - 1)
 
     def energy(self, motion: SpatialKinematics) -> Energy:
         """Energy at the ends of the steps."""
-        times = np.array([0.0, *self.knots])
+        times = np.array([self.start.t, *self.knots])
         found, bodies = motion.moved(times), self.system.mechanism.bodies
         parts = [(name, body.mass, body.about_centre, body.centre) for name, body in bodies.items()]
         kinetic, weight = of_bodies(found, parts, self.system.mechanism.gravity)

@@ -128,6 +128,10 @@ class SpatialKinematics(RigidKinematics):
     def is_start(self) -> bool:  # type: ignore[override]
         return isinstance(self.curve, Standing)
 
+    @property
+    def begin(self) -> float:  # type: ignore[override]
+        return self.curve.begin
+
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
         times = np.ascontiguousarray(times, dtype=float)
@@ -210,7 +214,18 @@ class SpatialKinematics(RigidKinematics):
         def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return self._angles(SpatialMotion(self, times, self._moved(times)))
 
-        return Counts(at, self.module.system.scene.horizon / _STEPS)
+        known = self.curve.turned or {}
+        angles = np.array([known.get(name, np.nan) for name in self._turning])
+        return Counts(at, self.module.system.scene.horizon / _STEPS, self.begin, angles)
+
+    def turned(self, t: float) -> dict[str, tuple[float, float]]:
+        """Angle with whole turns and its rate of the joints whose turns are counted, at t [s], by their names."""
+        if not self._turning:
+            return {}
+        motion = self.at(t)
+        rates = self._angles(motion)[1][0].tolist()
+        return {name: (float(motion[f"{name}.angle"][0]), rate)
+                for name, rate in zip(self._turning, rates, strict=True)}  # fmt: skip
 
     def _stands(self, name: str, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
         """Coordinate of a joint from its bodies' positions, an angle from -pi to pi, and its rate; a ball has none."""

@@ -12,7 +12,7 @@ _FAR = 1.0
 
 
 class Counts:
-    """Counts of the turns of several angles from t = 0, in steps too short for a whole turn.
+    """Counts of the turns of several angles from the start of a run, in steps too short for a whole turn.
 
     Parameters
     ----------
@@ -20,12 +20,20 @@ class Counts:
         Angles (n_times, n) at ascending times [s], from -pi to pi, and their rates [rad, rad/s].
     longest : float
         Longest step [s].
+    begin : float
+        Start [s].
+    known : ndarray (n,)
+        Angles with whole turns there; NaN: none.
     """
 
-    def __init__(self, at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], longest: float) -> None:
+    def __init__(
+        self, at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], longest: float, begin: float = 0.0,
+        known: np.ndarray | float = math.nan,
+    ) -> None:  # fmt: skip
         self.at, self.longest = at, longest
-        start = np.zeros(1)
+        start = np.array([begin])
         self.times, self.angles, self.rates = start, *at(start)
+        self.first = np.nan_to_num(np.round((known - self.angles) / math.tau))
 
     def over(self, times: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Angles (n_times, n) [rad] at times [s] with whole turns; ``angles``: without these.
@@ -37,7 +45,7 @@ class Counts:
             self._add(between, *self.at(between))
         near = 0.5 * np.diff(self.times)[:, None] * (self.rates[1:] + self.rates[:-1])
         turns = np.round((near - np.diff(self.angles, axis=0)) / math.tau)
-        counted = self.angles + math.tau * np.vstack([np.zeros_like(self.angles[:1]), np.cumsum(turns, axis=0)])
+        counted = self.angles + math.tau * np.cumsum(np.vstack([self.first, turns]), axis=0)
         return np.asarray(counted[np.searchsorted(self.times, times)])
 
     def _add(self, times: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> None:
