@@ -58,8 +58,6 @@ VECTORS, SIGNALS = 4, 3
 """Motions, and pairs of signals, that a correction works with."""
 PATIENCE = 8
 """Corrections over which their contraction counts."""
-AT_ONCE = 4
-"""Blocks whose equations are summed up side by side."""
 COS, SIN, ALONG_COS, ALONG_SIN, ORDER, ODD, ONCE, HIGH = range(8)
 HIGHEST = 4
 """Rows of `turns`."""

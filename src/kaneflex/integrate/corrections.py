@@ -55,6 +55,20 @@ def _fill_gains(modes, omega, circle, gains):
 
 
 @compiled
+def _take(n, shapes, x, b, taken):
+    """Shares of the modes `shapes`, (n, m), in a row of x to `taken`; where these are not all modes, x loses them."""
+    m = shapes.shape[1]
+    for k in range(m):
+        total = 0.0 * load(x, (b, 0))
+        for i in range(n):
+            total += shapes[i, k] * load(x, (b, i))
+        store(taken, (b, k), total)
+        if m < n:
+            for i in range(n):
+                store(x, (b, i), load(x, (b, i)) - shapes[i, k] * total)
+
+
+@compiled
 def _answer(n, w, factor, shapes, gains, circle, across, rest, taken, signals):
     """Response of the mean equations to the loads `rest`, in y, in place.
 
@@ -64,14 +78,7 @@ def _answer(n, w, factor, shapes, gains, circle, across, rest, taken, signals):
     blocks, m = len(rest), shapes.shape[1]
     for b in range(blocks):
         solve_lower(n, w, factor, b, rest)
-        for k in range(m):
-            total = 0.0 * load(rest, (b, 0))
-            for i in range(n):
-                total += shapes[i, k] * load(rest, (b, i))
-            store(taken, (b, k), total)
-            if m < n:  # what is left of the loads when these modes' share is taken away
-                for i in range(n):
-                    store(rest, (b, i), load(rest, (b, i)) - shapes[i, k] * total)
+        _take(n, shapes, rest, b, taken)
     found, answer = signals[0], signals[1]
     re, im, to_re, to_im = found[0], found[1], answer[0], answer[1]
     for k in range(0, m, 2):
@@ -150,14 +157,7 @@ def _tail(n, w, factor, shapes, modes, circle, across, omega, z, signals, y, tak
     blocks, m = len(z), shapes.shape[1]
     for b in range(blocks):
         multiply_upper(n, w, factor, b, z, y)
-        for k in range(m):
-            total = 0.0 * load(y, (b, 0))
-            for i in range(n):
-                total += shapes[i, k] * load(y, (b, i))
-            store(taken, (b, k), total)
-            if m < n:
-                for i in range(n):
-                    store(y, (b, i), load(y, (b, i)) - shapes[i, k] * total)
+        _take(n, shapes, y, b, taken)
     found, spare = signals[0], signals[1]
     re, im = found[0], found[1]
     whole = high = 0.0 * load(z, (0, 0))
@@ -186,15 +186,12 @@ def _orthogonal(basis, count, column):
     size, newest, nothing = basis.shape[1] * basis.shape[2], basis[count], 0.0 * load(basis[0], (0, 0))
     along = 0.0
     for k in range(count + 1):  # each pass takes away what the one before has found
-        against, before, even, odd = basis[k], basis[max(k - 1, 0)], nothing, nothing
-        for t in range(0, size, 2):
+        against, before, total = basis[k], basis[max(k - 1, 0)], nothing
+        for t in range(size):
             left = load(newest, (0, t)) - along * load(before, (0, t))
             store(newest, (0, t), left)
-            even += load(against, (0, t)) * left
-            left = load(newest, (0, t + 1)) - along * load(before, (0, t + 1))
-            store(newest, (0, t + 1), left)
-            odd += load(against, (0, t + 1)) * left
-        along = lane_sum(even + odd)
+            total += load(against, (0, t)) * left
+        along = lane_sum(total)
         column[k] = along
     column[count] = root(along)
     scale = 1.0 / column[count] if along > 0.0 else 0.0

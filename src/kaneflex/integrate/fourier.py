@@ -3,7 +3,7 @@
 Instant l B + b of N = 8 B is lane l of block b. The sum over the instants is one over l, of eight numbers that lie side
 by side, then one over b in all lanes at once (Gentleman and Sande 1966). That over l halves three times and leaves
 harmonic 8 q + r in the lane of block q whose number is r with its bits reversed (Van Loan 1992, 1.4); that over b goes
-by Stockham's radices three, four and two (Van Loan 1992, 1.7). B is a power of two, or three times one.
+by Stockham's radices three and two (Van Loan 1992, 1.7). B is a power of two, or three times one.
 
 Two real signals are one complex one, x + i y: what is done to both alike needs them no more apart than that. Else
 X_k = (Z_k + conj Z_-k) / 2 and i Y_k = (Z_k - conj Z_-k) / 2; the harmonic -k is in block B - 1 - q, of lane 0 in block
@@ -47,9 +47,9 @@ def _stages(blocks):
     count, left = 0, blocks
     if left % 3 == 0:
         count, left = 1, left // 3
-    while left > 2:
-        count, left = count + 1, left // 4
-    return count + (left == 2)
+    while left > 1:
+        count, left = count + 1, left // 2
+    return count
 
 
 @compiled
@@ -65,43 +65,22 @@ def _along(re, im, spare_re, spare_im, cosine, sine):
         left, stride = left // 3, 3
         re, spare_re = spare_re, re
         im, spare_im = spare_im, im
-    while left > 2:
-        quarter = left // 4
-        for p in range(quarter):
-            once, twice, thrice = p * stride, 2 * p * stride, 3 * p * stride
-            cos_1, sin_1 = load(cosine, once), load(sine, once)
-            cos_2, sin_2 = load(cosine, twice), load(sine, twice)
-            cos_3, sin_3 = load(cosine, thrice), load(sine, thrice)
+    while left > 1:
+        half = left // 2
+        for p in range(half):
+            c, s = load(cosine, p * stride), load(sine, p * stride)
             for q in range(stride):
-                place, apart = q + stride * p, stride * quarter
+                place, apart, to = q + stride * p, stride * half, q + stride * 2 * p
                 a_re, a_im = load(re, place), load(im, place)
                 b_re, b_im = load(re, place + apart), load(im, place + apart)
-                c_re, c_im = load(re, place + 2 * apart), load(im, place + 2 * apart)
-                d_re, d_im = load(re, place + 3 * apart), load(im, place + 3 * apart)
-                even_re, even_im, odd_re, odd_im = a_re + c_re, a_im + c_im, b_re + d_re, b_im + d_im
-                half_re, half_im, turn_re, turn_im = a_re - c_re, a_im - c_im, b_im - d_im, d_re - b_re
-                to = q + stride * 4 * p
-                store(spare_re, to, even_re + odd_re)
-                store(spare_im, to, even_im + odd_im)
-                x, y = half_re + turn_re, half_im + turn_im
-                store(spare_re, to + stride, cos_1 * x + sin_1 * y)
-                store(spare_im, to + stride, cos_1 * y - sin_1 * x)
-                x, y = even_re - odd_re, even_im - odd_im
-                store(spare_re, to + 2 * stride, cos_2 * x + sin_2 * y)
-                store(spare_im, to + 2 * stride, cos_2 * y - sin_2 * x)
-                x, y = half_re - turn_re, half_im - turn_im
-                store(spare_re, to + 3 * stride, cos_3 * x + sin_3 * y)
-                store(spare_im, to + 3 * stride, cos_3 * y - sin_3 * x)
-        left, stride = quarter, 4 * stride
+                x, y = a_re - b_re, a_im - b_im
+                store(spare_re, to, a_re + b_re)
+                store(spare_im, to, a_im + b_im)
+                store(spare_re, to + stride, c * x + s * y)
+                store(spare_im, to + stride, c * y - s * x)
+        left, stride = half, 2 * stride
         re, spare_re = spare_re, re
         im, spare_im = spare_im, im
-    if left == 2:
-        for q in range(stride):
-            a_re, a_im, b_re, b_im = load(re, q), load(im, q), load(re, q + stride), load(im, q + stride)
-            store(spare_re, q, a_re + b_re)
-            store(spare_im, q, a_im + b_im)
-            store(spare_re, q + stride, a_re - b_re)
-            store(spare_im, q + stride, a_im - b_im)
 
 
 @compiled

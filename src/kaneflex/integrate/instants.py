@@ -1,13 +1,13 @@
 """Compiled parts of the spectral solver: the equations at all instants of a cycle, and the mean of them.
 
 Instant l N / 8 + b of N is lane l of block b: a lane goes through an eighth of the cycle, block after block. Arrays are
-(blocks, rows, LANES). Those of vectors have as many rows as fill whole squares, the last ones zero.
+(blocks, rows, LANES).
 """
 
 from numba import njit
 
 from kaneflex.integrate import conventions, lanes, matrices
-from kaneflex.integrate.conventions import AT_ONCE, FASTMATH, LANES
+from kaneflex.integrate.conventions import FASTMATH, LANES
 from kaneflex.integrate.lanes import (
     absolute,
     everywhere,
@@ -15,10 +15,9 @@ from kaneflex.integrate.lanes import (
     less,
     load,
     root,
-    stay_apart,
     store,
 )
-from kaneflex.integrate.matrices import compiled
+from kaneflex.integrate.matrices import ZERO, affine_sums, compiled, read_steps
 from kaneflex.support.fingerprint import made_of
 
 ROUNDING = 1e-13
@@ -48,29 +47,6 @@ def _diagonal_factor(n, w, sums, factor):
 
 
 @compiled
-def _sums(ends, what, values, scalars, first, sums):
-    """M, C, K and F of AT_ONCE blocks from `first` on, each number of the sums read once for all of them.
-
-    scalars: of the table, shape (AT_ONCE, n_scalars, LANES)
-    """
-    stay_apart()
-    one, two, three, four = scalars[0], scalars[1], scalars[2], scalars[3]
-    nothing = 0.0 * load(one, 0)
-    for row in range(len(ends) - 1):
-        a = b = c = d = nothing
-        for k in range(ends[row], ends[row + 1]):
-            value, scalar = values[k], what[k]
-            a += value * load(one, scalar)
-            b += value * load(two, scalar)
-            c += value * load(three, scalar)
-            d += value * load(four, scalar)
-        store(sums, (first, row), a)
-        store(sums, (first + 1, row), b)
-        store(sums, (first + 2, row), c)
-        store(sums, (first + 3, row), d)
-
-
-@compiled
 def _cholesky(n, w, sums, b, factor):
     """The factor of the symmetric part of K in a block; whether it is positive definite."""
     width, good = 2 * w + 1, True
@@ -95,22 +71,17 @@ def _cholesky(n, w, sums, b, factor):
 def equations(n, w, terms, rows, scalars, sums, factor):
     """M, C and K by their slots, then F, at all instants, to `sums`; Cholesky's factor of K; whether it has one.
 
-    terms: `AffineSystem.sums`, of each of them the scalars that enter it and their factors
-    rows: the table, shape (N, n_scalars), of AT_ONCE blocks or a multiple of them; scalars: work, AT_ONCE of them
+    terms: `AffineSystem.sums`
+    rows: the table, shape (N, n_scalars); scalars: work, (n_scalars, LANES)
 
     The factor is that of K's symmetric part: row i, column j <= i in slot i (w + 1) + j - i + w, the diagonal as its
     reciprocal. Where K is not positive definite everywhere it is the root of the mean of K's diagonal.
     """
     good, blocks = True, len(sums)
-    ends, what, values = terms
-    for first in range(0, blocks, AT_ONCE):
-        for b in range(AT_ONCE):
-            for each in range(LANES):
-                for scalar in range(rows.shape[1]):
-                    scalars[b, scalar, each] = rows[each * blocks + first + b, scalar]
-        _sums(ends, what, values, scalars, first, sums)
-        for b in range(first, first + AT_ONCE):
-            good = _cholesky(n, w, sums, b, factor) and good
+    for b in range(blocks):
+        read_steps(rows, b, blocks, len(rows), 1, 0, scalars)
+        affine_sums(terms, scalars, sums[b], ZERO)
+        good = _cholesky(n, w, sums, b, factor) and good
     if not good:
         _diagonal_factor(n, w, sums, factor)
     return good

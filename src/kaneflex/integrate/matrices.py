@@ -20,13 +20,13 @@ compiled = njit(error_model="numpy", fastmath=FASTMATH, **PART)
 
 
 @compiled
-def read_steps(table, first, period, nodes, node, scalars):
-    """Scalars (n_scalars, LANES) of LANES steps from `first` on; after `period` steps the table is read again.
+def read_steps(table, first, apart, period, nodes, node, scalars):
+    """Scalars (n_scalars, LANES) of LANES steps `apart`, from `first` on; after `period` steps the table begins again.
 
     table: rows of scalars, `nodes` a step; node: the row after the step's first one
     """
     for lane in range(LANES):
-        row = (first + lane) % period * nodes + node
+        row = (first + lane * apart) % period * nodes + node
         for k in range(table.shape[1]):
             scalars[k, lane] = table[row, k]
 

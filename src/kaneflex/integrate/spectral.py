@@ -16,7 +16,6 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.integrate.conventions import (
-    AT_ONCE,
     LANES,
     NO_MOTION,
     PATIENCE,
@@ -82,7 +81,7 @@ class Grid:
         rows = np.ascontiguousarray(table(t0 + period / instants * np.arange(instants)), dtype=float)
         n, w, blocks = system.n, system.half_bandwidth, instants // LANES
         sums, factor = aligned(blocks, len(system.sums[0]) - 1, LANES), aligned(blocks, n * (w + 1), LANES)
-        _equations(n, w, system.sums, rows, aligned(AT_ONCE, rows.shape[1], LANES), sums, factor)
+        _equations(n, w, system.sums, rows, aligned(rows.shape[1], LANES), sums, factor)
         modes = _modes(n, w, sums, factor) if coarser is None else coarser.modes
         return cls(n, w, 2.0 * np.pi / period, sums, factor, modes)
 

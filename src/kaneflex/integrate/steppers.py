@@ -99,7 +99,7 @@ def newmark(
     while taken < n_steps and status == COMPLETED:
         lane = taken % LANES
         if lane == 0:
-            read_steps(scalars, position + taken, period, 1, 1, now)
+            read_steps(scalars, position + taken, 1, period, 1, 1, now)
             affine_sums(terms, now, sums, ZERO)
             _newmark_matrices(layout, sums, ZERO, c_weight, k_weight, lu, scale, good)
         if not good[0, lane] > 0.0:
@@ -199,7 +199,7 @@ def collocation(
         lane = taken % LANES
         if lane == 0:
             for s in range(3):
-                read_steps(scalars, position + taken, period, 3, s + 1, now)
+                read_steps(scalars, position + taken, 1, period, 3, s + 1, now)
                 affine_sums(terms, now, sums, np.uint64(s) * apart)
             _stage_matrices(layout, stages, count_s, coefficients, sums, matrix, scale, good)
             if count_s == TWO:

@@ -24,9 +24,6 @@ from kaneflex.response.sensors import Series, measure, reads
 from kaneflex.scene.sensors import Sensor
 from kaneflex.support.fingerprint import made_of
 
-_BLOCKS = 2
-"""Number of SIMD registers of instants processed together, to hide the latency of sums."""
-
 
 @dataclass(frozen=True, eq=False)
 class CompiledReadings:
@@ -80,8 +77,8 @@ class CompiledReadings:
 
     def _values(self, motion: Motion, moved: Rates) -> np.ndarray:
         """Series (n_sensors, n_times)."""
-        own, steps, together = self.readings, len(motion.times), _BLOCKS * LANES
-        rows, column = np.zeros((-(-steps // together) * together, own.given + 1)), 0
+        own, steps = self.readings, len(motion.times)
+        rows, column = np.zeros((-(-steps // LANES) * LANES, own.given + 1)), 0
         for part in (motion.rigid.values, *moved):
             rows[:steps, column : column + part.shape[1]] = part
             column += part.shape[1]
@@ -91,7 +88,7 @@ class CompiledReadings:
         rows[steps:] = rows[steps - 1]
         found = np.empty((len(own.sensors), len(rows)))
         entries = int((own.stages[:, 1] * (own.stages[:, 2] + 1)).max())
-        work = aligned(_BLOCKS, own.count, LANES), aligned(_BLOCKS, max(entries, 1), LANES)
+        work = aligned(own.count, LANES), aligned(max(entries, 1), LANES)
         _read(rows, own.stages, own.ends, own.pairs, own.constants, *work, found)
         return found[:, :steps]
 
@@ -134,38 +131,30 @@ def _solve(rows, n, entries, numbers, place):
 def _read(given, stages, ends, pairs, constants, numbers, entries, found):
     """Evaluate the sensors (n_sensors, n_times) from the given numbers and a one, (n_times, n_given + 1).
 
-    ``n_times``: a multiple of _BLOCKS * LANES; ``stages``, ``ends``, ``pairs``, ``constants``: see `Readings`;
-    ``numbers``, ``entries``: work, (_BLOCKS, count, LANES) and (_BLOCKS, most sums of a system, LANES).
+    ``n_times``: a multiple of LANES; ``stages``, ``ends``, ``pairs``, ``constants``: see `Readings`; ``numbers``,
+    ``entries``: work, (count, LANES) and (most sums of a system, LANES).
     """
-    one, other, one_entries, other_entries = numbers[0], numbers[1], entries[0], entries[1]
     width = given.shape[1]
-    for begin in range(0, given.shape[0], _BLOCKS * LANES):
+    for begin in range(0, given.shape[0], LANES):
         for k in range(width):
             for lane in range(LANES):
-                one[k, lane], other[k, lane] = given[begin + lane, k], given[begin + LANES + lane, k]
+                numbers[k, lane] = given[begin + lane, k]
         place, row, term = width, ZERO, ZERO
         for stage in range(stages.shape[0]):
             own, rows, n = stages[stage, 0], stages[stage, 1], stages[stage, 2]
             for k in range(own + rows * (n + 1)):
-                total = 0.0 * load(one, width - 1)
-                beside = total
+                total = 0.0 * load(numbers, width - 1)
                 while term < ends[row]:
-                    a, b, constant = pairs[term, 0], pairs[term, 1], constants[term]
-                    total += constant * load(one, a) * load(one, b)
-                    beside += constant * load(other, a) * load(other, b)
+                    total += constants[term] * load(numbers, pairs[term, 0]) * load(numbers, pairs[term, 1])
                     term += ONE
                 row += ONE
                 if k < own:
-                    store(one, place + k, total)
-                    store(other, place + k, beside)
+                    store(numbers, place + k, total)
                 elif n > 0:
-                    store(one_entries, k - own, total)
-                    store(other_entries, k - own, beside)
+                    store(entries, k - own, total)
                 else:
                     store_run(found, (k - own, begin), total)
-                    store_run(found, (k - own, begin + LANES), beside)
             place += own
             if n > 0:
-                _solve(rows, n, one_entries, one, place)
-                _solve(rows, n, other_entries, other, place)
+                _solve(rows, n, entries, numbers, place)
                 place += n
