@@ -18,6 +18,7 @@ from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.generated import body
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled_in_c import coupled_in_c
 from kaneflex.support.errors import SceneError
@@ -43,6 +44,98 @@ def test_a_run_in_c_is_that_of_python(scene, compiler, tmp_path):
     expected = np.column_stack([trajectory.times, trajectory.q, trajectory.multipliers])
     assert found.shape == expected.shape
     assert (abs(found - expected).max(axis=0) <= 1e-10 * abs(expected).max(axis=0)).all()
+
+
+SHORT = COUPLED, "solve.start=zero", "solve.modes=2", "solve.duration=0.02 s", "solve.steps=80"
+# Loops of a ball and a universal joint.
+IN_SPACE = [("spatial-slider-crank-elastic", *SHORT), ("four-bar-misaligned", *SHORT)]
+
+
+@pytest.mark.exhaustive(share=1)
+@pytest.mark.parametrize("scene", IN_SPACE, ids=lambda scene: scene[0])
+def test_a_run_in_space_in_c_is_that_of_python(scene, compiler, tmp_path):
+    """Places and axes of all bodies, their shapes, and what joints and drives exert, as the sensors read them: 5e-11 of
+    each one's largest was seen."""
+    expected, (names, found) = run(*scene).model.motion, in_c(model(*scene).scene, tmp_path, compiler)
+    system = model(*scene).coupled_in_space.module.system
+    shapes = [f"{body}.shape_{k}" for body, each in system.layout.shapes.items() for k in range(each.count)]
+    assert {*shapes} <= {*names} and len(shapes) > 3
+    assert {f"{joint}.moment_z" for joint in system.mechanism.joints} <= {*names}
+    table = expected.table(found[:, 0])
+    assert found[:, 0] == pytest.approx(run(*scene).trajectory.times, abs=1e-12)
+    for k, name in enumerate(names[1:], start=1):
+        series = table[:, expected.column[name]]
+        alike = [k for each, k in expected.column.items() if each[:-1] == name[:-1]]
+        peak = abs(table[:, alike]).max()  # of all components of a vector
+        assert abs(found[:, k] - series).max() <= 1e-9 * peak, name
+
+
+def in_c(scene, folder, compiler):
+    """Names and rows of the run that the program of a scene writes."""
+    written = subprocess.run([built(coupled_in_c(scene), folder, compiler)], capture_output=True, text=True, check=True)
+    names = [name.strip('"') for name in written.stdout.splitlines()[0].split(",")]
+    return names, np.genfromtxt(io.StringIO(written.stdout), delimiter=",", skip_header=1)
+
+
+@pytest.mark.parametrize("scene", [IN_SPACE[0], ("spinning-top", COUPLED)], ids=lambda scene: scene[0])
+def test_accelerations_in_space_in_c_are_those_of_the_engine(scene, compiler, tmp_path):
+    """Of states by themselves: a loop with shapes, and a ball, whose position is a quaternion."""
+    name, system = scene[0].replace("-", "_"), model(*scene).coupled_in_space.module.system
+    texts = coupled_in_c(model(*scene).scene)
+    library = ctypes.CDLL(str(built(texts, tmp_path, compiler, *SHARED)))
+    size = {key: int(value) for key, value in re.findall(rf"{name.upper()}_(\w+) = (\d+),", texts[f"{name}.h"])}
+    assert size["POSITIONS"] == system.coordinates and size["SPEEDS"] == system.speeds
+    start, random, state = start_of(system), np.random.default_rng(5), np.zeros(2 * sum(size.values()))
+    getattr(library, f"{name}_start")(_address(state))
+    accelerate, unit = getattr(library, f"{name}_accelerations"), system.measure
+    for t in (0.0, 1e-3):
+        steps = 1e-4 * unit * random.normal(size=system.speeds)
+        (q,), u = system.advanced(start.q, steps[None]), unit * random.normal(size=system.speeds)
+        expected, rates, found = system.project(t, q, u, start.choice), np.zeros(len(q)), np.zeros(len(u))
+        assert accelerate(_address(state), ctypes.c_double(t), *map(_address, (q, u, rates, found))) == 0
+        assert abs(expected.du).max() > 0.0
+        assert (found - expected.du) / unit == pytest.approx(0.0, abs=1e-9 * abs(expected.du / unit).max())
+        assert rates == pytest.approx(system.rates()[0], abs=1e-12 * abs(rates).max())
+
+
+ASTRAY = """
+schema = 1
+name = "astray"
+[bodies]
+crank = {length = 0.1, mass = 1.0, inertia = [1e-3, 1e-3, 1e-3], rotation = {x = [1, 11.43, 0]}}
+piston = {mass = 0.2, inertia = [1e-4, 1e-4, 1e-4]}
+[bodies.rod]
+length = 0.25
+rotation = {x = [0.91718, -0.398478, 0]}
+beam = {material = "steel", section = {circle = 0.01}, elements = 2}
+[joints]
+main = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
+pin = {spherical = ["crank.end", "rod.start"]}
+wrist = {revolute = ["rod.end", "piston.start"], axis = [0, 0, 1]}
+guide = {prismatic = ["ground", "piston.start"], direction = [1, 0, 0]}
+[drives]
+guide = {free = true, initial_speed = "-10 m/s"}
+[sensors]
+[solve]
+preset = "coupled"
+modes = 1
+duration = "12 ms"
+steps = 60
+"""
+
+
+def test_a_run_in_space_takes_other_speeds_where_python_does(compiler, tmp_path):
+    """The slider's speed is independent at first, and zero at the dead centre, which the crank passes."""
+    scene = kaneflex.scene_of(ASTRAY)
+    motion = kaneflex.simulate(kaneflex.load(scene)).model.motion
+    first, *_, last = (start.choice.independent.tolist() for _, start in motion.curve.curves)
+    assert first != last
+    names, found = in_c(scene, tmp_path, compiler)
+    assert len(found) == 61
+    table = motion.table(found[:, 0])
+    for k, name in enumerate(names[1:], start=1):
+        if ".axes_" in name or name.startswith("piston."):
+            assert abs(found[:, k] - table[:, motion.column[name]]).max() <= 1e-12, name
 
 
 def test_accelerations_in_c_are_those_of_the_engine(compiler, tmp_path):
@@ -173,16 +266,15 @@ def test_what_touches_or_rubs_is_refused_by_name(name, key):
         coupled_in_c(read_scene(name))
 
 
-def test_in_space_it_is_refused_with_a_preset_that_serves():
-    scene = with_settings(read_scene("rotating-blade"), [COUPLED])
-    with pytest.raises(SceneError, match=r"mechanisms in space can't be exported as C.*--preset stiffened\.$"):
-        coupled_in_c(scene)
-
-
 def test_a_law_that_jumps_is_refused_by_name():
     scene = with_settings(read_scene("four-bar-motor"), ['loads.motor.law="0.3 * sign(main_speed)"'])
     with pytest.raises(SceneError, match=r"loads.motor: discontinuous loads can't be exported as C"):
         coupled_in_c(scene)
+
+
+def test_radau_replaces_integrators_without_steps_of_error_control():
+    texts = coupled_in_c(with_settings(read_scene("four-bar-motor"), ["solve.integrator=scipy"]))
+    assert "scipy" not in texts["four_bar_motor.c"]
 
 
 def test_bounds_that_c_does_not_know_are_refused():

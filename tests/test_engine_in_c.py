@@ -17,7 +17,7 @@ from kaneflex.multibody.dynamics import unfolding
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import RADAU
-from kaneflex.solve.coupled_in_c import _begun
+from kaneflex.solve.coupled_start import begun
 
 SCENE = "four-bar-motor"
 NUMBERS = {"b": 2, "n": 4, "act": 2, "count": 3}
@@ -120,7 +120,7 @@ def memory(run, random):
     for first in (*(points + 3), *(engine.tables.bodies[:, at.BLOCK] + 4)):  # numbers of shapes
         near[first : first + 2] = engine.tables.w[first : first + 2]
     real, pair = (random.normal(size=max(1, len(each))) + 2.0 for each in (engine.real, engine.pair))
-    row = run.here * (1.0 + 1e-3 * random.normal(size=len(run.here)))
+    row = run.row * (1.0 + 1e-3 * random.normal(size=len(run.row)))
     spare = [np.concatenate([row, random.uniform(0.5, 1.5, 4000)]) for _ in range(8)]
     return [engine.tables.plan, near, real, pair * (1.0 + 0.3j), *spare, *(each * (1.0 - 0.2j) for each in spare[:4]),
             np.arange(4000), np.zeros(8)]  # fmt: skip
@@ -162,7 +162,7 @@ def worst(expected, found, before):
 
 
 def test_every_function_is_that_of_numba(compiler, exhaustive, tmp_path):
-    run = _begun(model(SCENE))
+    run = begun(model(SCENE))
     made, random = entries(run, compiler, tmp_path, exhaustive), np.random.default_rng(7)
     pointers = run.engine._handle.arrays[6]
     numbers = np.zeros(len(at.STRUCTURE_KERNELS), np.int64)

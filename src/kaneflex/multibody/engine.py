@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -390,12 +390,21 @@ class Engine:
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:
         return library(self.handed)
 
+    @property
+    def workspaces(self) -> Collection[str]:
+        """Names among :attr:`arrays` of those that compiled functions fill, besides those of every engine."""
+        return ()
+
+    @property
+    def arrays(self) -> Mapping[str, np.ndarray]:
+        """Arrays of compiled functions by their names in :attr:`handed`."""
+        t = self.tables
+        found = t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, self._kernel_addresses, self.p, self.real, self.pair
+        return dict(zip(at.PARTS, found, strict=True))
+
     @cached_property
     def _handle(self) -> Handle:
-        t = self.tables
-        return Handle(
-            t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, self._kernel_addresses, self.p, self.real, self.pair
-        )
+        return Handle(*self.arrays.values())
 
     @cached_property
     def _kernel_addresses(self) -> np.ndarray:

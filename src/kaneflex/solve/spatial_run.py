@@ -54,7 +54,7 @@ def integrated_in_space(model: Model, share: Share, closer: float = 1.0, after: 
     elif coupled is not None and options.start == "periodic":
         run, verdict = _cycle(system, start_of(system), options, share, closer)
     else:
-        start = begun.curve.start if coupled is None else _first(system, options)
+        start = begun.curve.start if coupled is None else first_state(system, options)
         run = Run(system, options, start, share)
         run.go()
     motion = SpatialKinematics(SpatialModule(system), system.parameters, run)
@@ -84,7 +84,7 @@ def _with_run(model: Model, motion: SpatialKinematics, energy: Energy, run: Run)
     return replace(found, warnings=(*found.warnings, *run.passing.warnings))
 
 
-def _first(system: SpatialSystem, options: Options) -> State:
+def first_state(system: SpatialSystem, options: Options) -> State:
     """Initial state of a coupled mechanism in space."""
     start = start_of(system)
     if options.start == "quasistatic":

@@ -13,6 +13,8 @@ from kaneflex.multibody.model.spatial_system import SpatialSystem
 
 _RANK = 1e-9
 """Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
+OF_SHAPES = 1e-4
+"""Weight of shapes in the choice: they are dependent only if necessary."""
 
 
 def given_speeds(system: SpatialSystem) -> dict[int, float]:
@@ -82,7 +84,7 @@ def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice
         _, r, order = qr(J.T, pivoting=True, mode="economic")
         kept = np.sort(order[: _rank(r)])
         weight = np.ones(len(free))
-        weight[np.isin(free, system.modal_speeds)] = 1e-4  # shapes are dependent only if necessary
+        weight[np.isin(free, system.modal_speeds)] = OF_SHAPES
         if prefer:
             weight[np.isin(free, named_speeds(system))] *= 1e-3
             weight[np.isin(free, list(given_speeds(system)))] = 1e-6

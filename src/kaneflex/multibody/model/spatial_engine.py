@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,7 @@ from kaneflex.multibody.dynamics.spatial_tree import ABOUT_AXIS, ALONG_AXIS, POI
 from kaneflex.multibody.dynamics.spatial_work import SPACE, Work, arrays_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.layout import STRUCTURE_KERNELS, Handle
+from kaneflex.multibody.model.layout import STRUCTURE_KERNELS
 from kaneflex.multibody.model.places import Counts
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW, ROW_OF, SPEED, Tables
 from kaneflex.multibody.model.topology import Layout as PlanarLayout
@@ -95,12 +95,14 @@ class SpatialEngine(Engine):
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:  # type: ignore[override]
         return spatial_library.library(self.deforming)
 
-    @cached_property
-    def _handle(self) -> Handle:  # type: ignore[override]
-        t, kernels = self.tables, self._kernel_addresses
-        own = t._asdict() | {"pivots": t.plan, "kernels": kernels, "p": self.p, "real": self.real, "pair": self.pair}
-        every = own | dict(self.parts)
-        return Handle(*(every[name] for name in SPACE.parts))
+    @property
+    def workspaces(self) -> Collection[str]:
+        return {*vars(self.work), "mass_0", "mass_1", "mass_2"}
+
+    @property
+    def arrays(self) -> Mapping[str, np.ndarray]:
+        every = {**super().arrays, **self.parts}
+        return {name: every[name] for name in SPACE.parts}
 
 
 def spatial_engine(system: Any) -> SpatialEngine:

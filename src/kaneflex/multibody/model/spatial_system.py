@@ -210,13 +210,13 @@ class SpatialSystem:
         """Choice of the given rows and speeds at the position of ``work``."""
         rows, dependent, independent = (np.ascontiguousarray(part, np.int64) for part in (rows, dependent, independent))
         lent = np.zeros(self.speeds)
-        if len(dependent) and self._has_light_bodies:
+        if len(dependent) and self.has_light_bodies:
             free = np.isin(np.arange(self.speeds), self.open_speeds)
             lent = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
         return Choice(rows, dependent, independent, lent)
 
     @cached_property
-    def _has_light_bodies(self) -> bool:
+    def has_light_bodies(self) -> bool:
         """True if some body has no mass, or no inertia about some axis."""
         bodies = self.mechanism.bodies.values()
         return any(body.mass <= 0.0 or min(body.inertia[:3]) <= _LIGHT * max(body.inertia[:3]) for body in bodies)

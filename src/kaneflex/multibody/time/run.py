@@ -94,7 +94,7 @@ def integrate(
 
 def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
     """First step [s], which moves the mechanism by ten errors; the error estimate controls the next ones."""
-    largest = (abs(accelerations) / scale).max()
+    largest = (abs(accelerations) / scale).max(initial=0.0)
     return min(math.sqrt(20.0 / largest) if largest > 0 else math.inf, longest)
 
 

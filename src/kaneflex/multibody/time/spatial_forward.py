@@ -33,13 +33,13 @@ from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
 Share = Callable[[float], None]
-_GROWTH = 8.0
+GROWTH = 8.0
 """Largest dependent speed per independent one, in their measures, before another choice is tried."""
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
 """Advice if a coupled motion cannot continue: equations of the second order in the shapes fail for large bending."""
-_PIECE, _PATIENT = 256, 16
+_PIECE, PATIENT = 256, 16
 """Steps per call of compiled code, after which a run can be interrupted; the same with a choice of speeds that should
 be replaced but for which there is no better one."""
 
@@ -59,7 +59,7 @@ class Run(Curve):
         self.curves: list[tuple[Any, State]] = []
         self.knots: list[float] = []  # ends of the steps
         self.first: float | None = None  # step to begin with
-        self.growth = _GROWTH  # beyond which other speeds are tried
+        self.growth = GROWTH  # beyond which other speeds are tried
         self.works = [np.zeros(2)]
         self.done = np.zeros(1 + len(system.inputs))  # works of dampers, loads and drives
         self.passing = Passing(system, options.forward_method, options.forward_tolerance)
@@ -75,23 +75,19 @@ class Run(Curve):
     def _collocated(self, state: State) -> State:
         """State at the end, or where another choice of speeds is better."""
         system, engine, options, choice = self.system, self.system.engine, self.options, state.choice
-        scale = options.tolerance * system.measure
         longest = options.duration / options.steps
         times = self.start.t + longest * np.arange(1, options.steps + 1)
         times[-1] = self.until
-        system.project(state.t, state.q, state.u, choice)
-        engine.bound(scale, system.mechanism.size)
-        here = engine.row(state.t)
+        here, wanted = self.first_row(state)
         last = system.works_at(here)
         here[last:] = self.done
-        wanted = self.first or first_step(state.du[choice.independent], scale[choice.independent], longest)
         sloped = DAMPED if system.has_slopes else 0.0
-        control = np.array([wanted, longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 0.0])
+        control = np.array([self.first or wanted, longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 0.0])
         counts, steps = np.zeros(5), np.zeros((_PIECE, len(here)))
         while here[0] < self.until:
             before, left = here.copy(), times[np.searchsorted(times, here[0], side="right") :][:_PIECE]
             aims, rows = np.concatenate([here[:1], left]), np.zeros((len(left) + 2, len(here)))
-            control[2:5] = _PATIENT if control[6] else _PIECE, 0.0, 0.0
+            control[2:5] = PATIENT if control[6] else _PIECE, 0.0, 0.0
             engine.choose_speeds(choice)
             ended = engine.integrate(
                 TABLES["radau"], control, here, here[:0], aims, rows, counts, steps, wide=len(here)
@@ -117,6 +113,15 @@ class Run(Curve):
             if self.pace.too_slow(float(here[0]) - self.start.t):
                 raise self._stopped(float(here[0]))
         return self._now(here, choice)
+
+    def first_row(self, state: State) -> tuple[np.ndarray, float]:
+        """First row of the integration from a state, which the engine's tables then have, and the first step [s]."""
+        system, options, free = self.system, self.options, state.choice.independent
+        scale = options.tolerance * system.measure
+        system.project(state.t, state.q, state.u, state.choice)
+        system.engine.bound(scale, system.mechanism.size)
+        step = first_step(state.du[free], scale[free], options.duration / options.steps)
+        return system.engine.row(state.t), step
 
     def _now(self, here: np.ndarray, choice: Choice) -> State:
         """State of a row of the integration."""
@@ -199,7 +204,7 @@ class Run(Curve):
             return found
         if not _largest(system, other.choice) < 0.5 * grown:
             return found
-        self.growth = _GROWTH
+        self.growth = GROWTH
         return other
 
     def _rates_of(self, state: State) -> Callable[[float, np.ndarray], np.ndarray]:

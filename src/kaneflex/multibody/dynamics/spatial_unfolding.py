@@ -1,0 +1,211 @@
+"""Motion of the bodies and joint forces in space, from a row of the integration; printed as C.
+
+Python computes the same for many instants at once, see :mod:`kaneflex.multibody.time.spatial_motion`.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+from numba.types import CPointer, boolean, int64
+
+from kaneflex.multibody.compile.values import after, vectors
+from kaneflex.multibody.dynamics.algebra import axpy, first, force_at, joined, last, minus, plus, scaled, store, turned
+from kaneflex.multibody.dynamics.spatial_entries import basis, project
+from kaneflex.multibody.dynamics.spatial_work import OWN, SPACE
+from kaneflex.multibody.model.layout import (
+    BODIES,
+    COORDINATES,
+    DEPENDENT,
+    ENTRY,
+    GRADIENT,
+    MEASURE,
+    MODAL,
+    OPTIONS,
+    ROW_OF,
+    SHAPES,
+    Fixed,
+    N,
+    larger,
+    shifted,
+)  # fmt: skip
+from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
+from kaneflex.multibody.time.state_record import give, take
+
+NODE, SIGN, ON, FIRST_ROW, LAST_ROW = range(5)
+"""Columns of the table of joints: last node of its chain, or -1 outside the tree; -1 if the tree passes from its second
+body to its first, else 1; node of its second point, or -1 on the ground; its rows among those of the cuts."""
+NO_JOINT = -2
+"""Node in the row behind the last joint."""
+KEPT, CHANGED, FIXED = range(3)
+"""Outcomes of :func:`choose`."""
+
+
+@njit(**ENTRY)
+def unfold(m, row, joints, points, q, v, a, exerted):
+    """Motion of all bodies and joint forces; returns the outcome of :func:`project`.
+
+    q: of every body origin and axes, row by row, then its shapes; v, a: velocity and angular velocity, then the shapes'
+    rates, and the rates of these. exerted: force and moment of every joint on its second body at its second point,
+    which ``points`` has in the axes of its node. All vectors are global.
+    """
+    outcome = _project(m, row)
+    i = j = 0
+    for b in range(m.plan[BODIES]):
+        node, modal, shapes = m.frames[b, 0], m.bodies[b, MODAL], m.bodies[b, SHAPES]
+        store(after(q, i), m.r[node])
+        for k in range(3):
+            store(after(q, i + 3 + 3 * k), m.R[3 * node + k])
+        store(after(v, j), m.v[node])
+        store(after(v, j + 3), m.omega[node])
+        store(after(a, j), m.a[node])
+        store(after(a, j + 3), m.e[node])
+        for k in range(shapes):
+            q[i + 12 + k], v[j + 6 + k], a[j + 6 + k] = m.y[modal + k], m.u[modal + k], m.du[modal + k]
+        i, j = i + 12 + shapes, j + 6 + shapes
+    n = 0
+    while joints[n, NODE] > NO_JOINT:
+        wrench = _exerted(m, joints, vectors(points), n)
+        store(after(exerted, 6 * n), first(wrench))
+        store(after(exerted, 6 * n + 3), last(wrench))
+        n += 1
+    return outcome
+
+
+@njit(**OPTIONS)
+def _project(m, row):
+    """State of a row with accelerations and wrenches; returns the outcome."""
+    take(m, row)
+    for k in range(m.counts[OWN]):
+        m.q[m.own[k, 0]] = m.y[m.own[k, 1]]
+    return project(m, row[0], m.q, m.u)
+
+
+@njit(**OPTIONS)
+def _exerted(m, joints, points, n):
+    """Force and moment of a joint on its second body at its second point."""
+    wrench = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if joints[n, NODE] >= 0:
+        place, on = points[n], joints[n, ON]
+        if on >= 0:
+            place = plus(m.r[on], turned(m.R, 3 * on, place))
+        arm = minus(m.r[joints[n, NODE]], place)
+        wrench = force_at(scaled(float(joints[n, SIGN]), m.wrenches[joints[n, NODE]]), arm)
+    for r in range(joints[n, FIRST_ROW], joints[n, LAST_ROW]):
+        wrench = axpy(m.multipliers[r], joined(m.rows[5 * r + 3], m.rows[5 * r + 4]), wrench)
+    return wrench
+
+
+@njit(**ENTRY)
+def choose(m, row, independent, count, weight, grown, fixed, room):
+    """Make other speeds dependent at a row of the integration if that is much better, as Python does.
+
+    ``weight``: of every speed in the choice, see :func:`kaneflex.multibody.model.independent_speeds.choose`. ``grown``:
+    growth below which no choice is tried, updated; that of a new choice. ``fixed``: True if the choice must not change.
+    ``room``: 2 n^2 numbers, n speeds. Returns KEPT, CHANGED or FIXED.
+    """
+    _project(m, row)
+    plan, kept = m.plan, m.plan[KEPT_ROWS]
+    n = kept + count
+    order, now = 2 * kept * n, _growth(m, independent, count, room)
+    if now < grown[0]:
+        return KEPT
+    grown[0] = 2.0 * now
+    if not _other_growth(m, independent, count, weight, room) < 0.5 * now:
+        return KEPT
+    if fixed:
+        return FIXED
+    for k in range(n):
+        s = int(room[order + k])
+        if k < kept:
+            m.pivots[plan[DEPENDENT] + k] = s
+        else:
+            independent[k - kept] = s
+    grown[0] = grown[1]
+    _project(m, row)
+    give(m, row[0], row)
+    return CHANGED
+
+
+@njit(**OPTIONS)
+def _growth(m, independent, count, room):
+    """Largest dependent speed for a unit of an independent one, both in their measures, where the loops are closed."""
+    basis(m, independent, count, room)
+    plan, w, most = m.plan, m.w, 0.0
+    for j in range(count):
+        unit = w[plan[MEASURE] + independent[j]]
+        for k in range(plan[KEPT_ROWS]):
+            s = plan[plan[DEPENDENT] + k]
+            most = larger(most, abs(room[plan[COORDINATES] * j + s]) * unit / w[plan[MEASURE] + s])
+    return most
+
+
+@njit(**OPTIONS)
+def _other_growth(m, independent, count, weight, room):
+    """The same for the dependent speeds that a QR decomposition with column pivoting chooses.
+
+    The decomposition is that of the kept rows' derivatives by all free speeds s, times ``weight``[s]. ``room``: two
+    matrices, (kept, free) each, and the free speeds in the order of the pivots.
+    """
+    plan, kept = m.plan, m.plan[KEPT_ROWS]
+    n = kept + count
+    for k in range(n):
+        s = plan[plan[DEPENDENT] + k] if k < kept else independent[k - kept]
+        room[2 * kept * n + k] = float(s)
+        for r in range(kept):
+            of = m.w[plan[GRADIENT] + plan[COORDINATES] * r + s] * m.w[plan[MEASURE] + s]
+            of /= m.row_measure[plan[plan[ROW_OF] + r]]
+            room[n * r + k], room[n * (kept + r) + k] = of * weight[s], of
+    for j in range(kept):
+        _pivot(room, kept, n, j)
+        _eliminate(shifted(room, n * kept), kept, n, j)
+    most = 0.0
+    for r in range(kept):
+        for k in range(kept, n):
+            most = larger(most, abs(room[n * (kept + r) + k]))
+    return most
+
+
+@njit(**OPTIONS)
+def _pivot(A, rows, n, j):
+    """Exchange column j with the longest one from there on, in both matrices and the numbers behind them, and make the
+    later ones orthogonal to it in the first, (rows, n)."""
+    longest, p = -1.0, j
+    for k in range(j, n):
+        square = 0.0
+        for r in range(rows):
+            square += A[n * r + k] * A[n * r + k]
+        if square > longest:
+            longest, p = square, k
+    for r in range(2 * rows + 1):
+        A[n * r + j], A[n * r + p] = A[n * r + p], A[n * r + j]
+    for k in range(j + 1, n):
+        share = 0.0
+        for r in range(rows):
+            share += A[n * r + j] * A[n * r + k]
+        for r in range(rows):
+            A[n * r + k] -= share / longest * A[n * r + j]
+
+
+@njit(**OPTIONS)
+def _eliminate(A, rows, n, j):
+    """Step of a Gauss-Jordan elimination of the first columns, (rows, n), with row pivoting."""
+    p = j
+    for r in range(j, rows):
+        p = r if abs(A[n * r + j]) > abs(A[n * p + j]) else p
+    for k in range(n):
+        A[n * j + k], A[n * p + k] = A[n * p + k], A[n * j + k]
+    for r in range(rows):
+        share = A[n * r + j] / A[n * j + j]
+        for k in range(n):
+            if r != j:
+                A[n * r + k] -= share * A[n * j + k]
+    unit = A[n * j + j]
+    for k in range(n):
+        A[n * j + k] /= unit
+
+
+ENTRIES = {
+    unfold: int64(SPACE, N, Fixed(5), N, N, N, N, N),
+    choose: int64(SPACE, N, CPointer(int64), int64, N, N, boolean, N),
+}
+"""Signatures of the functions that C calls."""

@@ -1,0 +1,175 @@
+"""First instant of a coupled run, with what its C needs: in the plane and in space."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kaneflex.mechanism.spatial_frame import AXES
+from kaneflex.multibody.compile import library
+from kaneflex.multibody.dynamics import spatial_entries, spatial_unfolding, unfolding
+from kaneflex.multibody.dynamics.load_derivatives import DAMPED
+from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.independent_speeds import OF_SHAPES
+from kaneflex.multibody.model.spatial_reactions import COMPONENTS
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.time import collocation
+from kaneflex.multibody.time.run import Run
+from kaneflex.multibody.time.spatial_forward import GROWTH, PATIENT
+from kaneflex.multibody.time.spatial_forward import Run as SpatialRun
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.solve.coupled import beginning, method_of
+from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.spatial_run import first_state
+from kaneflex.support.errors import SceneError
+
+_XYZ = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """Engine at the first instant of a run, and what its C needs.
+
+    Attributes
+    ----------
+    row : ndarray
+        Row of the integration there.
+    step : float
+        First step [s].
+    sloped : float
+        Derivatives of loads in the first factors, see :func:`kaneflex.multibody.time.collocation.integrate`.
+    free : ndarray
+        Numbers of the independent coordinates; in space of the independent speeds.
+    names : mapping
+        Names of the entries of arrays.
+    undetermined : collection of str
+        Names of statically indeterminate forces, which are NaN.
+    entries : mapping
+        Functions of the texts by their names there, with their signatures.
+    tables : mapping
+        Numbers that these texts need.
+    sizes, numbers : mapping
+        Lengths of arrays that only one dimension has, and other numbers of its texts.
+    """
+
+    engine: Engine
+    row: np.ndarray
+    step: float
+    sloped: float
+    integrator: str
+    free: np.ndarray
+    names: Mapping[str, Sequence[str]]
+    undetermined: Collection[str]
+    entries: Mapping[str, tuple[Any, Any]]
+    tables: Mapping[str, np.ndarray]
+    sizes: Mapping[str, int]
+    numbers: Mapping[str, float]
+
+
+def begun(model: Model) -> Begun:
+    """First instant of the run of a coupled model. Raises SceneError if it has none."""
+    return _in_plane(model) if model.coupled is not None else _in_space(model)
+
+
+def _in_plane(model: Model) -> Begun:
+    system = model.coupled
+    assert system is not None
+    times = model.step * np.arange(model.options.steps + 1)
+    if model.options.start == "periodic":
+        found = simulate(model).trajectory
+        assert isinstance(found, CoupledTrajectory)
+        if not len(found.times):
+            raise SceneError("solve.start", "periodic", found.message, "Start from zero")
+        q, v = found.q[0], found.v[0]
+    else:
+        q, v = beginning(model)
+    run = Run(system, q, v, times, method_of(model), np.zeros(0))
+    if not run.projected:
+        reason = "the mechanism is in a singular position at the start"
+        raise SceneError("solve.start", model.options.start, reason, "Start from another position")
+    engine, entries = system.engine, {"project": collocation.project, "unfold": unfolding.unfold}
+    room = 3 * engine.count(at.BODIES) + engine.count(at.REACTIONS) + 5  # one contact: the compiler can't see that the
+    # loop over contacts is empty
+    return Begun(
+        engine, run.here, run.step, 0.0, "gauss" if run.method.integrator == "gauss" else "radau", engine.independent,
+        {"coordinate": [name for name, _ in system.coordinates], "force": system.constraints, "free": engine.names},
+        system.undetermined, {key: (each, library.ENTRIES[each]) for key, each in entries.items()},
+        {"order": system.order, "exerted": system.exerted},
+        {"EXERTED": room, "WORKS": engine.count(at.WORKS)}, {"Y": at.Y, "RATE": at.RATE},
+    )  # fmt: skip
+
+
+def _in_space(model: Model) -> Begun:
+    motion, options = model.coupled_in_space, model.options
+    assert motion is not None
+    system = motion.module.system
+    if options.start == "periodic":
+        found = integrated(model).motion
+        assert isinstance(found, SpatialKinematics)
+        start = found.curve.start
+    else:
+        start = first_state(system, options)
+    row, step = SpatialRun(system, options, start).first_row(start)
+    joints, points = _joints(system)
+    entries = {
+        "project": (spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]),
+        "rates_of": (spatial_entries.rates, spatial_entries.ENTRIES[spatial_entries.rates]),
+        **{each.__name__: (each, of) for each, of in spatial_unfolding.ENTRIES.items()},
+    }
+    weight = np.ones(system.speeds)
+    weight[system.modal_speeds] = OF_SHAPES
+    names = _names(system)
+    sizes = {"RATES": len(names["rate"]), "POSITIONS": system.coordinates, "SPEEDS": system.speeds}
+    return Begun(
+        system.engine, row, step, DAMPED if system.has_slopes else 0.0, "radau", start.choice.independent, names,
+        motion.module.open_reactions, entries, {"joints": joints, "points": points, "driven": system.driven_speeds,
+         "weight": weight},
+        sizes, {"joints": len(points), "drives": len(system.driven), "grown": GROWTH, "patience": PATIENT,
+               "fixed": int(system.has_light_bodies), "FIXED": spatial_unfolding.FIXED,
+               "CHANGED": spatial_unfolding.CHANGED},
+    )  # fmt: skip
+
+
+def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:
+    """Names of the entries of arrays in space: bodies in the order of the tree, joints in the order of the scene."""
+    layout, parts = system.layout, system.engine.parts
+    by_node = {node: name for name, node in layout.node_of.items()}
+    coordinates, rates = list[str](), list[str]()
+    for node in system.tables.frames[:, 0].tolist():
+        body = by_node[node]
+        shapes = [f"{body}.shape_{k}" for k in range(layout.shapes[body].count)] if body in layout.shapes else []
+        coordinates += [f"{body}.{axis}" for axis in _XYZ] + [f"{body}.axes_{name}" for name in AXES] + shapes
+        rates += [f"{body}.{what}_{axis}" for what in ("v", "omega") for axis in _XYZ]
+        rates += [f"{shape}_rate" for shape in shapes]
+    forces = [f"{joint}.{part}" for joint in system.mechanism.joints for part in COMPONENTS]
+    positions = [""] * system.coordinates
+    for q, speed in parts["own"].tolist():
+        positions[q] = layout.speeds[speed]
+    for q, speed in parts["balls"].tolist():
+        owner = layout.speeds[speed].rpartition(".")[0]
+        positions[q : q + 4] = (f"{owner}.quaternion_{part}" for part in "wxyz")
+    return {
+        "coordinate": coordinates, "rate": rates, "force": [*forces, *(f"{name}.drive" for name in system.driven)],
+        "position": positions,
+        "speed": layout.speeds,
+    }  # fmt: skip
+
+
+def _joints(system: SpatialSystem) -> tuple[np.ndarray, np.ndarray]:
+    """Tables ``joints`` and ``points`` of :func:`kaneflex.multibody.dynamics.spatial_unfolding.unfold`."""
+    layout, rows, points = system.layout, list[tuple[int, ...]](), list[np.ndarray]()
+    for name, joint in system.mechanism.joints.items():
+        nodes, sign = layout.tree.get(name, ((-1,), 1))
+        of_cut = layout.cuts.get(name, slice(0, 0))
+        on, place = layout.on(joint.sides[1])
+        rows.append((nodes[-1], sign, on, of_cut.start, of_cut.stop))
+        points.append(place)
+    rows.append((spatial_unfolding.NO_JOINT, 0, 0, 0, 0))
+    return np.array(rows, np.int64).reshape(-1, 5), np.array(points, float).reshape(-1, 3)
