@@ -16,7 +16,7 @@ from runs import solved
 import kaneflex
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time.spatial_revolutions import Counts
-from kaneflex.scene import scene_of, shipped_scenes
+from kaneflex.scene import scene_of, shipped_scenes, with_settings
 from kaneflex.scene.sections import torsion_constant
 from kaneflex.support.errors import SceneError
 
@@ -437,7 +437,6 @@ def test_stiff_vibrations_set_no_steps():
     ("setting", "message"),
     [
         ('integrator = "gauss"', r"solve\.integrator = 'gauss': .* scenes in space are integrated by radau only"),
-        ('bounded = ["speeds"]', r"solve\.bounded = \['speeds'\]: in space solve\.tolerance applies"),
     ],
 )
 def test_what_the_integration_in_space_does_not_know_is_refused(setting, message):
@@ -572,3 +571,24 @@ steps = 2
     for name, x in (("mid", 0.5), ("tip", 1.0)):
         expected = math.sin(k * x) / (k * math.cos(k)) - x
         assert abs(found[name].values - expected).max() < 2e-6 * expected, name
+
+
+@pytest.mark.parametrize("deep", [False, True], ids=["plane", "space"])
+def test_a_tolerance_bounds_speeds_and_reactions_in_the_plane_and_in_space(deep):
+    """Shares of their largest, against a run at a far smaller tolerance; at the start the shapes are at rest, and the
+    accelerations of all angles are rounding, to which steps must not be fitted."""
+    settings = {"preset": "coupled", "modes": 1, "duration": 0.002, "steps": 4, "errors": "none"}
+    flat = kaneflex.read_scene("slider-crank-150-coupled")
+    changed = [f"solve.{key}={value}" for key, value in settings.items()]
+    scene = scene_of(tomlkit.dumps(lifted(flat) | {"solve": settings})) if deep else with_settings(flat, changed)
+
+    def found(tolerance, *bounded):
+        run = solved(scene, f"solve.tolerance={tolerance}", f"solve.bounded={list(bounded)}".replace("'", '"'))
+        return run.motion.state[1], run.series["crank_torque"].values
+
+    exact, errors = found(1e-10), {}
+    for bounded in ((), ("speeds",), ("speeds", "reactions")):
+        values = zip(found(1e-3, *bounded), exact, strict=True)
+        errors[bounded] = [abs(one - other).max() / abs(other).max() for one, other in values]
+    assert min(errors[()]) > 1e-3
+    assert errors["speeds",][0] < 1e-3 and max(errors["speeds", "reactions"]) < 1e-3

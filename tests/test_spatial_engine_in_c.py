@@ -14,6 +14,7 @@ from kaneflex.multibody.dynamics.spatial_work import SPACE
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.time import collocation
+from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.run import TABLES
 from kaneflex.scene import scene_of
 
@@ -115,7 +116,7 @@ def test_steps_are_those_of_numba(system, states, in_c):
     times = np.linspace(0.0, 2e-3, 5)
     for call in (engine.call, in_c):
         system.project(0.0, start.q, start.u, start.choice)
-        engine.bound(1e-6 * system.measure, system.mechanism.size)
+        ErrorBounds(engine, Method("radau", 1e-6, system.mechanism.size), times[1]).begin()
         here, rows = engine.row(0.0), np.zeros((len(times) + 1, len(engine.row(0.0))))
         control, counts = np.array([1e-5, times[1], STEPS, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.zeros(5)
         ends = np.zeros((STEPS + 1, 1))

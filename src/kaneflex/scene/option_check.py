@@ -27,8 +27,6 @@ def check_coupled(scene: Scene) -> None:
          f"Use {', '.join(known[:-1])} or {known[-1]} under preset coupled"),
         (scene.is_spatial and solve.integrator not in (None, "radau"), "solve.integrator", solve.integrator,
          "under preset coupled scenes in space are integrated by radau only", "Leave it out"),
-        (scene.is_spatial and solve.bounded, "solve.bounded", list(solve.bounded),
-         "in space solve.tolerance applies to displacements only", "Leave it out and give a smaller tolerance"),
         (off is not None, f"solve.terms.{off}", False,
          "preset coupled cannot leave terms out", "Use preset stiffened"),
         (at is not None, f"{at}.rotation", rotation,

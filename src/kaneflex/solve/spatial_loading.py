@@ -83,6 +83,8 @@ def _idle_settings(scene: Scene) -> Iterator[str]:
     if solve.tolerance is not None and "tolerance" in solve.forward.model_fields_set:
         used = f"rigid bodies in space use solve.forward.tolerance = {solve.forward.tolerance:g}"
         yield f"{used}: solve.tolerance = {solve.tolerance:g} has no effect"
+    if solve.bounded:
+        yield f"solve.bounded = {', '.join(solve.bounded)} has no effect: rigid bodies in space use solve.forward"
     if solve.integrator is not None:
         used = f"rigid bodies in space are integrated by solve.forward.method = {solve.forward.method}"
         yield f"{used}: solve.integrator = {solve.integrator} has no effect"

@@ -19,8 +19,6 @@ from kaneflex.multibody.model.places import Counts
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW, ROW_OF, SPEED, Tables
 from kaneflex.multibody.model.topology import Layout as PlanarLayout
 
-_NO_NAMES = PlanarLayout((), (), {}, (), (), ())
-
 
 @dataclass(frozen=True, eq=False)
 class Choice:
@@ -75,14 +73,6 @@ class SpatialEngine(Engine):
         self.parts["lent"][:], self.work.now[2] = choice.lent, len(choice.independent)
         self.chosen[0] = choice
 
-    def bound(self, scale: np.ndarray, extent: float) -> None:
-        """Prepare an integration with errors allowed in all coordinates; ``extent``: size of the mechanism [m]."""
-        self.numbers(at.SCALE, self.size)[:] = scale
-        for rates in (at.RATE_SCALE, at.ACCEL_SCALE):
-            self.numbers(rates, self.size)[:] = np.inf
-        self.numbers(at.TOUCH, at.SHARED)[at.EXTENT] = extent
-        self.numbers(at.CROSSING, at.CHANGE_POINT)[:] = -np.inf, 0.0, 0.0, -np.inf
-
     def row(self, t: float) -> np.ndarray:
         quaternions = self.work.q[self.parts["balls"][:, :1] + np.arange(4)].ravel()
         return np.concatenate([[t], *self.motion, quaternions, np.zeros(self.count(at.WORKS))])
@@ -136,8 +126,10 @@ def spatial_engine(system: Any) -> SpatialEngine:
     tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), _acts(system, places["springs"]), w)
     kernels = tuple(getattr(system.module, name) for name in STRUCTURE_KERNELS)
     p = np.ascontiguousarray(system.parameters, float)
+    units = np.where(system.turns, "rad", "m").tolist()
+    names = PlanarLayout((), (), {}, (), tuple(zip(layout.speeds, units, strict=True)), ())
     return SpatialEngine(
-        tables, _NO_NAMES, kernels, p, real, np.zeros(size, complex), SPACE, parts, work, system.coupled
+        tables, names, kernels, p, real, np.zeros(size, complex), SPACE, parts, work, system.coupled
     )  # fmt: skip
 
 

@@ -296,15 +296,19 @@ class SpatialSystem:
         return [k for k, name in enumerate(self.layout.speeds) if name.rpartition(".")[0] == owner]
 
     @cached_property
-    def measure(self) -> np.ndarray:
-        """Unit of each speed: 1 rad, also for shapes of twist, or the mechanism's size."""
-        found = np.ones(self.speeds)
+    def turns(self) -> np.ndarray:
+        """True for each angular speed, also of shapes of twist."""
+        found = np.zeros(self.speeds, bool)
         for kind, speed in self.tables.nodes[:, [KIND, SPEED]].tolist():
-            if SPEEDS[kind] == 1 and kind != TURN:
-                found[speed] = self.mechanism.size
+            found[speed : speed + SPEEDS[kind]] = kind in (TURN, BALL)
         twisting = [shapes.twisting for shapes in self.layout.shapes.values()]
-        found[self.modal_speeds] = np.where(np.concatenate([np.zeros(0, bool), *twisting]), 1.0, self.mechanism.size)
+        found[self.modal_speeds] = np.concatenate([np.zeros(0, bool), *twisting])
         return found
+
+    @cached_property
+    def measure(self) -> np.ndarray:
+        """Unit of each speed: 1 rad or the mechanism's size."""
+        return np.where(self.turns, 1.0, self.mechanism.size)
 
     @cached_property
     def row_measure(self) -> np.ndarray:

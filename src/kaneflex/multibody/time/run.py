@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU
 from kaneflex.multibody.time.dense_output import balance
+from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.multibody.unilateral import friction_results, impact_results
 
@@ -26,8 +27,6 @@ _PIECE, _GROWTH, _WORK = 100, 8, 40_000
 number of steps; largest growth of that number, and its limit times the number of coordinates, about 0.2 s. Steps
 are counted and not timed, as error bounds by largest values so far depend on the ends of pieces."""
 
-_OF_A_DEPTH = 30.0
-"""Error allowed in a contact's gap, in tolerances of a run times an impact's depth."""
 _TINY = 1e-4
 """Share of the longest step below which friction may be inconsistent with its reactions."""
 _AGREE = 1e-7
@@ -35,29 +34,6 @@ _AGREE = 1e-7
 _MOST_CHANGES = 20_000
 """Largest number of changes of contacts and frictions that a run keeps, for results between stored instants."""
 _NONE = np.zeros(0)
-
-
-@dataclass(frozen=True)
-class Method:
-    """Method of integration.
-
-    Attributes
-    ----------
-    integrator : str
-        "radau" or "gauss" (steps by error control), or "scipy" (its Radau).
-    tolerance : float
-        Error allowed of what ten periods of a vibration accumulate, as a share of ``length`` [m] for displacements and
-        in rad for angles; a vibration smaller than that is not resolved. See
-        :mod:`kaneflex.multibody.time.collocation`.
-    bounded : tuple of str
-        What else the tolerance bounds, as a share of its largest value so far: "speeds"; "reactions", through the
-        accelerations from which they follow.
-    """
-
-    integrator: str
-    tolerance: float
-    length: float
-    bounded: tuple[str, ...] = ()
 
 
 Stop = Callable[[CoupledTrajectory], bool]
@@ -109,16 +85,11 @@ class Run:
         self.ends: list[np.ndarray] = []
         self.evaluations = [0]  # by scipy
         system.compile()
-        engine, size = self.engine, system.engine.size
+        engine = self.engine
         self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
-        self.scale = method.tolerance * np.where(engine.turns, 1.0, method.length)
-        engine.numbers(at.SCALE, size)[:] = self.scale
-        shared = engine.numbers(at.TOUCH, at.SHARED)
-        shared[:] = 0.0  # nothing is known of an earlier run
-        shared[at.PRECISION], shared[at.EXTENT] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
-        engine.numbers(at.CROSSING, at.CHANGE_POINT)[:] = -math.inf, 0.0, 0.0, -math.inf
-        self.largest = np.zeros((2, size))
-        engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
+        self.longest = float(times[1] - times[0])
+        self.bounds = ErrorBounds(engine, method, self.longest)
+        self.bounds.begin()
         self.touching = tuple(system.mechanism.contacts)
         if len(engine.holds):
             engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
@@ -134,8 +105,7 @@ class Run:
         self.changes: list[np.ndarray] = []
         self.rows[0] = self.here
         self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2] if self.touching else _NONE
-        self.longest = float(times[1] - times[0])
-        self.step = first_step(engine.motion[2], self.scale, self.longest)
+        self.step = first_step(engine.motion[2], self.bounds.scale, self.longest)
 
     def go(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
         """Integrate to the end, or to the last possible state."""
@@ -254,7 +224,7 @@ class Run:
         """True if the integration can continue with other dependent coordinates."""
         if not self._chosen_anew() or not self.engine.project(float(self.here[0])):
             return False
-        self.step, self.length = first_step(self.engine.motion[2], self.scale, self.longest), 0.0
+        self.step, self.length = first_step(self.engine.motion[2], self.bounds.scale, self.longest), 0.0
         return True
 
     def _chosen_anew(self) -> bool:
@@ -268,22 +238,8 @@ class Run:
     def _chosen(self) -> tuple[list[int], list[int]]:
         return self.engine.kept_rows.tolist(), sorted(self.engine.dependent.tolist())
 
-    def _bound(self) -> None:
-        """Update the errors allowed of speeds and accelerations from their largest values so far, by kind."""
-        if not self.method.bounded:
-            return
-        engine, n = self.engine, self.engine.size
-        done = self.rows[max(0, self.filled - _PIECE) : self.filled + 1]
-        for k, (name, scale) in enumerate((("speeds", at.RATE_SCALE), ("reactions", at.ACCEL_SCALE))):
-            if name in self.method.bounded:
-                each = abs(done[:, 1 + (1 + k) * n : 1 + (2 + k) * n]).max(axis=0)
-                for kind in (engine.turns, ~engine.turns):
-                    self.largest[k, kind] = max(self.largest[k, kind].max(initial=0.0), each[kind].max(initial=0.0))
-                allowed = self.method.tolerance * self.largest[k]
-                engine.numbers(scale, n)[:] = np.where(allowed > 0.0, allowed, math.inf)
-
     def _collocation(self, rows: slice, most: int) -> int:
-        self._bound()
+        self.bounds.update(np.vstack([self.rows[max(0, self.filled - _PIECE) : self.filled + 1], self.here]))
         keeps = float(len(self.changes) < 2 * _MOST_CHANGES)
         control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped, keeps])
         given = self.given

@@ -24,6 +24,7 @@ from kaneflex.multibody.model.independent_speeds import choose_anew
 from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.multibody.time import collocation
+from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.run import TABLES, first_step
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
@@ -63,6 +64,9 @@ class Run(Curve):
         self.works = [np.zeros(2)]
         self.done = np.zeros(1 + len(system.inputs))  # works of dampers, loads and drives
         self.passing = Passing(system, options.forward_method, options.forward_tolerance)
+        self.longest = options.duration / options.steps
+        method = Method("radau", options.tolerance, system.mechanism.size, options.bounded)
+        self.bounds = ErrorBounds(system.engine, method, self.longest)
         self.reason = ""  # for which the rates were not known somewhere
         self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
 
@@ -75,19 +79,20 @@ class Run(Curve):
     def _collocated(self, state: State) -> State:
         """State at the end, or where another choice of speeds is better."""
         system, engine, options, choice = self.system, self.system.engine, self.options, state.choice
-        longest = options.duration / options.steps
-        times = self.start.t + longest * np.arange(1, options.steps + 1)
+        times = self.start.t + self.longest * np.arange(1, options.steps + 1)
         times[-1] = self.until
         here, wanted = self.first_row(state)
-        last = system.works_at(here)
+        last, most = system.works_at(here), 1 if options.bounded else _PIECE
         here[last:] = self.done
         sloped = DAMPED if system.has_slopes else 0.0
-        control = np.array([self.first or wanted, longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 0.0])
-        counts, steps = np.zeros(5), np.zeros((_PIECE, len(here)))
+        control = np.array([self.first or wanted, self.longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 0.0])
+        counts, steps, taken = np.zeros(5), np.zeros((_PIECE, len(here))), here[None]
         while here[0] < self.until:
             before, left = here.copy(), times[np.searchsorted(times, here[0], side="right") :][:_PIECE]
             aims, rows = np.concatenate([here[:1], left]), np.zeros((len(left) + 2, len(here)))
-            control[2:5] = PATIENT if control[6] else _PIECE, 0.0, 0.0
+            self.bounds.update(taken)
+            control[2:5] = min(most, PATIENT) if control[6] else most, 0.0, 0.0
+            most = min(2 * most, _PIECE)  # largest values so far are known better after every piece
             engine.choose_speeds(choice)
             ended = engine.integrate(
                 TABLES["radau"], control, here, here[:0], aims, rows, counts, steps, wide=len(here)
@@ -116,11 +121,10 @@ class Run(Curve):
 
     def first_row(self, state: State) -> tuple[np.ndarray, float]:
         """First row of the integration from a state, which the engine's tables then have, and the first step [s]."""
-        system, options, free = self.system, self.options, state.choice.independent
-        scale = options.tolerance * system.measure
+        system, free = self.system, state.choice.independent
         system.project(state.t, state.q, state.u, state.choice)
-        system.engine.bound(scale, system.mechanism.size)
-        step = first_step(state.du[free], scale[free], options.duration / options.steps)
+        self.bounds.begin()
+        step = first_step(state.du[free], self.bounds.scale[free], self.longest)
         return system.engine.row(state.t), step
 
     def _now(self, here: np.ndarray, choice: Choice) -> State:
