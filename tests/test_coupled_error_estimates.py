@@ -17,7 +17,8 @@ from kaneflex.cli import main
 from kaneflex.multibody.model import system
 from kaneflex.multibody.time import shooting
 from kaneflex.scene import with_settings
-from kaneflex.solve import coupled, error_estimates
+from kaneflex.solve import coupled, coupled_corrections, error_estimates
+from kaneflex.solve.error_stages import Read
 from kaneflex.solve.simulation import solve
 
 COUPLED = ("solve.preset=coupled",)
@@ -230,14 +231,25 @@ def test_no_clock_decides_what_is_estimated_or_where_pieces_end(monkeypatch):
     assert estimates
 
 
-def test_what_richer_coupled_models_cannot_do_is_said():
+def test_richer_models_in_space_begin_at_a_given_state():
+    """Where the run begins, but for what a richer basis adds, as also after another run."""
     space = with_settings(kaneflex.read_scene("spatial-slider-crank-elastic"), ["solve.duration=1 ms", "solve.steps=4"])
     space = with_settings(space, [*COUPLED, "solve.start=zero", "solve.modes=1", "solve.errors=all"])
-    state = solved(space).state()["displacements"]
-    shapes = {name: amplitude for name, amplitude in state.items() if ".shape_" in name}
-    given = kaneflex.scene.start.Start(displacements=shapes)
-    begun = space.seen(solve=space.solve.model_copy(update={"start": given}))
-    assert "can't be transferred to other shapes" in solved(begun).errors[1]
+    before = solved(space)
+    shapes = {name: size for name, size in before.state()["displacements"].items() if ".shape_" in name}
+    given = space.solve.model_copy(update={"start": kaneflex.scene.start.Start(displacements=shapes)})
+    for begun in (solved(space.seen(solve=given)), solve(load(space), after=before)):
+        errors, reason = begun.errors
+        assert reason == "" and set(errors) == set(begun.series)
+        read = Read.of(begun, periodic=False)
+        start, own = read.model.in_space.curve.start, read.model.in_space.module.system
+        for _, scene, options in coupled_corrections._richer(read.model):
+            system = coupled_corrections.refined(read.model, scene, options).in_space.module.system
+            found, _ = coupled_corrections._embedded_in_space(read, system)
+            places = system.work.sections[:, :3].copy()
+            own.project(start.t, start.q, start.u, start.choice)
+            bent = abs(start.q[own.modal_coordinates]).max()
+            assert found.t == begun.times[0] and abs(places - own.work.sections[:, :3]).max() < 1e-3 * bent
 
 
 def test_a_run_says_what_it_took_and_shows_it_everywhere(tmp_path, caplog):

@@ -28,7 +28,7 @@ class Halving(Cycles):
     def apart(self, start, *others):
         return np.array([[other - start] for other in others])
 
-    def repeats(self, cycle):
+    def repeats(self, cycle, left):
         return abs(cycle[1] - cycle[0]) < 1e-6
 
     def monodromy(self, cycle, pieces):

@@ -158,6 +158,31 @@ def test_waiting_leads_to_the_same_motion(tmp_path, monkeypatch, count):
         assert abs(found.series[name].values - expected).max() < 1e-4 * np.ptp(expected), name
 
 
+def test_richer_models_continue_the_cycle(tmp_path, count):
+    """The estimates of a lifted blade are those of the plane; a ball's cycle is continued, not sought from rest."""
+    plane, space = (solved(scene).errors[0] for scene in _lifted(tmp_path, "rotating-cantilever", "solve.modes=2"))
+    for name, found in space.items():
+        parts = (plane[name].modes, plane[name].elements)
+        assert (found.modes, found.elements) == pytest.approx(parts, rel=1e-5), name
+    pendulum = solved(with_settings(_pendulum(tmp_path), ["solve.errors=all"]))
+    count.clear()
+    assert set(pendulum.errors[0]) == {"x", "y", "bend"} and len(count) < 15  # 18 from rest
+
+
+def test_a_cycle_is_found_after_another_run(tmp_path, count):
+    """From the end of a run at 0.2 s, the cycle there: that of the scene, as its force depends on the angle alone."""
+    scene = _pendulum(tmp_path)
+    before = solved(with_settings(scene, ["solve.start=zero", "solve.duration=2 s", "solve.steps=4"]))
+    count.clear()
+    found = kaneflex.solve.simulation.solve(kaneflex.load(scene), after=before)
+    assert found.outcome is Outcome.COMPLETED and len(count) < 8 and found.times[0] == pytest.approx(2.0)
+    start, end = (np.array([found.series[name].values[k] for name in ("x", "y", "bend")]) for k in (0, -1))
+    assert end == pytest.approx(start, abs=1e-7)
+    own, turns = solved(scene), found.times[0] * 6.0 / (2.0 * np.pi)
+    late = np.interp(turns % 1.0 * own.times[-1], own.times, own.series["x"].values)
+    assert start[0] == pytest.approx(late, abs=1e-3 * np.ptp(own.series["x"].values))
+
+
 def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start(tmp_path):
     """Of a ball's turns as of all else, about a motion that turns it about changing axes, and doesn't repeat: half a
     second after the pendulum was flung, when the rod rings no more."""

@@ -11,21 +11,25 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.independent_speeds import choose
+from kaneflex.multibody.model.shapes import Shapes
+from kaneflex.multibody.model.spatial_layout import COORDINATE, COORDINATES, KIND, SPEED, SPEEDS
+from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.run import integrate
+from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.solve.coupled import as_result, beginning, method_of, repeated, simulate_coupled
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown, values_of, with_half_elements
-from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.loading import load, refined
 from kaneflex.solve.one_way_run import run_one_way, storing
 from kaneflex.solve.run_result import RunResult
+from kaneflex.solve.spatial_run import Near, integrated_in_space
 
 _TIGHTER, _LEAST = 32.0, 1e-13
 """Factor by which the tolerance of richer runs is smaller, and its least value. The error is of fifth order
@@ -91,9 +95,11 @@ def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) ->
 
 def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
     """Motion of a richer model in space at the compared instants."""
-    if options.start == "given" or read.model.motion.begin != 0.0:
-        raise Unknown("in space, a given initial state can't be transferred to other shapes")
-    model = integrated(refined(read.model, scene, options), progress, _CLOSER)
+    model = refined(read.model, scene, options)
+    assert model.in_space is not None
+    begun = options.start in ("given", "periodic") or read.model.motion.begin != 0.0
+    near = _embedded_in_space(read, model.in_space.module.system) if begun else None
+    model = integrated_in_space(model, progress, _CLOSER, near)
     coupled = model.coupled_in_space
     assert coupled is not None and coupled.verdict is not None
     _check(*coupled.verdict[:2])
@@ -121,18 +127,41 @@ def _embedded(read: Read, richer: CoupledSystem) -> tuple[np.ndarray, np.ndarray
         state[:, into : into + BODY] = [run.q[0, k : k + BODY], run.v[0, k : k + BODY]]
         parts = np.array([run.q[0, own], run.v[0, own]])
         if body in system.links:
-            shapes = (each.shapes[body].basis for each in (system, richer))
-            parts = parts @ _carried(system.links[body], richer.links[body], *shapes).T
+            parts = parts @ _carried(system.shapes[body], richer.shapes[body]).T
         state[:, modal] = parts
     return state[0], state[1]
 
 
-def _carried(link: Link, richer: Link, shapes: np.ndarray, others: np.ndarray) -> np.ndarray:
+def _embedded_in_space(read: Read, richer: SpatialSystem) -> Near:
+    """Start of a richer model in space."""
+    assert read.model.in_space is not None
+    run = read.model.in_space.curve
+    assert isinstance(run, Run)
+    start, system = run.start, run.system
+    q, u = richer.at_zero.copy(), np.zeros(richer.speeds)
+    for one, other in zip(system.tables.nodes, richer.tables.nodes, strict=True):
+        for found, own, where, count in ((q, start.q, COORDINATE, COORDINATES), (u, start.u, SPEED, SPEEDS)):
+            k, into = one[where], other[where]
+            found[into : into + count[one[KIND]]] = own[k : k + count[one[KIND]]]
+    for body, shapes in system.layout.shapes.items():
+        others, nodes = richer.layout.shapes[body], (each.layout.node_of[body] for each in (system, richer))
+        one, other = (each.tables.nodes[node] for each, node in zip((system, richer), nodes, strict=True))
+        carried = np.eye(shapes.count)
+        if isinstance(shapes, Shapes) and isinstance(others, Shapes):
+            carried = _carried(shapes, others)
+        for found, own, where in ((q, start.q, COORDINATE), (u, start.u, SPEED)):
+            found[other[where] :][: others.count] = carried @ own[one[where] :][: shapes.count]
+    return richer.project(start.t, q, u, choose(richer, q, prefer=True)), run.turned
+
+
+def _carried(shapes: Shapes, richer: Shapes) -> np.ndarray:
     """Amplitudes of another mesh's shapes of the same link, nearest by mass."""
-    n = link.dofs
-    rows = [link.shape(e, local)[:n] @ shapes[n * e : n * (e + 2)] for e, local in map(link.locate, richer.nodes)]
-    weighted = others.T @ richer.part.matrices["M"].value({})
-    return np.linalg.solve(weighted @ others, weighted @ np.concatenate(rows))
+    link, n = shapes.link, shapes.link.dofs
+    rows = [
+        link.shape(e, local)[:n] @ shapes.basis[n * e : n * (e + 2)] for e, local in map(link.locate, richer.link.nodes)
+    ]
+    weighted = richer.basis.T @ richer.link.part.matrices["M"].value({})
+    return np.linalg.solve(weighted @ richer.basis, weighted @ np.concatenate(rows))
 
 
 def coupling_change(read: Read, stages: list[Stage], progress: Progress) -> dict[str, np.ndarray]:

@@ -24,13 +24,11 @@ Share = Callable[[float], None]
 _INTEGRATED: Kept[Model, Model] = Kept()
 
 
-def integrated(
-    model: Model, share: Share = silent, closer: float = 1.0, after: State | None = None
-) -> Model:
+def integrated(model: Model, share: Share = silent, after: State | None = None) -> Model:
     """The model with its motion over the run, integrated once per model; unchanged if the drives prescribe it.
 
-    ``share`` is called with the finished share, 0 to 1; ``closer``: factor on the tolerance of a cycle's change;
-    ``after``: state of a coupled mechanism in space at which the run starts, in place of the scene's.
+    ``share`` is called with the finished share, 0 to 1; ``after``: state of a coupled mechanism in space at which the
+    run starts, in place of the scene's.
 
     Raises SceneError if the motion can't continue; it names the time.
     """
@@ -40,8 +38,8 @@ def integrated(
         return _INTEGRATED.of(model, lambda: _in_plane(model, share))
     from kaneflex.solve.spatial_run import integrated_in_space
 
-    if closer != 1.0 or after is not None:
-        return integrated_in_space(model, share, closer, after)
+    if after is not None:
+        return integrated_in_space(model, share, after=after)
     return _INTEGRATED.of(model, lambda: integrated_in_space(model, share))
 
 

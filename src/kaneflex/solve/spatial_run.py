@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -30,32 +30,33 @@ from kaneflex.solve.coupled_state import State as Given
 from kaneflex.solve.law_checks import UNREPEATED, check_finite, check_springs, refuse_unrepeated
 from kaneflex.solve.slow_start import slow_state
 from kaneflex.solve.spatial_loading import check_stage, given_state, state_after, with_open_reactions
-from kaneflex.support.errors import SceneError
 
 Share = Callable[[float], None]
+Near = tuple[State, Mapping[str, float] | None]
+"""A state, and the angles of joints that close loops if their turns count from there, else None."""
 _POSITIONS = 200
 """Positions in a cycle at which independent shapes must not become dependent."""
 _REPEATS = 1e-6
 """Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 
 
-def integrated_in_space(model: Model, share: Share, closer: float = 1.0, after: Given | None = None) -> Model:
-    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
+def integrated_in_space(
+    model: Model, share: Share, closer: float = 1.0, near: Near | None = None, after: Given | None = None
+) -> Model:
+    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space.
+
+    ``near``: start of a coupled motion in place of the scene's; ``closer``: see
+    :func:`kaneflex.solve.coupled.repeated`.
+    """
     begun, coupled, options = model.in_space, model.coupled_in_space, model.options
     assert begun is not None
     system, verdict = begun.module.system, COMPLETED
-    if after is not None:
-        if options.start == "periodic":
-            reason = "in space a periodic motion is sought from the scene's start only"
-            raise SceneError("after", after.source, reason, "Start from zero, or leave after out")
-        start, turned = state_after(system, after)
-        run = Run(system, options, start, share, turned)
-        run.go()
-    elif coupled is not None and options.start == "periodic":
-        run, verdict = _cycle(system, start_of(system), options, share, closer)
+    near = near if after is None else state_after(system, after)
+    if coupled is not None and options.start == "periodic":
+        run, verdict = _cycle(system, near, options, share, closer)
     else:
-        start = begun.curve.start if coupled is None else first_state(system, options)
-        run = Run(system, options, start, share)
+        start = near or (begun.curve.start if coupled is None else first_state(system, options), None)
+        run = Run(system, options, start[0], share, start[1])
         run.go()
     motion = SpatialKinematics(SpatialModule(system), system.parameters, run)
     energy = run.energy(motion)
@@ -93,23 +94,25 @@ def first_state(system: SpatialSystem, options: Options) -> State:
 
 
 def _cycle(
-    system: SpatialSystem, start: State, options: Options, share: Share, closer: float
+    system: SpatialSystem, near: Near | None, options: Options, share: Share, closer: float
 ) -> tuple[Run, Verdict]:
-    """Periodic motion near a start, and the verdict on it.
+    """Periodic motion near a state, by default that of its harmonics or an equilibrium, and the verdict on it.
 
     Raises SceneError if drives or loads are not periodic, or the motion can't continue.
     """
+    start, (state, turned) = start_of(system), near or (None, None)
+    begin = 0.0 if state is None else state.t
     _check_repeats(system, start, options.duration)
-    equations, path, found = SpatialEquations(system, start.choice), Followed(system, start), None
+    equations, path = SpatialEquations(system, start.choice), Followed(system, start)
     if equations.shapes.all():
-        times = np.linspace(0.0, options.duration, _POSITIONS)
+        times = begin + np.linspace(0.0, options.duration, _POSITIONS)
         choice = choose_for_all(system, system.instants(path.rows(times)).q)
-        equations = SpatialEquations(system, choice)
-        start = system.project(0.0, start.q, start.u, choice)
-        found = orbit_start(equations, partial(_undeformed, path, choice), 0.0, options.duration, HARMONICS)
+        equations, start = SpatialEquations(system, choice), system.project(0.0, start.q, start.u, choice)
+        bare = partial(_undeformed, path, choice)
+        state = state or orbit_start(equations, bare, begin, options.duration, HARMONICS)
     # fast motion may have no equilibrium nearby
-    start = found or equations.equilibrium(start) or start
-    run, verdict = SpatialCycles(equations, options, closer).repeated(start, share)
+    start = state or equations.equilibrium(start) or start
+    run, verdict = SpatialCycles(equations, options, closer, begin, turned).repeated(start, share)
     if verdict is None:
         assert run.stopped is not None
         raise run.stopped

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -61,16 +61,22 @@ class PlanarCycles(Cycles[Instant, CoupledTrajectory]):
 
 
 class SpatialCycles(Cycles[State, Run]):
-    """Cycles over the duration of ``options``, by the coordinates of the equations."""
+    """Cycles over the duration of ``options`` from ``begin`` [s] on, by the coordinates of the equations.
+
+    ``turned``: see :class:`kaneflex.multibody.time.spatial_forward.Run`.
+    """
 
     equations: SpatialEquations
 
-    def __init__(self, equations: SpatialEquations, options: Options, closer: float = 1.0) -> None:
-        self.options = options
+    def __init__(
+        self, equations: SpatialEquations, options: Options, closer: float = 1.0, begin: float = 0.0,
+        turned: Mapping[str, float] | None = None,
+    ) -> None:  # fmt: skip
+        self.options, self.begin, self.turned = options, begin, turned
         super().__init__(options.duration, options.tolerance, equations, closer)
 
     def run(self, start: State) -> Run:
-        run = Run(self.equations.system, self.options, start)
+        run = Run(self.equations.system, self.options, start, turned=self.turned)
         try:
             run.go()
         except SceneError as stopped:
@@ -84,11 +90,11 @@ class SpatialCycles(Cycles[State, Run]):
         return self.along(cycle, np.linspace(0.0, 1.0, count))
 
     def along(self, cycle: Run, shares: np.ndarray) -> Iterator[State]:
-        return map(cycle, (shares * self.period).tolist())
+        return map(cycle, (self.begin + shares * self.period).tolist())
 
     def deformation(self, cycle: Run) -> float:
         shapes = self.equations.system.modal_coordinates
         return float(max(abs(state.q[shapes]).max(initial=0.0) for state in self.states(cycle, LOOKS)))
 
     def end(self, cycle: Run) -> State:
-        return self.equations.system.project(0.0, cycle.end.q, cycle.end.u, self.equations.choice)
+        return self.equations.system.project(self.begin, cycle.end.q, cycle.end.u, self.equations.choice)

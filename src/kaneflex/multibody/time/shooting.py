@@ -118,16 +118,20 @@ class Cycles(ABC, Generic[At, Cycle]):
         """Change P(x) - x, (2 k,)."""
         return self.apart(*self.states(cycle, 2))[0]
 
-    def repeats(self, cycle: Cycle) -> bool:
-        """True if a cycle repeats: deformations relative to their largest, free joints to their range and that of
-        their speeds, within the error of the steps."""
+    def repeats(self, cycle: Cycle, left: float) -> bool:
+        """True if a cycle repeats to ``left``: deformations relative to their largest, free joints to their range and
+        that of their speeds, within the error of the steps."""
         change, faster = abs(self.missed(cycle)).reshape(2, -1)
-        joints, deforms = ~self.shapes, (change[self.shapes] <= self.left * self.deformation(cycle)).all()
+        joints, deforms = ~self.shapes, (change[self.shapes] <= left * self.deformation(cycle)).all()
         if not (deforms and joints.any()):
             return bool(deforms)
         way, fastest = self._ranges(cycle).reshape(2, -1)[:, joints]
-        allowed = np.maximum(self.left * way, self.error[joints])
+        allowed = np.maximum(left * way, self.error[joints])
         return bool((change[joints] <= allowed).all() and (faster[joints] * way <= allowed * fastest).all())
+
+    def _way(self, missed: np.ndarray) -> float:
+        """Largest change of a coordinate, in its unit."""
+        return float((abs(missed[: len(self.measure)]) / self.measure).max(initial=0.0))
 
     def _ranges(self, cycle: Cycle) -> np.ndarray:
         """Range of every component of x in a cycle, (2 k,)."""
@@ -177,14 +181,16 @@ class Cycles(ABC, Generic[At, Cycle]):
                 if before is None or failure:
                     return found, None
                 found, failure = before, "; Newton's method leads to a state without motion"
-            if self.repeats(found):
+            last, missed = missed, self.missed(found)
+            # closer than that the errors of the steps hide whether a neighbour repeats
+            stalled = not self.judges and count and self._way(missed) > 0.5 * self._way(last)
+            if self.repeats(found, REPEATS if stalled else self.left):
                 tell(1.0)
                 verdict = self.judged(found) if self.judges else COMPLETED
                 how = f"; found by continuing for {waited} cycles{failure}" if failure else ""
                 return found, verdict._replace(message=verdict.message + how)
             tell(count / _CYCLES)
             if not failure:
-                last, missed = missed, self.missed(found)
                 try:
                     if slope is None:
                         tangent = self.by_cycles(found) if self.touches else self.monodromy(found, PIECES)
