@@ -101,6 +101,21 @@ def test_a_scene_in_space_is_an_fmu_too(fmpy, tmp_path):
     assert worst(found, expected) < 1e-4  # the run's own steps err by that
 
 
+def test_a_constant_load_in_space_can_be_set(fmpy, tmp_path):
+    """Rigid reactions, which sensors read, are linear in it."""
+    push = {"push": {"force_on": "slider", "direction": [1, 0, 0], "value": 5.0}}
+    scene = scene_of({"schema": 1, "like": "spatial-slider-crank-elastic", "loads": push})
+    scene = with_settings(scene, ["solve.integrator=radau", "solve.start=zero", "solve.steps=360"])
+    made = export_fmu(scene)
+    assert made.inputs == ("loads.push.value",)
+    (tmp_path / "load.fmu").write_bytes(made.content)
+    expected, before = (solved(scene, *changed).series for changed in (["loads.push.value=-40 N"], []))
+    found = simulated(fmpy, tmp_path / "load.fmu", "CoSimulation", start_values={"loads.push.value": -40.0})
+    assert worst(found, expected) < 1e-9
+    assert worst(found, before) > 0.1
+    assert worst(simulated(fmpy, tmp_path / "load.fmu", "CoSimulation"), before) < 1e-9
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name, base, changed, values",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
 
@@ -27,6 +27,8 @@ _SHARED = "kaneflex_linear.h", "kaneflex_linear.c"
 _IN_SPACE = "kaneflex_series.h", "kaneflex_series.c"
 _STEPPED = ("dynamic", "frozen")
 """Kinds of dynamics with time steps in C."""
+_ROUNDING = 1e-13
+"""Share of a scalar's size below which a load does not change it."""
 
 
 Start = tuple[tuple[float, ...], tuple[float, ...]]
@@ -96,7 +98,8 @@ def c_model(
         texts[f"{name}_run.c"] = _RUN.format(name=name, NAME=name.upper(), steps=model.options.steps)
     if scene.is_spatial:
         progress("harmonics of the motion")
-        texts |= _motion(harmonics_of(model, _needed(model, readings), asked), model, name)
+        needed = sorted(_needed(model, readings))
+        texts |= _motion(harmonics_of(model, needed, asked), _by_loads(model, needed, asked), model, name)
         sources += [_IN_SPACE[1]]
     else:
         texts |= generate_c(model.module, name)
@@ -116,7 +119,26 @@ def _needed(model: Model, readings: Readings | None) -> Iterable[int]:
     return read | {model.motion.column[each] for monomial in model.monomials for each in monomial}
 
 
-def _motion(found: Harmonics, model: Model, name: str) -> dict[str, str]:
+def _by_loads(model: Model, columns: list[int], asked: str) -> dict[int, Harmonics]:
+    """Series of the changes of scalars with each constant load, by its place in p: reactions are linear in it."""
+    found, scene, p = dict[int, Harmonics](), model.scene, model.motion.parameters
+    times = scene.horizon * np.array([0.0, 0.19, 0.38, 0.61])
+    for place, (path, _) in enumerate(model.module.PARAMETERS):
+        if not (path.startswith("loads.") and path.endswith(".value")):
+            continue
+        name = path[len("loads.") : -len(".value")]
+        by = max(1.0, abs(p[place]))  # rounding of the difference remains small
+        more = scene.loads[name].model_copy(update={"value": p[place] + by})
+        other = integrated(load(scene.model_copy(update={"loads": {**scene.loads, name: more}})))
+        before, after = (each.motion.table(times)[:, columns] for each in (model, other))
+        moved = abs(after - before).max(axis=0) > _ROUNDING * abs(before).max(axis=0, initial=by)
+        if moved.any():
+            series = harmonics_of(other, np.array(columns)[moved].tolist(), asked, model.motion)
+            found[place] = replace(series, drifts=series.drifts / by, numbers=series.numbers / by)
+    return found
+
+
+def _motion(found: Harmonics, by_loads: Mapping[int, Harmonics], model: Model, name: str) -> dict[str, str]:
     """Header and source of the motion in space: Fourier series and the functions that evaluate them."""
     from kaneflex.derive.c_module import places
 
@@ -125,19 +147,31 @@ def _motion(found: Harmonics, model: Model, name: str) -> dict[str, str]:
     rows = [(scalar, f"{scalar} [{unit}]: {meaning}{'' if scalar in series else '; not computed'}")
             for scalar, unit, meaning in module.SCALARS]  # fmt: skip
     p = [(path, f"{path} [{unit}]") for path, unit in module.PARAMETERS]
+    texts, added = list(_series(found, f"{name}_series")), list[str]()
+    for place, each in by_loads.items():
+        texts += _series(each, f"{name}_load_{place}")
+        value = _number(model.motion.parameters[place])
+        added.append(f"    kaneflex_add(&{name}_load_{place}, p[{place}] - {value}, t, s);\n")
+    said = {"name": name, "NAME": NAME, "harmonics": found.count, "error": f"{found.error:.0e}"}
+    tables = f"{places(f'{NAME}_P', p, f'{NAME}_PARAMETERS')}\n\n{places(f'{NAME}_S', rows, f'{NAME}_SCALARS')}"
+    head = _MOTION_H.format(tables=tables, **said)
+    unread = "" if added else "    (void)p;\n"
+    source = _MOTION_C.format(series="\n".join(texts), added="".join(added), unread=unread, **said)
+    return {f"{name}.h": head, f"{name}.c": source} | shared_texts(_IN_SPACE)
+
+
+def _series(found: Harmonics, name: str) -> Iterator[str]:
+    """Definitions of the arrays of Fourier series and of their structure."""
     arrays: dict[str, tuple[str, Iterable[object]]] = {
         "places": ("size_t", found.columns),
         "drifts": ("double", found.drifts),
         "numbers": ("double", found.numbers.ravel()),
     }
-    texts = [array_in_c(kind, f"{name}_series_{key}", values) for key, (kind, values) in arrays.items()]
-    held = ", ".join(f"{name}_series_{key}" for key in arrays)
-    texts.append(f"static const kaneflex_series {name}_series = {{\n    {_number(found.period)}, {len(found.columns)}, "
-                 f"{found.count},\n    {held}\n}};\n")  # fmt: skip
-    said = {"name": name, "NAME": NAME, "harmonics": found.count, "error": f"{found.error:.0e}"}
-    tables = f"{places(f'{NAME}_P', p, f'{NAME}_PARAMETERS')}\n\n{places(f'{NAME}_S', rows, f'{NAME}_SCALARS')}"
-    head, source = _MOTION_H.format(tables=tables, **said), _MOTION_C.format(series="\n".join(texts), **said)
-    return {f"{name}.h": head, f"{name}.c": source} | shared_texts(_IN_SPACE)
+    for key, (kind, values) in arrays.items():
+        yield array_in_c(kind, f"{name}_{key}", values)
+    held = ", ".join(f"{name}_{key}" for key in arrays)
+    yield (f"static const kaneflex_series {name} = {{\n    {_number(found.period)}, {len(found.columns)}, "
+           f"{found.count},\n    {held}\n}};\n")  # fmt: skip
 
 
 def cmake_text(name: str, sources: Iterable[str], runs: bool) -> str:
@@ -234,7 +268,7 @@ def _number(value: float) -> str:
 _MOTION_H = """/* The rigid motion of a mechanism in space, by kaneflex. Do not edit.
  *
  * Its scalars are Fourier series of {harmonics} harmonics of the cycle, with an error of {error} of their peaks.
- * The numbers p, which kernels of other scenes read, are part of the series. */
+ * Of the numbers p it reads the values of constant loads; the others are part of the series. */
 #ifndef {NAME}_H
 #define {NAME}_H
 
@@ -259,9 +293,8 @@ _MOTION_C = """#include "{name}.h"
 {series}
 void {name}_motion(double t, const double p[], double s[])
 {{
-    (void)p;
-    kaneflex_repeat(&{name}_series, t, s);
-}}
+{unread}    kaneflex_repeat(&{name}_series, t, s);
+{added}}}
 """
 _DATA_H = """/* The numbers of the scene [SI]. */
 #ifndef {NAME}_DATA_H

@@ -139,14 +139,15 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
 def _settable(model: Model) -> Iterator[tuple[int, Variable]]:
     """Places in p of the variables that can be set, parameters last.
 
-    Excluded are numbers on which precomputed data depend: integrated or tabulated motions, frozen matrices, modes, and
-    the Fourier series of motions in space.
+    Excluded are numbers on which precomputed data depend: integrated or tabulated motions, frozen matrices, modes;
+    in space drives and tables, on which the Fourier series of the motion depend.
     """
     parameters = model.module.PARAMETERS
-    if model.module.FREE or model.scene.is_spatial:
+    if model.module.FREE:
         return
     modal = model.scene.damping is not None and model.scene.damping.modal is not None
     plain = model.options.dynamics == "dynamic" and model.modal_basis is None and not modal
+    plain = plain and not model.scene.is_spatial
     for causality, names in (("input", _AT_ANY_TIME), ("parameter", _BEFORE if plain else ())):
         for place, (path, unit) in enumerate(parameters):
             table, _, name = path.split(".", 2) if path.count(".") >= 2 else (path, "", "")

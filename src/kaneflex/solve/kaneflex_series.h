@@ -20,6 +20,9 @@ typedef struct {
 /* The scalars at time t [s]; those that have no series stay as they are. */
 void kaneflex_repeat(const kaneflex_series *series, double t, double s[]);
 
+/* Add a multiple of the series. */
+void kaneflex_add(const kaneflex_series *series, double factor, double t, double s[]);
+
 #ifdef __cplusplus
 }
 #endif

@@ -12,6 +12,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene
 from kaneflex.solve.one_way_run import not_repeated
@@ -66,8 +67,10 @@ def check_cycle(scene: Scene, asked: str) -> None:
         _refuse(asked, scene, f"{_ONLY}, and none of its drives has a cycle")
 
 
-def harmonics_of(model: Model, columns: Iterable[int], asked: str) -> Harmonics:
+def harmonics_of(model: Model, columns: Iterable[int], asked: str, beyond: RigidKinematics | None = None) -> Harmonics:
     """Fourier series of the scalars in ``columns`` of a model's motion; ``asked``: entry that needs them.
+
+    With a motion ``beyond`` which they are: of the differences.
 
     Raises
     ------
@@ -81,7 +84,8 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str) -> Harmonics:
     own = np.array(sorted(columns), dtype=int)
 
     def sampled(shares: np.ndarray) -> np.ndarray:
-        return model.motion.table(period * shares)[:, own]
+        found = model.motion.table(period * shares)[:, own]
+        return found if beyond is None else found - beyond.table(period * shares)[:, own]
 
     start, end = sampled(np.array([0.0, 1.0]))
     first = np.arange(_FEWEST) / _FEWEST
