@@ -32,7 +32,6 @@ class CoefficientStream:
     read: Callable[[np.ndarray], np.ndarray] = lambda rows: rows
     constant: np.ndarray | None = None
     _cycle: np.ndarray | None = None
-    _cycle_table: np.ndarray | None = None
     _first: np.ndarray | None = None
 
     def first_row(self) -> np.ndarray:
@@ -46,25 +45,18 @@ class CoefficientStream:
         return self._checked(np.array([t]))[0]
 
     def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
-        """For at most `n_steps` steps after step `done`: a table, its steps, those already taken, those it serves."""
+        """For at most `n_steps` steps after step `done`: a table, its steps, those already taken, those it serves.
+
+        Its last row is that of the end of the last step.
+        """
         if self.period_steps is not None:
-            if self._cycle_table is None:
-                self._cycle_table = self.read(self.cycle())
-            return self._cycle_table, self.period_steps, done % self.period_steps, n_steps
+            if self._cycle is None:
+                rows = self._rows(0, self.period_steps)
+                self._cycle = self.read(np.concatenate((rows, rows[:1])))
+            return self._cycle, self.period_steps, done % self.period_steps, n_steps
         steps = max(1, min(n_steps, LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
-        return self.read(self.rows(done, steps)), steps, 0, steps
-
-    def rows(self, done: int, steps: int) -> np.ndarray:
-        """Rows of so many steps after step `done`, shape (steps * nodes + 1, n_scalars): with the end of the last."""
-        rows = self._rows(done, steps)
-        return np.concatenate((rows, self._checked(np.array([self.t0 + (done + steps) * self.step]))))
-
-    def cycle(self) -> np.ndarray:
-        """Rows of a whole cycle, shape (period_steps * nodes + 1, n_scalars); the last is the first again."""
-        if self._cycle is None:
-            rows = self._rows(0, self.period_steps)
-            self._cycle = np.concatenate((rows, rows[:1]))
-        return self._cycle
+        rows, end = self._rows(done, steps), self._checked(np.array([self.t0 + (done + steps) * self.step]))
+        return self.read(np.concatenate((rows, end))), steps, 0, steps
 
     def _rows(self, done: int, steps: int) -> np.ndarray:
         at = done + np.arange(steps)
