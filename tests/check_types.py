@@ -14,11 +14,11 @@ ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 2,
     "fem": 28,
-    "integrate": 14,
+    "integrate": 13,
     "mechanism": 24,
     "multibody": 40,
     "peers": 23,
-    "plots": 35,
+    "plots": 31,
     "report": 5,
     "response": 40,
     "scene": 65,

@@ -16,8 +16,7 @@ from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import closures, coordinate_at, drive_rates, place
 from kaneflex.plots import show
-from kaneflex.plots.axonometric import deformed_lines
-from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
+from kaneflex.plots.mechanism import deformed_lines, rigid_outline, rigid_scenery
 from kaneflex.plots.scheme import branches, scheme
 from kaneflex.plots.style import picture, styled
 from kaneflex.report.presentation import parts

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.plots.outlines import ALONG_LINK, BOX, STANDING, Outline, Scenery
+from kaneflex.plots.outlines import BOX
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Vector
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
-    from kaneflex.response.elastic_motion import SpatialElasticMotion
-    from kaneflex.response.motion import Motion
 
 
 def _view(azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +27,7 @@ VIEW, TO_VIEWER = _view(-62.0, 24.0)
 """The one view of all pictures in space: x to the right, y to the back, z up; no axis hides another."""
 FLAT = {"along z": np.eye(3)[[0, 1]], "along y": np.eye(3)[[0, 2]], "along x": np.eye(3)[[1, 2]]}
 """Projections along the global axes."""
-_GUIDES = ("prismatic", "cylindrical")
+GUIDES = ("prismatic", "cylindrical")
 _AXIS = 0.06
 """Half the length of a joint's axis as drawn, in sizes of the mechanism."""
 # Edges of a block as one closed line, by the signs of its three half edges, + towards the viewer: first the three that
@@ -46,44 +43,17 @@ def seen(points: np.ndarray, view: np.ndarray = VIEW) -> np.ndarray:
     return points @ view.T
 
 
-def spatial_scenery(scene: Scene, rigid: RigidMotion) -> Scenery:
-    """Ground pivots, guides and extent of a mechanism in space over a rigid motion, in the picture [m]."""
-    lines = body_lines(scene, rigid)
-    swept = np.concatenate([seen(line.transpose(0, 2, 1)).reshape(-1, 2) for line in lines.values()])
-    swept = swept[np.isfinite(swept).all(axis=1)]
-    size = _size(scene, lines)
-    guides, pivots = {}, []
-    for name, joint in scene.joints.items():
-        first, second = joint.addresses
-        if joint.kind in _GUIDES:
-            origin, axis = rigid.frame(first.body).place(scene.point(first)), _axis(scene, rigid, name)
-            along = ((rigid.frame(second.body).place(scene.point(second)) - origin) * axis).sum(axis=0)
-            room = (BOX[0] if len(along) > 1 else STANDING) * size
-            ends = np.array([along.min() - room, along.max() + room])
-            guides[name] = seen(origin[:, 0] + np.outer(ends, axis[:, 0]))
-        else:
-            pivots += [seen(np.array(scene.point(side))) for side in joint.addresses if side.body == "ground"]
-    lower, upper = swept.min(axis=0), swept.max(axis=0)
-    return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper, VIEW)
-
-
-def _size(scene: Scene, lines: Mapping[str, np.ndarray]) -> float:
+def lines_size(scene: Scene, lines: Mapping[str, np.ndarray]) -> float:
     """Diagonal of the box that a mechanism fills at its first instant [m]."""
     first = np.concatenate([line[:, :, 0] for line in lines.values()])
     return float(np.linalg.norm(np.ptp(first, axis=0))) or spatial_mechanism_of(scene).size
 
 
-def _axis(scene: Scene, rigid: RigidMotion, joint: str) -> np.ndarray:
-    """Global direction of a joint's first axis, (3, n_times)."""
-    given = scene.joints[joint]
-    return rigid.frame(given.addresses[0].body).to_global(np.array(given.given_axes[0])[:, None])
-
-
 def joint_axes(scene: Scene, rigid: RigidMotion) -> list[np.ndarray]:
     """Ends of the joints' axes at the first instant but those of guides, which are drawn whole, (2, 3) [m]."""
-    reach, found = _AXIS * _size(scene, body_lines(scene, rigid)), []
+    reach, found = _AXIS * lines_size(scene, body_lines(scene, rigid)), []
     for joint in scene.joints.values():
-        if joint.kind in _GUIDES:
+        if joint.kind in GUIDES:
             continue
         first = joint.addresses[0]
         frame = rigid.frame(first.body)
@@ -94,48 +64,21 @@ def joint_axes(scene: Scene, rigid: RigidMotion) -> list[np.ndarray]:
     return found
 
 
-def spatial_outline(scene: Scene, rigid: RigidMotion, fixed: Scenery, motion: Motion | None, factor: float) -> Outline:
-    """A mechanism in space in the picture, its elastic displacements multiplied by ``factor`` [m]."""
-    elastic = [name for name, body in scene.bodies.items() if body.elastic]
-    along = {name: np.linspace(0.0, scene.bodies[name].length or 0.0, ALONG_LINK) for name in elastic}
-    lines = body_lines(scene, rigid, along) if motion is None else deformed_lines(motion, factor)
-    drawn = {name: seen(line.transpose(2, 0, 1)) for name, line in lines.items()}
-    boxes, pins = {}, {}
-    for name, joint in scene.joints.items():
-        side = max(reversed(joint.addresses), key=lambda side: side.body in elastic)
-        place = _moved(scene, rigid, motion, side.body, [scene.point(side)], factor)[0]
-        if joint.kind == "prismatic":
-            boxes[name] = seen(_block(place, _axis(scene, rigid, name), fixed.size))
-        else:
-            pins[name] = seen(place.T)
-    links = {name: drawn[name] for name in elastic if name in drawn}
-    return Outline(links, {name: line for name, line in drawn.items() if name not in links}, boxes, pins)
-
-
-def _block(centre: np.ndarray, axis: np.ndarray, size: float) -> np.ndarray:
-    """Edges of a block about a guide's axis as one closed line, (n_times, 12, 3) [m]."""
+def block(centre: np.ndarray, axis: np.ndarray, size: float) -> np.ndarray:
+    """Edges of a block about a guide's axis as one closed line, (12, 3, n_times) [m]."""
     helper = np.eye(3)[np.abs(axis[:, 0]).argmin()][:, None]
     across = np.cross(axis, helper, axis=0)
     across /= np.linalg.norm(across, axis=0)
     halves = [0.6 * BOX[0] * size * axis, 0.6 * BOX[1] * size * across,
               0.6 * BOX[1] * size * np.cross(axis, across, axis=0)]  # fmt: skip
     halves = [half * np.where(TO_VIEWER @ half < 0.0, -1.0, 1.0) for half in halves]
-    return np.einsum("ek,kct->tec", _EDGES, np.array(halves)) + centre.T[:, None]
+    return np.einsum("ek,kct->ect", _EDGES, np.array(halves)) + centre
 
 
-def body_lines(
-    scene: Scene, motion: RigidMotion, along: Mapping[str, np.ndarray] = MappingProxyType({})
-) -> dict[str, np.ndarray]:
-    """Line of every body through its ends and the points at which joints hold it, (points, 3, times) [m].
-
-    ``along``: places on the x axis of some bodies to draw instead [m].
-    """
-    found = {}
-    for name in scene.bodies:
-        frame = motion.frame(name)
-        points = [(float(x), 0.0, 0.0) for x in along[name]] if name in along else outline_points(scene, name)
-        found[name] = np.array([frame.place(point) for point in points])
-    return found
+def body_lines(scene: Scene, motion: RigidMotion) -> dict[str, np.ndarray]:
+    """Line of every body through its ends and the points at which joints hold it, (points, 3, times) [m]."""
+    return {name: np.array([motion.frame(name).place(point) for point in outline_points(scene, name)])
+            for name in scene.bodies}  # fmt: skip
 
 
 def outline_points(scene: Scene, name: str) -> list[Vector]:
@@ -147,37 +90,3 @@ def outline_points(scene: Scene, name: str) -> list[Vector]:
     if len(points) == 1 and any(body.centre):
         points.append(scene.vector(body.centre))
     return points
-
-
-def deformed_lines(motion: Motion, factor: float) -> dict[str, np.ndarray]:
-    """Line of every body as it deforms or follows those that do, all displacements enlarged."""
-    model, found = motion.model, {}
-    for name in model.scene.bodies:
-        points = [(float(x), 0.0, 0.0) for x in np.linspace(0.0, model.links[name].length, ALONG_LINK)] \
-            if name in model.links else outline_points(model.scene, name)  # fmt: skip
-        found[name] = _moved(model.scene, motion.rigid, motion, name, points, factor)
-    return found
-
-
-def _moved(
-    scene: Scene, rigid: RigidMotion, motion: Motion | None, body: str, points: list[Vector], factor: float
-) -> np.ndarray:
-    """Global places of a body's points, their displacements enlarged, (points, 3, times) [m]."""
-    frame = rigid.frame(body)
-    places = np.array([frame.place(point) for point in points])
-    if motion is None or body not in scene.bodies:
-        return places
-    model = motion.model
-    if body in model.links:
-        for place, (x, *_) in zip(places, points, strict=True):
-            place += factor * frame.to_global(_shift(motion, body, x)[:3])
-    if model.frame is not None and body in model.frame.bodies:
-        moved = _shift(motion, body)
-        shift, turn = frame.to_global(moved[:3]), frame.to_global(moved[3:])
-        places = places + factor * (shift + np.cross(turn[None], places - frame.origin, axis=1))
-    return places
-
-
-def _shift(motion: Motion, body: str, x: float = 0.0) -> np.ndarray:
-    """Displacement and rotation of a point on a body's x axis, in the body's axes, (6, n_times)."""
-    return cast("SpatialElasticMotion", motion).displacement(body, (x, 0.0, 0.0))[0]

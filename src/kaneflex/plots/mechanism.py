@@ -1,18 +1,22 @@
-"""Outlines of a mechanism in the plane of a picture: fixed pivots and guides once, bodies and joints at any instant."""
+"""Outlines of a mechanism in the plane of a picture: fixed pivots and guides once, bodies and joints at any instant.
+
+A mechanism in space is projected by :data:`kaneflex.plots.axonometric.VIEW`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, cast
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import BodyFrame, normal
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.plots.axonometric import GUIDES, VIEW, block, lines_size, outline_points, seen
 from kaneflex.plots.outlines import ALONG_LINK, BOX, STANDING, Outline, Scenery
 from kaneflex.scene import Scene
-from kaneflex.scene.quantities import Address
+from kaneflex.scene.quantities import Address, Vector
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
@@ -26,7 +30,7 @@ _ON_LINE = 1e-6
 _CARRIED = 0.5
 """Share of that size for a body on a guide that moves."""
 
-Place = tuple[float, float]
+Rigid = RigidMotion | Placement
 
 
 def scenery(model: Model, rigid: RigidMotion | None = None) -> Scenery:
@@ -45,43 +49,40 @@ def scenery(model: Model, rigid: RigidMotion | None = None) -> Scenery:
     return rigid_scenery(model.scene, rigid)
 
 
-def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
+def rigid_scenery(scene: Scene, rigid: Rigid) -> Scenery:
     """Pivots, guides and extent of a scene over some rigid motion, or at one configuration."""
-    if scene.is_spatial:
-        from kaneflex.plots.axonometric import spatial_scenery
-
-        return spatial_scenery(scene, cast("RigidMotion", rigid))
-    swept = [_rigid_point(rigid, name, at) for name in ("ground", *scene.bodies) for at in used_points(scene, name)]
-    swept = np.concatenate(swept)
+    names, view = (scene.bodies, VIEW) if scene.is_spatial else (("ground", *scene.bodies), None)
+    lines = {name: _places(rigid, name, _drawn_points(scene, name)) for name in names}
+    swept = np.concatenate([_in_picture(scene, line).reshape(-1, 2) for line in lines.values()])
+    swept = swept[np.isfinite(swept).all(axis=1)]
     lower, upper = swept.min(axis=0), swept.max(axis=0)
-    size = float(np.hypot(*(upper - lower))) or 1.0
+    size = lines_size(scene, lines) if scene.is_spatial else float(np.hypot(*(upper - lower))) or 1.0
     guides, all_guides = {}, guides_of(scene)
     for name, (carrier, rider, direction) in all_guides.items():
-        points = _rigid_point(rigid, rider.body, scene.point(rider))
-        if carrier.body != "ground":
-            frame = BodyFrame(rigid, carrier.body)
-            points = frame.to_body(points.T - frame.origin).T
-        margin = (BOX[0] if len(points) > 1 else STANDING) * size
-        carried = [] if carrier.body == "ground" else used_points(scene, carrier.body)
-        guides[name] = _travel(points, np.array(direction), margin, carried)
+        frame = _frame(rigid, carrier.body)
+        points = frame.to_body(_places(rigid, rider.body, [scene.point(rider)])[0] - frame.origin).T
+        moves = carrier.body != "ground"
+        carried = used_points(scene, carrier.body) if moves and not scene.is_spatial else []
+        ends = _travel(points, np.array(direction), (BOX[0] if len(points) > 1 else STANDING) * size, carried)
+        guides[name] = seen(_places(rigid, carrier.body, ends)[..., 0]) if scene.is_spatial else ends
     pivots = [
-        scene.point(address)
-        for joint in scene.joints.values()
-        for address in joint.addresses
-        if joint.kind != "prismatic" and address.body == "ground"
-    ]
-    held = frozenset(name for name, (carrier, *_) in all_guides.items() if carrier.body != "ground")
-    return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper, carried=held)
+        seen(np.array(scene.point(side))) if scene.is_spatial else scene.point(side)
+        for joint in scene.joints.values() if joint.kind not in GUIDES
+        for side in joint.addresses if side.body == "ground"
+    ]  # fmt: skip
+    held = [name for name, (carrier, *_) in all_guides.items() if carrier.body != "ground" and not scene.is_spatial]
+    return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper, view, frozenset(held))
 
 
-def guides_of(scene: Scene) -> dict[str, tuple[Address, Address, Place]]:
+def guides_of(scene: Scene) -> dict[str, tuple[Address, Address, Vector]]:
     """The side that carries each guide, the side that rides on it, and its direction; those with a clearance, too."""
-    sides = {name: (joint.addresses, joint.direction) for name, joint in scene.joints.items()}
-    sides |= {name: (joint.sides, joint.direction) for name, joint in scene.loose.items()}
-    return {name: (*pair, direction) for name, (pair, direction) in sides.items() if direction is not None}
+    sides = {name: (joint.addresses, joint.given_axes[0]) for name, joint in scene.joints.items()
+             if joint.kind in GUIDES}  # fmt: skip
+    sides |= {name: (joint.sides, joint.direction) for name, joint in scene.loose.items() if joint.direction}
+    return {name: (*pair, direction) for name, (pair, direction) in sides.items()}
 
 
-def _travel(points: np.ndarray, direction: np.ndarray, margin: float, carried: list[Place]) -> np.ndarray:
+def _travel(points: np.ndarray, direction: np.ndarray, margin: float, carried: list[Vector]) -> np.ndarray:
     """Ends of the line along a direction that covers points (n_times, 2) with a margin.
 
     ``carried``: points of the body that carries it; of those on the line the outer ones end it, as a barrel's do.
@@ -100,100 +101,102 @@ def _travel(points: np.ndarray, direction: np.ndarray, margin: float, carried: l
 
 def outline(motion: Motion, fixed: Scenery, factor: float) -> Outline:
     """The mechanism at the times of a motion, its elastic displacements multiplied by ``factor``."""
-    return _outline(motion.model.scene, motion.rigid, fixed, motion, factor)
+    return _Pose(motion.model.scene, motion.rigid, motion, factor).outline(fixed)
 
 
-def rigid_outline(scene: Scene, rigid: RigidMotion | Placement, fixed: Scenery) -> Outline:
+def rigid_outline(scene: Scene, rigid: Rigid, fixed: Scenery) -> Outline:
     """The undeformed mechanism at the times of a rigid motion, or at one configuration."""
-    return _outline(scene, rigid, fixed, None, 0.0)
+    return _Pose(scene, rigid).outline(fixed)
 
 
-def _outline(
-    scene: Scene, rigid: RigidMotion | Placement, fixed: Scenery, motion: Motion | None, factor: float
-) -> Outline:
-    if not scene.is_spatial:
-        return _Pose(scene, rigid, fixed, motion, factor).outline()
-    from kaneflex.plots.axonometric import spatial_outline
-
-    return spatial_outline(scene, cast("RigidMotion", rigid), fixed, motion, factor)
+def deformed_lines(motion: Motion, factor: float) -> dict[str, np.ndarray]:
+    """Line of every body in space as it deforms or follows those that do, enlarged, (points, 3, n_times) [m]."""
+    return _Pose(motion.model.scene, motion.rigid, motion, factor).lines
 
 
 class _Pose:
-    """Parts of one outline in the plane; ``motion`` is None where nothing is deformed."""
+    """Places of a mechanism's parts; ``motion`` is None where nothing is deformed."""
 
-    def __init__(self, scene: Scene, rigid, fixed: Scenery, motion: Motion | None, factor: float):
-        self.scene, self.rigid, self.fixed = scene, rigid, fixed
-        self.motion, self.factor = motion, factor
+    def __init__(self, scene: Scene, rigid: Rigid, motion: Motion | None = None, factor: float = 0.0):
+        self.scene, self.rigid = scene, rigid
+        self.motion, self.factor = motion if factor else None, factor
         self.axes = {name: self._axis(name) for name, body in scene.bodies.items() if body.elastic}
+        self.lines = {name: _global(rigid, name, axis) for name, axis in self.axes.items()}
+        if scene.is_spatial:
+            self.lines |= {name: np.array([self._point(name, at) for at in outline_points(scene, name)])
+                           for name in scene.bodies if name not in self.axes}  # fmt: skip
 
-    def outline(self) -> Outline:
-        links = {name: _to_global(self.rigid, name, axis) for name, axis in self.axes.items()}
-        bars = {name: bar for name in self.scene.bodies if (bar := self._bar(name)).size}
-        bars |= {f"{name} {k}": arm for name in self.axes for k, arm in enumerate(self._arms(name))}
+    def outline(self, fixed: Scenery) -> Outline:
+        links = {name: self.lines[name] for name in self.axes}
+        bars = {name: line for name, line in self.lines.items() if name not in links}
         boxes, pins = {}, {}
+        if not self.scene.is_spatial:
+            bars = {name: np.array(bar) for name in self.scene.bodies if (bar := self._bar(name, fixed))}
+            bars |= {f"{name} {k}": arm for name in self.axes for k, arm in enumerate(self._arms(name))}
         for name, joint in self.scene.joints.items():
-            if joint.kind == "revolute":
-                address = max(joint.addresses, key=lambda side: side.body in self.axes)
-                pins[name] = self._point(address.body, self.scene.point(address))
+            if joint.kind != "prismatic" and (self.scene.is_spatial or joint.kind == "revolute"):
+                side = max(reversed(joint.addresses), key=lambda side: side.body in self.axes)
+                pins[name] = self._point(side.body, self.scene.point(side))[None]
         for name, guide in guides_of(self.scene).items():
-            boxes[name] = self._box(*guide)
-        return Outline(links, bars, boxes, pins)
+            if name not in pins:
+                boxes[name] = self._box(*guide, fixed.size)
+        kinds = ({name: _in_picture(self.scene, line) for name, line in kind.items()} for kind in (links, bars, boxes))
+        return Outline(*kinds, {name: _in_picture(self.scene, place)[:, 0] for name, place in pins.items()})
 
     def _axis(self, name: str) -> np.ndarray:
-        """Points along a link in its own axes, displaced, (n_times, n_points, 2)."""
-        x = np.linspace(0.0, self.scene.bodies[name].length, ALONG_LINK)
-        axis = np.zeros((len(self.rigid.times), ALONG_LINK, 2))
-        axis[:, :, 0] = x
-        if self.motion is not None:
-            for k, at in enumerate(x):
-                axis[:, k] += self.factor * self.motion.displacement(name, (at, 0.0))[0][:2].T
-        return axis
+        """Points along a link in its own axes, displaced, (n_points, 2 or 3, n_times)."""
+        length = self.scene.bodies[name].length or 0.0
+        return np.array([self._moved(name, self.scene.vector((x, 0.0)))
+                         for x in np.linspace(0.0, length, ALONG_LINK).tolist()])  # fmt: skip
 
-    def _point(self, body: str, at: Place) -> np.ndarray:
-        """Global position of a body's point, displaced, (n_times, 2)."""
+    def _moved(self, body: str, at: Vector) -> np.ndarray:
+        """A body's point in its axes, displaced, (2 or 3, n_times)."""
+        place = np.repeat(np.reshape(at, (-1, 1)), len(self.rigid.times), axis=1)
+        if self.motion is None or body == "ground":
+            return place
+        return place + self.factor * self.motion.displacement(body, at)[0][: len(at)]
+
+    def _point(self, body: str, at: Vector) -> np.ndarray:
+        """Global position of a body's point, displaced, (2 or 3, n_times); of a link's on the line that is drawn."""
         if body not in self.axes:
-            if self.motion is None or body == "ground":
-                return _rigid_point(self.rigid, body, at)
-            moved = np.reshape(at, (2, 1)) + self.factor * self.motion.displacement(body, at)[0][:2]
-            return BodyFrame(self.rigid, body).place(moved).T
-        x, y = at
-        share = x / self.scene.bodies[body].length * (ALONG_LINK - 1)
-        k = min(max(int(share), 0), ALONG_LINK - 2)
-        axis = self.axes[body]
-        local = axis[:, k] + (share - k) * (axis[:, k + 1] - axis[:, k]) + np.array([0.0, y])
-        return _to_global(self.rigid, body, local[:, None])[:, 0]
+            return np.asarray(_frame(self.rigid, body).place(self._moved(body, at)))
+        share = at[0] / (self.scene.bodies[body].length or 1.0) * (ALONG_LINK - 1)
+        k, axis = min(max(int(share), 0), ALONG_LINK - 2), self.axes[body]
+        local = axis[k] + (share - k) * (axis[k + 1] - axis[k]) + np.reshape((0.0, *at[1:]), (-1, 1))
+        return np.asarray(_frame(self.rigid, body).place(local))
 
-    def _bar(self, name: str) -> np.ndarray:
+    def _bar(self, name: str, fixed: Scenery) -> list[np.ndarray]:
         """From the first used point of a rigid body to every other and back, then along the guides that it carries."""
-        path = []
+        path = list[np.ndarray]()
         if name not in self.axes:
             hub, *rest = (self._point(name, at) for at in used_points(self.scene, name))
             path = [part for tip in rest for part in (hub, tip, hub)]
         for joint, (carrier, *_) in guides_of(self.scene).items():
             if carrier.body == name:
-                ends = self.fixed.guides[joint]
-                path += [self._point(name, tuple(end)) for end in ends]
-        return np.stack(path, axis=1) if path else np.zeros((0, 0, 2))
+                path += [self._point(name, tuple(end)) for end in fixed.guides[joint]]
+        return path
 
     def _arms(self, name: str) -> Iterator[np.ndarray]:
-        """From an elastic link's axis to each used point beside it, (n_times, 2, 2)."""
+        """From an elastic link's axis to each used point beside it, (2, 2, n_times)."""
         length = self.scene.bodies[name].length or 0.0
         for x, y in used_points(self.scene, name):
             foot = min(max(x, 0.0), length), 0.0
             if foot != (x, y):
-                yield np.stack([self._point(name, foot), self._point(name, (x, y))], axis=1)
+                yield np.array([self._point(name, foot), self._point(name, (x, y))])
 
-    def _box(self, carrier: Address, rider: Address, direction: Place) -> np.ndarray:
-        """Corners of a guided body about its joint, along its guide, (n_times, 5, 2)."""
-        centre = self._point(rider.body, self.scene.point(rider))
-        t = BodyFrame(self.rigid, carrier.body).to_global(direction)
-        t, n = t.T, normal(t).T
-        size = self.fixed.size * (1.0 if carrier.body == "ground" else _CARRIED)
-        corners = size * np.array(BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
-        return centre[:, None] + corners[None, :, :1] * t[:, None] + corners[None, :, 1:] * n[:, None]
+    def _box(self, carrier: Address, rider: Address, direction: Vector, size: float) -> np.ndarray:
+        """Corners of a guided body about its joint, along its guide, (n_corners, 2 or 3, n_times)."""
+        side = max(rider, carrier, key=lambda side: side.body in self.axes) if self.scene.is_spatial else rider
+        centre = self._point(side.body, self.scene.point(side))
+        t = _frame(self.rigid, carrier.body).to_global(direction)
+        if self.scene.is_spatial:
+            return block(centre, t, size)
+        corners = np.array(BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
+        corners *= size * (1.0 if carrier.body == "ground" else _CARRIED)
+        return centre + corners[:, :1, None] * t + corners[:, 1:, None] * normal(t)
 
 
-def used_points(scene: Scene, body: str) -> list[Place]:
+def used_points(scene: Scene, body: str) -> list[Vector]:
     """Points of a body that anything of the scene names, and its ends, in its axes; each place once.
 
     Those of joints are first, in the scene's order, then those of springs, loads, masses and sensors.
@@ -209,12 +212,27 @@ def used_points(scene: Scene, body: str) -> list[Place]:
     return list(dict.fromkeys(used)) or [(0.0, 0.0)]
 
 
-def _rigid_point(rigid: RigidMotion | Placement, body: str, at: Place) -> np.ndarray:
-    """Global position of a point of the rigid mechanism, (n_times, 2)."""
-    return BodyFrame(rigid, body).place(at).T
+def _drawn_points(scene: Scene, body: str) -> Sequence[Vector]:
+    return outline_points(scene, body) if scene.is_spatial else used_points(scene, body)
 
 
-def _to_global(rigid: RigidMotion | Placement, body: str, local: np.ndarray) -> np.ndarray:
-    """Points (n_times, n_points, 2) from a body's axes to global ones."""
-    frame = BodyFrame(rigid, body)
-    return np.transpose(frame.origin[:, None] + frame.to_global(np.transpose(local)))
+def _in_picture(scene: Scene, line: np.ndarray) -> np.ndarray:
+    """Points (n_points, 2 or 3, n_times) in the picture, (n_times, n_points, 2)."""
+    line = line.transpose(2, 0, 1)
+    return seen(line) if scene.is_spatial else line
+
+
+def _frame(rigid: Rigid, body: str) -> Any:
+    return BodyFrame(rigid, body) if isinstance(rigid, Placement) else rigid.frame(body)
+
+
+def _places(rigid: Rigid, body: str, points: Sequence[Vector] | np.ndarray) -> np.ndarray:
+    """Global positions of points of the rigid mechanism, (n_points, 2 or 3, n_times)."""
+    frame = _frame(rigid, body)
+    return np.array([frame.place(at) for at in points])
+
+
+def _global(rigid: Rigid, body: str, local: np.ndarray) -> np.ndarray:
+    """Points (n_points, 2 or 3, n_times) from a body's axes to global ones."""
+    frame = _frame(rigid, body)
+    return np.array([frame.place(at) for at in local])

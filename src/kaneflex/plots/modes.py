@@ -18,7 +18,7 @@ from kaneflex.plots.drawing import (
     frame_axes,
     small_drawings,
 )
-from kaneflex.plots.mechanism import outline, rigid_outline, scenery
+from kaneflex.plots.mechanism import deformed_lines, outline, rigid_outline, scenery
 from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.style import GREY, PALETTE, shade, wrapped
 from kaneflex.plots.view import angle_name
@@ -85,8 +85,6 @@ def _deflected(model: Model, rigid: RigidMotion, fixed: Scenery, shapes: np.ndar
 def _largest(fixed: Scenery, moved: tuple[ElasticMotion, Outline], loaded: tuple[ElasticMotion, Outline]) -> np.ndarray:
     """Largest shift of any part of each mode, enlarged 1 / SMALL times [m], (count,)."""
     if fixed.view is not None:
-        from kaneflex.plots.axonometric import deformed_lines
-
         lines, others = (deformed_lines(of, 1.0 / SMALL) for of, _ in (moved, loaded))
         shifts = [np.linalg.norm(lines[name] - others[name], axis=1).max(axis=0) for name in lines]
     else:
