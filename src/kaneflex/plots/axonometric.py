@@ -43,6 +43,11 @@ def seen(points: np.ndarray, view: np.ndarray = VIEW) -> np.ndarray:
     return points @ view.T
 
 
+def view_of(scene: Scene) -> np.ndarray:
+    """Projection of a scene onto the picture's plane, (2, 2 or 3)."""
+    return VIEW if scene.is_spatial else np.eye(2)
+
+
 def lines_size(scene: Scene, lines: Mapping[str, np.ndarray]) -> float:
     """Diagonal of the box that a mechanism fills at its first instant [m]."""
     first = np.concatenate([line[:, :, 0] for line in lines.values()])

@@ -19,6 +19,7 @@ from matplotlib.transforms import Bbox
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.plots.axonometric import view_of
 from kaneflex.plots.drawing import MM
 from kaneflex.plots.style import PALETTE
 from kaneflex.scene import Scene
@@ -43,11 +44,7 @@ class Standing:
 
     def __init__(self, scene: Scene, placed: Placement | RigidMotion) -> None:
         self.scene, self.placed = scene, placed
-        self.view = np.eye(2)
-        if scene.is_spatial:
-            from kaneflex.plots.axonometric import VIEW
-
-            self.view = VIEW
+        self.view = view_of(scene)
 
     @property
     def drives(self) -> Mapping[str, float]:

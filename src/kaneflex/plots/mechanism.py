@@ -13,7 +13,7 @@ import numpy as np
 from kaneflex.mechanism.body_frame import BodyFrame, normal
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.plots.axonometric import GUIDES, VIEW, block, lines_size, outline_points, seen
+from kaneflex.plots.axonometric import GUIDES, block, lines_size, outline_points, seen, view_of
 from kaneflex.plots.outlines import ALONG_LINK, BOX, STANDING, Outline, Scenery
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address, Vector
@@ -51,27 +51,28 @@ def scenery(model: Model, rigid: RigidMotion | None = None) -> Scenery:
 
 def rigid_scenery(scene: Scene, rigid: Rigid) -> Scenery:
     """Pivots, guides and extent of a scene over some rigid motion, or at one configuration."""
-    names, view = (scene.bodies, VIEW) if scene.is_spatial else (("ground", *scene.bodies), None)
-    lines = {name: _places(rigid, name, _drawn_points(scene, name)) for name in names}
-    swept = np.concatenate([_in_picture(scene, line).reshape(-1, 2) for line in lines.values()])
+    space, view = scene.is_spatial, view_of(scene)
+    lines = {name: _places(rigid, name, outline_points(scene, name) if space else used_points(scene, name))
+             for name in (*("ground",)[space:], *scene.bodies)}  # fmt: skip
+    swept = np.concatenate([_in_picture(line, view).reshape(-1, 2) for line in lines.values()])
     swept = swept[np.isfinite(swept).all(axis=1)]
     lower, upper = swept.min(axis=0), swept.max(axis=0)
-    size = lines_size(scene, lines) if scene.is_spatial else float(np.hypot(*(upper - lower))) or 1.0
+    size = lines_size(scene, lines) if space else float(np.hypot(*(upper - lower))) or 1.0
     guides, all_guides = {}, guides_of(scene)
     for name, (carrier, rider, direction) in all_guides.items():
         frame = _frame(rigid, carrier.body)
         points = frame.to_body(_places(rigid, rider.body, [scene.point(rider)])[0] - frame.origin).T
-        moves = carrier.body != "ground"
-        carried = used_points(scene, carrier.body) if moves and not scene.is_spatial else []
+        carried = [] if space or carrier.body == "ground" else used_points(scene, carrier.body)
         ends = _travel(points, np.array(direction), (BOX[0] if len(points) > 1 else STANDING) * size, carried)
-        guides[name] = seen(_places(rigid, carrier.body, ends)[..., 0]) if scene.is_spatial else ends
+        guides[name] = seen(_places(rigid, carrier.body, ends)[..., 0], view) if space else ends
     pivots = [
-        seen(np.array(scene.point(side))) if scene.is_spatial else scene.point(side)
+        seen(np.array(scene.point(side)), view)
         for joint in scene.joints.values() if joint.kind not in GUIDES
         for side in joint.addresses if side.body == "ground"
     ]  # fmt: skip
-    held = [name for name, (carrier, *_) in all_guides.items() if carrier.body != "ground" and not scene.is_spatial]
-    return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper, view, frozenset(held))
+    held = [name for name, (carrier, *_) in all_guides.items() if carrier.body != "ground" and not space]
+    at = np.array(pivots).reshape(-1, 2)
+    return Scenery(at, guides, size, lower, upper, view if space else None, frozenset(held))
 
 
 def guides_of(scene: Scene) -> dict[str, tuple[Address, Address, Vector]]:
@@ -118,11 +119,11 @@ class _Pose:
     """Places of a mechanism's parts; ``motion`` is None where nothing is deformed."""
 
     def __init__(self, scene: Scene, rigid: Rigid, motion: Motion | None = None, factor: float = 0.0):
-        self.scene, self.rigid = scene, rigid
+        self.scene, self.rigid, self.space = scene, rigid, scene.is_spatial
         self.motion, self.factor = motion if factor else None, factor
         self.axes = {name: self._axis(name) for name, body in scene.bodies.items() if body.elastic}
         self.lines = {name: _global(rigid, name, axis) for name, axis in self.axes.items()}
-        if scene.is_spatial:
+        if self.space:
             self.lines |= {name: np.array([self._point(name, at) for at in outline_points(scene, name)])
                            for name in scene.bodies if name not in self.axes}  # fmt: skip
 
@@ -130,18 +131,19 @@ class _Pose:
         links = {name: self.lines[name] for name in self.axes}
         bars = {name: line for name, line in self.lines.items() if name not in links}
         boxes, pins = {}, {}
-        if not self.scene.is_spatial:
+        if not self.space:
             bars = {name: np.array(bar) for name in self.scene.bodies if (bar := self._bar(name, fixed))}
             bars |= {f"{name} {k}": arm for name in self.axes for k, arm in enumerate(self._arms(name))}
         for name, joint in self.scene.joints.items():
-            if joint.kind != "prismatic" and (self.scene.is_spatial or joint.kind == "revolute"):
+            if joint.kind != "prismatic" and (self.space or joint.kind == "revolute"):
                 side = max(reversed(joint.addresses), key=lambda side: side.body in self.axes)
                 pins[name] = self._point(side.body, self.scene.point(side))[None]
         for name, guide in guides_of(self.scene).items():
             if name not in pins:
                 boxes[name] = self._box(*guide, fixed.size)
-        kinds = ({name: _in_picture(self.scene, line) for name, line in kind.items()} for kind in (links, bars, boxes))
-        return Outline(*kinds, {name: _in_picture(self.scene, place)[:, 0] for name, place in pins.items()})
+        view = view_of(self.scene)
+        kinds = ({name: _in_picture(line, view) for name, line in kind.items()} for kind in (links, bars, boxes))
+        return Outline(*kinds, {name: _in_picture(place, view)[:, 0] for name, place in pins.items()})
 
     def _axis(self, name: str) -> np.ndarray:
         """Points along a link in its own axes, displaced, (n_points, 2 or 3, n_times)."""
@@ -186,10 +188,10 @@ class _Pose:
 
     def _box(self, carrier: Address, rider: Address, direction: Vector, size: float) -> np.ndarray:
         """Corners of a guided body about its joint, along its guide, (n_corners, 2 or 3, n_times)."""
-        side = max(rider, carrier, key=lambda side: side.body in self.axes) if self.scene.is_spatial else rider
+        side = max(rider, carrier, key=lambda side: side.body in self.axes) if self.space else rider
         centre = self._point(side.body, self.scene.point(side))
         t = _frame(self.rigid, carrier.body).to_global(direction)
-        if self.scene.is_spatial:
+        if self.space:
             return block(centre, t, size)
         corners = np.array(BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
         corners *= size * (1.0 if carrier.body == "ground" else _CARRIED)
@@ -212,14 +214,9 @@ def used_points(scene: Scene, body: str) -> list[Vector]:
     return list(dict.fromkeys(used)) or [(0.0, 0.0)]
 
 
-def _drawn_points(scene: Scene, body: str) -> Sequence[Vector]:
-    return outline_points(scene, body) if scene.is_spatial else used_points(scene, body)
-
-
-def _in_picture(scene: Scene, line: np.ndarray) -> np.ndarray:
+def _in_picture(line: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Points (n_points, 2 or 3, n_times) in the picture, (n_times, n_points, 2)."""
-    line = line.transpose(2, 0, 1)
-    return seen(line) if scene.is_spatial else line
+    return seen(line.transpose(2, 0, 1), view)
 
 
 def _frame(rigid: Rigid, body: str) -> Any:
