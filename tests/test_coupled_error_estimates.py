@@ -244,8 +244,9 @@ def test_richer_models_in_space_begin_at_a_given_state():
         read = Read.of(begun, periodic=False)
         start, own = read.model.in_space.curve.start, read.model.in_space.module.system
         for _, scene, options in coupled_corrections._richer(read.model):
-            system = coupled_corrections.refined(read.model, scene, options).in_space.module.system
-            found, _ = coupled_corrections._embedded_in_space(read, system)
+            richer = coupled_corrections.refined(read.model, scene, options)
+            system = richer.in_space.module.system
+            found, _ = coupled_corrections.state_after(system, coupled_corrections._embedded(read, richer))
             places = system.work.sections[:, :3].copy()
             own.project(start.t, start.q, start.u, start.choice)
             bent = abs(start.q[own.modal_coordinates]).max()

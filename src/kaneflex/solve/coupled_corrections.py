@@ -5,31 +5,29 @@ Coupled equations are integrated again with the richer model, over the same time
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import cast
+from typing import Any
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.shapes import Shapes
-from kaneflex.multibody.model.spatial_layout import COORDINATE, COORDINATES, KIND, SPEED, SPEEDS
-from kaneflex.multibody.model.spatial_system import SpatialSystem
-from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.run import integrate
-from kaneflex.multibody.time.spatial_forward import Run
-from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.solve.coupled import as_result, beginning, method_of, repeated, simulate_coupled
+from kaneflex.solve.coupled_state import State
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown, values_of, with_half_elements
+from kaneflex.solve.initial import start_coordinates
 from kaneflex.solve.loading import load, refined
 from kaneflex.solve.one_way_run import run_one_way, storing
 from kaneflex.solve.run_result import RunResult
-from kaneflex.solve.spatial_run import Near, integrated_in_space
+from kaneflex.solve.spatial_loading import state_after
+from kaneflex.solve.spatial_run import integrated_in_space
 
 _TIGHTER, _LEAST = 32.0, 1e-13
 """Factor by which the tolerance of richer runs is smaller, and its least value. The error is of fifth order
@@ -83,7 +81,8 @@ def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) ->
     assert model.coupled is not None
     count = options.steps if read.periodic else 2 * int(read.stored[-1])
     times = first + model.step * np.arange(count + 1)
-    begun = _embedded(read, model.coupled)
+    state = _embedded(read, model)
+    begun = state.q, state.v
     if read.periodic:
         found = repeated(model, times, begun, progress, _CLOSER)
     else:
@@ -95,10 +94,10 @@ def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) ->
 
 def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
     """Motion of a richer model in space at the compared instants."""
-    model = refined(read.model, scene, options)
-    assert model.in_space is not None
-    begun = options.start in ("given", "periodic") or read.model.motion.begin != 0.0
-    near = _embedded_in_space(read, model.in_space.module.system) if begun else None
+    model, own, near = refined(read.model, scene, options), read.model.in_space, None
+    assert model.in_space is not None and own is not None
+    if options.start in ("given", "periodic") or own.begin != 0.0:
+        near = state_after(model.in_space.module.system, _embedded(read, model))[0], own.curve.turned
     model = integrated_in_space(model, progress, _CLOSER, near)
     coupled = model.coupled_in_space
     assert coupled is not None and coupled.verdict is not None
@@ -117,41 +116,26 @@ def _check(outcome: Outcome, message: str) -> None:
         raise Unknown(f"the motion of a richer model is {message}")
 
 
-def _embedded(read: Read, richer: CoupledSystem) -> tuple[np.ndarray, np.ndarray]:
-    """Initial q and v of a richer model."""
-    system, run = read.model.coupled, cast(CoupledTrajectory, read.run.trajectory)
-    assert system is not None
-    state = np.zeros((2, richer.size))
-    for body, k in system.start.items():
-        into, own, modal = richer.start[body], system.modal(body), richer.modal(body)
-        state[:, into : into + BODY] = [run.q[0, k : k + BODY], run.v[0, k : k + BODY]]
-        parts = np.array([run.q[0, own], run.v[0, own]])
-        if body in system.links:
-            parts = parts @ _carried(system.shapes[body], richer.shapes[body]).T
-        state[:, modal] = parts
-    return state[0], state[1]
+def _embedded(read: Read, richer: Model) -> State:
+    """Initial state of a richer model."""
+    names, state = start_coordinates(read.model), [part[:, 0] for part in read.motion.state]
+    wanted, known = start_coordinates(richer), dict(zip(names, np.transpose(state), strict=True))
+    found = np.array([known.get(name, np.zeros(2)) for name in wanted]).T
+    others = _shapes(richer)
+    for body, shapes in _shapes(read.model).items():
+        if isinstance(shapes, Shapes):  # those from a file are the same
+            named = re.compile(rf"{re.escape(body)}\.(axial|transverse|shape)_\d+")
+            own, into = ([k for k, name in enumerate(each) if named.fullmatch(name)] for each in (names, wanted))
+            found[:, into] = np.array(state)[:, own] @ _carried(shapes, others[body]).T
+    return State("the run", float(read.times[0]), wanted, *found)
 
 
-def _embedded_in_space(read: Read, richer: SpatialSystem) -> Near:
-    """Start of a richer model in space."""
-    assert read.model.in_space is not None
-    run = read.model.in_space.curve
-    assert isinstance(run, Run)
-    start, system = run.start, run.system
-    q, u = richer.at_zero.copy(), np.zeros(richer.speeds)
-    for one, other in zip(system.tables.nodes, richer.tables.nodes, strict=True):
-        for found, own, where, count in ((q, start.q, COORDINATE, COORDINATES), (u, start.u, SPEED, SPEEDS)):
-            k, into = one[where], other[where]
-            found[into : into + count[one[KIND]]] = own[k : k + count[one[KIND]]]
-    for body, shapes in system.layout.shapes.items():
-        others, nodes = richer.layout.shapes[body], (each.layout.node_of[body] for each in (system, richer))
-        one, other = (each.tables.nodes[node] for each, node in zip((system, richer), nodes, strict=True))
-        carried = np.eye(shapes.count)
-        if isinstance(shapes, Shapes) and isinstance(others, Shapes):
-            carried = _carried(shapes, others)
-        for found, own, where in ((q, start.q, COORDINATE), (u, start.u, SPEED)):
-            found[other[where] :][: others.count] = carried @ own[one[where] :][: shapes.count]
-    return richer.project(start.t, q, u, choose(richer, q, prefer=True)), run.turned
+def _shapes(model: Model) -> Mapping[str, Any]:
+    """Shapes of every deforming body of a coupled model."""
+    if model.in_space is not None:
+        return model.in_space.module.system.layout.shapes
+    assert model.coupled is not None
+    return model.coupled.shapes
 
 
 def _carried(shapes: Shapes, richer: Shapes) -> np.ndarray:
