@@ -88,8 +88,8 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     drives = {name: coordinate_at(drive, 0.0) for name, drive in scene.drives.items()} | dict(at or {})
     constraints = Constraints(mechanism_of(scene), drives)
     poses = _standing(constraints.mechanism)
-    while len(poses) <= len(scene.bodies):
-        poses |= _closed(constraints, poses, _next_group(constraints.mechanism, poses))
+    for group, around, dyad in closing_groups(constraints.mechanism):
+        poses |= _closed(constraints, poses, group, around, dyad)
     del poses[GROUND]
     return Placement(poses, drives)
 
@@ -106,25 +106,23 @@ def closures(scene: Scene, at: Mapping[str, float] | None = None) -> list[tuple[
     constraints = Constraints(mechanism_of(scene), own.drives)
     mechanism, ways = constraints.mechanism, [("", _standing(constraints.mechanism))]
 
-    def chosen_by(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> str:
+    def chosen_by(poses: Poses, group: tuple[str, ...], closing: Joint | None, dyad: Dyad | None) -> str:
         """The entry that chooses one closure of a group; empty where there is none to choose."""
-        closing, side = _closing(joints), _side_of_dyad(placed, poses, group, joints)
         if closing is None:
             return ""
+        side = None if dyad is None else _side_of(dyad, poses)
         if side is not None:
             return f" joints.{closing.name}.branch={'+' if side >= 0.0 else '-'}"
         return f" joints.{closing.name}.near.{group[0]}={math.degrees(float(wrapped(poses[group[0]][2]))):.0f}deg"
 
-    while len(ways[0][1]) <= len(scene.bodies):
-        group, found = _next_group(mechanism, ways[0][1]), []
+    for group, around, dyad in closing_groups(mechanism):
+        found, closing = [], _closing(around)
         for told, poses in ways:
-            around = _joints_of(mechanism, poses, group)
             names = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
-            assemblies = [_closed(constraints, poses, group)]
-            if _closing(around):
-                assemblies = _assemblies(constraints, poses, group, names)
-            found += [(told + chosen_by(poses, each, group, around), poses | {name: each[name] for name in group})
-                      for each in assemblies]  # fmt: skip
+            assemblies = _assemblies(constraints, poses, group, names) if closing \
+                else [_closed(constraints, poses, group, around, dyad)]  # fmt: skip
+            more = [poses | {name: each[name] for name in group} for each in assemblies]
+            found += [(told + chosen_by(each, group, closing, dyad), each) for each in more]
         ways = found[:16]  # more small drawings are of no use
 
     def is_own(poses: Poses) -> bool:
@@ -146,17 +144,14 @@ def with_branches(scene: Scene) -> Scene:
     if scene.is_frame or not any(joint.near for joint in scene.joints.values()):
         return scene
     mechanism = mechanism_of(scene)
-    poses, placed, joints = None, _standing(mechanism), dict(scene.joints)
-    while len(placed) <= len(mechanism.bodies):
-        group = _next_group(mechanism, placed)
-        around = _joints_of(mechanism, placed, group)
+    poses, joints = None, dict(scene.joints)
+    for group, around, dyad in closing_groups(mechanism):
         closing = _closing(around)
         if closing and closing.near and not _is_larger(group, around):
             poses = poses or {GROUND: _GROUND, **place(scene).poses}
-            side = _side_of_dyad(placed, poses, group, around)
+            side = None if dyad is None else _side_of(dyad, poses)
             ahead = side is None or side >= 0.0
             joints[closing.name] = scene.joints[closing.name].model_copy(update={"branch": "+" if ahead else "-"})
-        placed |= dict.fromkeys(group, _GROUND) if poses is None else {name: poses[name] for name in group}
     return scene.model_copy(update={"joints": joints})
 
 
@@ -247,11 +242,12 @@ def _closing(joints: Sequence[Joint]) -> Joint | None:
     return next((joint for joint in joints if joint.closes_loop), None)
 
 
-def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> dict[str, np.ndarray]:
+def _closed(
+    constraints: Constraints, poses: Poses, group: tuple[str, ...], around: Sequence[Joint], dyad: Dyad | None
+) -> dict[str, np.ndarray]:
     """Poses of a group by Newton's method from many starting values, until the scene's branch is found, or for larger
     groups all assemblies."""
     mechanism = constraints.mechanism
-    around = _joints_of(mechanism, poses, group)
     joints = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
     closing = ([joint for joint in around if joint.closes_loop] or around)[-1]
     assemblies: list[dict[str, np.ndarray]] = []
@@ -259,7 +255,8 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
         assemblies = _assemblies(constraints, poses, group, joints)
     else:
         for closed in islice(_assembled(constraints, poses, group, joints, 1), _IN_VAIN + 1):
-            if _on_branch(poses, closed, group, around):
+            first, side = _closing(around), None if dyad is None else _side_of(dyad, closed)
+            if first is None or side is None or side * first.branch >= 0.0:
                 return {name: closed[name] for name in group}
     if assemblies:
         _check_held(constraints, assemblies, group, joints, closing)
@@ -392,12 +389,6 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tup
     return ranked[0]
 
 
-def _on_branch(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
-    """True if a dyad is on the branch of the joint that closes its loop, and for all other groups."""
-    closing, side = _closing(joints), _side_of_dyad(placed, poses, group, joints)
-    return closing is None or side is None or side * closing.branch >= 0.0
-
-
 @dataclass(frozen=True)
 class Dyad:
     """Dyad: two bodies, the middle joint between them, and an ``outer`` joint of each on a placed body.
@@ -442,15 +433,12 @@ def _dyad_of(placed: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> 
     return Dyad(middle, (first, last), (start, end))
 
 
-def _side_of_dyad(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> float | None:
+def _side_of(dyad: Dyad, poses: Poses) -> float | None:
     """Number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others.
 
     Slider: the rod's span along the guide. Three revolutes: the middle joint to the left of the line between the
     pivots. Lever: the slider ahead of the lever's pivot.
     """
-    dyad = _dyad_of(placed, group, joints)
-    if dyad is None:
-        return None
     middle = dyad.middle
     stands = {name: pose_at(*pose.tolist()) for name, pose in poses.items()}
     start, end = (stands[pivot.body].place(pivot.at) for pivot in dyad.pivots)
