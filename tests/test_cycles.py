@@ -1,5 +1,6 @@
 """The search for a motion that repeats, over maps of one number: each says how its start was found."""
 
+import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -72,6 +73,24 @@ def test_a_motion_that_does_not_repeat_says_what_was_tried():
     _, verdict = Turning(1.0).repeated(0.0)
     assert verdict.outcome is Outcome.NO_PERIODIC_STATE
     assert "still changes after 100 cycles; Newton's method fails: Singular matrix; add damping" in verdict.message
+
+
+def test_a_neighbour_repeats_as_well_as_the_errors_of_its_steps_allow():
+    """Of a cycle beside a known one more is asked, but not what steps with an error of 1e-7 can't give."""
+
+    class Noisy(Halving):
+        def __init__(self):
+            super().__init__(0.5)
+            self.judges, self.left, self.error = False, 1e-8, itertools.cycle([1e-7, -1e-7])
+
+        def run(self, start):
+            return start, 1.0 + start / 2.0 + next(self.error)
+
+        def repeats(self, cycle, left):
+            return abs(cycle[1] - cycle[0]) < left
+
+    (start, _), verdict = Noisy().repeated(0.0)
+    assert verdict.outcome is Outcome.COMPLETED and start == pytest.approx(2.0, rel=0, abs=1e-6)
 
 
 def test_waiting_ends_where_no_motion_goes_on():

@@ -101,6 +101,7 @@ def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
     """
     first, free, modal = choose(system, positions[0], prefer=True), system.open_speeds, system.modal_speeds
     stiffness = np.concatenate([np.zeros(0), *(np.diag(each.stiffness) for each in system.layout.shapes.values())])
+    stiffness = np.maximum(stiffness, 1e-12 * stiffness.max(initial=1e-300))
     unit = np.ones(system.speeds)
     unit[modal] = 1e-4 * np.sqrt(stiffness.min(initial=1.0) / stiffness) * system.mechanism.size / system.measure[modal]
     J = np.array([system.jacobian(q)[first.rows] * unit for q in positions])[:, :, free]

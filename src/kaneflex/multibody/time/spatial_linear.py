@@ -118,13 +118,9 @@ class SpatialEquations(Equations[State]):
         return base.u[self.choice.independent], base.du[self.choice.independent]
 
     def moved(self, base: State, x: np.ndarray) -> State:
-        which, (y, v, a) = self.choice.independent, np.split(x, 3)
-        base = self._on(base)
-        u = base.u.copy()
-        u[which] += v
-        q = self.system.advanced(base.q, (y @ self.system.basis(self.choice))[None])[0]
-        found = self.system.project(base.t, q, u, self.choice)
-        found.du[which] = base.du[which] + a
+        which = self.choice.independent
+        found = self.beside(base, x[: 2 * len(which)])
+        found.du[which] = base.du[which] + x[2 * len(which) :]
         return found
 
     def deformed(self, base: State, y: np.ndarray, v: np.ndarray, a: np.ndarray) -> State:
