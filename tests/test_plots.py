@@ -474,6 +474,17 @@ def test_pictures_leave_the_callers_matplotlib_alone():
 # ---- the first picture -------------------------------------------------------------------------------------------
 
 
+def test_bodies_that_deform_under_coupled_in_space_are_drawn_in_true_size():
+    settings = ["solve.preset=coupled", "solve.steps=40", "solve.tolerance=1e-4"]
+    solution = solve(load(with_settings(read_scene("spatial-slider-crank-elastic"), settings)))
+    shown = View(solution, np.arange(5, 41, 5))
+    found, frame = enlarged(shown), shown.rigid.frame("rod")
+    moved = frame.to_global(shown.motion.displacement("rod", (0.15, 0.0, 0.0))[0][:3])
+    assert found.title == "deformation in true size" and found.largest > 1e-6
+    middle = (each.links["rod"][:, ALONG_LINK // 2] for each in (found.moved, found.still))
+    assert np.subtract(*middle) == pytest.approx((VIEW @ moved).T, abs=0.01 * found.largest)
+
+
 def test_what_does_not_deform_is_not_enlarged():
     """Rounding of a beam that stays straight was drawn 5e12 times as large."""
     solution = solve(load(with_settings(read_scene("mathieu"), ["solve.steps=200"])))

@@ -69,9 +69,10 @@ def enlarged(shown: View) -> Enlarged:
     solution, scene = shown.solution, shown.solution.model.scene
     fixed = scenery(solution.model, solution.rigid if scene.is_spatial else None)
     still = rigid_outline(scene, shown.rigid, fixed)
-    if not solution.model.links:
-        moved = outline(shown.motion, fixed, 0.0)
-        return Enlarged(fixed, still, moved, None, 0.0)
+    if not solution.model.links:  # shapes of coupled bodies without a mesh here are drawn in true size
+        coupled = solution.model.options.dynamics == "coupled" and any(body.deforms for body in scene.bodies.values())
+        moved = outline(shown.motion, fixed, float(coupled))
+        return Enlarged(fixed, still, moved, 1.0 if coupled else None, still.farthest(moved))
     sizes = {name: _largest(shown, name) for name in solution.model.links}
     largest = max(sizes.values())
     if largest <= _NOTHING * fixed.size:
