@@ -9,6 +9,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.time.cycles import PlanarCycles
 from kaneflex.multibody.time.planar_linear import prepare
 from kaneflex.solve import coupled
+from kaneflex.support.errors import SceneError
 
 
 def periodic(monkeypatch, name, *settings):
@@ -110,6 +111,22 @@ def test_a_free_joint_repeats_too(monkeypatch, tmp_path):
     for name, series in found.series.items():
         expected = waited.series[name].values[-361:]
         np.testing.assert_allclose(series.values, expected, rtol=0, atol=2e-5 * abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    "table, entry, said",
+    [
+        ("loads", {"push": {"force_on": "follower.mid", "direction": [0, 1], "law": "cos(main) + 0.1 * t"}},
+         "push is 1 at first and 1.02 a cycle later"),
+        ("drives", {"main": {"law": "10 * pi * t + t**2", "period": "0.2 s"}},
+         "main is 31.4159 at first and 31.8159 a cycle"),
+    ],
+)  # fmt: skip
+def test_what_does_not_repeat_is_named(table, entry, said):
+    """As in space: the harmonics took a load that grows for one that jumps back every cycle."""
+    raw = kaneflex.read_scene("four-bar").raw | {table: entry, "solve": {"preset": "coupled", "start": "periodic"}}
+    with pytest.raises(SceneError, match=rf"solve\.start = 'periodic': {said}"):
+        solved(kaneflex.scene_of(raw))
 
 
 def test_none_where_more_than_shapes_is_free():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 
@@ -14,6 +14,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import initial_rates
+from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.rigid_reference import FollowedKinematics, TwinKinematics
 from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
@@ -29,6 +30,7 @@ from kaneflex.solve.coupled_state import State, check_closed, openings
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.forward import with_courses
 from kaneflex.solve.initial import given_start, laid_over, start_dimensions
+from kaneflex.solve.law_checks import check_repeats
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.slow_start import slow_state
 from kaneflex.support.errors import SceneError
@@ -74,6 +76,10 @@ def repeated(
     system.compile()
     equations, start = prepare(system, t, *near), None
     cycles = PlanarCycles(equations, times, method_of(model), closer)
+    joints, driven = system.mechanism.joints, system.engine.layout.driven
+    turning = [name for name in driven if joints[name].kind != "prismatic"]
+    check_repeats(partial(_courses, equations), t, cycles.period, turning)
+    check_repeats(partial(_load_sizes, equations, equations.at(t, *near)), t, cycles.period)
     if by_harmonics and not cycles.touches:
         bare = partial(_undeformed, model, equations, near[0])
         start = orbit_start(equations, bare, t, cycles.period, HARMONICS)
@@ -185,6 +191,20 @@ def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
     equations = prepare(system, t, q, rigid_state(system, rigid)[1])
     slow_state(equations, equations.now(t), model.options.duration)
     return equations.bodies(equations.now(t))
+
+
+def _courses(equations: PlanarEquations, t: float) -> Iterable[tuple[str, np.ndarray]]:
+    """Coordinate, speed and acceleration of prescribed drives at t [s]."""
+    engine = equations.engine
+    return zip(engine.layout.driven, engine.courses(np.array([t])).reshape(-1, 3), strict=True)
+
+
+def _load_sizes(equations: PlanarEquations, start: Instant, t: float) -> Iterable[tuple[str, float]]:
+    """Sizes of loads at t [s], where free joints start."""
+    engine, loads = equations.engine, equations.system.mechanism.loads
+    engine.stand(start.row)
+    engine.project(t)
+    return zip(loads, engine.numbers(at.SIZE, len(loads)).tolist(), strict=True)
 
 
 def _undeformed(model: Model, equations: PlanarEquations, first: np.ndarray, times: np.ndarray) -> list[Instant]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -19,6 +20,8 @@ _MEETING = 1e-3
 """Share of a spring's greatest length below which its direction is undefined."""
 UNREPEATED = "{} is {:.6g} at first and {:.6g} a cycle later"
 """Reason why a motion or load is not periodic."""
+_REPEATS = 1e-6
+"""Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 _MOST = 20_000
 """Largest number of instants at which laws are checked before the computation."""
 
@@ -104,6 +107,24 @@ def refuse_unrepeated(reason: str | None) -> None:
             "solve.start", "periodic", reason,
             "Make every drive, law and table periodic with the cycle, or start from zero or quasistatic",
         )  # fmt: skip
+
+
+def check_repeats(
+    at: Callable[[float], Iterable[tuple[str, np.ndarray | float]]], begin: float, period: float,
+    turning: Collection[str] = (),
+) -> None:  # fmt: skip
+    """Raise SceneError unless courses of drives or sizes of loads are the same after a period [s], up to full turns of
+    ``turning`` drives.
+
+    ``at``: their names and numbers by the time [s].
+    """
+    for (name, one), (_, other) in zip(at(begin), at(begin + period), strict=True):
+        before, after = (np.array(each, ndmin=1) for each in (one, other))
+        after[:1] -= whole_turns(after[:1] - before[:1]) * (name in turning)
+        change = abs(after - before)
+        if change.max() > _REPEATS * max(1.0, abs(before).max()):
+            k = change.argmax()
+            refuse_unrepeated(UNREPEATED.format(name, before[k], after[k]))
 
 
 def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:

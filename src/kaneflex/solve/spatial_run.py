@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from itertools import chain
 
 import numpy as np
 
 from kaneflex.mechanism.energy import Energy
-from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
 from kaneflex.multibody.model.independent_speeds import choose_for_all
@@ -27,7 +25,7 @@ from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.scene.options import Options
 from kaneflex.solve.coupled_state import State as Given
-from kaneflex.solve.law_checks import UNREPEATED, check_finite, check_springs, refuse_unrepeated
+from kaneflex.solve.law_checks import check_finite, check_repeats, check_springs
 from kaneflex.solve.slow_start import slow_state
 from kaneflex.solve.spatial_loading import check_stage, given_state, state_after, with_open_reactions
 
@@ -36,8 +34,6 @@ Near = tuple[State, Mapping[str, float] | None]
 """A state, and the angles of joints that close loops if their turns count from there, else None."""
 _POSITIONS = 200
 """Positions in a cycle at which independent shapes must not become dependent."""
-_REPEATS = 1e-6
-"""Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 
 
 def integrated_in_space(
@@ -102,7 +98,9 @@ def _cycle(
     """
     start, (state, turned) = start_of(system), near or (None, None)
     begin = 0.0 if state is None else state.t
-    _check_repeats(system, start, options.duration)
+    turning = [name for name in system.driven if system.mechanism.joints[name].kind != "prismatic"]
+    check_repeats(lambda t: zip(system.driven, system.courses(t), strict=True), begin, options.duration, turning)
+    check_repeats(lambda t: _load_sizes(system, start, t), begin, options.duration)
     equations, path = SpatialEquations(system, start.choice), Followed(system, start)
     if equations.shapes.all():
         times = begin + np.linspace(0.0, options.duration, _POSITIONS)
@@ -119,25 +117,14 @@ def _cycle(
     return run, verdict
 
 
+def _load_sizes(system: SpatialSystem, start: State, t: float) -> Iterable[tuple[str, float]]:
+    """Sizes of loads at t [s], where free joints start."""
+    sizes = system.project(t, start.q, start.u, start.choice).sizes
+    return zip(system.mechanism.loads, sizes.tolist(), strict=True)
+
+
 def _undeformed(path: Curve, choice: Choice, times: np.ndarray) -> list[State]:
     """States of the undeformed mechanism at ``times`` [s]."""
     found, none = path.system.instants(path.rows(times)), np.zeros(path.system.speeds)
     states = zip(times.tolist(), found.q, found.u, strict=True)
     return [State(t, q, u, none, path.start.sizes, choice) for t, q, u in states]
-
-
-def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None:
-    """Raise SceneError unless drives and loads are periodic, up to full turns."""
-    before, after = (system.courses(t) for t in (0.0, duration))
-    turns = [system.mechanism.joints[name].kind != "prismatic" for name in system.driven]
-    after[turns, 0] -= whole_turns(after[turns, 0] - before[turns, 0])
-
-    def sizes() -> Iterator[tuple[str, np.ndarray, np.ndarray]]:  # where free joints start
-        states = (system.project(t, start.q, start.u, start.choice) for t in (0.0, duration))
-        yield from zip(system.mechanism.loads, *(state.sizes for state in states), strict=True)
-
-    for name, one, other in chain(zip(system.driven, before, after, strict=True), sizes()):
-        change = abs(np.atleast_1d(other - one))
-        if change.max() > _REPEATS * max(1.0, abs(one).max()):
-            k = change.argmax()
-            refuse_unrepeated(UNREPEATED.format(name, np.ravel(one)[k], np.ravel(other)[k]))
