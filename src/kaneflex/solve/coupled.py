@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -76,10 +76,8 @@ def repeated(
     system.compile()
     equations, start = prepare(system, t, *near), None
     cycles = PlanarCycles(equations, times, method_of(model), closer)
-    joints, driven = system.mechanism.joints, system.engine.layout.driven
-    turning = [name for name in driven if joints[name].kind != "prismatic"]
-    check_repeats(partial(_courses, equations), t, cycles.period, turning)
-    check_repeats(partial(_load_sizes, equations, equations.at(t, *near)), t, cycles.period)
+    sizes = partial(_load_sizes, equations, equations.at(t, *near))
+    check_repeats(system, system.engine.layout.driven, sizes, t, cycles.period)
     if by_harmonics and not cycles.touches:
         bare = partial(_undeformed, model, equations, near[0])
         start = orbit_start(equations, bare, t, cycles.period, HARMONICS)
@@ -193,18 +191,11 @@ def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
     return equations.bodies(equations.now(t))
 
 
-def _courses(equations: PlanarEquations, t: float) -> Iterable[tuple[str, np.ndarray]]:
-    """Coordinate, speed and acceleration of prescribed drives at t [s]."""
-    engine = equations.engine
-    return zip(engine.layout.driven, engine.courses(np.array([t])).reshape(-1, 3), strict=True)
-
-
-def _load_sizes(equations: PlanarEquations, start: Instant, t: float) -> Iterable[tuple[str, float]]:
+def _load_sizes(equations: PlanarEquations, start: Instant, t: float) -> np.ndarray:
     """Sizes of loads at t [s], where free joints start."""
-    engine, loads = equations.engine, equations.system.mechanism.loads
-    engine.stand(start.row)
-    engine.project(t)
-    return zip(loads, engine.numbers(at.SIZE, len(loads)).tolist(), strict=True)
+    equations.engine.stand(start.row)
+    equations.engine.project(t)
+    return equations.engine.numbers(at.SIZE, len(equations.system.mechanism.loads)).copy()
 
 
 def _undeformed(model: Model, equations: PlanarEquations, first: np.ndarray, times: np.ndarray) -> list[Instant]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -110,17 +111,20 @@ def refuse_unrepeated(reason: str | None) -> None:
 
 
 def check_repeats(
-    at: Callable[[float], Iterable[tuple[str, np.ndarray | float]]], begin: float, period: float,
-    turning: Collection[str] = (),
-) -> None:  # fmt: skip
-    """Raise SceneError unless courses of drives or sizes of loads are the same after a period [s], up to full turns of
-    ``turning`` drives.
+    system: Any, driven: Sequence[str], sizes: Callable[[float], np.ndarray], begin: float, period: float
+) -> None:
+    """Raise SceneError unless courses of drives, up to full turns, and ``sizes`` of loads by the time [s] are the same
+    after a period [s], in the plane and in space."""
+    times, joints = (begin, begin + period), system.mechanism.joints
+    courses = system.engine.courses(np.array(times)).reshape(2, -1, 3)
+    turns = [joints[name].kind != "prismatic" for name in driven]
+    courses[1, turns, 0] -= whole_turns(courses[1, turns, 0] - courses[0, turns, 0])
 
-    ``at``: their names and numbers by the time [s].
-    """
-    for (name, one), (_, other) in zip(at(begin), at(begin + period), strict=True):
-        before, after = (np.array(each, ndmin=1) for each in (one, other))
-        after[:1] -= whole_turns(after[:1] - before[:1]) * (name in turning)
+    def known() -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+        yield from zip(driven, *courses, strict=True)
+        yield from zip(system.mechanism.loads, *(sizes(t)[:, None] for t in times), strict=True)
+
+    for name, before, after in known():
         change = abs(after - before)
         if change.max() > _REPEATS * max(1.0, abs(before).max()):
             k = change.argmax()

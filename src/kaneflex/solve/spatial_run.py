@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -97,10 +97,13 @@ def _cycle(
     Raises SceneError if drives or loads are not periodic, or the motion can't continue.
     """
     start, (state, turned) = start_of(system), near or (None, None)
-    begin = 0.0 if state is None else state.t
-    turning = [name for name in system.driven if system.mechanism.joints[name].kind != "prismatic"]
-    check_repeats(lambda t: zip(system.driven, system.courses(t), strict=True), begin, options.duration, turning)
-    check_repeats(lambda t: _load_sizes(system, start, t), begin, options.duration)
+    first = state or start
+    begin = first.t
+
+    def sizes(t: float) -> np.ndarray:  # where free joints start
+        return system.project(t, first.q, first.u, first.choice).sizes
+
+    check_repeats(system, system.driven, sizes, begin, options.duration)
     equations, path = SpatialEquations(system, start.choice), Followed(system, start)
     if equations.shapes.all():
         times = begin + np.linspace(0.0, options.duration, _POSITIONS)
@@ -115,12 +118,6 @@ def _cycle(
         assert run.stopped is not None
         raise run.stopped
     return run, verdict
-
-
-def _load_sizes(system: SpatialSystem, start: State, t: float) -> Iterable[tuple[str, float]]:
-    """Sizes of loads at t [s], where free joints start."""
-    sizes = system.project(t, start.q, start.u, start.choice).sizes
-    return zip(system.mechanism.loads, sizes.tolist(), strict=True)
 
 
 def _undeformed(path: Curve, choice: Choice, times: np.ndarray) -> list[State]:
