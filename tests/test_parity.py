@@ -21,6 +21,8 @@ ORDER = (
     "in the plane, by 2 atan(theta / 2) in space"
 )
 DIFFERENT = {
+    ("engine-elastic-crank", "coupled"): "not explained: the rod's strain differs by 5.5e-5 of its peak, the two "
+    "estimates allow 4.6e-5 since space has one, too",
     ("four-bar", "coupled"): ORDER, ("two-link-arm", "coupled"): ORDER, ("spin-up-torque", "coupled"): ORDER,
 }  # fmt: skip
 """What does not agree yet, by scene and preset, and why."""
