@@ -78,9 +78,10 @@ the change that half as many elements and modes cause. Sensors whose error is be
 {coupled}
 ## Prices and runs
 
-The table compares the [prices](trade.md#prices) of groups of terms and of coarser meshes with the change between two
-runs of `stiffened`, in the sensor that changes most. *Missed* is the error of the price as a share of this change.
-This error is at most 2 % of the change or 2e-5 of the peak, whichever is larger. Changes below 1e-5 are left out.
+A [price](trade.md#prices) estimates the change that a group of terms or a coarser mesh causes. The table compares it
+with the change between two runs of `stiffened`, for the sensor that changes most. *Missed* is the error of the price
+as a share of this change. This error is at most 2 % of the change or 2e-5 of the peak, whichever is larger. Changes
+below 1e-5 of the peak are left out.
 
 {prices}
 Made by `python tests/bench_accuracy.py [coupled] [prices]`; do not edit.

@@ -44,9 +44,9 @@ print(time.perf_counter() - started)
 HEAD = """# Times to derive and to compile
 
 Chains of elastic links, each hinged to the previous one (`tests/chains.py`): open chains with all joints driven, and
-closed chains from ground to ground. Operations are those of the kernel `motion`. With shared subexpressions their
-number grows linearly with the number of links, without them exponentially. Each chain is compiled in a new process
-with an empty cache.
+closed chains from ground to ground. Operations are those of the kernel `motion`. Their number grows
+linearly with the number of links (exponentially without shared subexpressions). Each chain is compiled in a new
+process with an empty cache.
 
 """
 COLUMNS = (

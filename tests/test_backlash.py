@@ -178,7 +178,7 @@ def test_units_are_those_of_angles_and_torques():
     (EXACT, ("drives.coupling.angle=-719.9 deg",), "is -719.9 deg from the middle"),
     (EXACT, ("drives.coupling.angle=361 deg",), "at the start it is 361 deg from the middle"),
     (EXACT, ("sensors.on={contact_force='coupling_1', contact_torque='none'}",),
-     "it is a flank, with a torque and an angle. Write contact_torque"),
+     "a flank has a torque and an angle. Write contact_torque"),
     (EXACT, ("solve.preset=rigid",), "preset rigid does not support a joint with a clearance"),
     (EXACT, ("joints.coupling.clearance.radius=1 mm",), "does not apply to"),
 ])  # fmt: skip

@@ -237,7 +237,7 @@ BAD = {
         "number in N."),
     "against no drive": (
         'against = "main"', 'against = "mian"',
-        "loads.gas.against = 'mian': no joint of that name, nor its speed. The nearest known one is 'main'."),
+        "loads.gas.against = 'mian': no joint or speed of that name. The nearest known one is 'main'."),
     "against nothing": (
         'against = "main"\n', "",
         "loads.gas: the table's abscissa is not given. Give against: 't', a joint's name, or "
@@ -301,7 +301,8 @@ BAD = {
         "sensors.rod_force_piston.component = 'y': does not apply to axial_force. Leave it out."),
     "name of a rigid companion": (
         "[sensors]", '[sensors]\ncrank_torque_rigid = {position = "rod"}',
-        "sensors.crank_torque_rigid: the rigid value of crank_torque is written under this name. Choose another name."),
+        "sensors.crank_torque_rigid: the value of crank_torque in the rigid mechanism has this name. "
+        "Choose another name."),
     "spring without stiffness": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"]}\n[sensors]',
         "springs.band: stiffness and damping are missing. Give at least one of them."),
@@ -311,8 +312,8 @@ BAD = {
         "Name points of two bodies."),
     "spring across a pin": (
         "[sensors]", '[springs]\nband = {between = ["rod.start", "crank.end"], damping = 1}\n[sensors]',
-        "springs.band.between = ['rod.start', 'crank.end']: joint pin keeps its points together, so length and "
-        "damping have no direction. Move one of the points, give only stiffness, or write torsional_at for a "
+        "springs.band.between = ['rod.start', 'crank.end']: joint pin keeps its points together, so forces by length "
+        "or damping have no direction. Move one of the points, give only stiffness, or write torsional_at for a "
         "torsional spring."),
     "mass of nothing": (
         "[sensors]", '[masses]\nlump = {at = "rod.mid"}\n[sensors]',

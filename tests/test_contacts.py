@@ -163,7 +163,7 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             'force = {joint_force = "pin"', 'eccentricity = {joint_force = "pin"',
-            "sensors.eccentricity: contacts write a result of this name. Choose another name.",
+            "sensors.eccentricity: contacts have a result of this name. Choose another name.",
         ),
         (
             'joint_force = "pin"', 'joint_force = "wrist"',
@@ -172,8 +172,8 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             'push = {force_on = "piston", direction = [1, 0]', 'push = {torque_at = "wrist"',
-            "loads.push.torque_at = 'wrist': wrist has a clearance: no torque acts between sides that also "
-            "translate. Leave out the clearance or this entry.",
+            "loads.push.torque_at = 'wrist': wrist has a clearance: a torque needs a joint without "
+            "clearance. Leave out the clearance or this entry.",
         ),
         (
             'torsional_at = "pin"', 'torsional_at = "wrist"',

@@ -215,7 +215,7 @@ def test_a_spring_and_its_damper_hold_the_cart():
         ),
         (
             "free-frame", [],
-            "solve.preset = 'coupled': preset coupled places bodies by joints; only welds take angles from poses. "
+            "solve.preset = 'coupled': preset coupled supports poses only if all joints are welds. "
             "Use preset stiffened, or leave the poses out and hold every body by joints and drives.",
         ),
         (

@@ -250,7 +250,7 @@ def test_the_command_line_reads_a_guide_s_place_as_a_length(tmp_path):
         (("duration = 0.5", 'duration = 0.5\nmode_angle = "20 deg"'), r"solve\.mode_angle = '20 deg'.*a guide slides"),
         (
             ("[loads]", '[loads]\np = {force_on = "cart", direction = [1, 0], table = "s.csv", against = "bore"}'),
-            r"loads\.p\.table = .*a guide slides; the first column of s\.csv is of an angle.*like 'bore \(m\)'",
+            r"loads\.p\.table = .*a guide slides; the first column of s\.csv is an angle.*like 'bore \(m\)'",
         ),
     ],
 )

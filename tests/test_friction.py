@@ -525,7 +525,7 @@ def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(friction
 
 @pytest.mark.parametrize("name", ["pin", "pin_torque", "friction_lost"])
 def test_no_sensor_has_the_name_of_a_result_of_friction(name):
-    with pytest.raises(SceneError, match=rf"sensors.{name}: friction writes a result of this name"):
+    with pytest.raises(SceneError, match=rf"sensors.{name}: friction has a result of this name"):
         solved(HINGE.replace("drag =", f"{name} ="))
 
 

@@ -322,7 +322,7 @@ def test_the_page_has_a_scene_of_it(recovered):
     ("before", "after", "message"),
     [
         ('start = "periodic"', "modes = 2", "solve.modes = 2: the file of modal data gives the shapes"),
-        ('preset = "coupled"\nstart = "periodic"', 'preset = "rigid"', "rigid bodies with modal data have none"),
+        ('preset = "coupled"\nstart = "periodic"', 'preset = "rigid"', "under rigid modal data give no section forces"),
         ('"rod.waist"', '"rod.end"', "has no section forces there: it has those at mid, waist. Name a section"),
     ],
 )

@@ -22,9 +22,10 @@ STUBBY = {"engine-elastic-crank", "engine-paper"}
     ("four-bar", ["coupler.E=71"], "bodies.coupler.beam.E = 71 Pa is outside the range of materials"),
     ("four-bar", ["coupler.rho=0.05"], "bodies.coupler.beam.rho = 0.05 kg/m^3 is outside the range of materials"),
     ("four-bar", ["coupler.rho=2.7"], "rho = 2.7 kg/m^3 give a speed of sound of 1.62e+05 m/s"),
-    ("engine", ["rod.I=7008"], "bodies.rod.beam.I = 7008 m^4 means a section 9.15 m wide, of a link 0.137 m long"),
+    ("engine", ["rod.I=7008"],
+     "bodies.rod.beam.I = 7008 m^4 means a section 9.15 m wide, but the link is only 0.137 m long"),
     ("engine", ["rod.I=1", "rod.mass=none", "rod.A=1.4e-4"], "bodies.rod.beam.I = 1 m^4 with A = 0.00014 m^2 "
-     "means a radius of gyration of 84.5 m, of a link 0.137 m long: a plain number is in m^4"),
+     "means a radius of gyration of 84.5 m, but the link is only 0.137 m long: a plain number is in m^4"),
     ("engine", ["rod.I=7e-4"],
      "bodies.rod.beam.I = 0.0007 m^4 with A = 0.0001423 m^2 means a radius of gyration of 2.22 m"),
     ("spatial-slider-crank-elastic", ["rod.beam.section=none", "rod.beam.A=28 mm^2", "rod.beam.I_y=64 mm^4",
@@ -76,7 +77,7 @@ def test_beams_that_are_none_are_noted():
     gyration = 10.0 / math.sqrt(12.0)
     (note,) = noted(5.0 * gyration)
     share = 3.0 * 2.0 * 1.3 / (5.0 / 6.0) / 5.0**2
-    assert "bodies.coupler is 5 of its section's radii" in note and f"some {share:.0%} to its bending" in note
+    assert "bodies.coupler.length is only 5 radii of gyration" in note and f"some {share:.0%} to its bending" in note
     shear = ("coupler.theory=timoshenko", "coupler.nu=0.3", "coupler.kappa=0.83")
     assert not noted(5.0 * gyration, *shear) and not noted(10.1 * gyration)
     (note,) = noted(2.5 * gyration, *shear)

@@ -438,7 +438,7 @@ def test_section_forces_at_an_end_are_what_the_joint_there_exerts(name, preset):
     ("old", "new", "said"),
     [
         ('section = {circle = "20 mm"}, elements = 3', 'A = "100 mm^2", I = "800 mm^4"',
-         r"bodies.arm.beam.I = .*bends across two axes and twists.*I_y, I_z and J"),
+         r"bodies.arm.beam.I = .*bends about two axes and twists.*I_y, I_z and J"),
         ('section = {circle = "20 mm"}, elements = 3', 'A = "100 mm^2", I_y = "800 mm^4", I_z = "800 mm^4"',
          r"bodies.arm.beam.J.*missing"),
         ("nu = 0.3, ", "", r"bodies.(arm|leg).beam.*needs a shear modulus"),

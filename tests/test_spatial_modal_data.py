@@ -249,7 +249,7 @@ def test_what_a_scene_must_not_ask(exported, before, after, message):
 def test_planar_and_spatial_data_are_told_apart(exported, tmp_path):
     planar = cli("modes", "slider-crank-150-coupled", "--export", str(tmp_path / "data"))
     assert planar.exit_code == 0
-    refused(cli("check", str(written(tmp_path, DATA))), "the file is of a link in the plane")
+    refused(cli("check", str(written(tmp_path, DATA))), "the file describes a planar link")
     flat = f'schema = 1\n[bodies]\nrod = {{{DATA}}}\n[joints]\npin = {{revolute = ["ground", "rod.start"]}}\n'
     (exported / "flat.toml").write_text(flat + '[drives]\npin = {speed = "1 rad/s"}\n[solve]\npreset = "coupled"\n')
-    refused(cli("check", str(exported / "flat.toml")), "the file is of a body in space. Give vectors three components")
+    refused(cli("check", str(exported / "flat.toml")), "the file describes a body in space. Give vectors three")

@@ -31,7 +31,7 @@ GROUPS = {
     "Study": {
         "compare": ("compare.compare", "Compare models, or with another program"),
         "sweep": ("sweep.sweep", "Run a scene over ranges of parameters"),
-        "explore": ("explore.explore", "Change numbers by sliders"),
+        "explore": ("explore.explore", "Change numbers with sliders"),
         "stability": ("stability.stability", "Floquet, buckling, Campbell diagram"),
         "trade": ("trade.trade", "Rank models by error and run time"),
         "terms": ("trade.terms", "Error and cost of each group of terms"),

@@ -60,7 +60,7 @@ def check(asked: SceneArguments, as_json: bool) -> None:
     """Check every entry of SCENE and close its loops over the range of the drives, without solving it.
 
     It prints the range of each joint, the distance of the loops from dead centres, and the degrees of freedom by count
-    and by rank. It prints those warnings of a run that need no solution, such as steps that are too long for the loads.
+    and by rank. It also prints the warnings that need no solution, such as steps that are too long for the loads.
     Deflections, energy, impacts and errors are known only after a run.
 
     \b
@@ -89,7 +89,7 @@ def check(asked: SceneArguments, as_json: bool) -> None:
 @click.option("--count", type=Count(min=1), help="Number of modes, lowest first. [default: all, 50 at most]")
 @json_option
 @path_option(
-    "--export", metavar="FOLDER", help="Write each link's modal data of preset coupled to FOLDER/LINK.npz instead."
+    "--export", metavar="FOLDER", help="Write instead the modal data of each link for preset coupled: FOLDER/LINK.npz."
 )
 @click.option("--force", is_flag=True, help="Replace existing files of --export.")
 @gathered(asked=SceneArguments)
@@ -100,8 +100,8 @@ def modes(
     """Print undamped natural frequencies and mode shapes of SCENE at one configuration.
 
     Modes follow from the elastic stiffness and the mass matrix; preset paper adds the spin and Euler terms, as in the
-    paper's eq. (99). Shapes are mass-normalised; mode_shapes has a column for each mode and a row for each coordinate
-    (m or rad).
+    paper's eq. (99). Shapes are mass-normalised; with --json, mode_shapes has a column for each mode and a row for each
+    coordinate (m or rad).
 
     \b
       kaneflex modes engine --at main=90deg --count 6

@@ -206,7 +206,7 @@ class Orbit:
     def said(self) -> str:
         """Description of the solution."""
         corrections = "1 correction" if (n := sum(dict(self.grids).values())) == 1 else f"{n} corrections"
-        left = f"remainder {self.last:.1e}, highest harmonics {self.tail:.1e} of the motion"
+        left = f"residual {self.last:.1e}, highest harmonics {self.tail:.1e} of the motion"
         return f"spectral: {self.grid.instants} instants per cycle, {corrections}; {left}"
 
     def at(self, count: int) -> np.ndarray:

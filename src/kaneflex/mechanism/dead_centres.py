@@ -62,7 +62,7 @@ class Closing:
             return (
                 f"{at}the transmission angle at {self.name} is {math.degrees(least):.2g} deg (0 at a dead centre): "
                 f"joint forces reach {1.0 / max(math.sin(least), 1e-9):.3g} times the transmitted force, and with "
-                "clearance the loop may change its branch; 40 deg or more are usual"
+                "clearance the loop may change its branch; at least 40 deg is usual"
             )
         if not self.is_angle and least < _WEAK * self.values.max():
             return (

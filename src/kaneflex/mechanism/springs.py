@@ -53,6 +53,6 @@ def points_meet(name: str, between: Sequence[Address], where: str = "") -> Scene
     """Error for a spring whose points coincide, so that its force has no direction."""
     return SceneError(
         f"springs.{name}.between", " and ".join(map(str, between)),
-        f"its points coincide{where}, so length and damping have no direction",
+        f"its points coincide{where}, so forces by length or damping have no direction",
         "Move one of the points, or give only stiffness",
     )  # fmt: skip

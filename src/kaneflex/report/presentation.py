@@ -200,7 +200,7 @@ def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) ->
     are None where that is not known."""
     taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
     rows = {
-        "bodies": (3 * count.bodies, f"{count.bodies} of 3 each"),
+        "bodies": (3 * count.bodies, f"{count.bodies} with 3 each"),
         "joints": (-sum(count.constraints.values()), taken),
         "drives": (-len(count.prescribed), ", ".join(count.prescribed)),
         "free joints": (-len(count.free), ", ".join(count.free)),

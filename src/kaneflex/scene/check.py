@@ -85,9 +85,9 @@ def _names(scene: Scene) -> Iterator[Problem]:
                 reason = RESULT_NAMES.get(name) if table == "sensors" else RESERVED_NAMES[name]
                 yield Problem(key, None, f"a reserved name: {reason}", "Choose another name")
             elif table == "sensors" and scene.contacts and name in CONTACT_RESULTS:
-                yield Problem(key, None, "contacts write a result of this name", "Choose another name")
+                yield Problem(key, None, "contacts have a result of this name", "Choose another name")
             elif table == "sensors" and scene.frictions and name in FRICTION_RESULTS:
-                yield Problem(key, None, "friction writes a result of this name", "Choose another name")
+                yield Problem(key, None, "friction has a result of this name", "Choose another name")
     for name in scene.joints:
         if name in scene.bodies:
             yield Problem(f"joints.{name}", None, "a body has the same name", "Choose another name")
@@ -181,7 +181,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         yield from _OF_SENSORS[sensor.kind](scene, key, sensor)
         base = name.removesuffix("_rigid")
         if base != name and base in scene.sensors and scene.sensors[base].kind in RIGID_COMPANIONS:
-            yield Problem(key, None, f"the rigid value of {base} is written under this name", "Choose another name")
+            yield Problem(key, None, f"the value of {base} in the rigid mechanism has this name", "Choose another name")
 
 
 def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
@@ -235,7 +235,7 @@ def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         right = "drive_force" if slides else "drive_torque"
         if sensor.kind != right:
             kind = "slides" if slides else "turns"
-            yield Problem(f"{key}.{sensor.kind}", target, f"that drive {kind}", f"Write {right}")
+            yield Problem(f"{key}.{sensor.kind}", target, f"that joint {kind}", f"Write {right}")
 
 
 def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
@@ -264,8 +264,8 @@ def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]
     elif (scene.contacts[target].kind == "angle") != (sensor.kind in FLANK_KINDS):
         others = dict(zip(("contact_force", "contact_gap"), FLANK_KINDS, strict=True))
         right = (others | {flank: kind for kind, flank in others.items()})[sensor.kind]
-        what = "a flank, with a torque and an angle" if right in FLANK_KINDS else "not a flank, with a force and a gap"
-        yield Problem(f"{key}.{sensor.kind}", target, f"it is {what}", f"Write {right}")
+        what = "a flank has a torque and an angle" if right in FLANK_KINDS else "it has a force and a gap"
+        yield Problem(f"{key}.{sensor.kind}", target, what, f"Write {right}")
 
 
 def _friction_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:

@@ -37,7 +37,7 @@ def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
     for name in scene.drives:
         yield f"drives.{name}", name, "it cannot be driven"
     for name, load in scene.torques.items():
-        yield f"loads.{name}.torque_at", load.torque_at, "no torque acts between sides that also translate"
+        yield f"loads.{name}.torque_at", load.torque_at, "a torque needs a joint without clearance"
     for name in scene.loads:
         key = "law" if scene.loads[name].against is None else "against"
         yield from ((f"loads.{name}.{key}", joint, "it has no coordinate") for joint in _in_law(scene, name))

@@ -58,7 +58,7 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, cure)
         if load.against not in (None, *scene.law_names()):
             cure = nearest(load.against, scene.law_names())
-            yield Problem(f"loads.{name}.against", load.against, "no joint of that name, nor its speed", cure)
+            yield Problem(f"loads.{name}.against", load.against, "no joint or speed of that name", cure)
             continue
         try:
             if load.kind == "table":
@@ -86,7 +86,7 @@ def _abscissa(scene: Scene, name: str) -> Iterator[Problem]:
     dimension = abscissae(load.against)[slides]
     kind = "a guide slides" if slides else f"a {scene.joints[joint].kind} joint turns"
     if measured is not dimension:
-        reason = f"{kind}; the first column of {Path(load.table).name} is of {measured.name}"
+        reason = f"{kind}; the first column of {Path(load.table).name} is {measured.name}"
         cure = f"Write its unit in the heading, like '{load.against} ({dimension.unit})'"
         yield Problem(f"loads.{name}.table", load.table, reason, cure)
     for field in ("offset", "period"):
@@ -116,7 +116,7 @@ def spring_problems(scene: Scene) -> Iterator[Problem]:
                 yield Problem(f"{key}.{kind}", str(end), f"{end.body} is axially rigid", cure)
         held = together.get(frozenset(map(str, spring.between or ())))
         if held is not None and (spring.length or spring.damping):
-            reason = f"joint {held} keeps its points together, so length and damping have no direction"
+            reason = f"joint {held} keeps its points together, so forces by length or damping have no direction"
             cure = "Move one of the points, give only stiffness, or write torsional_at for a torsional spring"
             yield Problem(f"{key}.between", [*map(str, spring.ends)], reason, cure)
         if spring.torsional_at is not None:
@@ -172,7 +172,7 @@ def drive_problems(scene: Scene) -> Iterator[Problem]:
                     kind = "a guide slides" if scene.slides(name) else "a revolute joint turns"
                     right = "length, like unit = 'mm'" if scene.slides(name) else "angle, like unit = 'deg'"
                     cure = f"Give a unit of {right}, or write it in the column's heading"
-                    raise Fault(f"{kind}; the table is of {measured.name}", cure, below="unit")
+                    raise Fault(f"{kind}; the table contains {measured.name}", cure, below="unit")
         except Fault as fault:
             field = fault.below or drive.kind
             yield Problem(f"drives.{name}.{field}", getattr(drive, field), fault.reason, fault.cure)
@@ -238,7 +238,7 @@ def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
     for _, call, _ in law.calls("atan2"):
         t = _first_jump(call, times)
         if t is not None:
-            reason = f"{call.text} has kinks, at which the speed would jump: its point (x, y) crosses y = 0 at x <= 0, "
+            reason = f"{call.text} jumps where its point (x, y) crosses the negative x axis, "
             cure = "Write a law whose point does not cross the negative x axis"
             raise Fault(f"{reason}at t = {t:.6g} s", cure)
     for _, call, (argument,) in law.calls("asin", "acos"):

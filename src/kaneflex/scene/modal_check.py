@@ -78,7 +78,8 @@ def section_problems(scene: Scene, key: str, sensor: Sensor, modal: ModalData) -
         cure = "Name a section of the import, like --section waist=0.07, or add arrays sections and section_forces"
         yield Problem(key, str(address), reason, cure)
     elif scene.solve.preset == "rigid":
-        yield Problem(key, str(address), "rigid bodies with modal data have none", "Use preset coupled or leave it out")
+        reason = "under rigid modal data give no section forces"
+        yield Problem(key, str(address), reason, "Use preset coupled or leave it out")
 
 
 def _planar_only(scene: Scene, beams: Sequence[str], links: Sequence[str]) -> Iterator[Problem]:

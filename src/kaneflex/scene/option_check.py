@@ -33,7 +33,7 @@ def check_coupled(scene: Scene) -> None:
          "only one-way presets have this choice",
          "Leave rotation out, or use preset stiffened"),
         (scene.is_frame and not _welded(scene), "solve.preset", "coupled",
-         "preset coupled places bodies by joints; only welds take angles from poses",
+         "preset coupled supports poses only if all joints are welds",
          "Use preset stiffened, or leave the poses out and hold every body by joints and drives"),
     )  # fmt: skip
 

@@ -113,7 +113,7 @@ def stubby_links(scene: Scene) -> Iterator[str]:
         slenderness = body.length / radius
         if slenderness >= (_STUBBIEST if body.beam.shear else _STUBBY):
             continue
-        told = f"bodies.{name} is {slenderness:.2g} of its section's radii of gyration long"
+        told = f"bodies.{name}.length is only {slenderness:.2g} radii of gyration of its section"
         if slenderness < _STUBBIEST:
             yield f"{told}, too short for any beam theory: leave its beam out, or use modal_data of finite elements"
         else:
@@ -184,14 +184,14 @@ def _sections(scene: Scene) -> Iterator[str]:
                 given = getattr(part, field) or 0.0
                 if (wide := given ** (1.0 / root)) > _STOUT * body.length:
                     yield (
-                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} means a section {wide:.3g} m wide, of a "
-                        f"link {body.length:.4g} m long: a plain number is in {unit}"
+                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} means a section {wide:.3g} m wide, but "
+                        f"the link is only {body.length:.4g} m long: a plain number is in {unit}"
                     )
                 elif root == 4 and given > min(_HOLLOW * (part.A or math.inf) ** 2, area * body.length**2):
                     yield (
                         f"bodies.{name}.{key}.{field} = {given:.4g} {unit} with A = {area:.4g} m^2 means a radius of "
-                        f"gyration of {math.sqrt(given / area):.3g} m, of a link {body.length:.4g} m long: a plain "
-                        f"number is in {unit}, and '1 mm^4' is 1e-12 m^4"
+                        f"gyration of {math.sqrt(given / area):.3g} m, but the link is only {body.length:.4g} m "
+                        f"long: a plain number is in {unit}, and '1 mm^4' is 1e-12 m^4"
                     )
 
 
@@ -246,7 +246,7 @@ def _inertias(scene: Scene) -> Iterator[str]:
         if size and radius > _FAR * size:
             yield (
                 f"bodies.{name}.inertia = {inertia:.4g} kg m^2 of {body.mass:.4g} kg means a radius of gyration of "
-                f"{radius:.4g} m, in a mechanism of {size:.4g} m: a plain number is in kg m^2"
+                f"{radius:.4g} m, but the mechanism is only {size:.4g} m large: a plain number is in kg m^2"
             )
 
 

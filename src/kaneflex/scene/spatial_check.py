@@ -53,7 +53,7 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
     cure = "Give vectors three components, or leave it out"
     for name, body in scene.bodies.items():
         if body.modal is not None and body.modal.dimension == 3:
-            reason = "the file is of a body in space"
+            reason = "the file describes a body in space"
             yield Problem(f"bodies.{name}.modal_data", body.modal_data, reason, _IN_PLANE)
             continue
         if isinstance(body.inertia, tuple):
@@ -101,7 +101,7 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"bodies.{name}.pose", None, reason, cure)
         if body.modal is not None and body.modal.dimension != 3:
             right = "Import its finite elements with --space, or export it from a scene in space"
-            yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file is of a link in the plane", right)
+            yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file describes a planar link", right)
     for name, joint in scene.joints.items():
         for field in ("branch", "near", "clearance", "friction", "relative_angle"):
             if field in joint.model_fields_set:
@@ -147,7 +147,7 @@ def _joints(scene: Scene) -> Iterator[Problem]:
         along = way is not None and abs(way[0]) > _ALONG * math.hypot(*way)
         if slides and along and rail is not None and rail.deforms:
             reason = "the body is elastic, but its sliding line would stay straight"
-            cure = "Name the other side first, so that the line belongs to it, or weld a rigid body there as the slider"
+            cure = "Swap the two addresses, so that the other body has the line, or weld a rigid slider to this one"
             yield Problem(f"joints.{name}.{joint.kind}", str(joint.addresses[0]), reason, cure)
 
 
@@ -156,7 +156,7 @@ def _bodies(scene: Scene) -> Iterator[Problem]:
         if body.free is not None:
             for field, right in (("angle", "the body's rotation"), ("angular_speed", "angular_velocity")):
                 if field in body.free.model_fields_set:
-                    yield Problem(f"bodies.{name}.free.{field}", None, "of a planar body", f"Give {right}")
+                    yield Problem(f"bodies.{name}.free.{field}", None, "only planar bodies have it", f"Give {right}")
         if "inertia" in body.model_fields_set and not isinstance(body.inertia, tuple):
             reason = "a body in space has three principal moments of inertia"
             given = given_value(scene.raw, ("bodies", name, "inertia"))
@@ -185,7 +185,7 @@ def _beams(scene: Scene) -> Iterator[Problem]:
             here, made_of = f"bodies.{name}.{part}", body.beam.made_of(sectioned)
             if sectioned.section is None and sectioned.J is None:
                 cure = "Give section by its shape, or A, I_y, I_z and J"
-                yield Problem(f"{here}.I", sectioned.I, "a beam in space bends across two axes and twists", cure)
+                yield Problem(f"{here}.I", sectioned.I, "a beam in space bends about two axes and twists", cure)
             for field in ("A_end", "I_end"):
                 if getattr(sectioned, field) is not None:
                     cure = "Give section and taper by their shapes"
@@ -233,7 +233,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"{key}.component", "angle", "a rotation in space needs an axis", "Write it like angle_z")
         elif sensor.component.startswith("angle_") and sensor.kind == "position":
             cure = "Measure a velocity or an acceleration, or the position of a joint"
-            yield Problem(f"{key}.component", sensor.component, "angles in space don't add up to a position", cure)
+            yield Problem(f"{key}.component", sensor.component, "no single angle gives an orientation in space", cure)
         elif (joint := joint_read(scene, sensor)) is not None:
             kind = scene.joints[joint].kind
             if kind in ("universal", "spherical", "weld"):
