@@ -35,6 +35,8 @@ CUBIC = ("v", "w", "t")
 SHORTENING = ("v", "w", "t")
 """Kinds of shapes that shorten a beam."""
 XYZ = "xyz"
+_TERMS = 9
+"""Terms of power series of a section's rotation."""
 MOMENTS = ("xx", "yy", "zz", "yz", "zx", "xy")
 """Components of a symmetric matrix."""
 R = x, y, z = sm.symbols("x y z")
@@ -57,26 +59,30 @@ class Numbers:
 def section_motion(theta: Sequence[sm.Expr], rate: Sequence[sm.Expr]) -> tuple[sm.Matrix, sm.Matrix, sm.Matrix]:
     """R, T and T' theta' of a section that bends the shortest way by theta_y and theta_z, then turns by theta_x.
 
-    Either turn is Cayley's of its vector c, R = (1 - c~ / 2)^-1 (1 + c~ / 2), rational in it, whose angular velocity is
-    (c' + c x c' / 2) / (1 + c.c / 4) (Bauchau, Flexible Multibody Dynamics, 2011, sec. 13.4); R has the section's axes
-    in the body's, its angular velocity against it is T theta', there, too.
+    Bending has the rotation vector b = (0, theta_y, theta_z) with R = 1 + s b~ + c b~ b~ and the angular velocity
+    (1 + c b~ + d b~ b~) b' (Bauchau, Flexible Multibody Dynamics, 2011, eqs. 4.15 and 13.35), where c = (1 - cos |b|) /
+    |b|^2, d = (|b| - sin |b|) / |b|^3 and s = 1 - d |b|^2. R has the section's axes in the body's, its angular velocity
+    against it is T theta', there, too.
     """
     x, y, z = theta
-    bending, twist = sm.Matrix([0, y, z]), sm.Matrix([x, 0, 0])
-    tangent = _cayley(bending)[:, 0]
-    T = sm.zeros(3, 3)
-    T[:, 0] = tangent / (1 + x**2 / 4)
-    for column, unit in ((1, sm.Matrix([0, 1, 0])), (2, sm.Matrix([0, 0, 1]))):
-        T[:, column] = (unit + bending.cross(unit) / 2) / (1 + bending.dot(bending) / 4)
-    velocity = T * sm.Matrix(rate)
-    gamma = sum((velocity.diff(angle) * speed for angle, speed in zip(theta, rate, strict=True)), sm.zeros(3, 1))
-    return _cayley(bending) * _cayley(twist), T, gamma
+    c, d, square = sm.symbols("c d square")
+    bending = sm.Matrix([[0, -z, y], [z, 0, 0], [-y, 0, 0]])
+    R, by_bending = (
+        sm.eye(3) + one * bending + two * bending * bending for one, two in ((1 - d * (y**2 + z**2), c), (c, d))
+    )
+    twist = sm.Matrix([[1, 0, 0], [0, sm.cos(x), -sm.sin(x)], [0, sm.sin(x), sm.cos(x)]])
+    T = sm.Matrix.hstack(R[:, 0], by_bending[:, 1:])
+    velocity, growth = T * sm.Matrix(rate), 2 * (y * rate[1] + z * rate[2])
+    series = {part: _rest_of_series(n, square) for n, part in ((2, c), (3, d))}
+    rates = {y: rate[1], z: rate[2], **{part: sm.horner(of.diff(square)) * growth for part, of in series.items()}}
+    gamma = sum((velocity.diff(part) * speed for part, speed in rates.items()), sm.zeros(3, 1))
+    known = {part: sm.horner(of) for part, of in series.items()}
+    return tuple(each.xreplace(known).xreplace({square: y**2 + z**2}) for each in (R * twist, T, gamma))
 
 
-def _cayley(c: sm.Matrix) -> sm.Matrix:
-    """Rotation matrix of a Rodrigues vector, c / 2 = tan(angle / 2) axis."""
-    skew = sm.Matrix([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
-    return sm.eye(3) + (skew + skew * skew / 2) / (1 + c.dot(c) / 4)
+def _rest_of_series(n: int, square: sm.Symbol) -> sm.Expr:
+    """1/n! - x^2/(n + 2)! + ... by x^2, to rounding up to 2 rad."""
+    return sum(((-square) ** k / sm.factorial(2 * k + n) for k in range(_TERMS)), sm.S.Zero)
 
 
 @cache

@@ -13,10 +13,12 @@ with it PAIR. Behind them a cubic strain energy: of shapes v, w, t the factors o
 products there are, and of each its three shapes and its factor. A sum like P_x_vq is that of P_x q over shapes of kind
 v. A section turns by angles that are linear in q. Equations are Kane's, by SymPy's KanesMethod, less those of the rigid
 body (kaneflex.generated.spatial).
-Operations of section, written out -> with shared subexpressions: 600 -> 124.
+Operations of section, written out -> with shared subexpressions: 2075 -> 173.
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
+
+import math
 
 from kaneflex.generated.compiling import njit
 from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
@@ -979,55 +981,47 @@ def section(w, k, out, n):
     w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."""
     theta_x, theta_y, theta_z, rate_x, rate_y, rate_z = unpacked(w, 6, k)
     w0 = theta_y*theta_y
-    w1 = 0.5*w0
-    w2 = theta_z*theta_z
-    w3 = 0.5*w2
-    w4 = -w1 - w3
-    w5 = 0.25*w0
-    w6 = 0.25*w2
-    w7 = w5 + w6 + 1.0
-    w8 = out[n + 13] = out[n + 17] = 1.0/w7
-    w9 = out[n] = w4*w8 + 1.0
-    w10 = theta_y*w8
-    w11 = theta_x*theta_x
-    w12 = 0.25*w11 + 1.0
-    w13 = 1.0/w12
-    w14 = theta_x*w13
-    w15 = 0.5*w13
-    w16 = -w11*w15 + 1.0
-    w17 = out[n + 3] = theta_z*w8
-    w18 = w16*w17
-    w19 = theta_x*theta_y*w15*w17
-    w20 = -w3*w8 + 1.0
-    w21 = -w1*w8 + 1.0
-    w22 = 0.5*w17
-    w23 = out[n + 11] = 0.5*w10
-    w24 = (rate_x*rate_x)*theta_x/(w12*w12)
-    w25 = 0.5*w8
-    w26 = 1.0/(w7*w7)
-    w27 = rate_y*w26
-    w28 = theta_y*theta_z
-    w29 = 0.25*w28
-    w30 = rate_z*w26
-    w31 = 0.5*w26
-    w32 = w31*w4
-    w33 = rate_x*w13
-    w34 = rate_y*w31
-    w35 = rate_x*w15*w26*w28
-    w36 = w33*w8
-    w37 = rate_z*w31
-    out[n + 1] = w10*w14 - w18
-    out[n + 2] = w10*w16 + w14*w17
-    out[n + 4] = w16*w20 + w19
-    out[n + 5] = 0.5*theta_y*theta_z*w16*w8 - w14*w20
-    out[n + 6] = -w10
-    out[n + 7] = 0.5*theta_y*w18 + w14*w21
-    out[n + 8] = w16*w21 - w19
-    out[n + 9] = w13*w9
-    out[n + 10] = -w22
-    out[n + 12] = w13*w17
-    out[n + 14] = out[n + 16] = 0.0
-    out[n + 15] = -w10*w13
-    out[n + 18] = rate_y*(rate_z*w25 + w27*w29 - w30*w5 + w33*(-theta_y*w32 - w10)) + rate_z*(-rate_y*w25 + w27*w6 - w29*w30 + w33*(-theta_z*w32 - w17)) - 0.5*w24*w9
-    out[n + 19] = rate_y*(-theta_y*w34 - w35) + rate_z*(-theta_z*w34 - w26*w3*w33 + w36) - w22*w24
-    out[n + 20] = rate_y*(0.5*rate_x*w0*w13*w26 - theta_y*w37 - w36) + rate_z*(-theta_z*w37 + w35) + w23*w24
+    w1 = theta_z*theta_z
+    w2 = w0 + w1
+    w3 = w2*(w2*(w2*(w2*(w2*(w2*(w2*(1.5619206968586225e-16*w0 + 1.5619206968586225e-16*w1 - 4.779477332387385e-14) + 1.1470745597729725e-11) - 2.08767569878681e-09) + 2.755731922398589e-07) - 2.48015873015873e-05) + 0.001388888888888889) - 0.041666666666666664) + 0.5
+    w4 = w0*w3
+    w5 = w1*w3 - 1.0
+    w6 = math.sin(theta_x)
+    w7 = w2*(w2*(w2*(w2*(w2*(w2*(w2*(8.22063524662433e-18*w0 + 8.22063524662433e-18*w1 - 2.8114572543455206e-15) + 7.647163731819816e-13) - 1.6059043836821613e-10) + 2.505210838544172e-08) - 2.7557319223985893e-06) + 0.0001984126984126984) - 0.008333333333333333) + 0.16666666666666666
+    w8 = -w2*w7 + 1.0
+    w9 = theta_y*w8
+    w10 = math.cos(theta_x)
+    w11 = out[n + 3] = out[n + 12] = theta_z*w8
+    w12 = theta_z*w3
+    w13 = theta_y*w12
+    w14 = w13*w6
+    w15 = w10*w13
+    w16 = 1.0 - w4
+    w17 = out[n + 11] = theta_y*w3
+    w18 = w1*w7
+    w19 = out[n + 14] = out[n + 16] = theta_y*theta_z*w7
+    w20 = w0*w7
+    w21 = rate_y*theta_y
+    w22 = 2.0*rate_z*theta_z + 2.0*w21
+    w23 = rate_z*theta_y
+    w24 = rate_y*theta_z
+    w25 = -rate_x*w2
+    w26 = 2.0*rate_x
+    w27 = w22*(w2*(w2*(w2*(w2*(w2*(w2*(6.576508197299464e-17*w0 + 6.576508197299464e-17*w1 - 1.9680200780418645e-14) + 4.58829823909189e-12) - 8.029521918410807e-10) + 1.0020843354176688e-07) - 8.267195767195768e-06) + 0.0003968253968253968) - 0.008333333333333333)
+    w28 = w19*w26
+    w29 = w24*w7
+    w30 = -rate_x*w8
+    out[n] = out[n + 9] = -w4 - w5
+    out[n + 1] = -w10*w11 + w6*w9
+    out[n + 2] = w10*w9 + w11*w6
+    out[n + 4] = -w10*w5 + w14
+    out[n + 5] = w15 + w5*w6
+    out[n + 6] = out[n + 15] = -w9
+    out[n + 7] = w15 + w16*w6
+    out[n + 8] = w10*w16 - w14
+    out[n + 10] = -w12
+    out[n + 13] = 1.0 - w18
+    out[n + 17] = 1.0 - w20
+    out[n + 18] = rate_y*(rate_z*w3 - w17*w26) + rate_z*(-rate_y*w3 - w12*w26) + w22*(w2*(w2*(w2*(w2*(w2*(w2*(1.249536557486898e-15*w0 + 1.249536557486898e-15*w1 - 3.3456341326711696e-13) + 6.882447358637835e-11) - 1.043837849393405e-08) + 1.1022927689594355e-06) - 7.440476190476191e-05) + 0.002777777777777778) - 0.041666666666666664)*(w23 - w24 + w25)
+    out[n + 19] = rate_y*(rate_z*theta_z*w7 - w28) + rate_z*(rate_z*theta_y*w7 - w18*w26 - 2.0*w29 - w30) + w27*(-rate_y*w1 + theta_z*w23 + theta_z*w25)
+    out[n + 20] = rate_y*(w20*w26 - 2.0*w23*w7 + w29 + w30) + rate_z*(w21*w7 + w28) + w27*(rate_y*theta_y*theta_z - rate_z*w0 - theta_y*w25)

@@ -132,7 +132,7 @@ def test_springs_and_laws_know_how_the_section_at_a_pin_stands(more):
 
 
 def test_a_spring_at_a_pin_stores_what_the_section_there_turns_it_by():
-    """A slope of theta turns that by 2 atan(theta / 2): energy is kept by a strip that bends far."""
+    """Energy is kept by a strip that bends far."""
     stiff = COIL.replace("stiffness = 0.02\ndamping = 0.002", "stiffness = 2\ndamping = 0")
     found = strip(modes=3, more=ANGLE + stiff, gravity="[0, -40, 0]")
     assert abs(found.series["bend"].values).max() > 0.3 and found.model.energy.drift < 2e-6

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sm
+from scipy.spatial.transform import Rotation
 
 from kaneflex.derive.body_proof import NotKane
 from kaneflex.derive.body_space_proof import comparisons, prove
@@ -78,6 +79,15 @@ def test_a_section_turns_as_its_axes_say():
     slope = R[:, 0]  # bending turns the axis by the shortest way, whatever the twist
     spatial_shapes.section(np.concatenate([[0.0], theta[1:], rate]), 0, found[0], 0)
     assert np.allclose(found[0, [0, 3, 6]], slope, atol=1e-15)
+
+
+@pytest.mark.parametrize("far", [0.0, 0.01, 1.0, 2.0])
+def test_a_section_rotates_by_its_angles_as_in_the_plane(far):
+    """By the rotation vector (0, theta_y, theta_z), then by theta_x: SciPy's rotations."""
+    theta, found = far * np.array([0.5, 0.6, -0.8]), np.zeros(21)
+    spatial_shapes.section(np.concatenate([theta, np.zeros(3)]), 0, found, 0)
+    expected = Rotation.from_rotvec([0.0, *theta[1:]]) * Rotation.from_rotvec([theta[0], 0.0, 0.0])
+    assert np.allclose(found[:9].reshape(3, 3), expected.as_matrix(), atol=1e-13)
 
 
 # ---- one shape by hand --------------------------------------------------------------------------------------------
