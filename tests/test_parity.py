@@ -18,7 +18,6 @@ LEFT_OUT = {
 """Scenes with what is modelled in the plane alone, or without a number to compare."""
 
 
-
 def rejected_in_space(sensor, preset):
     """True if space has no number for a sensor of the plane: the torque of a free joint, or a reaction of rigid bodies
     with redundant constraints."""

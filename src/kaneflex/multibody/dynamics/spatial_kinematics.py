@@ -90,7 +90,7 @@ def place(m, first_body):
     y, q = m.y, m.q
     for n in range(m.counts[NODES]):
         kind, parent, own, s = m.nodes[n, KIND], m.nodes[n, PARENT], _NUMBERS * n, m.nodes[n, SPEED]
-        P = m.numbers[own + _PLACE]
+        P, moved = m.numbers[own + _PLACE], (0.0, 0.0, 0.0)
         if parent >= 0:
             for i in range(3):
                 m.R[3 * n + i] = turned_back(m.numbers, own, m.R[3 * parent + i])
@@ -111,9 +111,9 @@ def place(m, first_body):
         elif kind == STATION:
             P = plus(P, _deform(m, n))
         elif kind == SHAPES and m.nodes[n, AT] >= 0:
-            _turn_back(m, n)
+            moved = _deform_back(m, n)
         m.P[n] = P
-        m.r[n] = minus(P, turned(m.R, 3 * n, m.numbers[own + _SHIFT]))
+        m.r[n] = minus(minus(P, turned(m.R, 3 * n, m.numbers[own + _SHIFT])), moved)
         _direct(m, n, kind)
     for n in range(m.counts[TWISTS]):
         m.twists[4 * n] = y[m.nodes[m.twist_ends[n, 3], SPEED]]
@@ -170,22 +170,44 @@ def _of_x(m, k, a):
 
 @njit(**OPTIONS)
 def _deform(m, n):
-    """Rotate a station by theta = psi q, and return its displacement N q + 1/2 G q q.
-
-    Its twists for a unit of every shape are, as G is symmetric, N_j + G_jk q_k and T psi_j in the body's axes.
-    """
+    """Rotate a station by theta = psi q, and return its displacement."""
     apart()
-    count, o, q, base = m.nodes[n, COUNT], m.nodes[n, AT], after(m.y, m.nodes[n, SPEED]), 3 * m.nodes[n, PARENT]
-    _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
+    base = 3 * m.nodes[n, PARENT]
+    _section(m, _shaped(m, n, 3, after(m.y, m.nodes[n, SPEED])), (0.0, 0.0, 0.0))
     for i in range(3):
         a, b, c = m.R[base + i]
         m.R[3 * n + i] = (a * m.x[6] + b * m.x[9] + c * m.x[12], a * m.x[7] + b * m.x[10] + c * m.x[13],
                           a * m.x[8] + b * m.x[11] + c * m.x[14])  # fmt: skip
-    _turn_rates(m, base)
+    return _displace(m, n, base)
+
+
+@njit(**OPTIONS)
+def _deform_back(m, n):
+    """Rotate the axes of a node of shapes back from the section of its joint, and return the section's displacement."""
+    apart()
+    _section(m, _shaped(m, n, 3, after(m.y, m.nodes[n, SPEED])), (0.0, 0.0, 0.0))
+    for i in range(3):
+        a, b, c = m.R[3 * n + i]
+        m.R[3 * n + i] = (m.x[6] * a + m.x[7] * b + m.x[8] * c, m.x[9] * a + m.x[10] * b + m.x[11] * c,
+                          m.x[12] * a + m.x[13] * b + m.x[14] * c)  # fmt: skip
+    return _displace(m, n, 3 * n)
+
+
+@njit(**OPTIONS)
+def _displace(m, n, base):
+    """Displacement N q + 1/2 G q q of a section at hand, with the body's axes at R[base].
+
+    Its twists for a unit of every shape are, as G is symmetric, N_j + G_jk q_k and T psi_j in these axes.
+    """
+    apart()
+    count, o, q = m.nodes[n, COUNT], m.nodes[n, AT], after(m.y, m.nodes[n, SPEED])
+    for k in range(15, 18):  # T in global axes
+        m.x[k], m.x[k + 3], m.x[k + 6] = turned(m.R, base, (m.x[k], m.x[k + 3], m.x[k + 6]))
     phi, at, moved = after(m.phi, m.nodes[n, ROW_OF]), o + 6 * count, (0.0, 0.0, 0.0)
     for j in range(count):
         v = turned(m.R, base, (m.block[o + j], m.block[o + count + j], m.block[o + 2 * count + j]))
-        phi[j] = joined(v, _of_psi(m, n, 3, j))
+        psi = o + 3 * count + j
+        phi[j] = joined(v, _of_x(m, 15, (m.block[psi], m.block[psi + count], m.block[psi + 2 * count])))
         moved = axpy(q[j], v, moved)
     for _ in range(int(m.block[at])):
         i, j = int(m.block[at + 1]), int(m.block[at + 2])
@@ -196,32 +218,6 @@ def _deform(m, n):
         moved = axpy((0.5 if i == j else 1.0) * q[i] * q[j], g, moved)
         at += 5
     return moved
-
-
-@njit(**OPTIONS)
-def _turn_rates(m, base):
-    """Matrix T at x[15] in global axes."""
-    for k in range(15, 18):
-        m.x[k], m.x[k + 3], m.x[k + 6] = turned(m.R, base, (m.x[k], m.x[k + 3], m.x[k + 6]))
-
-
-@njit(**OPTIONS)
-def _of_psi(m, n, row, j):
-    """T psi_j of a station, or of the section from which shapes turn axes back, with T at x[15]."""
-    inside()
-    at, count = m.nodes[n, AT] + m.nodes[n, COUNT] * row + j, m.nodes[n, COUNT]
-    return _of_x(m, 15, (m.block[at], m.block[at + count], m.block[at + 2 * count]))
-
-
-@njit(**OPTIONS)
-def _turn_back(m, n):
-    """Rotate the axes of a node of shapes back from the section of its joint."""
-    apart()
-    _section(m, _shaped(m, n, 0, after(m.y, m.nodes[n, SPEED])), (0.0, 0.0, 0.0))
-    for i in range(3):
-        a, b, c = m.R[3 * n + i]
-        m.R[3 * n + i] = (m.x[6] * a + m.x[7] * b + m.x[8] * c, m.x[9] * a + m.x[10] * b + m.x[11] * c,
-                          m.x[12] * a + m.x[13] * b + m.x[14] * c)  # fmt: skip
 
 
 @njit(**OPTIONS)
@@ -242,10 +238,9 @@ def _direct(m, n, kind):
         _ball_axis(m, n, s + 2, arm, spun(theta, b, c, (0.0, 0.0, 1.0)))
     elif kind == SHAPES and m.nodes[n, AT] >= 0:
         phi = after(m.phi, m.nodes[n, ROW_OF])
-        _turn_rates(m, 3 * n)
         for j in range(m.nodes[n, COUNT]):
-            omega = scaled(-1.0, _of_psi(m, n, 0, j))
-            phi[j] = joined(cross(omega, arm), omega)
+            omega = scaled(-1.0, last(phi[j]))
+            phi[j] = joined(minus(cross(omega, arm), first(phi[j])), omega)
 
 
 @njit(**OPTIONS)
@@ -357,7 +352,8 @@ def accelerate(m, first_body):
             a = plus(plus(a, faster), cross(w, scaled(2.0, moved)))
             e = plus(plus(e, e_turned), cross(w, turned_on))
         elif kind == SHAPES and m.nodes[n, AT] >= 0:
-            e = plus(e, _back_acceleration(m, n))
+            slower, turning_back = _back_accelerations(m, n)
+            a, e = plus(a, slower), plus(e, turning_back)
         arm = minus(m.r[n], m.P[n])
         m.a[n], m.e[n] = plus(a, _centripetal(m.omega[n], e, arm)), e
     for n in range(m.counts[SECTIONS]):
@@ -379,13 +375,18 @@ def _station_accelerations(m, n):
 
 
 @njit(**OPTIONS)
-def _back_acceleration(m, n):
-    """Angular acceleration of the axes of a node of shapes less that of the section from which they turn back."""
+def _back_accelerations(m, n):
+    """Acceleration by displacements, and angular acceleration, of the axes of a node of shapes, less those of the
+    section from which they turn back."""
     apart()
-    v = m.nodes[n, SPEED]
-    _section(m, _shaped(m, n, 0, after(m.y, v)), _shaped(m, n, 0, after(m.u, v)))
+    u, omega, arm = after(m.u, m.nodes[n, SPEED]), m.omega[n], minus(m.r[n], m.P[n])
+    slow, fast = relative(m, n, m.u), relative(m, n, m.du)
+    _section(m, _shaped(m, n, 3, after(m.y, m.nodes[n, SPEED])), _shaped(m, n, 3, u))
+    rate = minus(cross(last(slow), arm), first(slow))
+    faster = plus(minus(cross(last(fast), arm), first(fast)), turned(m.R, 3 * n, _bent(m, n, u)))
     growing = turned(m.R, 3 * n, (m.x[24], m.x[25], m.x[26]))
-    return minus(plus(last(relative(m, n, m.du)), cross(m.omega[n], last(relative(m, n, m.u)))), growing)
+    slower = scaled(-1.0, plus(faster, cross(omega, scaled(2.0, rate))))
+    return slower, minus(plus(last(fast), cross(omega, last(slow))), growing)
 
 
 @njit(**OPTIONS)

@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 from kaneflex.multibody.compile.values import after, copy_vectors, twists, vectors
-from kaneflex.multibody.dynamics.algebra import dot, force_at, joined, last, minus, plus, scaled, times, twist_at
+from kaneflex.multibody.dynamics.algebra import dot, force_at, joined, minus, plus, scaled, times, twist_at
 from kaneflex.multibody.dynamics.articulated import transport
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.rotation_vectors import compose, spin
@@ -91,17 +91,16 @@ def _move_inertia(m, b, back):
     apart()
     count, L = m.bodies[b, of.SHAPES], m.bodies[b, of.SQUARE]
     I, E = after(m.I, 6 * b), after(m.E, m.bodies[b, of.COUPLING])
-    arm, nothing = minus(m.r[m.frames[b, 0]], m.r[m.frames[b, 2]]), (0.0, 0.0, 0.0)
+    arm = minus(m.r[m.frames[b, 0]], m.r[m.frames[b, 2]])
     transport(I, arm)
     for j in range(count):
-        E[j] = force_at(E[j], arm)
-    for j in range(count):  # there the twists are rotations
-        omega = last(back[j])
-        moment = plus(last(E[j]), last(times(I, joined(nothing, omega))))
-        for l in range(j + 1):
-            m.L[L + count * j + l] += dot(omega, last(E[l])) + dot(moment, last(back[l]))
+        E[j], back[j] = force_at(E[j], arm), twist_at(back[j], scaled(-1.0, arm))
     for j in range(count):
-        E[j] = plus(E[j], times(I, joined(nothing, last(back[j]))))
+        moved = plus(E[j], times(I, back[j]))
+        for l in range(j + 1):
+            m.L[L + count * j + l] += dot(back[j], E[l]) + dot(moved, back[l])
+    for j in range(count):
+        E[j] = plus(E[j], times(I, back[j]))
 
 
 @njit(**OPTIONS)

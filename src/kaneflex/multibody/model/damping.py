@@ -1,9 +1,10 @@
-"""Damping of the shapes of links, in space measured against axes that don't depend on the tree of bodies.
+"""Floating axes of links in space, and the damping of shapes.
 
-There a body's floating axes follow its section at one joint, which the mechanism's tree chooses. The motion damped by
-Rayleigh's mass term, a modal ratio or viscous damping is measured as in the plane, in each plane of bending: against
-the tangent if only one joint holds the link's rotation relative to prescribed motions, else against the chord of its
-first and last joints, else against its mean rotation about its only joint.
+Axes follow from the joints as in the plane, in each plane of bending: the tangent if only one joint holds the link's
+rotation relative to prescribed motions, else the chord of its first and last joints, else its mean rotation about its
+only joint. Shapes may follow a tangent only at the joint of the tree, as a rotation of the axes that bending undoes
+would have hardly any inertia. The motion damped by Rayleigh's mass term, a modal ratio or viscous damping does not
+depend on the tree.
 """
 
 from __future__ import annotations
@@ -53,11 +54,15 @@ def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: Matrix) -> np.
     return modal.T @ link.part.matrices["C_s"].value({}) @ modal
 
 
-def against_axes(scene: Scene, link: Link, basis: np.ndarray, M: Matrix) -> np.ndarray:
-    """Shapes relative to the axes of the damping, without rigid motions, (6 n_nodes, count)."""
-    clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
-    joined, size, left = sorted(clamped), M.shape[0], basis.copy()
-    alone = {axis: places[0] for axis in "xyz" if len(places := [x for x in joined if axis in clamped[x]]) == 1}
+def against_axes(
+    scene: Scene, link: Link, basis: np.ndarray, M: Matrix, hung: float | None = None
+) -> np.ndarray:
+    """Shapes relative to a link's axes by its joints, without rigid motions, (6 n_nodes, count).
+
+    ``hung``: place of the joint of the tree, where alone the axes may then follow the section.
+    """
+    joined, alone = _joined(scene, link, hung)
+    size, left = M.shape[0], basis.copy()
 
     def row(x: float, k: int) -> np.ndarray:
         found = np.zeros(size)
@@ -79,12 +84,28 @@ def against_axes(scene: Scene, link: Link, basis: np.ndarray, M: Matrix) -> np.n
             take(rigid, [row(joined[0], v), row(joined[-1], v)])
         else:
             take(rigid, [row(at, v) if joined else M @ rigid[:, 0], M @ rigid[:, 1]])
-    along = joined[0] if len(joined) == 1 else alone["z"] if {"y", "z"} <= {*alone} else None
+    along = axial_place(scene, link, hung)
     for k, at_joint in ((0, along), (3, alone.get("x"))):
         rigid = np.zeros((size, 1))
         rigid[k::6] = 1.0
         take(rigid, [M @ rigid[:, 0] if at_joint is None else row(at_joint, k)])
     return left
+
+
+def axial_place(scene: Scene, link: Link, hung: float | None = None) -> float | None:
+    """Distance from a link's start [m] of its section without axial displacement in its axes: at its only joint, or at
+    the one that holds its bending; None: it has none in the mean over its mass."""
+    joined, alone = _joined(scene, link, hung)
+    return joined[0] if len(joined) == 1 else alone["z"] if {"y", "z"} <= {*alone} else None
+
+
+def _joined(scene: Scene, link: Link, hung: float | None) -> tuple[list[float], dict[str, float]]:
+    """Distances from a link's start [m] of its joints, and of the section that the axes follow about each axis that a
+    single joint holds."""
+    clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
+    places = {axis: [x for x, held in clamped.items() if axis in held] for axis in "xyz"}
+    alone = {axis: of[0] for axis, of in places.items() if len(of) == 1 and hung in (None, of[0])}
+    return sorted(clamped), alone
 
 
 def node_of(link: Link, x: float) -> int:

@@ -17,7 +17,7 @@ from kaneflex.fem.modes import lowest_modes
 from kaneflex.mechanism.affine import Matrix, as_array, solve
 from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Frame, axial_modes, frame_of, stations
 from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
-from kaneflex.multibody.model.damping import node_of
+from kaneflex.multibody.model.damping import against_axes, axial_place, node_of
 from kaneflex.multibody.model.shape_families import family
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_layout import Place
@@ -213,6 +213,7 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
         about, kept = {0: "xyz"}, kept | {0}  # the remaining motions don't deform it
     twisted = {node: [SPATIAL_NODE.index(f"theta_{axis}") for axis in axes] for node, axes in about.items()}
     turning = [SPATIAL_NODE.index(f"theta_{axis}") for axis in freed]
+    K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
     found, most = [], 6 * len(link.nodes)
     for kind, rigid in _KINDS.items():
         places = [SPATIAL_NODE.index(name) for name in kind]
@@ -226,9 +227,9 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
             most = min(most, len(rows) - len(static))
         loads = _axial_loads(link, first or 0, len({*joints}) == 1) if kind == ("u",) else None
         own = _of_kind(link, rows, static, wanted + (len(loose) if not static else 0), loads)
-        found.append(own[:, still:])
+        found.append(_orthogonal(against_axes(scene, link, own[:, still:], M, x), K, M, link))
     counts = tuple(own.shape[1] for own in found)
-    return Shapes(scene, link, np.hstack(found), counts, x, most, bool(freed))
+    return Shapes(scene, link, np.hstack(found), counts, axial_place(scene, link, x), most, bool(freed))
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:

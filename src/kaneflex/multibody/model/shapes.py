@@ -133,7 +133,8 @@ class Shapes:
             N_N += np.einsum("g,gaj,gbl->abjl", w, of, of)
             r_N[k], r_G[k] = np.einsum("g,gaj->aj", w, of), np.einsum("g,gajl->ajl", w, of_pairs)
         G = _along(np.einsum("g,gjl->jl", dm, apart))
-        line = (self.held, float(dm @ (x - self.held) ** 2)) if self.pinned and self.held is not None else None
+        at = self.held if self.held is not None else float(dm @ x / dm.sum())
+        line = (at, float(dm @ (x - at) ** 2)) if self.pinned else None
         return ShapeMoments(np.einsum("g,gaj->aj", dm, N), r_N, N_N, G, r_G, line)
 
     @cached_property

@@ -104,8 +104,8 @@ class _Maker:
             place = shapes.carrier(held)
             self.numbers[frame][SHIFT:] -= place
             self.numbers[node][SHIFT:] = place
-            if freed:
-                self.nodes[node][AT] = self.stored(shapes.at(place)[0][3:6].ravel())
+            if any(part.any() for part in shapes.at(place)):
+                self.nodes[node][AT] = self.stored(_of_station(*shapes.at(place)))
         self.coordinates += shapes.count
         return node
 
@@ -129,10 +129,7 @@ class _Maker:
         node = self.node(STATION, frame, (), place=place)
         self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
         self.nodes[node][COUNT] = self.shapes[body].count
-        rows, G = numbers
-        i, j = np.nonzero(np.tril(G.any(axis=0)))
-        of_G = np.column_stack([i, j, G[:, i, j].T]).ravel()
-        self.nodes[node][AT] = self.stored(np.concatenate([np.ravel(rows), [len(i)], of_G]))
+        self.nodes[node][AT] = self.stored(_of_station(*numbers))
         return node
 
     def section(self, side: Side) -> int:
@@ -384,6 +381,12 @@ def _bodies(maker: _Maker) -> tuple[np.ndarray, np.ndarray]:
             frames[-1][2] = n
         frames[-1][0], begins = n, n in last
     return _whole(rows, 8), _whole(frames, 3)
+
+
+def _of_station(rows: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Numbers of a station: its rows of the shapes, and the columns of G that are not zero."""
+    i, j = np.nonzero(np.tril(G.any(axis=0)))
+    return np.concatenate([np.ravel(rows), [len(i)], np.column_stack([i, j, G[:, i, j].T]).ravel()])
 
 
 def _whole(rows: Sequence, columns: int) -> np.ndarray:
