@@ -102,6 +102,7 @@ class _Maker:
         self.nodes[node][COUNT] = shapes.count
         if held is not None:
             place = shapes.carrier(held)
+            self.stations[name, place] = frame  # its section there
             self.numbers[frame][SHIFT:] -= place
             self.numbers[node][SHIFT:] = place
             if any(part.any() for part in shapes.at(place)):
