@@ -38,7 +38,7 @@ _LARGEST = 2304
 _STEPS, _FRESH = 8, 0.2
 """Newton's steps on a grid, and the contraction of one above which the next one linearises again."""
 _SOLVED, _VECTORS = 1e-3, 30
-"""Share to which each correction is solved for, and least number of GMRES' vectors, else two a coordinate."""
+"""Share to which each correction is solved for, and least number of GMRES' vectors, else eight a coordinate."""
 
 
 def orbit_start(
@@ -180,7 +180,7 @@ class _Tangent:
             return np.fft.irfft(out, shape[1]).ravel()
 
         A, P = (LinearOperator((load.size, load.size), each, dtype=float) for each in (forces, near))
-        return gmres(A, load, rtol=_SOLVED, restart=max(_VECTORS, 2 * k), maxiter=1, M=P)[0].reshape(shape)
+        return gmres(A, load, rtol=_SOLVED, restart=max(_VECTORS, 8 * k), maxiter=1, M=P)[0].reshape(shape)
 
 
 def _tail(z: np.ndarray) -> float:
