@@ -210,7 +210,7 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
             rate = change / before
             if replayed and rate >= 0.5 and change < 1.0:  # the change is rounding
                 return True
-            if rate >= 1.0 and change > 1e-3:
+            if rate >= stage_residuals.slowest(m) and change > 1e-3:
                 return False
             if change * rate < enough * larger(1.0 - rate, 0.0):
                 return True
@@ -330,6 +330,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
         return SINGULAR
     wanted, row, length, replayed = control[0], 0, control[5], fixed > 0
     taken, tried, status = 0, 0, DONE
+    stage_residuals.begin(m)
     while row + 1 < count:
         if (tried >= control[2] and trial == 0.0) or (touching and contacts.full(m)):
             status = PAUSED
@@ -358,6 +359,8 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
         counts[3] += 1
         solved = _factors(m, table, t, h, here, A, B, control[7] != 0.0)
         if not (solved and _iterate(m, table, t, h, here, replayed, counts, A, B)):
+            if stage_residuals.refine(m):
+                continue
             needed = _slopes_needed(m, table, t, h, here, A, B) if control[7] < load_derivatives.DAMPED else 0.0
             if needed > control[7]:
                 control[7] = needed

@@ -3,9 +3,9 @@
     S x = M a,   S = M + h mu C + h^2 mu^2 K,
 
 with M a the residual of the equations of motion as forces. In the plane these forces are taken as they are. In space
-the mass matrix changes within a step, where shapes of twist have little inertia of their own: with the S of the step's
-middle the iteration diverges (links whose pins alternate between two axes need 1,574 steps instead of 313). There a
-follows by the mass matrix of each stage, factorised at its first iteration, and
+the mass matrix may change within a step, where shapes of twist have little inertia of their own: with the S of the
+step's middle the iteration then diverges (links whose pins alternate between two axes need 1,574 steps instead of 313).
+From then on a follows by the mass matrix of each stage, factorised at its first iteration, and
 
     x = a - S^-1 (h mu C + h^2 mu^2 K) a.
 """
@@ -21,6 +21,7 @@ from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_clo
 from kaneflex.multibody.dynamics.spatial_bushings import ANGLE, MOST
 from kaneflex.multibody.dynamics.spatial_work import BUSHINGS
 from kaneflex.multibody.model.layout import (
+    BY_FORCES,
     COLUMNS,
     COORDINATES,
     DEMAND,
@@ -63,6 +64,9 @@ def _keep_accelerations(m, i, first):
             return False
     if not spatial_tree.note_turns(m, i):
         return False
+    if m.pivots[BY_FORCES]:
+        copy(w, plan[DEMAND], plan[RESISTING] + plan[COORDINATES] * i, plan[COORDINATES])
+        return True
     n, kept, pivots = plan[COORDINATES], plan[KEPT], plan[MASS_PIVOTS] + plan[MASS_ROWS] * i
     spatial_tree.use(m, i + 1)
     if first:
@@ -82,7 +86,7 @@ def _keep_accelerations(m, i, first):
 
 
 @njit(**OPTIONS)
-def ask(m, table, h, A, B):
+def _ask_by_forces(m, table, h, A, B):
     """Right-hand sides of the real and the complex system of the stages."""
     plan, w, into = m.plan, m.w, table.into
     n = plan[COORDINATES]
@@ -92,6 +96,13 @@ def ask(m, table, h, A, B):
         r_0, r_1, r_2 = w[j], w[j + n], w[j + 2 * n]
         A[answer + k] = -(into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
         B[answer + k] = -(into[3] * r_0 + into[4] * r_1 + into[5] * r_2)
+
+
+@njit(**OPTIONS)
+def ask(m, table, h, A, B):
+    """Right-hand sides of both systems."""
+    inside()
+    _ask_by_forces(m, table, h, A, B)
 
 
 @njit(**OPTIONS)
@@ -105,8 +116,11 @@ def _combine(w, into, of, count, A, B, out):
 
 
 @njit(**OPTIONS)
-def _ask_by_accelerations(m, table, h, A, B):
+def _ask_in_space(m, table, h, A, B):
     apart()
+    if m.pivots[BY_FORCES]:
+        _ask_by_forces(m, table, h, A, B)
+        return
     plan, n = m.plan, m.plan[COORDINATES]
     _combine(m.w, table.into, plan[RESISTING], n, A, B, plan[GIVEN])
     _combine(m.w, table.into, plan[RESISTING_R], plan[KEPT], A, B, plan[GIVEN_REACTION])
@@ -131,6 +145,8 @@ def answered(m, A):
 
 @njit(**OPTIONS)
 def _add_given(m, A):
+    if m.pivots[BY_FORCES]:
+        return
     plan, n = m.plan, m.plan[COORDINATES]
     answer = plan[COLUMNS] + plan[KEPT] * n
     for k in range(n):
@@ -145,5 +161,42 @@ def settle(m):
     inside()
 
 
-keep, ask = by_size(keep, _keep_accelerations), by_size(ask, _ask_by_accelerations)
+@njit(**OPTIONS)
+def begin(m):
+    """Take residuals as forces, until :func:`refine`."""
+    inside()
+
+
+@njit(**OPTIONS)
+def _by_forces(m):
+    m.pivots[BY_FORCES] = 1
+
+
+@njit(**OPTIONS)
+def refine(m):
+    """Take residuals as accelerations from now on, after an iteration that diverged; False if they are."""
+    inside()
+    return False
+
+
+@njit(**OPTIONS)
+def _by_accelerations(m):
+    refined, m.pivots[BY_FORCES] = m.pivots[BY_FORCES] != 0, 0
+    return refined
+
+
+@njit(**OPTIONS)
+def slowest(m):
+    """Contraction of an iteration above which it counts as divergent."""
+    inside()
+    return 1.0
+
+
+@njit(**OPTIONS)
+def _slowest(m):
+    return 0.3 if m.pivots[BY_FORCES] else 1.0
+
+
+keep, ask = by_size(keep, _keep_accelerations), by_size(ask, _ask_in_space)
+begin, refine, slowest = by_size(begin, _by_forces), by_size(refine, _by_accelerations), by_size(slowest, _slowest)
 answered, settle = by_size(answered, _add_given), by_size(settle, spatial_tree.settle)
