@@ -290,7 +290,7 @@ def derive(
     """Derive the equations of SCENE and write them as a numba module or as C code.
 
     The module imports only math, numpy and numba; the same scene gives the same bytes everywhere. It contains no
-    numbers of the scene, so settings have an effect only if they change its structure or preset.
+    numbers of the scene, so settings matter only if they change the equations, such as joints or the preset.
 
     \b
       kaneflex derive engine -o engine.py

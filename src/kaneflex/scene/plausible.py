@@ -208,20 +208,22 @@ def _torsion(scene: Scene) -> Iterator[str]:
 
 
 def _speeds(scene: Scene) -> Iterator[str]:
-    """Warnings of drives so fast that centrifugal forces would break any material."""
+    """Warnings of drives at a speed that no rotating material withstands or that no guide reaches."""
     for name, drive in scene.drives.items():
         if not drive.speed:
             continue
-        speed, of = abs(drive.speed), "it"
-        if not scene.slides(name):
+        slides = scene.slides(name)
+        speed, of, unit = abs(drive.speed), "it", "m/s"
+        why = f"guides of machines stay far below {_FASTEST:g} m/s"
+        if not slides:
+            why, unit = f"centrifugal forces break any material beyond about {_FASTEST:g} m/s", "rad/s"
             moved = [side.body for side in scene.joints[name].addresses if side.body in scene.bodies]
             of, reach = max(((body, _reach(scene, body)) for body in moved), key=lambda each: each[1])
             speed *= reach
         if speed > _FASTEST:
             yield (
                 f"drives.{name}.speed = {scene.written_speed(name, drive.speed)} moves {of} at {speed:.4g} m/s: "
-                f"centrifugal forces break any material beyond about {_FASTEST:g} m/s; a plain number is in "
-                f"{'m/s' if scene.slides(name) else 'rad/s'}"
+                f"{why}; a plain number is in {unit}"
             )
 
 

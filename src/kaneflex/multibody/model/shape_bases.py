@@ -200,9 +200,9 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
     """Static shapes of the points with joints and loads, and ``modes`` modes of bending in either plane, fewer of
     stretch and twist, with these points held.
 
-    ``held``: the place whose section the link's axes follow. About those of them in ``freed``, like "z" or "xyz", they
-    follow its mean rotation instead: shapes without angular momentum can't represent that rotation (Buckens 1972),
-    which would leave it almost no inertia of its own.
+    ``held``: the place of the joint of the tree. ``freed``: axes, like "z" or "xyz", about which this joint leaves the
+    rotation free, so that the section there turns relative to the link's axes (:func:`against_axes`). If shapes had
+    angular momentum about such an axis, its rotation would have almost no inertia of its own (Buckens 1972).
     """
     x = None if held is None else held[0]
     first = None if x is None else node_of(link, x)

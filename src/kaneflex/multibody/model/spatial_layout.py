@@ -3,9 +3,9 @@
 Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball, or
 is fixed: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a free body has three that
 slide and a ball. The last node of a chain carries the body: a deforming one by its section at the joint. A further node
-has its axes and modal coordinates: where the axes follow the body's mean rotation, its shapes turn them back from that
-section. A *station* for each place with a joint, spring or load moves with the section there. Joints outside the tree
-are *cuts*, which close its loops by elementary constraints.
+has its axes and modal coordinates: about the axes that the joint leaves free, shapes rotate the section relative to the
+floating axes. A *station* for each place with a joint, spring or load moves with the section there. Joints outside the
+tree are *cuts*, which close its loops by elementary constraints.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ Place = tuple[float, ...]
 
 class Deformable(Protocol):
     """Shapes of a body with zero displacement at the place held by a joint of the tree, and zero rotation there except
-    about axes that follow the body's mean rotation."""
+    about axes that this joint leaves free."""
 
     @property
     def count(self) -> int:
@@ -139,8 +139,8 @@ class Axis(Deformable, Protocol):
 
 
 Flexible = Mapping[str, Callable[[Place | None, str], Deformable]]
-"""Deforming body -> its shapes, by the place that holds its axes (None: the mean of its mass), and by the held axes,
-like "z" or "xyz", that follow its mean rotation."""
+"""Deforming body -> its shapes, by the place of its joint of the tree (None: a free body), and by the axes, like "z" or
+"xyz", about which this joint leaves its rotation free."""
 RIGID: Flexible = {}
 
 

@@ -84,7 +84,7 @@ class _Maker:
     def body(self, name: str, node: int, at: Sequence[float], freed: str = "") -> None:
         """Add the body of the last node of a chain, joined at a point in its axes.
 
-        ``freed``: its axes about which it follows its mean rotation, like "z".
+        ``freed``: its axes, like "z", about which its section there turns relative to its floating axes.
         """
         self.numbers[node][SHIFT:] = at
         if name in self.flexible:
@@ -261,8 +261,8 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
 
 
 def _turned_about(moves: Sequence[tuple[int, str, np.ndarray]]) -> str:
-    """Axes of its body about which the body follows its mean rotation where a joint turns it: one axis of the body
-    alone, or all if it turns about several, or about another one."""
+    """Axes of a body about which its section at a joint turns relative to its floating axes: the joint's axis if it is
+    one of the body's, all axes if the joint has several or another one."""
     turns = [axis for kind, _, axis in moves if kind == TURN]
     if len(turns) != 1:
         return "xyz" if turns or any(kind == BALL for kind, *_ in moves) else ""

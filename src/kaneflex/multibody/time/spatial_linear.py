@@ -67,8 +67,8 @@ class SpatialEquations(Equations[State]):
 
     @cached_property
     def names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """JOINT.angle or JOINT.position, JOINT.turn_x of a joint that ends in a ball, BODY.shape_k; BODY.x and turn_x
-        of a free body."""
+        """JOINT.angle or JOINT.position, JOINT.turn_x of a spherical joint, BODY.shape_k; BODY.x and BODY.turn_x of a
+        free body."""
         speeds = (self.system.layout.speeds[k] for k in self.choice.independent)
         return tuple(name.replace(".omega_", ".turn_").replace(".shapes.", ".shape_") for name in speeds)
 
