@@ -147,6 +147,34 @@ def test_joints_that_close_loops_count_turns_on(tmp_path):
             np.testing.assert_allclose(found.series[name].values, whole.series[name].values[160:], atol=1e-9)
 
 
+@pytest.mark.parametrize("zeros", ["", ", 0"])
+def test_a_slide_of_a_small_mechanism_must_stand_where_its_drive_does(zeros):
+    """A gap of 0.8 mm is little against 1 m, but not against a body of 10 mm, in the plane and in space."""
+    inertia = '["1 g cm^2", "1 g cm^2", "1 g cm^2"]' if zeros else '"1 g cm^2"'
+    text = f"""
+schema = 1
+name = "slide"
+[bodies]
+block = {{mass = "1 g", centre = [0, 0{zeros}], inertia = {inertia}, points = {{p = ["1 cm", 0{zeros}]}}}}
+[joints]
+rail = {{prismatic = ["ground", "block.p"], direction = [1, 0{zeros}]}}
+[drives]
+rail = {{law = "START + 0.001*sin(100*t)"}}
+[solve]
+preset = "coupled"
+duration = "0.01 s"
+steps = 10
+"""
+
+    def along(start, after=None):
+        return solve(kaneflex.load(scene_of(tomlkit.parse(text.replace("START", start)).unwrap())), after=after)
+
+    first = along("0.0")
+    assert along("0.0", first).times[-1] == pytest.approx(0.02)
+    with pytest.raises(SceneError, match="the state opens joint rail by"):
+        along("0.0008", first)
+
+
 def test_states_that_do_not_fit(crank):
     state, longer = last_state(crank), [*CRANK, "rod.length=0.35"]
     with pytest.raises(SceneError, match=r"after = .*: the state opens joint \w+ by .*Continue with the lengths"):

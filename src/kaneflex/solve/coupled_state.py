@@ -72,7 +72,9 @@ class State:
 def openings(system: CoupledSystem, t: float, q: np.ndarray, length: float) -> Iterator[tuple[str, float, float]]:
     """Joints of a planar system, by how much q opens them at t [s] [m or rad], and the unit of that."""
     for name, gap in system.gaps(t, q).items():
-        yield name.rpartition(".")[0], gap, 1.0 if name.endswith(("moment", "drive")) else length
+        joint, _, part = name.rpartition(".")
+        slides = part == "drive" and system.mechanism.joints[joint].kind == "prismatic"
+        yield joint, gap, length if slides or part not in ("moment", "drive") else 1.0
 
 
 def check_closed(gaps: Iterable[tuple[str, float, float]], key: str, source: str, cure: str) -> None:

@@ -277,4 +277,5 @@ def _openings(system: SpatialSystem, t: float, q: np.ndarray) -> Iterator[tuple[
         for row in range(rows.start, rows.stop):
             yield name, float(system.work.rows[row, 0]), float(system.row_measure[row])
     for name, k, course in zip(system.driven, system.driven_coordinates, system.courses(t), strict=True):
-        yield name, float(q[k] - course[0]), 1.0
+        slides = system.mechanism.joints[name].kind == "prismatic"
+        yield name, float(q[k] - course[0]), system.mechanism.size if slides else 1.0
