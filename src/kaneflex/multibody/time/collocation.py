@@ -23,7 +23,7 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64
 
-from kaneflex.multibody.compile.values import copy
+from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import change_points, load_derivatives
 from kaneflex.multibody.time import event_location, stage_residuals
 from kaneflex.multibody.unilateral import contact_linearisation, contacts, dry_friction, lugre_step, stick_slip
@@ -34,8 +34,8 @@ from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follo
 from kaneflex.multibody.dynamics.powers import losses
 from kaneflex.multibody.time.state_record import give, row_size, works_at
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACCEL_SCALE, ACTS, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, ENTRY, FREED, HOLDS,
-    KEPT, LAST_A, LAST_R, LOADS, MECHANISM, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE, RATE_SCALE,
+    ACCEL, ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, ENTRY, FREED,
+    HOLDS, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE, RATE_SCALE,
     REACTION, REACTIONS, ROW_AT, ROW_OF, SCALE, SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C,
     STAGE_P, STAGE_R, WORKS, Y, YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
@@ -50,6 +50,8 @@ branch."""
 _NEAR, _CLOSE = 1e-3, 1e-5
 """Residual of a step's equations in tolerances. The smaller one is for Gauss, whose energy error depends on it, for
 friction and contacts, whose powers in the stages are balanced, and for repeated steps, which are compared."""
+_SLOW = 0.3
+"""Contraction of Newton's iteration above which residuals in space are taken as accelerations from then on."""
 _FAR = 100.0
 """Steps, in lengths of the last one, up to which its polynomial is extrapolated."""
 
@@ -210,7 +212,7 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
             rate = change / before
             if replayed and rate >= 0.5 and change < 1.0:  # the change is rounding
                 return True
-            if rate >= stage_residuals.slowest(m) and change > 1e-3:
+            if rate >= (_SLOW if m.pivots[BY_FORCES] else 1.0) and change > 1e-3:
                 return False
             if change * rate < enough * larger(1.0 - rate, 0.0):
                 return True
@@ -324,13 +326,13 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
     iterations, factorisations. ``ends``: the first ``wide`` numbers of the rows at the ends of the steps taken. The row
     before a change lies behind the table's last one. Returns an outcome.
     """
-    A, B, width, touching = m.real, m.pair, row_size(m), event_location.searched(m)
+    A, B, size, touching = m.real, m.pair, row_size(m), event_location.searched(m)
     trial, found = 0.0, event_location.PASSED
     if touching and not event_location.back(m, here):
         return SINGULAR
     wanted, row, length, replayed = control[0], 0, control[5], fixed > 0
     taken, tried, status = 0, 0, DONE
-    stage_residuals.begin(m)
+    m.pivots[BY_FORCES] = width(m) == 6
     while row + 1 < count:
         if (tried >= control[2] and trial == 0.0) or (touching and contacts.full(m)):
             status = PAUSED
@@ -359,7 +361,8 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
         counts[3] += 1
         solved = _factors(m, table, t, h, here, A, B, control[7] != 0.0)
         if not (solved and _iterate(m, table, t, h, here, replayed, counts, A, B)):
-            if stage_residuals.refine(m):
+            if m.pivots[BY_FORCES]:
+                m.pivots[BY_FORCES] = 0
                 continue
             needed = _slopes_needed(m, table, t, h, here, A, B) if control[7] < load_derivatives.DAMPED else 0.0
             if needed > control[7]:
@@ -405,8 +408,8 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             length, taken = h, taken + 1
         if control[8] != 0.0 and found != event_location.PASSED:
             control[8] = 2.0
-            for k in range(width):
-                rows[count * width + k] = here[k]
+            for k in range(size):
+                rows[count * size + k] = here[k]
         if touching and solved:
             wanted = event_location.go_on(m, table, h, here, A, wanted, found)
             length = length if found == event_location.PASSED else 0.0
@@ -415,8 +418,8 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             break
         if here[0] == times[row + 1]:
             row += 1
-            for k in range(width):
-                rows[row * width + k] = here[k]
+            for k in range(size):
+                rows[row * size + k] = here[k]
         if touching and event_location.others_rest(m):
             status = RESTED
             break

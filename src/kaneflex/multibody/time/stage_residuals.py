@@ -161,42 +161,5 @@ def settle(m):
     inside()
 
 
-@njit(**OPTIONS)
-def begin(m):
-    """Take residuals as forces, until :func:`refine`."""
-    inside()
-
-
-@njit(**OPTIONS)
-def _by_forces(m):
-    m.pivots[BY_FORCES] = 1
-
-
-@njit(**OPTIONS)
-def refine(m):
-    """Take residuals as accelerations from now on, after an iteration that diverged; False if they are."""
-    inside()
-    return False
-
-
-@njit(**OPTIONS)
-def _by_accelerations(m):
-    refined, m.pivots[BY_FORCES] = m.pivots[BY_FORCES] != 0, 0
-    return refined
-
-
-@njit(**OPTIONS)
-def slowest(m):
-    """Contraction of an iteration above which it counts as divergent."""
-    inside()
-    return 1.0
-
-
-@njit(**OPTIONS)
-def _slowest(m):
-    return 0.3 if m.pivots[BY_FORCES] else 1.0
-
-
 keep, ask = by_size(keep, _keep_accelerations), by_size(ask, _ask_in_space)
-begin, refine, slowest = by_size(begin, _by_forces), by_size(refine, _by_accelerations), by_size(slowest, _slowest)
 answered, settle = by_size(answered, _add_given), by_size(settle, spatial_tree.settle)
