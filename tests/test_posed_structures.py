@@ -60,5 +60,5 @@ def test_a_pose_that_no_weld_agrees_with_is_named():
 
 def test_what_no_weld_holds_is_refused():
     scene = scene_of(L_FRAME.replace("foot = {weld", "foot = {revolute") % (*POSED, 300))
-    with pytest.raises(SceneError, match="only welds take angles from poses"):
+    with pytest.raises(SceneError, match="supports poses only if all joints are welds"):
         load(scene)
