@@ -192,7 +192,8 @@ def test_a_law_may_pass_beyond_what_its_parts_can_hold():
     "atan2(t - 0.3, -1)", "atan2(sin(2*pi*t), 0.99 - cos(2*pi*t - pi))", "atan2(t - 0.3, t - 0.3)",
 ])  # fmt: skip
 def test_a_drive_whose_speed_would_jump_is_refused(law):
-    with pytest.raises(SceneError, match=r"^drives\.elbow\.law = .*(kinks, at which the speed would jump|jumps where its point)"):
+    of_law = r"^drives\.elbow\.law = .*(kinks, at which the speed would jump|jumps where its point)"
+    with pytest.raises(SceneError, match=of_law):
         with_settings(read_scene("two-link-arm"), [f"drives.elbow.law={law}"])
     good = "abs(-3)*cos(2*pi*t) + step(t, 0, 0, 0.5, 1) + max(1, 2)*t"
     assert with_settings(read_scene("two-link-arm"), [f"drives.elbow.law={good}"]).drives["elbow"].law
