@@ -59,10 +59,10 @@ class Numbers:
 def section_motion(theta: Sequence[sm.Expr], rate: Sequence[sm.Expr]) -> tuple[sm.Matrix, sm.Matrix, sm.Matrix]:
     """R, T and T' theta' of a section that bends the shortest way by theta_y and theta_z, then turns by theta_x.
 
-    Bending has the rotation vector b = (0, theta_y, theta_z) with R = 1 + s b~ + c b~ b~ and the angular velocity
-    (1 + c b~ + d b~ b~) b' (Bauchau, Flexible Multibody Dynamics, 2011, eqs. 4.15 and 13.35), where c = (1 - cos |b|) /
-    |b|^2, d = (|b| - sin |b|) / |b|^3 and s = 1 - d |b|^2. R has the section's axes in the body's, its angular velocity
-    against it is T theta', there, too.
+    Bending has the rotation vector b = (0, theta_y, theta_z): R = 1 + s b~ + c b~ b~ by Rodrigues' formula, and the
+    angular velocity (1 + c b~ + d b~ b~) b' (left Jacobian; Sola, Deray & Atchuthan 2018, arXiv:1812.01537)
+    with c = (1 - cos |b|) / |b|^2, d = (|b| - sin |b|) / |b|^3 and s = 1 - d |b|^2. R has the section's axes in the
+    body's, its angular velocity against it is T theta', there, too.
     """
     x, y, z = theta
     c, d, square = sm.symbols("c d square")

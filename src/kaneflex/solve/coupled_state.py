@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _OF_STATE = ("state", "last_state", "last_rate")
 CONTINUE = "Continue with the lengths and drives of that run"
-_OPEN = 1e-3
-"""Share of the longest body, or rad, by which a state may open joints."""
+OPEN = 1e-3
+"""Change of a given state by closing the joints that is accepted: a share of the mechanism's size, or rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ def openings(system: CoupledSystem, t: float, q: np.ndarray, length: float) -> I
 def check_closed(gaps: Iterable[tuple[str, float, float]], key: str, source: str, cure: str) -> None:
     """Raise SceneError (of ``key``, ``source`` and ``cure``) if a state opens a joint."""
     for joint, gap, unit in gaps:
-        if not abs(gap) <= _OPEN * unit:
+        if not abs(gap) <= OPEN * unit:
             raise SceneError(key, source, f"the state opens joint {joint} by {gap:.3g} (m or rad)", cure)
 
 

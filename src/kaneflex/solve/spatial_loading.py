@@ -32,7 +32,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting, moves_with_links
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled_state import CONTINUE, check_closed
+from kaneflex.solve.coupled_state import CONTINUE, OPEN, check_closed
 from kaneflex.solve.coupled_state import State as Given
 from kaneflex.solve.initial import dimensions_in_space, given_start, laid_over
 from kaneflex.solve.law_checks import check_finite, check_springs
@@ -45,8 +45,6 @@ Progress = Callable[[str], None]
 Moving = TypeVar("Moving", bound=SpatialKinematics)
 _ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
 """Shares of a run at which reactions are checked: its start, and others away from aligned positions."""
-_OPEN = 1e-3
-"""Change of a given state by closing the loops that is accepted, as a share of the mechanism's size, or in rad."""
 
 
 def load_spatial(
@@ -214,7 +212,7 @@ def given_state(system: SpatialSystem, start: State) -> State:
         reason = "joints or drives don't fit this state"
     except ArithmeticError as error:
         off, reason = np.inf, f"in this state {error}"
-    if not off <= _OPEN:
+    if not off <= OPEN:
         cure = "Give coordinates that keep the joints closed, for example those of solution.state()"
         raise SceneError(key, source, reason, cure)
     _check_rates(system, names, v, rates_of(system, found.q[None], found.u[None])[0])
@@ -229,7 +227,7 @@ def _normalise(system: SpatialSystem, q: np.ndarray, key: str, source: str) -> N
     names = list(dimensions_in_space(system))
     for k in system.engine.parts["balls"][:, 0].tolist():
         length = float(np.linalg.norm(q[k : k + 4]))
-        if not abs(length - 1.0) <= _OPEN:
+        if not abs(length - 1.0) <= OPEN:
             owner = names[k].rpartition(".")[0]
             raise SceneError(
                 key, source, f"the quaternion of {owner} has length {length:.6g}, which is not 1",
@@ -244,7 +242,7 @@ def _check_rates(system: SpatialSystem, names: Mapping[str, Dimension], asked: n
     measure = np.array([size if dimension is LENGTH else 1.0 for dimension in names.values()])
     largest = abs(found / measure).max(initial=0.0)
     for k, (name, dimension) in enumerate(names.items()):
-        if name in given and abs(found[k] - asked[k]) > _OPEN * measure[k] * largest:
+        if name in given and abs(found[k] - asked[k]) > OPEN * measure[k] * largest:
             unit = {LENGTH: "m/s", ANGLE: "rad/s"}.get(dimension, "1/s")
             raise SceneError(
                 f"solve.start.velocities.{name}", given[name], f"joints and drives make it {found[k] + 0.0:.6g} {unit}",

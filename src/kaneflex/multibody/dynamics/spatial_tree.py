@@ -87,7 +87,8 @@ def assemble(m):
 
 @njit(**IN_ORDER)
 def _move_inertia(m, b, back):
-    """Move matrices I, E and L of a body from its axes, whose twists by shapes are ``back``, to its joint's section."""
+    """Move matrices I, E and L of a body from its axes to its joint's section; ``back``: the axes' twists by shapes,
+    moved there, too."""
     apart()
     count, L = m.bodies[b, of.SHAPES], m.bodies[b, of.SQUARE]
     I, E = after(m.I, 6 * b), after(m.E, m.bodies[b, of.COUPLING])

@@ -23,9 +23,9 @@ KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF, OWNER = range(9)
 """Columns of ``nodes``; OWNER: number in ``bodies`` of a node's body; BODY: where the numbers of a body that has
 mass begin in ``p``, else -1. COUNT: shapes of a body that deforms, whose coordinates and speeds begin at COORDINATE
 and SPEED; AT: where the numbers of a station begin in ``p``, N and psi, (3, COUNT) each, then of G the number of its
-columns (3,) that are not zero, and each with its two shapes before it, i >= j; of a node of shapes psi of the
-section from which they turn the axes back, -1 if there is none; ROW_OF: first row in ``phi`` of a node that shapes
-move, else -1."""
+columns (3,) that are not zero, and each with its two shapes before it, i >= j; of a node of shapes those of its joint's
+section, from which they move the axes back, -1 if they don't; ROW_OF: first row in ``phi`` of a node that shapes move,
+else -1."""
 ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
 """Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis, and the joint's point
 in its own."""
