@@ -35,8 +35,8 @@ $(TYPED): $(READY)
 	@echo "$(CURDIR)/src" > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/kaneflex-types.pth"
 	@touch $@
 
-$(READY_TEST): $(READY) | $(TYPED)
-	$(INSTALL) '.[$(EXTRAS)]'
+$(READY_TEST): $(READY) tests/peers/pyproject.toml | $(TYPED)
+	$(INSTALL) '.[$(EXTRAS)]' --editable tests/peers
 	@touch $@
 
 run: $(READY)  ## run the reference engine; results, summary and pictures in .build/engine

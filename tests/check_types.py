@@ -17,7 +17,6 @@ BASELINE = {
     "integrate": 13,
     "mechanism": 24,
     "multibody": 40,
-    "peers": 23,
     "plots": 31,
     "report": 5,
     "response": 40,

@@ -11,11 +11,11 @@ from kaneflex import SceneError, linearise, load
 from kaneflex.generated import contact
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.peers.buildable import check_buildable
 from kaneflex.scene import scene_of, with_settings
 from kaneflex.solve.contact_lines import off_their_lines
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.report import check_differentiable
+from kaneflex_peers.buildable import check_buildable
 
 G = 9.81
 BALL = """

@@ -1,18 +1,19 @@
 """Scenes built in Exudyn: an independent nonlinear answer to the same mechanism, and what can't be built there."""
 
 import builtins
+from importlib.metadata import EntryPoints
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command_line import cli, refused
 
-from kaneflex.peers.buildable import check_buildable, lumped
-from kaneflex.peers.readings import PlanarRecorder
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.curves import Resolution
 from kaneflex.study.comparison import Comparison, compare
 from kaneflex.support.errors import SceneError
+from kaneflex_peers.buildable import check_buildable, lumped
+from kaneflex_peers.readings import PlanarRecorder
 
 
 def compared(scene: str, *settings: str, elements: int, steps: int, presets=None) -> Comparison:
@@ -118,6 +119,8 @@ def test_without_the_package_the_extra_is_named_and_nothing_runs(tmp_path, monke
     result = cli("compare", "engine", "--with", "exudyn", "-o", tmp_path / "out")
     refused(result, "exudyn is not installed", 'pip install "kaneflex[peer]"')
     refused(cli("compare", "engine", "--with", "adams", "-o", tmp_path / "out"), "--with = 'adams'", "Known: exudyn")
+    monkeypatch.setattr("kaneflex.study.comparison.entry_points", lambda group: EntryPoints())
+    refused(cli("compare", "engine", "--with", "exudyn", "-o", tmp_path / "out"), "pip install ./tests/peers")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from kaneflex.peers.buildable import check_buildable
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.curves import Resolution
 from kaneflex.study.comparison import compare
 from kaneflex.support.errors import SceneError
+from kaneflex_peers.buildable import check_buildable
 
 TURNING = """
 gravity = [0, 0, -9.81]

@@ -15,7 +15,7 @@ FLOORS = (
     ("multibody",),
     ("response",),
     ("solve",),
-    ("study", "peers"),
+    ("study",),
     ("report", "plots"),
     ("cli",),
 )

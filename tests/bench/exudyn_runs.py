@@ -14,12 +14,12 @@ import numpy as np
 
 from bench.interleave import interleave
 from bench.rows import Row
-from kaneflex.peers import exudyn
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.curves import Curves, Resolution
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve as solved
 from kaneflex.support.errors import SceneError
+from kaneflex_peers import exudyn
 
 TITLE = "Whole runs against Exudyn"
 ABOUT = """\

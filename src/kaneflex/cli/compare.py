@@ -56,7 +56,7 @@ def compare(
 
     The folder contains differences.csv, comparison.json, curves.nc (every sensor of every model over time) and
     pictures of the curves. A preset that does not support SCENE is left out, with the reason. Exudyn needs
-    pip install "kaneflex[peer]".
+    pip install "kaneflex[peer]" and, in a copy of the sources, pip install ./tests/peers.
 
     \b
       kaneflex compare engine --presets linear,stiffened --against stiffened

@@ -174,7 +174,8 @@ def check_request(scene: Scene, presets: Sequence[str], against: str | None, oth
     for other in others:
         programs = entry_points(group=PEERS).names
         if other not in programs:
-            raise SceneError("--with", other, "unknown program", nearest(other, sorted(programs)))
+            cure = nearest(other, programs) if programs else "In a copy of the sources, run: pip install ./tests/peers"
+            raise SceneError("--with", other, "unknown program", cure)
     asked = [*presets, *others]
     if len(set(asked)) < max(2, len(asked)):
         cure = "Name each model once" if len(set(asked)) < len(asked) else "Name at least two"

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaneflex.mechanism.body_frame import normal, rotate
-from kaneflex.peers.buildable import lumped, stiffness_damping, torque_by_speed
 from kaneflex.scene.quantities import Address
+from kaneflex_peers.buildable import lumped, stiffness_damping, torque_by_speed
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model

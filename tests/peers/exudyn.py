@@ -10,16 +10,16 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from kaneflex.peers.buildable import check_buildable, cycles_to_steady_state, has_elastic
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.support.errors import SceneError, installed, told
+from kaneflex_peers.buildable import check_buildable, cycles_to_steady_state, has_elastic
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.peers.exudyn_spatial import Built as SpatialBuilt
-    from kaneflex.peers.exudyn_system import Built
-    from kaneflex.peers.readings import Recorder
     from kaneflex.scene import Scene
+    from kaneflex_peers.exudyn_spatial import Built as SpatialBuilt
+    from kaneflex_peers.exudyn_system import Built
+    from kaneflex_peers.readings import Recorder
 
 _NEWTON_TOLERANCE = 1e-6
 """Newton's absolute tolerance: a mechanism that starts from rest has no residual to be relative to."""
@@ -72,10 +72,10 @@ def solve(
 def _planar_or_spatial(scene: Scene) -> tuple[Callable[..., Any], Callable[..., Recorder]]:
     """Functions that build a scene and read its sensors."""
     if scene.is_spatial:
-        from kaneflex.peers import exudyn_spatial, spatial_readings
+        from kaneflex_peers import exudyn_spatial, spatial_readings
 
         return exudyn_spatial.build, spatial_readings.SpatialRecorder
-    from kaneflex.peers import exudyn_system, readings
+    from kaneflex_peers import exudyn_system, readings
 
     return exudyn_system.build, readings.PlanarRecorder
 

@@ -18,8 +18,8 @@ from kaneflex.mechanism.floating_frames import mesh
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
-from kaneflex.peers.buildable import stiffness_damping
 from kaneflex.scene.sections import properties_of
+from kaneflex_peers.buildable import stiffness_damping
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model

@@ -13,16 +13,16 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND, whole_turns
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
-from kaneflex.peers.exudyn_spatial import OF_BODIES, Bodies
-from kaneflex.peers.readings import NOT_SHARED, Recorder, address_of
 from kaneflex.response.readings import displacement_of
 from kaneflex.response.spatial_sensors import strain_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
+from kaneflex_peers.exudyn_spatial import OF_BODIES, Bodies
+from kaneflex_peers.readings import NOT_SHARED, Recorder, address_of
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.peers.exudyn_spatial import Built
+    from kaneflex_peers.exudyn_spatial import Built
 
 
 class SpatialRecorder(Recorder):

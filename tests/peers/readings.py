@@ -13,8 +13,8 @@ from kaneflex.scene.sensors import Sensor
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.peers.exudyn_spatial import Built as SpatialBuilt
-    from kaneflex.peers.exudyn_system import Built
+    from kaneflex_peers.exudyn_spatial import Built as SpatialBuilt
+    from kaneflex_peers.exudyn_system import Built
 
 NO_COUNTERPART = "the other program has no such sensor"
 NOT_SHARED = "there is no rigid motion that both share"

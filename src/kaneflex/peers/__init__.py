@@ -1,1 +1,0 @@
-"""Other programs with formulations of their own, to compare results of the same scenes."""
