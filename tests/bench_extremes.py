@@ -39,7 +39,8 @@ RULES = """
 ## Conclusions
 
 - **Slow motions** (a step covers thousands of vibration periods) and **stiff links next to soft ones**: use `radau`
-  or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state, and say so.
+  or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state (outcome
+  `no_periodic_state`).
 - **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; with `gauss`
   and `newmark` a run warns if forces from the equations of motion differ from forces computed by differences of
   velocities.
